@@ -1,0 +1,140 @@
+//! `config.json`: the manifest of a temporal set.
+
+use serde::{Deserialize, Serialize};
+
+/// The value of [`Config::format`].
+pub const FORMAT: &str = "temporal-lightmaps";
+/// The version of the format this crate writes; readers refuse newer ones.
+pub const VERSION: u32 = 1;
+
+/// The manifest. Everything in it is reproducible: timings stand in `run.json`. All keys are always there, those of `None` as
+/// `null` (`deserialize_with` makes serde insist on them).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Always [`FORMAT`].
+    pub format: String,
+    /// At most [`VERSION`].
+    pub version: u32,
+    /// The scene's name, a single path component.
+    pub scene: String,
+    /// What wrote the set, e.g. `bake 0.1.0`.
+    pub generator: String,
+    /// Unit of the texels, in words.
+    pub unit: String,
+    /// The seed all randomness derives from.
+    pub seed: u64,
+    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets.
+    pub inputs: String,
+    /// Samples per texel each layer was estimated with.
+    pub samples: u32,
+    /// The lightmaps' pages.
+    pub pages: Vec<Page>,
+    /// The light groups, in the order their layers are summed.
+    pub groups: Vec<Group>,
+    /// The sets, by ascending hour.
+    pub sets: Vec<Set>,
+    /// Estimated sampling error per tile and set, where the writer knows it: a [`Noise`] file.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub noise: Option<FileRef>,
+    /// The geometry with its lightmap coordinates (glTF binary).
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub geometry: Option<FileRef>,
+    /// Where the lightmaps of the geometry's instances lie, in the order of the nodes of [`Config::geometry`] that have
+    /// lightmap coordinates; empty if the writer does not know.
+    pub instances: Vec<Instance>,
+    /// The resolved settings of the writer, for the reader's information.
+    pub settings: serde_json::Value,
+}
+
+/// One page: an independent lightmap image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Page {
+    /// Width in texels, at least 1.
+    pub width: u32,
+    /// Height in texels, at least 1.
+    pub height: u32,
+    /// The validity mask: 8-bit grey PNG, 255 where a texel lies on a surface, 0 elsewhere.
+    pub mask: FileRef,
+}
+
+/// The place of one instance's lightmap: `page coordinates = scale × TEXCOORD_1 + offset`, per axis, where TEXCOORD_1 is that of
+/// its mesh in [`Config::geometry`] (instances may share a mesh) and page coordinates run from (0, 0), the page's top left
+/// corner, to (1, 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Instance {
+    /// The name of its node in the geometry; several may have the same.
+    pub name: String,
+    /// Index into [`Config::pages`].
+    pub page: u32,
+    /// Page coordinates per layout coordinate, along u and v.
+    pub scale: [f32; 2],
+    /// Page coordinates of the layout's top left corner.
+    pub offset: [f32; 2],
+}
+
+/// A named group of lights that switch together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Group {
+    /// The group's name.
+    pub name: String,
+    /// Open on-intervals `[from, to]` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
+    pub on: Vec<[f64; 2]>,
+    /// The group's light at unit schedule, one map per page; empty when layers are not kept.
+    pub layers: Vec<FileRef>,
+}
+
+/// All lightmaps of one moment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Set {
+    /// The moment, in hours, 0 ≤ hour < 24.
+    pub hour: f64,
+    /// For each group of [`Config::groups`], whether it is on.
+    pub groups_on: Vec<bool>,
+    /// Estimated relative error of the set (root of the mean squared standard error over valid texels ÷ their mean).
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub relative_error: Option<f64>,
+    /// One entry per page.
+    pub maps: Vec<Map>,
+}
+
+/// The lightmap of one set on one page. `file = (sun + sky) + local` in float32, bit for bit, where the layers are kept;
+/// `local` is the sum of the layers of the groups that are on, in order, starting from zero.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Map {
+    /// RGB float32 EXR, linear Rec. 709 irradiance.
+    pub file: FileRef,
+    /// The sun's share; `None` when the sun does not shine or layers are not kept.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub sun: Option<FileRef>,
+    /// The sky's share; `None` when the sky is black or layers are not kept.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub sky: Option<FileRef>,
+}
+
+/// A file of the dataset. Identical content is stored once, so several entries may name one file.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileRef {
+    /// Path relative to the folder of `config.json`, with `/`.
+    pub path: String,
+    /// Length in bytes.
+    pub bytes: u64,
+    /// BLAKE3 of the content, lower-case hex.
+    pub blake3: String,
+}
+
+/// Sampling error per tile: the content of the file [`Config::noise`] names (JSON).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    /// Side of the tiles in texels (128), tiles counted row by row from texel (0, 0).
+    pub tile: u32,
+    /// `mse[set][page][tile]`: mean over the tile's valid texels and channels of the squared standard error.
+    pub mse: Vec<Vec<Vec<f64>>>,
+}

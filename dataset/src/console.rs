@@ -1,0 +1,261 @@
+//! What the three binaries share at the terminal: messages, progress, the JSON line, and the exit code.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Options every command takes.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct ConsoleArgs {
+    /// Print answers and errors only.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Print one JSON object on stdout when done (messages go to stderr).
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Worker threads [default: one per core].
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+}
+
+/// Where messages and progress go: stderr; nothing of it under `--quiet`.
+#[derive(Clone, Copy, Debug)]
+pub struct Console {
+    /// Print errors only.
+    pub quiet: bool,
+    /// Print one JSON object when done.
+    pub json: bool,
+}
+
+/// A bar with the share done, what is being done, and the time left; silent under `--quiet`; plain lines where stderr is no terminal.
+#[derive(Debug)]
+pub struct Progress {
+    what: String,
+    /// Counts and estimates the time left; draws only where stderr is a terminal.
+    bar: ProgressBar,
+    /// Where stderr is no terminal: when the next plain line is due. `None` where no lines are wanted.
+    next_line: Option<Mutex<Instant>>,
+}
+
+/// Shortest time between two plain progress lines.
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
+
+impl Console {
+    /// Applies the options: sets up the thread pool.
+    pub fn new(args: ConsoleArgs) -> Self {
+        if let Some(threads) = args.threads {
+            // Fails only where the pool exists already, as in tests; the first setting stands then.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
+        }
+        Console { quiet: args.quiet, json: args.json }
+    }
+
+    /// A console that shows warnings and errors only, for use in a library or a test.
+    pub fn silent() -> Self {
+        Console { quiet: true, json: false }
+    }
+
+    /// A line of information, on stderr.
+    pub fn say(&self, text: impl AsRef<str>) {
+        if !self.quiet {
+            line(text.as_ref());
+        }
+    }
+
+    /// A warning (shown also under `--quiet`).
+    pub fn warn(&self, text: impl AsRef<str>) {
+        line(&format!("warning: {}", text.as_ref()));
+    }
+
+    /// An error that does not end the command, such as one of several faults (shown also under `--quiet`).
+    pub fn error(&self, error: &crate::Error) {
+        line(&format!("error: {error}"));
+    }
+
+    /// A line of the command's answer, such as a row of a table: on stdout, or on stderr where stdout is the
+    /// JSON object's; shown also under `--quiet` unless `--json` replaces it.
+    pub fn print(&self, text: impl AsRef<str>) {
+        if !self.json {
+            let _ = writeln!(std::io::stdout().lock(), "{}", text.as_ref());
+        } else if !self.quiet {
+            line(text.as_ref());
+        }
+    }
+
+    /// A progress bar over `total` units of work.
+    pub fn progress(&self, what: &str, total: u64) -> Progress {
+        let terminal = std::io::stderr().is_terminal();
+        let target = if !self.quiet && terminal {
+            ProgressDrawTarget::stderr_with_hz(5)
+        } else {
+            ProgressDrawTarget::hidden()
+        };
+        let bar = ProgressBar::with_draw_target(Some(total), target);
+        if let Ok(style) =
+            ProgressStyle::with_template("{prefix} [{bar:30}] {percent:>3} %  {eta} left  {msg}")
+        {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        bar.set_prefix(what.to_owned());
+        if !bar.is_hidden() {
+            *DRAWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(bar.clone());
+        }
+        let lines = !self.quiet && !terminal;
+        let next_line = lines.then(|| Mutex::new(Instant::now() + LINE_INTERVAL));
+        Progress { what: what.to_owned(), bar, next_line }
+    }
+
+    /// The result of a command: `object` under `--json` (one line on stdout), else nothing.
+    pub fn result(&self, object: &serde_json::Value) {
+        if self.json {
+            // A reader that closed the pipe is no failure of the command.
+            let _ = writeln!(std::io::stdout().lock(), "{object}");
+        }
+    }
+}
+
+impl Progress {
+    /// `n` more units are done. Callable from any thread.
+    pub fn advance(&self, n: u64) {
+        self.bar.inc(n);
+        self.line_when_due();
+    }
+
+    /// A short note shown beside the bar, such as the error so far.
+    pub fn note(&self, text: &str) {
+        self.bar.set_message(text.to_owned());
+    }
+
+    /// One plain line, if the last is long enough ago and no other thread is about to write it.
+    fn line_when_due(&self) {
+        let Some(Ok(mut next)) = self.next_line.as_ref().map(Mutex::try_lock) else { return };
+        let now = Instant::now();
+        if now < *next {
+            return;
+        }
+        *next = now + LINE_INTERVAL;
+        line(&self.plain());
+    }
+
+    /// The plain line: what is being done, the share done, the time left, the note.
+    fn plain(&self) -> String {
+        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0).max(1));
+        let left = indicatif::HumanDuration(self.bar.eta());
+        let note = self.bar.message();
+        let percent = (100 * done.min(total)) / total;
+        format!("{}: {percent} %, {left:#} left  {note}", self.what).trim_end().to_owned()
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if !self.bar.is_hidden() {
+            *DRAWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = None;
+        }
+        self.bar.finish_and_clear();
+    }
+}
+
+/// True once the user pressed Ctrl-C: long loops look at it and return [`crate::Error::Interrupted`].
+pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Whether the user pressed Ctrl-C.
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// [`crate::Error::Interrupted`] once the user pressed Ctrl-C: `stop_if_interrupted()?` in long loops.
+pub fn stop_if_interrupted() -> crate::Result<()> {
+    if interrupted() { Err(crate::Error::Interrupted) } else { Ok(()) }
+}
+
+/// Makes Ctrl-C and a termination request set [`INTERRUPTED`]; the second one ends the process at once with exit
+/// code 130. For binaries, once, at the start of `main`.
+pub fn catch_interrupts() {
+    // Fails only where a handler exists already; that one stays.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            #[expect(clippy::disallowed_methods, reason = "the user asked twice: stop at once")]
+            std::process::exit(130);
+        }
+        line("stopping; press Ctrl-C again to stop at once");
+    });
+}
+
+/// Prints an error with its causes and gives the exit code of a failed command (130 when interrupted, else 1).
+pub fn fail(error: &crate::Error) -> ExitCode {
+    line(&format!("error: {error}"));
+    // The message of an I/O error already ends with what the system said; deeper causes follow.
+    let mut cause = std::error::Error::source(error).and_then(std::error::Error::source);
+    while let Some(deeper) = cause {
+        line(&format!("  because: {deeper}"));
+        cause = deeper.source();
+    }
+    match error {
+        crate::Error::Interrupted => ExitCode::from(130),
+        _ => ExitCode::FAILURE,
+    }
+}
+
+/// The bar that is drawn now; lines are written above it.
+static DRAWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// One whole line on stderr; a closed stderr is nobody's error.
+fn line(text: &str) {
+    let drawn = DRAWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone();
+    let write = || _ = writeln!(std::io::stderr().lock(), "{text}");
+    match drawn {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_counts_from_any_thread_and_takes_more_than_its_total() {
+        let progress = Console::silent().progress("work", 10);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| (0..5).for_each(|_| progress.advance(1)));
+            }
+        });
+        progress.note("done");
+        assert_eq!(progress.bar.position(), 20);
+        let text = progress.plain();
+        assert!(text.starts_with("work: 100 %, ") && text.ends_with(" left  done"), "{text}");
+        // A bar over nothing does not divide by zero.
+        let text = Console::silent().progress("nothing", 0).plain();
+        assert!(text.starts_with("nothing: 0 %, ") && text.ends_with(" left"), "{text}");
+    }
+
+    #[test]
+    fn a_plain_line_is_written_when_due_and_no_sooner() {
+        let mut progress = Console::silent().progress("work", 10);
+        // Never where no lines are wanted.
+        assert!(progress.next_line.is_none());
+        let due = |progress: &Progress| *progress.next_line.as_ref().unwrap().lock().unwrap();
+        let later = Instant::now() + LINE_INTERVAL;
+        progress.next_line = Some(Mutex::new(later));
+        progress.advance(1);
+        assert_eq!(due(&progress), later);
+        let now = Instant::now();
+        progress.next_line = Some(Mutex::new(now));
+        progress.advance(1);
+        assert!(due(&progress) >= now + LINE_INTERVAL);
+    }
+
+    #[test]
+    fn exit_codes() {
+        assert_eq!(format!("{:?}", fail(&crate::Error::Interrupted)), format!("{:?}", ExitCode::from(130)));
+        assert_eq!(
+            format!("{:?}", fail(&crate::Error::invalid("a", "b"))),
+            format!("{:?}", ExitCode::FAILURE)
+        );
+    }
+}

@@ -1,0 +1,16 @@
+//! The seam of the pipeline: what a temporal lightmap set is on disk.
+//!
+//! The baker writes it, the compressor reads it; neither rendering nor training happens here.
+//! Modules in the order the data passes them; a module imports only what stands above it.
+
+pub mod error;
+pub mod console;
+pub mod config;
+pub mod image;
+pub mod files;
+pub mod store;
+pub mod tiles;
+pub mod metrics;
+pub mod report;
+
+pub use error::{Error, Result};

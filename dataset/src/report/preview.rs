@@ -1,0 +1,294 @@
+//! Tone-mapped pictures of lightmaps and masks.
+
+use super::Section;
+use crate::Result;
+use crate::config::{Config, Set};
+use crate::image::{Image, Mask, encode_png};
+use crate::store::Dataset;
+use rayon::prelude::*;
+
+/// Largest side of a picture in the section, in pixels; half of it where there are many pages.
+const PREVIEW_SIDE: usize = 256;
+/// A set is shown brightened as well once its own exposure is this many times the common one.
+const MUCH_DARKER: f32 = 3.0;
+/// Colour of texels on no surface.
+const INVALID: [u8; 3] = [44, 46, 52];
+
+/// An exposure under which the image's bright parts (99th percentile of valid luminance) come out near white; 1 for a black image.
+pub fn exposure(image: &Image, mask: &Mask) -> f32 {
+    let valid = image.texels.iter().zip(&mask.valid).filter(|(_, valid)| **valid);
+    let mut luminances: Vec<f32> =
+        valid.map(|(texel, _)| luminance(*texel)).filter(|value| *value > 0.0).collect();
+    if luminances.is_empty() {
+        return 1.0;
+    }
+    let bright = (luminances.len() - 1) * 99 / 100;
+    let (_, bright, _) = luminances.select_nth_unstable_by(bright, f32::total_cmp);
+    (1.0 / *bright).clamp(f32::MIN_POSITIVE, f32::MAX)
+}
+
+/// The image as an sRGB PNG at most `max_side` texels on a side (box-filtered), invalid texels a neutral dark tone.
+pub fn tone_mapped_png(image: &Image, mask: &Mask, exposure: f32, max_side: usize) -> Vec<u8> {
+    let mut reduction = Reduction::new(image.width, image.height, max_side);
+    reduction.add_rows(&image.texels, &mask.valid);
+    let (image, mask) = reduction.finish();
+    encode(&image, &mask, exposure)
+}
+
+/// The mask as a grey PNG at most `max_side` texels on a side; grey where texels on and off surfaces meet.
+pub fn mask_png(mask: &Mask, max_side: usize) -> Vec<u8> {
+    // White where valid; every texel counts.
+    let white: Vec<[f32; 3]> = mask.valid.iter().map(|&valid| [f32::from(u8::from(valid)); 3]).collect();
+    let mut reduction = Reduction::new(mask.width, mask.height, max_side);
+    reduction.add_rows(&white, &vec![true; white.len()]);
+    let (image, _) = reduction.finish();
+    let grey: Vec<u8> = image.texels.iter().map(|texel| (texel[0] * 255.0).round() as u8).collect();
+    encode_png(&grey, image.width, image.height, image::ExtendedColorType::L8)
+}
+
+/// The section every report opens with: what the set is, its masks, and a preview of every hour.
+pub fn section(dataset: &Dataset) -> Result<Section> {
+    let config = &dataset.config;
+    let mut section = Section::new(&format!("Lightmaps of {}", config.scene));
+    let masks: Vec<Mask> = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<_>>()?;
+    section.table(&[], &summary(config, &masks));
+
+    // Every set of every page, reduced; (set, page) in this order.
+    let side = if config.pages.len() > 2 { PREVIEW_SIDE / 2 } else { PREVIEW_SIDE };
+    let pairs: Vec<(usize, usize)> =
+        (0..config.sets.len()).flat_map(|set| (0..config.pages.len()).map(move |page| (set, page))).collect();
+    let reduced = pairs.par_iter().map(|&(set, page)| reduce(dataset, &masks[page], set, page, side));
+    let reduced: Vec<(Image, Mask)> = reduced.collect::<Result<_>>()?;
+
+    // One exposure for all, from the brightest; much darker sets are shown brightened as well.
+    let is_lit = |image: &Image| image.texels.iter().any(|texel| luminance(*texel) > 0.0);
+    let own: Vec<Option<f32>> =
+        reduced.iter().map(|(image, mask)| is_lit(image).then(|| exposure(image, mask))).collect();
+    let common = own.iter().flatten().copied().fold(f32::INFINITY, f32::min);
+    let common = if common.is_finite() { common } else { 1.0 };
+
+    section.subheading(if masks.len() == 1 { "Mask" } else { "Masks" });
+    let pictures =
+        masks.iter().enumerate().map(|(page, mask)| (page_name(config, page), mask_png(mask, side)));
+    section.pictures(&pictures.collect::<Vec<_>>());
+
+    section.subheading("By hour, all at the exposure of the brightest");
+    let at_common = pairs.par_iter().zip(&reduced);
+    let at_common = at_common
+        .map(|(&(set, page), (image, mask))| (caption(config, set, page), encode(image, mask, common)));
+    section.pictures(&at_common.collect::<Vec<_>>());
+
+    let dark: Vec<(usize, f32)> = own
+        .iter()
+        .enumerate()
+        .filter_map(|(index, own)| own.filter(|own| *own >= MUCH_DARKER * common).map(|own| (index, own)))
+        .collect();
+    if !dark.is_empty() {
+        section.subheading("The dark ones again, each at its own exposure");
+        let brightened = dark.par_iter().map(|&(index, own)| {
+            let ((set, page), (image, mask)) = (pairs[index], &reduced[index]);
+            let caption = format!(
+                "{} · exposure ×{}",
+                caption(config, set, page),
+                short(f64::from(own) / f64::from(common))
+            );
+            (caption, encode(image, mask, own))
+        });
+        section.pictures(&brightened.collect::<Vec<_>>());
+    }
+    Ok(section)
+}
+
+/// What the set is, as rows of a table.
+fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
+    let row = |name: &str, value: String| vec![name.to_owned(), value];
+    let mut rows = vec![row("Scene", config.scene.clone()), row("Written by", config.generator.clone())];
+    for (page, mask) in masks.iter().enumerate() {
+        let share = 100.0 * mask.count() as f64 / mask.valid.len() as f64;
+        let text = format!("{}×{} texels, {share:.1} % on surfaces", mask.width, mask.height);
+        rows.push(row(&page_name(config, page), text));
+    }
+    let hours: Vec<String> = config.sets.iter().map(|set| hour(set.hour)).collect();
+    rows.push(row("Sets", format!("{}: {} h", config.sets.len(), hours.join(", "))));
+    for group in &config.groups {
+        let on = group.on.iter().map(|[from, to]| match (*from, *to) {
+            (0.0, 24.0) => "always".to_owned(),
+            (from, to) => format!("{} to {} h", hour(from), hour(to)),
+        });
+        let on: Vec<String> = on.collect();
+        let on = if on.is_empty() { "never on".to_owned() } else { format!("on {}", on.join(", ")) };
+        rows.push(row(&format!("Lights “{}”", group.name), on));
+    }
+    rows.push(row("Samples per texel", config.samples.to_string()));
+    rows.push(row("Unit", config.unit.clone()));
+    let errors = config.sets.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
+    if let Some((error, at)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        rows.push(row(
+            "Estimated relative error",
+            format!("at most {:.2} % (at {} h)", 100.0 * error, hour(at)),
+        ));
+    }
+    rows
+}
+
+fn page_name(config: &Config, page: usize) -> String {
+    if config.pages.len() == 1 { "Page".to_owned() } else { format!("Page {}", page + 1) }
+}
+
+/// Such as `18.1 h · porch, garden on`.
+fn caption(config: &Config, set: usize, page: usize) -> String {
+    let Set { hour: at, groups_on, .. } = &config.sets[set];
+    let on = config.groups.iter().zip(groups_on).filter(|(_, on)| **on).map(|(group, _)| &*group.name);
+    let on: Vec<&str> = on.collect();
+    let mut caption = format!("{} h", hour(*at));
+    if config.pages.len() > 1 {
+        caption.push_str(&format!(" · page {}", page + 1));
+    }
+    if !on.is_empty() {
+        caption.push_str(&format!(" · {} on", on.join(", ")));
+    }
+    caption
+}
+
+/// An hour without needless digits.
+fn hour(hour: f64) -> String {
+    format!("{}", (hour * 1e4).round() / 1e4)
+}
+
+/// Two significant digits and no more.
+fn short(value: f64) -> String {
+    if !(0.1..1e15).contains(&value) {
+        return format!("{value:.1e}");
+    }
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    let rounded = (value / unit).round() * unit;
+    if unit < 1.0 { format!("{rounded:.1}") } else { format!("{rounded:.0}") }
+}
+
+/// A map of the dataset at most `side` texels on a side, read a few rows at a time.
+fn reduce(dataset: &Dataset, mask: &Mask, set: usize, page: usize, side: usize) -> Result<(Image, Mask)> {
+    /// Rows that are held in memory at once.
+    const ROWS: usize = 256;
+    let mut reduction = Reduction::new(mask.width, mask.height, side);
+    for y0 in (0..mask.height).step_by(ROWS) {
+        let y1 = (y0 + ROWS).min(mask.height);
+        let texels = dataset.map_rows(set, page, y0, y1)?;
+        reduction.add_rows(&texels, &mask.valid[y0 * mask.width..y1 * mask.width]);
+    }
+    Ok(reduction.finish())
+}
+
+/// Box filter by a whole factor: means over the valid texels of each box.
+struct Reduction {
+    width: usize,
+    factor: usize,
+    reduced_width: usize,
+    rows_added: usize,
+    sums: Vec<([f64; 3], u32)>,
+}
+
+impl Reduction {
+    fn new(width: usize, height: usize, max_side: usize) -> Self {
+        let factor = width.max(height).div_ceil(max_side.max(1)).max(1);
+        let reduced_width = width.div_ceil(factor);
+        let sums = vec![([0.0; 3], 0); reduced_width * height.div_ceil(factor)];
+        Reduction { width, factor, reduced_width, rows_added: 0, sums }
+    }
+
+    fn add_rows(&mut self, texels: &[[f32; 3]], valid: &[bool]) {
+        for (texels, valid) in texels.chunks_exact(self.width).zip(valid.chunks_exact(self.width)) {
+            let start = self.rows_added / self.factor * self.reduced_width;
+            for (x, (texel, _)) in texels.iter().zip(valid).enumerate().filter(|(_, (_, valid))| **valid) {
+                let (sum, count) = &mut self.sums[start + x / self.factor];
+                *sum = std::array::from_fn(|channel| sum[channel] + f64::from(texel[channel]));
+                *count += 1;
+            }
+            self.rows_added += 1;
+        }
+    }
+
+    fn finish(self) -> (Image, Mask) {
+        let (width, height) = (self.reduced_width, self.sums.len() / self.reduced_width);
+        let mean = |(sum, count): &([f64; 3], u32)| sum.map(|sum| (sum / f64::from((*count).max(1))) as f32);
+        let image = Image { width, height, texels: self.sums.iter().map(mean).collect() };
+        let mask = Mask { width, height, valid: self.sums.iter().map(|(_, count)| *count > 0).collect() };
+        (image, mask)
+    }
+}
+
+fn encode(image: &Image, mask: &Mask, exposure: f32) -> Vec<u8> {
+    let texels = image.texels.iter().zip(&mask.valid);
+    let pixels =
+        texels.flat_map(|(texel, valid)| if *valid { texel.map(|v| tone(v * exposure)) } else { INVALID });
+    encode_png(&pixels.collect::<Vec<u8>>(), image.width, image.height, image::ExtendedColorType::Rgb8)
+}
+
+/// Linear up to 0.8, a soft shoulder above it (1 becomes 0.93), then the sRGB curve (IEC 61966-2-1).
+fn tone(exposed: f32) -> u8 {
+    const KNEE: f32 = 0.8;
+    let x = if exposed.is_nan() { 0.0 } else { exposed.max(0.0) };
+    let x = if x <= KNEE { x } else { 1.0 - (1.0 - KNEE) * (-(x - KNEE) / (1.0 - KNEE)).exp() };
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round() as u8
+}
+
+/// Rec. 709 luminance.
+fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decode(png: &[u8]) -> image::RgbImage {
+        image::load_from_memory(png).unwrap().to_rgb8()
+    }
+
+    #[test]
+    fn bright_parts_are_near_white_at_any_scale() {
+        for scale in [1e-30f32, 1e-3, 1.0, 1e6, 1e30] {
+            let mut image = Image::black(40, 10);
+            image
+                .texels
+                .iter_mut()
+                .enumerate()
+                .for_each(|(i, texel)| *texel = [scale * (1 + i % 40) as f32 / 40.0; 3]);
+            let mask = Mask { width: 40, height: 10, valid: vec![true; 400] };
+            let picture = decode(&tone_mapped_png(&image, &mask, exposure(&image, &mask), 64));
+            let [first, last] = [picture.get_pixel(0, 0)[0], picture.get_pixel(39, 0)[0]];
+            assert!(last > 240 && first < 60, "{first}, {last} at {scale}");
+        }
+    }
+
+    #[test]
+    fn black_and_empty_images_have_exposure_one() {
+        let image = Image::black(3, 3);
+        for valid in [true, false] {
+            let mask = Mask { width: 3, height: 3, valid: vec![valid; 9] };
+            assert_eq!(exposure(&image, &mask), 1.0);
+            assert_eq!(decode(&tone_mapped_png(&image, &mask, 1.0, 2)).dimensions(), (2, 2));
+        }
+    }
+
+    #[test]
+    fn invalid_texels_do_not_bleed_into_the_means() {
+        // Boxes of 2×2: one valid texel each in the first, none in the second.
+        let texels = [[0.5; 3], [9.0; 3], [9.0; 3], [9.0; 3]].repeat(2);
+        let valid = [true, false, false, false].repeat(2);
+        let image = Image { width: 4, height: 2, texels };
+        let mask = Mask { width: 4, height: 2, valid };
+        let picture = decode(&tone_mapped_png(&image, &mask, 1.0, 2));
+        assert_eq!(picture.dimensions(), (2, 1));
+        // sRGB of 0.5 is 188.
+        assert_eq!(picture.get_pixel(0, 0).0, [188; 3]);
+        assert_eq!(picture.get_pixel(1, 0).0, INVALID);
+    }
+
+    #[test]
+    fn a_mask_picture_shows_shares() {
+        let mask = Mask { width: 4, height: 1, valid: vec![true, true, false, true] };
+        let picture = decode(&mask_png(&mask, 2));
+        assert_eq!([picture.get_pixel(0, 0)[0], picture.get_pixel(1, 0)[0]], [255, 128]);
+    }
+}

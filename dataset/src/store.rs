@@ -1,0 +1,376 @@
+//! A dataset folder: the writer that fills it, the reader that opens it.
+
+use crate::config::{Config, FileRef, Noise};
+use crate::image::{self, Image, Mask};
+use crate::tiles::{TILE, grid};
+use crate::{Error, Result, files};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+mod check;
+mod verify;
+
+pub use verify::Verification;
+
+/// The manifest's name in the folder.
+pub const MANIFEST: &str = "config.json";
+/// The sub-folder of the files that carry their content's hash in their name.
+pub const DATA: &str = "data";
+/// Hexadecimal digits of the hash in a file's name.
+const HASH_DIGITS: usize = 12;
+
+/// Fills a dataset folder. Files carry their content's hash in their name, so a running reader of the previous
+/// generation is never disturbed; [`Writer::commit`] renames `config.json` into place last.
+#[derive(Debug)]
+pub struct Writer {
+    root: PathBuf,
+    /// What this writer added, by content hash.
+    added: BTreeMap<String, FileRef>,
+    /// Plain names in the folder that shall stand for an added file.
+    aliases: Vec<(String, String)>,
+}
+
+impl Writer {
+    /// Opens or creates the folder. Temporaries of dead runs are removed; a folder whose `config.json` is not a
+    /// temporal set's is refused, so that nothing foreign is overwritten.
+    pub fn create(root: &Path) -> Result<Self> {
+        let data = root.join(DATA);
+        let manifest = root.join(MANIFEST);
+        if manifest.exists() {
+            parse_manifest(&manifest, &read(&manifest)?)?;
+        }
+        fs::create_dir_all(&data).map_err(Error::io(&data))?;
+        files::remove_stale_temporaries(root)?;
+        files::remove_stale_temporaries(&data)?;
+        Ok(Writer { root: root.to_owned(), added: BTreeMap::new(), aliases: Vec::new() })
+    }
+
+    /// Writes `bytes` as `data/<stem>-<hash12>.<extension>`, or finds that content among what this writer added, whatever
+    /// its stem. A file of that name with that content, left by an earlier run, is kept as it is. What is found does not
+    /// depend on what else the folder holds, so the manifest does not either. Characters of `stem` other than letters,
+    /// digits, `.` and `_` become `-`.
+    pub fn add(&mut self, stem: &str, extension: &str, bytes: &[u8]) -> Result<FileRef> {
+        let blake3 = blake3::hash(bytes).to_hex().to_string();
+        if let Some(known) = self.added.get(&blake3) {
+            return Ok(known.clone());
+        }
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
+        let stem: String = stem.chars().map(plain).collect();
+        let path = format!("{DATA}/{stem}-{}.{extension}", &blake3[..HASH_DIGITS]);
+        let on_disk = self.root.join(&path);
+        if bytes.is_empty() || content_hash(&path).is_none() {
+            return Err(Error::invalid(
+                on_disk.display(),
+                "a file of a dataset needs a stem, an extension and content",
+            ));
+        }
+        // A file of that name and content may stand there from an earlier run; a damaged one is replaced.
+        if !has_content(&on_disk, bytes) {
+            files::write_atomically(&on_disk, bytes)?;
+        }
+        let file = FileRef { path, bytes: bytes.len() as u64, blake3: blake3.clone() };
+        self.added.insert(blake3, file.clone());
+        Ok(file)
+    }
+
+    /// Gives an added file a plain `name` in the dataset's folder as well (a hard link where possible) once the
+    /// manifest is in place, for people and tools that do not read `config.json`.
+    ///
+    /// # Panics
+    /// If `name` is not one plain component, or that of the manifest or the data folder.
+    pub fn alias(&mut self, file: &FileRef, name: &str) {
+        assert!(check::is_component(name) && name != MANIFEST && name != DATA, "alias {name:?}");
+        self.aliases.push((file.path.clone(), name.to_owned()));
+    }
+
+    /// Puts `config.json` in place and removes files that neither it nor the manifest it replaces refers to.
+    /// The manifest is checked like [`Dataset::open`] does, before anything changes.
+    pub fn commit(self, config: &Config) -> Result<()> {
+        let manifest = self.root.join(MANIFEST);
+        check::config(&manifest, config)?;
+        check::files(&self.root, config)?;
+        let mut kept: BTreeSet<String> = check::references(config).map(|file| file.path.clone()).collect();
+        if manifest.exists() {
+            collect_paths(&parse_manifest(&manifest, &read(&manifest)?)?, &mut kept);
+        }
+        let mut json = serde_json::to_string_pretty(config)
+            .map_err(|error| Error::invalid(manifest.display(), error))?;
+        json.push('\n');
+        files::write_atomically(&manifest, json.as_bytes())?;
+        for (path, name) in &self.aliases {
+            files::link_or_copy(&self.root.join(path), &self.root.join(name))?;
+        }
+        // The new generation is in place; what nobody refers to any more can go, now or at the next run.
+        let data = self.root.join(DATA);
+        for entry in fs::read_dir(&data).map_err(Error::io(&data))?.flatten() {
+            let Some(path) = entry.file_name().to_str().map(|name| format!("{DATA}/{name}")) else {
+                continue;
+            };
+            if content_hash(&path).is_some() && !kept.contains(&path) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The hash digits in a path that [`Writer::add`] made; `None` for every other path.
+fn content_hash(path: &str) -> Option<&str> {
+    let (stem, rest) = path.strip_prefix(DATA)?.strip_prefix('/')?.rsplit_once('-')?;
+    let (hash, extension) = rest.split_once('.')?;
+    let made = !stem.is_empty()
+        && hash.len() == HASH_DIGITS
+        && hash.bytes().all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'))
+        && !extension.is_empty()
+        && extension.bytes().all(|c| c.is_ascii_alphanumeric());
+    made.then_some(hash)
+}
+
+fn has_content(path: &Path, bytes: &[u8]) -> bool {
+    fs::metadata(path).is_ok_and(|metadata| metadata.len() == bytes.len() as u64)
+        && fs::read(path).is_ok_and(|found| found == bytes)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).map_err(Error::io(path))
+}
+
+/// A manifest as untyped JSON, its `format` checked.
+fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
+    let value: serde_json::Value = serde_json::from_slice(bytes).map_err(|error| json_error(path, &error))?;
+    match value.get("format").and_then(|format| format.as_str()) {
+        Some(crate::config::FORMAT) => Ok(value),
+        found => {
+            let found = found.map_or("missing".to_owned(), |format| format!("{format:?}"));
+            let what = format!("format is {found}; expected {:?}", crate::config::FORMAT);
+            Err(Error::invalid(path.display(), what))
+        }
+    }
+}
+
+/// A syntax or type error of a JSON file, with its line.
+fn json_error(path: &Path, error: &serde_json::Error) -> Error {
+    match error.line() {
+        0 => Error::invalid(path.display(), error),
+        line => {
+            let text = error.to_string();
+            // The place names the line already.
+            let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
+            Error::invalid(format!("{}:{line}", path.display()), what)
+        }
+    }
+}
+
+/// Every string under a key `path`, as manifests of any version refer to files.
+fn collect_paths(value: &serde_json::Value, paths: &mut BTreeSet<String>) {
+    match value {
+        serde_json::Value::Object(object) => {
+            for (key, value) in object {
+                match value {
+                    serde_json::Value::String(path) if key == "path" => drop(paths.insert(path.clone())),
+                    value => collect_paths(value, paths),
+                }
+            }
+        }
+        serde_json::Value::Array(values) => values.iter().for_each(|value| collect_paths(value, paths)),
+        _ => {}
+    }
+}
+
+/// An opened dataset.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// The folder.
+    pub root: PathBuf,
+    /// Its manifest, checked for consistency (versions, counts, hours sorted, paths inside the folder).
+    pub config: Config,
+}
+
+impl Dataset {
+    /// Reads and checks `config.json`, and that the files it names are there with the lengths it states.
+    pub fn open(root: &Path) -> Result<Self> {
+        let dataset = Self::open_manifest(root)?;
+        check::files(root, &dataset.config)?;
+        Ok(dataset)
+    }
+
+    /// [`Dataset::open`] without a look at the files.
+    pub fn open_manifest(root: &Path) -> Result<Self> {
+        let manifest = root.join(MANIFEST);
+        if !manifest.is_file() {
+            let what =
+                format!("not a temporal lightmap set: there is no {MANIFEST} in it (`bake` makes one)");
+            return Err(Error::invalid(root.display(), what));
+        }
+        let bytes = read(&manifest)?;
+        // The version decides how the rest reads, so it is looked at first.
+        let value = parse_manifest(&manifest, &bytes)?;
+        if let Some(version) = value.get("version").and_then(serde_json::Value::as_u64)
+            && version > u64::from(crate::config::VERSION)
+        {
+            let known = crate::config::VERSION;
+            let what = format!("format version {version}; this program reads up to {known}: use a newer one");
+            return Err(Error::unsupported(manifest.display(), what));
+        }
+        let config: Config = serde_json::from_slice(&bytes).map_err(|error| json_error(&manifest, &error))?;
+        check::config(&manifest, &config)?;
+        Ok(Dataset { root: root.to_owned(), config })
+    }
+
+    /// Every reference to a file, in the manifest's order; one file may come several times.
+    pub fn files(&self) -> impl Iterator<Item = &FileRef> {
+        check::references(&self.config)
+    }
+
+    /// The absolute path of a file.
+    pub fn path(&self, file: &FileRef) -> PathBuf {
+        self.root.join(&file.path)
+    }
+
+    /// The mask of a page, its size checked.
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn mask(&self, page: usize) -> Result<Mask> {
+        let page = &self.config.pages[page];
+        let path = self.path(&page.mask);
+        let mask = Mask::read_png(&path).map_err(|error| self.with_length(&page.mask, error))?;
+        check::size(&path, (mask.width, mask.height), page)?;
+        self.check_content(&page.mask)?;
+        Ok(mask)
+    }
+
+    /// The lightmap of a set on a page: size and checksum checked; non-finite or negative texels are an error with file,
+    /// (x, y), channel, value.
+    ///
+    /// # Panics
+    /// If `set` or `page` is not below the number of sets or pages.
+    pub fn map(&self, set: usize, page: usize) -> Result<Image> {
+        self.image(&self.config.sets[set].maps[page].file, page)
+    }
+
+    /// An EXR file of a page, such as a layer, with the checks of [`Dataset::map`].
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn image(&self, file: &FileRef, page: usize) -> Result<Image> {
+        let height = self.config.pages[page].height as usize;
+        let image = Image {
+            width: self.config.pages[page].width as usize,
+            height,
+            texels: self.image_rows(file, page, 0, height)?,
+        };
+        // After the texels' check: that says more than "the checksum differs".
+        self.check_content(file)?;
+        Ok(image)
+    }
+
+    /// Rows `y0 .. y1` of [`Dataset::map`], with the same checks but the checksum; memory does not grow with the page's
+    /// height.
+    ///
+    /// # Panics
+    /// If `set` or `page` is not below the number of sets or pages.
+    pub fn map_rows(&self, set: usize, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+        self.image_rows(&self.config.sets[set].maps[page].file, page, y0, y1)
+    }
+
+    /// Rows `y0 .. y1` of [`Dataset::image`], with the checks of [`Dataset::map_rows`]; an error if they do not lie inside
+    /// the image.
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn image_rows(&self, file: &FileRef, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+        let path = self.path(file);
+        let page = &self.config.pages[page];
+        let texels = image::read_exr_size(&path)
+            .and_then(|size| check::size(&path, size, page))
+            .and_then(|()| image::read_exr_rows(&path, y0, y1))
+            .map_err(|error| self.with_length(file, error))?;
+        let bad = |value: f32| !value.is_finite() || value < 0.0;
+        image::refuse_texels(
+            &path,
+            page.width as usize,
+            y0,
+            &texels,
+            bad,
+            "a finite value, zero or positive",
+        )?;
+        Ok(texels)
+    }
+
+    /// The sampling error per tile, where known.
+    pub fn noise(&self) -> Result<Option<Noise>> {
+        let Some(file) = &self.config.noise else { return Ok(None) };
+        let path = self.path(file);
+        let bytes = read(&path)?;
+        let noise: Noise = serde_json::from_slice(&bytes).map_err(|error| json_error(&path, &error))?;
+        if noise.tile as usize != TILE {
+            return Err(Error::unsupported(
+                path.display(),
+                format!("tiles of {} texels; expected {TILE}", noise.tile),
+            ));
+        }
+        let wrong = |what: String| Err(Error::invalid(path.display(), what));
+        if noise.mse.len() != self.config.sets.len() {
+            return wrong(format!("{} sets; expected {}", noise.mse.len(), self.config.sets.len()));
+        }
+        for (set, pages) in noise.mse.iter().enumerate() {
+            if pages.len() != self.config.pages.len() {
+                return wrong(format!(
+                    "set {set}: {} pages; expected {}",
+                    pages.len(),
+                    self.config.pages.len()
+                ));
+            }
+            for (index, (tiles, page)) in pages.iter().zip(&self.config.pages).enumerate() {
+                let (across, down) = grid(page.width as usize, page.height as usize, TILE);
+                if tiles.len() != across * down {
+                    return wrong(format!(
+                        "set {set}, page {index}: {} tiles; expected {}",
+                        tiles.len(),
+                        across * down
+                    ));
+                }
+                if let Some(tile) = tiles.iter().position(|mse| !mse.is_finite() || *mse < 0.0) {
+                    return wrong(format!(
+                        "set {set}, page {index}, tile {tile}: {}; expected ≥ 0",
+                        tiles[tile]
+                    ));
+                }
+            }
+        }
+        self.check_content(file)?;
+        Ok(Some(noise))
+    }
+
+    /// An error where the content of a file differs from the manifest's checksum.
+    pub fn check_content(&self, file: &FileRef) -> Result<()> {
+        let path = self.path(file);
+        check::length(&self.root, file)?;
+        let mut hasher = blake3::Hasher::new();
+        let opened = fs::File::open(&path).map_err(Error::io(&path))?;
+        hasher.update_reader(opened).map_err(Error::io(&path))?;
+        let found = hasher.finalize().to_hex();
+        if found.as_str() != file.blake3 {
+            let what = format!(
+                "checksum {}…; {MANIFEST} says {}…: the content changed",
+                &found[..16],
+                &file.blake3[..16]
+            );
+            return Err(Error::invalid(path.display(), what));
+        }
+        Ok(())
+    }
+
+    /// A wrong length explains more than what the decoder made of it.
+    fn with_length(&self, file: &FileRef, error: Error) -> Error {
+        match (check::length(&self.root, file), error) {
+            (Err(length), Error::Invalid { what, .. }) => match length {
+                Error::Invalid { place, what: length } => Error::invalid(place, format!("{what} ({length})")),
+                other => other,
+            },
+            (_, error) => error,
+        }
+    }
+}

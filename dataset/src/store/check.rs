@@ -1,0 +1,172 @@
+//! What every consumer of a manifest relies on.
+
+use crate::config::{Config, FORMAT, FileRef, Page, VERSION};
+use crate::image::MAX_SIDE;
+use crate::{Error, Result};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+/// Checks a manifest in itself; `manifest` names it in errors.
+pub(super) fn config(manifest: &Path, config: &Config) -> Result<()> {
+    let wrong = |what: String| Err(Error::invalid(manifest.display(), what));
+    if config.format != FORMAT {
+        return wrong(format!("format is {:?}; expected {FORMAT:?}", config.format));
+    }
+    if config.version == 0 || config.version > VERSION {
+        return wrong(format!("version is {}; expected 1 to {VERSION}", config.version));
+    }
+    if !is_component(&config.scene) {
+        return wrong(format!("scene is {:?}; expected a name that can be a folder's", config.scene));
+    }
+
+    // Pages.
+    if config.pages.is_empty() {
+        return wrong("no pages".into());
+    }
+    for (index, page) in config.pages.iter().enumerate() {
+        let side = 1..=MAX_SIDE as u32;
+        if !side.contains(&page.width) || !side.contains(&page.height) {
+            return wrong(format!(
+                "page {index}: size {}×{}; expected 1 to {MAX_SIDE}",
+                page.width, page.height
+            ));
+        }
+    }
+
+    // Groups: unique names, hours of the day, layers for each page or none.
+    let mut names = BTreeSet::new();
+    let layered = layers_kept(config);
+    for group in &config.groups {
+        let name = &group.name;
+        if name.is_empty() || !names.insert(name) {
+            return wrong(format!("group {name:?}: the name is empty or there twice"));
+        }
+        for &[from, to] in &group.on {
+            let hours = 0.0..=24.0;
+            if !hours.contains(&from) || !hours.contains(&to) || from == to {
+                return wrong(format!(
+                    "group {name:?}: on {from} to {to}; expected two different hours in [0, 24]"
+                ));
+            }
+        }
+        let expected = if layered { config.pages.len() } else { 0 };
+        if group.layers.len() != expected {
+            let pages = group.layers.len();
+            return wrong(format!(
+                "group {name:?}: layers for {pages} pages; expected {expected} (all layers or none)"
+            ));
+        }
+    }
+
+    // Sets: ascending hours of one day, every list of the right length.
+    if config.sets.is_empty() {
+        return wrong("no sets".into());
+    }
+    let mut previous = f64::NEG_INFINITY;
+    for (index, set) in config.sets.iter().enumerate() {
+        let hour = set.hour;
+        if !(0.0..24.0).contains(&hour) || hour <= previous {
+            return wrong(format!("set {index}: hour {hour}; expected ascending hours in [0, 24)"));
+        }
+        previous = hour;
+        if set.groups_on.len() != config.groups.len() {
+            let (found, expected) = (set.groups_on.len(), config.groups.len());
+            return wrong(format!(
+                "set {index}, hour {hour}: groups_on has {found} entries; expected {expected}"
+            ));
+        }
+        if set.maps.len() != config.pages.len() {
+            let (found, expected) = (set.maps.len(), config.pages.len());
+            return wrong(format!("set {index}, hour {hour}: maps for {found} pages; expected {expected}"));
+        }
+        if let Some(error) = set.relative_error
+            && !(error.is_finite() && error >= 0.0)
+        {
+            return wrong(format!("set {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
+        }
+    }
+
+    // Instances.
+    for (index, instance) in config.instances.iter().enumerate() {
+        let (page, pages) = (instance.page as usize, config.pages.len());
+        if page >= pages {
+            let name = &instance.name;
+            return wrong(format!(
+                "instance {index}, {name:?}: page {page}; expected one of {pages}, from 0"
+            ));
+        }
+    }
+
+    // Files.
+    for file in references(config) {
+        if !file.path.split('/').all(is_component) {
+            return wrong(format!("path {:?}; expected one inside the dataset's folder, with /", file.path));
+        }
+        if file.bytes == 0 {
+            return wrong(format!("{}: bytes is 0; expected the file's length", file.path));
+        }
+        let hex = |digit: u8| matches!(digit, b'0'..=b'9' | b'a'..=b'f');
+        if file.blake3.len() != 64 || !file.blake3.bytes().all(hex) {
+            return wrong(format!(
+                "{}: blake3 is {:?}; expected 64 hexadecimal digits",
+                file.path, file.blake3
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that every file is there with its length.
+pub(super) fn files(root: &Path, config: &Config) -> Result<()> {
+    let distinct: BTreeSet<(&str, u64)> = references(config).map(|file| (&*file.path, file.bytes)).collect();
+    distinct.into_iter().try_for_each(|(path, bytes)| length_of(root, path, bytes))
+}
+
+/// Checks that a file is there with its length.
+pub(super) fn length(root: &Path, file: &FileRef) -> Result<()> {
+    length_of(root, &file.path, file.bytes)
+}
+
+fn length_of(root: &Path, path: &str, bytes: u64) -> Result<()> {
+    let path = root.join(path);
+    let metadata = fs::metadata(&path).map_err(Error::io(&path))?;
+    if metadata.len() != bytes {
+        let found = metadata.len();
+        return Err(Error::invalid(
+            path.display(),
+            format!("{found} bytes; {} says {bytes}", super::MANIFEST),
+        ));
+    }
+    Ok(())
+}
+
+/// Checks an image's size against its page's.
+pub(super) fn size(path: &Path, (width, height): (usize, usize), page: &Page) -> Result<()> {
+    if (width, height) != (page.width as usize, page.height as usize) {
+        let what = format!("size {width}×{height}; the page has {}×{}", page.width, page.height);
+        return Err(Error::invalid(path.display(), what));
+    }
+    Ok(())
+}
+
+/// Every reference to a file, in the manifest's order.
+pub(super) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
+    let masks = config.pages.iter().map(|page| &page.mask);
+    let layers = config.groups.iter().flat_map(|group| &group.layers);
+    let maps = config.sets.iter().flat_map(|set| &set.maps);
+    let maps = maps.flat_map(|map| std::iter::once(&map.file).chain(&map.sun).chain(&map.sky));
+    masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry)
+}
+
+/// Whether the set comes with its layers: any of sun, sky or groups.
+pub(super) fn layers_kept(config: &Config) -> bool {
+    let maps = || config.sets.iter().flat_map(|set| &set.maps);
+    config.groups.iter().any(|group| !group.layers.is_empty())
+        || maps().any(|map| map.sun.is_some() || map.sky.is_some())
+}
+
+/// Whether a name is one plain component of a path on every system.
+pub(super) fn is_component(name: &str) -> bool {
+    !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', ':', '\0'])
+}

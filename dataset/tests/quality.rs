@@ -1,0 +1,188 @@
+//! Metrics against a direct transcription of their definitions, closed forms, and edge cases.
+
+mod common;
+
+use common::{Random, full_mask, noise_image};
+use dataset::image::{Image, Mask};
+use dataset::metrics::{PSNR_CAP_DB, TileQuality, compare, psnr_db, relative_error, valid_sum};
+use dataset::tiles::{Rect, TILE, tiles};
+
+/// The definitions, one texel and one window at a time.
+fn oracle(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect) -> (f64, f64, f64) {
+    let valid = |x: usize, y: usize| mask.valid[y * mask.width + x];
+    let inside: Vec<(usize, usize)> = (tile.y0..tile.y1)
+        .flat_map(|y| (tile.x0..tile.x1).map(move |x| (x, y)))
+        .filter(|&(x, y)| valid(x, y))
+        .collect();
+    let value =
+        |image: &Image, (x, y): (usize, usize), c: usize| f64::from(image.texels[y * image.width + x][c]);
+    let samples = || inside.iter().flat_map(|&at| (0..3).map(move |c| (at, c)));
+    let count = (3 * inside.len()) as f64;
+    let mse = samples().map(|(at, c)| (value(decoded, at, c) - value(reference, at, c)).powi(2)).sum::<f64>()
+        / count;
+    let peak = samples().map(|(at, c)| value(reference, at, c)).fold(f64::MIN, f64::max);
+    let low = samples().map(|(at, c)| value(reference, at, c)).fold(f64::MAX, f64::min);
+    let range = peak - low;
+    let (c1, c2) = ((0.01 * range).powi(2), (0.03 * range).powi(2));
+    let mut ssim = 0.0;
+    for ((px, py), c) in samples() {
+        let mut moments = [0.0f64; 6];
+        for &(x, y) in &inside {
+            let (dx, dy) = (x as f64 - px as f64, y as f64 - py as f64);
+            if dx.abs() > 5.0 || dy.abs() > 5.0 {
+                continue;
+            }
+            let w = (-(dx * dx + dy * dy) / (2.0 * 1.5 * 1.5)).exp();
+            let (a, b) = (value(decoded, (x, y), c), value(reference, (x, y), c));
+            for (moment, term) in moments.iter_mut().zip([1.0, a, b, a * a, b * b, a * b]) {
+                *moment += w * term;
+            }
+        }
+        let [w, a, b, aa, bb, ab] = moments;
+        let (ma, mb) = (a / w, b / w);
+        let (va, vb, cov) = (aa / w - ma * ma, bb / w - mb * mb, ab / w - ma * mb);
+        ssim += (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+    }
+    (10.0 * (peak * peak / mse).log10(), 10.0 * (range * range / mse).log10(), ssim / count)
+}
+
+#[test]
+fn compare_agrees_with_the_definitions() {
+    let mut random = Random(1);
+    for (width, height, share) in
+        [(40, 33, 100), (40, 33, 60), (40, 33, 3), (11, 4, 80), (2, 1, 100), (1, 30, 90)]
+    {
+        let reference = noise_image(width, height, random.bits());
+        let mut decoded = reference.clone();
+        for texel in &mut decoded.texels {
+            *texel = texel.map(|value| value + 0.1 * (random.unit() - 0.5));
+        }
+        let mut mask = full_mask(width, height);
+        mask.valid.iter_mut().for_each(|valid| *valid = random.below(100) < share);
+        // At least two valid texels, so that the tile is not constant.
+        mask.valid[0] = true;
+        mask.valid[width * height - 1] = true;
+        for tile in [
+            Rect { x0: 0, y0: 0, x1: width, y1: height },
+            Rect { x0: width / 4, y0: 0, x1: width, y1: height },
+        ] {
+            let quality = compare(&decoded, &reference, &mask, tile);
+            let (Some(psnr), Some(psnr_range), Some(ssim)) =
+                (quality.psnr_db, quality.psnr_range_db, quality.ssim)
+            else {
+                assert!(quality.constant);
+                continue;
+            };
+            let expected = oracle(&decoded, &reference, &mask, tile);
+            assert!((psnr - expected.0).abs() < 1e-9, "{psnr} {expected:?}");
+            assert!((psnr_range - expected.1).abs() < 1e-9, "{psnr_range} {expected:?}");
+            assert!((ssim - expected.2).abs() < 1e-9, "{ssim} {expected:?}");
+        }
+    }
+}
+
+#[test]
+fn values_outside_mask_and_tile_do_not_count() {
+    let reference = noise_image(129, 130, 2);
+    let mut mask = full_mask(129, 130);
+    mask.valid[5 * 129 + 7] = false;
+    let tiles = tiles(129, 130, TILE);
+    let mut decoded = reference.clone();
+    let clean: Vec<TileQuality> =
+        tiles.iter().map(|&tile| compare(&decoded, &reference, &mask, tile)).collect();
+    decoded.texels[5 * 129 + 7] = [1e30, f32::NAN, -5.0];
+    decoded.texels[128] = [9.0; 3];
+    for (index, (&tile, clean)) in tiles.iter().zip(&clean).enumerate() {
+        let quality = compare(&decoded, &reference, &mask, tile);
+        // Texel 128 of the first row is in the second tile, one texel wide.
+        assert_eq!(quality == *clean, index != 1, "tile {index}");
+    }
+    assert_eq!((clean.len(), clean[1].texels, clean[3].texels), (4, 128, 2));
+}
+
+#[test]
+fn an_offset_has_its_closed_form() {
+    // peak 2, error 0.02 everywhere: 20 log₁₀(2 ÷ 0.02) = 40 dB.
+    let mut reference = noise_image(64, 64, 3);
+    reference.texels[0][0] = 2.0;
+    let mut decoded = reference.clone();
+    decoded.texels.iter_mut().for_each(|texel| *texel = texel.map(|value| value + 0.02));
+    let whole = Rect { x0: 0, y0: 0, x1: 64, y1: 64 };
+    let quality = compare(&decoded, &reference, &full_mask(64, 64), whole);
+    assert!((quality.psnr_db.unwrap() - 40.0).abs() < 1e-4, "{quality:?}");
+    assert!((quality.mse() - 4e-4).abs() < 1e-9);
+    let exact = compare(&reference, &reference, &full_mask(64, 64), whole);
+    assert_eq!((exact.psnr_db, exact.psnr_range_db), (Some(PSNR_CAP_DB), Some(PSNR_CAP_DB)));
+    assert_eq!(exact.ssim, Some(1.0));
+}
+
+#[test]
+fn metrics_do_not_depend_on_the_unit() {
+    let reference = noise_image(30, 30, 4);
+    let decoded = noise_image(30, 30, 5);
+    let scaled = |image: &Image, s: f32| Image {
+        texels: image.texels.iter().map(|t| t.map(|v| v * s)).collect(),
+        ..*image
+    };
+    let whole = Rect { x0: 0, y0: 0, x1: 30, y1: 30 };
+    let one = compare(&decoded, &reference, &full_mask(30, 30), whole);
+    for scale in [1e-12, 1e12] {
+        let other = compare(&scaled(&decoded, scale), &scaled(&reference, scale), &full_mask(30, 30), whole);
+        assert!((one.psnr_db.unwrap() - other.psnr_db.unwrap()).abs() < 1e-4);
+        assert!((one.ssim.unwrap() - other.ssim.unwrap()).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn tiles_without_contrast_are_told_apart() {
+    let whole = Rect { x0: 0, y0: 0, x1: 8, y1: 8 };
+    let constant = |texel: [f32; 3]| Image { width: 8, height: 8, texels: vec![texel; 64] };
+    let full = full_mask(8, 8);
+
+    // No valid texel.
+    let mut none = full.clone();
+    none.valid.fill(false);
+    let quality = compare(&constant([1.0; 3]), &constant([2.0; 3]), &none, whole);
+    assert_eq!((quality.texels, quality.psnr_db, quality.ssim), (0, None, None));
+
+    // All black, decoded as 0.5.
+    let quality = compare(&constant([0.5; 3]), &constant([0.0; 3]), &full, whole);
+    assert_eq!(
+        (quality.psnr_db, quality.psnr_range_db, quality.ssim, quality.constant),
+        (None, None, None, true)
+    );
+
+    // Constant in space, though not over channels: a peak, no range; off by 1 % of the mean 2.
+    let quality = compare(&constant([1.02, 2.02, 3.02]), &constant([1.0, 2.0, 3.0]), &full, whole);
+    assert!(
+        quality.constant
+            && quality.psnr_db.is_some()
+            && quality.psnr_range_db.is_none()
+            && quality.ssim.is_none()
+    );
+
+    // One valid texel of an image that varies.
+    let mut one = none.clone();
+    one.valid[13] = true;
+    let image = noise_image(8, 8, 6);
+    let quality = compare(&image, &image, &one, whole);
+    assert!(quality.texels == 1 && quality.constant && quality.ssim.is_none());
+    assert_eq!(quality.psnr_db, Some(PSNR_CAP_DB));
+}
+
+#[test]
+fn relative_errors_are_floored() {
+    assert_eq!(relative_error(0.04, 2.0, 1.0), 0.1);
+    assert_eq!(relative_error(1e-6, 0.0, 1.0), 1.0);
+    assert_eq!(relative_error(0.0, 0.0, 0.0), 0.0);
+    assert_eq!(relative_error(1.0, 0.0, 0.0), f64::INFINITY);
+    assert!(psnr_db(1.0, f64::NAN).is_nan());
+}
+
+#[test]
+fn valid_sums_leave_out_the_rest() {
+    let mut mask = full_mask(2, 1);
+    mask.valid[1] = false;
+    let image = Image { width: 2, height: 1, texels: vec![[1.0, 2.0, 3.0], [f32::NAN; 3]] };
+    assert_eq!(valid_sum(&image, &mask), (6.0, 1));
+}
