@@ -1,0 +1,213 @@
+//! Round trips, and hostile files.
+
+use super::*;
+use crate::testing::{self, Random};
+
+/// Reads everything there is; the re-encoded bytes.
+fn read_all(bytes: Vec<u8>) -> Result<Vec<u8>> {
+    let bundle = Bundle::from_bytes(bytes)?;
+    let mut payloads = Vec::new();
+    for place in bundle.header.places() {
+        let tile = bundle.tile(place)?;
+        payloads.push(
+            tile.map_or(Vec::new(), |tile| encode_payload(&tile).expect("what was read can be written")),
+        );
+    }
+    encode(&bundle.header, &payloads)
+}
+
+/// Makes the header's checksum right again, so that a damaged header reaches the parser behind it.
+fn seal(bytes: &mut [u8]) {
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    if let Some(rest) = bytes.get(32..length) {
+        let sum = checksum(&[&bytes[..24], rest]);
+        bytes[24..32].copy_from_slice(&sum.to_le_bytes());
+    }
+}
+
+fn header_len(bytes: &[u8]) -> usize {
+    u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize
+}
+
+#[test]
+fn bytes_parse_to_the_same_values_and_the_same_bytes() {
+    let (header, payloads, bytes) = testing::bundle();
+    let bundle = Bundle::from_bytes(bytes.clone()).unwrap();
+    assert_eq!(bundle.header, header);
+    for (i, place) in header.places().enumerate() {
+        assert_eq!(header.position(place), Some(i));
+        match bundle.tile(place).unwrap() {
+            None => assert!(payloads[i].is_empty()),
+            Some(tile) => assert_eq!(tile, testing::tile(header.shape(place), i as u64)),
+        }
+    }
+    assert_eq!(read_all(bytes.clone()).unwrap(), bytes);
+    assert!(bundle.tile(Place { page: 0, column: 2, row: 0 }).is_err());
+    assert!(bundle.tile(Place { page: 2, column: 0, row: 0 }).is_err());
+}
+
+#[test]
+fn a_file_reads_as_memory_does() {
+    let (header, _, bytes) = testing::bundle();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ndgi");
+    std::fs::write(&path, &bytes).unwrap();
+    let (file, memory) = (Bundle::open(&path).unwrap(), Bundle::from_bytes(bytes).unwrap());
+    for place in header.places() {
+        assert_eq!(file.tile(place).unwrap(), memory.tile(place).unwrap());
+    }
+    assert!(Bundle::open(&folder.path().join("absent")).is_err());
+}
+
+#[test]
+fn payloads_are_aligned_and_one_of_full_size_takes_the_paper_s_bits() {
+    let (_, _, bytes) = testing::bundle();
+    let bundle = Bundle::from_bytes(bytes).unwrap();
+    assert!(bundle.index.iter().all(|entry| entry.offset % 16 == 0));
+    // Profile M, 26 sets, 128²: 0.68 bits per texel and set in the paper.
+    let shape = Shape::new(&crate::model::PROFILES[1], 128, 128, 26);
+    let bpp = payload_len(&shape) as f64 * 8.0 / (128.0 * 128.0 * 26.0);
+    assert!((0.67..0.69).contains(&bpp), "{bpp}");
+}
+
+#[test]
+fn truncation_at_every_byte_is_an_error() {
+    let (_, _, bytes) = testing::bundle();
+    for end in 0..bytes.len() {
+        assert!(read_all(bytes[..end].to_vec()).is_err(), "cut at {end}");
+        // Also when the file's own length field agrees.
+        if end >= 24 {
+            let mut cut = bytes[..end].to_vec();
+            cut[16..24].copy_from_slice(&(end as u64).to_le_bytes());
+            if end >= header_len(&bytes) {
+                seal(&mut cut);
+            }
+            assert!(read_all(cut).is_err(), "cut and relabelled at {end}");
+        }
+    }
+    let mut longer = bytes;
+    longer.push(0);
+    assert!(read_all(longer).is_err());
+}
+
+#[test]
+fn any_flipped_bit_is_noticed() {
+    let (_, _, bytes) = testing::bundle();
+    let mut random = Random(7);
+    for i in 0..20_000 {
+        // The header bit by bit, then anywhere.
+        let bit = if i < 8 * header_len(&bytes) { i } else { random.below(8 * bytes.len()) };
+        let mut damaged = bytes.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        assert!(read_all(damaged).is_err(), "bit {bit}");
+    }
+}
+
+#[test]
+fn hostile_headers_with_a_right_checksum_never_panic() {
+    let (_, _, bytes) = testing::bundle();
+    let length = header_len(&bytes);
+    let mut random = Random(11);
+    let mut accepted = 0;
+    for _ in 0..20_000 {
+        let mut damaged = bytes.clone();
+        for _ in 0..1 + random.below(3) {
+            let at = random.below(length);
+            match random.below(4) {
+                0 => damaged[at] ^= 1 << random.below(8),
+                1 => damaged[at] = random.byte(),
+                2 => {
+                    // A count, offset or length replaced by an extreme.
+                    let at = at & !3;
+                    let value = [0, 1, 0x7fff_ffff, 0xffff_ffff, 0x0010_0000][random.below(5)];
+                    damaged[at..at + 4].copy_from_slice(&u32::to_le_bytes(value));
+                }
+                _ => {
+                    let from = random.below(length);
+                    damaged.copy_within(from..(from + 8).min(length), at.min(length - 8));
+                }
+            }
+        }
+        seal(&mut damaged);
+        // What is accepted must be written back as it was read.
+        if let Ok(again) = read_all(damaged.clone()) {
+            accepted += 1;
+            assert_eq!(again, damaged);
+        }
+    }
+    // Some changes are harmless: another hour, another letter in a name.
+    assert!(accepted > 100, "{accepted}");
+}
+
+#[test]
+fn each_count_and_offset_is_checked() {
+    let (_, _, bytes) = testing::bundle();
+    let header = header_len(&bytes);
+    // Fixed positions of FORMAT.md: sets, pages, groups, scene length; last index line's offset and length.
+    let last = header - (header - 32) % 8 - 24;
+    for at in [12, 52, 56, 60, 64, last] {
+        for value in [0, 3, 0xffff_ffff_u32] {
+            let mut damaged = bytes.clone();
+            if damaged[at..at + 4] == value.to_le_bytes() {
+                continue;
+            }
+            damaged[at..at + 4].copy_from_slice(&value.to_le_bytes());
+            seal(&mut damaged);
+            assert!(read_all(damaged).is_err(), "{value:#x} at {at}");
+        }
+    }
+    let mut newer = bytes.clone();
+    newer[8] = 2;
+    assert!(matches!(read_all(newer), Err(Error::Unsupported { .. })));
+}
+
+#[test]
+fn payloads_with_forbidden_values_are_refused() {
+    let header = testing::header();
+    let shape = header.shape(Place { page: 0, column: 0, row: 0 });
+    let good = testing::tile(shape, 1);
+    assert!(encode_payload(&good).is_ok());
+    for mean in [f32::NAN, f32::INFINITY, -1.0] {
+        let mut bad = good.clone();
+        bad.means[2][1] = mean;
+        assert!(encode_payload(&bad).is_err());
+    }
+    let mut bad = good.clone();
+    bad.mlp[5] = half::f16::INFINITY;
+    assert!(encode_payload(&bad).is_err());
+    let mut bad = good.clone();
+    bad.f_uvt[0] = [0; 16];
+    assert!(encode_payload(&bad).is_err());
+    let mut bad = good.clone();
+    bad.f_ut.pop();
+    assert!(encode_payload(&bad).is_err());
+
+    // The same in a file whose checksums are right.
+    let bytes = encode_payload(&good).unwrap();
+    let mean_at = 16 * (good.f_uv.len() + good.f_uvt.len());
+    for (at, patch) in [(0, vec![0]), (mean_at, f32::NAN.to_le_bytes().to_vec()), (bytes.len() - 1, vec![1])]
+    {
+        let mut bad = bytes.clone();
+        bad[at..at + patch.len()].copy_from_slice(&patch);
+        assert!(decode_payload(&bad, shape).is_err(), "at {at}");
+    }
+    assert_eq!(decode_payload(&bytes, shape).unwrap(), good);
+}
+
+#[test]
+fn headers_that_cannot_be_read_are_not_written() {
+    let (header, payloads, _) = testing::bundle();
+    let refused = |change: &dyn Fn(&mut Header)| {
+        let mut header = header.clone();
+        change(&mut header);
+        encode(&header, &payloads).is_err()
+    };
+    assert!(!refused(&|_| {}));
+    assert!(refused(&|h| h.timeline.hours[1] = 24.0));
+    assert!(refused(&|h| h.timeline.hours[1] = f64::NAN));
+    assert!(refused(&|h| h.timeline.hours[1] = h.timeline.hours[2]));
+    assert!(refused(&|h| h.timeline.intervals[0][0][1] = 30.0));
+    assert!(refused(&|h| h.timeline.states[0].clear()));
+    assert!(refused(&|h| h.groups.truncate(1)));
+    assert!(refused(&|h| h.pages.truncate(1)));
+}

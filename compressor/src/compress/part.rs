@@ -1,0 +1,106 @@
+//! The work folder `<bundle>.part/`: one file per finished tile, named by what decided it.
+
+use super::{TileStats, beside};
+use crate::{Error, Result, bundle};
+use dataset::files::{remove_stale_temporaries, write_atomically};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Extension of the files.
+const EXTENSION: &str = "tile";
+
+/// The folder.
+pub(super) struct Part(PathBuf);
+
+impl Part {
+    /// Opens or creates the work folder of a bundle; with `fresh`, empties it.
+    pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
+        let folder = beside(out, ".part");
+        fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        remove_stale_temporaries(&folder)?;
+        let part = Part(folder);
+        if fresh {
+            part.empty();
+        }
+        Ok(part)
+    }
+
+    fn path(&self, key: &str) -> PathBuf {
+        self.0.join(format!("{key}.{EXTENSION}"))
+    }
+
+    /// A finished tile: its payload and what training told. `None` where there is none, or a damaged one.
+    pub(super) fn read(&self, key: &str) -> Option<(Vec<u8>, TileStats)> {
+        // Checksum of the rest, length of the statistics, statistics, payload.
+        let bytes = fs::read(self.path(key)).ok()?;
+        let (sum, rest) = bytes.split_first_chunk::<8>()?;
+        if bundle::checksum(&[rest]) != u64::from_le_bytes(*sum) {
+            return None;
+        }
+        let (length, rest) = rest.split_first_chunk::<8>()?;
+        let (stats, payload) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
+        Some((payload.to_vec(), serde_json::from_slice(stats).ok()?))
+    }
+
+    /// Keeps a finished tile.
+    pub(super) fn write(&self, key: &str, payload: &[u8], stats: &TileStats) -> Result<()> {
+        let path = self.path(key);
+        let stats = serde_json::to_vec(stats).map_err(|error| Error::invalid(path.display(), error))?;
+        let length = (stats.len() as u64).to_le_bytes();
+        let sum = bundle::checksum(&[&length, &stats, payload]).to_le_bytes();
+        write_atomically(&path, &[&sum[..], &length, &stats, payload].concat())
+    }
+
+    /// Removes the folder with the tiles in it; anything foreign in it stays.
+    pub(super) fn remove(self) {
+        self.empty();
+        // What cannot be removed is no harm: the bundle stands.
+        let _ = fs::remove_dir(&self.0);
+    }
+
+    fn empty(&self) {
+        for entry in fs::read_dir(&self.0).into_iter().flatten().flatten() {
+            if entry.path().extension().is_some_and(|extension| extension == EXTENSION) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_kept_and_damaged_ones_are_not_believed() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("a.ndgi");
+        let part = Part::open(&out, false).unwrap();
+        let stats = TileStats {
+            psnr_unquantised_db: Some(44.25),
+            psnr_db: None,
+            curve: vec![(10, 0.1, 30.0)],
+            left_out: vec!["black at 1 of 2 sets".to_owned()],
+            seconds: 1.5,
+        };
+        part.write("k", b"payload", &stats).unwrap();
+        assert_eq!(part.read("k"), Some((b"payload".to_vec(), stats.clone())));
+        assert_eq!(part.read("other"), None);
+        let path = part.path("k");
+        let bytes = fs::read(&path).unwrap();
+        for i in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[i] ^= 1;
+            fs::write(&path, damaged).unwrap();
+            assert_eq!(part.read("k"), None);
+            fs::write(&path, &bytes[..i]).unwrap();
+            assert_eq!(part.read("k"), None);
+        }
+        part.write("k", b"", &stats).unwrap();
+        assert!(Part::open(&out, false).unwrap().read("k").is_some());
+        assert!(Part::open(&out, true).unwrap().read("k").is_none());
+        fs::write(beside(&out, ".part").join("notes.txt"), b"mine").unwrap();
+        part.remove();
+        assert!(beside(&out, ".part").join("notes.txt").exists());
+    }
+}

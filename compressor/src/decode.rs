@@ -1,0 +1,177 @@
+//! Decoding: a stored tile, or a whole bundle, at any (u, v, t).
+//!
+//! Two independent ways to the same values: [`texel`] follows the formulae of [`crate::model`] literally for one texel, reading
+//! only the blocks it needs; [`TileDecoder`] decodes whole tiles fast. Neither ever gives a NaN or an infinity.
+
+mod kernel;
+mod texel;
+mod tile;
+
+pub use texel::texel;
+pub use tile::TileDecoder;
+
+use crate::bundle::Bundle;
+use crate::grid::Place;
+use crate::model::{BORDER, PAYLOAD, TileParams};
+use crate::time::{Coding, Moment};
+use crate::{Error, Result};
+use dataset::image::Image;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The decoder's output is cut here before it is raised to its power: the largest finite f16.
+const Y_MAX: f32 = 65504.0;
+
+/// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped at the ends,
+/// and the share of the second.
+#[inline]
+fn clamped(u: f32, n: usize) -> (usize, usize, f32) {
+    let p = (u * n as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+    let i = p as usize;
+    (i, (i + 1).min(n - 1), p - i as f32)
+}
+
+/// The same on a periodic axis.
+#[inline]
+fn periodic(tau: f32, n: usize) -> (usize, usize, f32) {
+    let p = tau * n as f32 - 0.5;
+    let floor = p.floor();
+    let i = (floor as isize).rem_euclid(n as isize) as usize;
+    (i, (i + 1) % n, p - floor)
+}
+
+/// `(1 − s) a + s b`.
+#[inline]
+fn lerp(a: f32, b: f32, s: f32) -> f32 {
+    a * (1.0 - s) + b * s
+}
+
+/// The means at a moment.
+fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
+    let (a, b) = (tile.means[moment.a], tile.means[moment.b]);
+    std::array::from_fn(|c| lerp(a[c], b[c], moment.fraction))
+}
+
+/// Irradiance from the decoder's output: `mean · clamp(y, 0, Y_MAX)^p`, finite.
+#[inline(always)]
+fn irradiance(y: f32, mean: f32, coding: Coding) -> f32 {
+    // What is not a number counts as zero.
+    let y = if y > 0.0 { y.min(Y_MAX) } else { 0.0 };
+    let curve = if coding == Coding::Standard { y * y } else { y.powf(coding.exponent()) };
+    (mean * curve).min(f32::MAX)
+}
+
+/// Tiles kept for random access.
+const CACHED: usize = 64;
+
+/// Random access to a bundle.
+///
+/// ```no_run
+/// use compressor::decode::Decoder;
+///
+/// let decoder = Decoder::open("yard.ndgi".as_ref())?;
+/// // In the middle of page 0 at a quarter past six in the evening: red, green, blue.
+/// let [r, g, b] = decoder.sample(0, 0.5, 0.5, 18.25)?;
+/// # Ok::<(), compressor::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Decoder {
+    bundle: Bundle,
+    /// Most recently read tiles by their place in the index, newest first.
+    recent: Mutex<VecDeque<(usize, Option<Arc<TileParams>>)>>,
+}
+
+impl Decoder {
+    /// Opens a bundle file. Errors as [`Bundle::open`].
+    pub fn open(path: &Path) -> Result<Self> {
+        Bundle::open(path).map(Self::new)
+    }
+
+    /// A decoder of an opened bundle.
+    pub fn new(bundle: Bundle) -> Self {
+        Decoder { bundle, recent: Mutex::default() }
+    }
+
+    /// The bundle.
+    pub fn bundle(&self) -> &Bundle {
+        &self.bundle
+    }
+
+    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (periodic in 24 h); bilinear between texel centres.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a page that does not exist or a damaged tile; [`Error::Io`].
+    pub fn sample(&self, page: usize, u: f64, v: f64, hour: f64) -> Result<[f32; 3]> {
+        let grid = self.grid(page)?;
+        let moment = self.bundle.header.timeline.at(hour);
+        // The texel to the left and above, from −1; the tile that owns it (or the page's first) stores the other three too.
+        let axis = |u: f64, n: usize| {
+            let p = u.clamp(0.0, 1.0).max(0.0) * n as f64 - 0.5;
+            let i = p.floor().min(n as f64 - 1.0);
+            let tile = i.max(0.0) as usize / PAYLOAD;
+            ((i as isize - (tile * PAYLOAD) as isize + BORDER as isize) as usize, tile, (p - i) as f32)
+        };
+        let (x, column, s) = axis(u, grid.width);
+        let (y, row, t) = axis(v, grid.height);
+        let Some(tile) = self.tile(Place { page, column, row })? else { return Ok([0.0; 3]) };
+        let at = |dx, dy| texel(&tile, self.bundle.header.timeline.coding, &moment, x + dx, y + dy);
+        let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
+        Ok(std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t)))
+    }
+
+    /// The parameters of a tile, from memory where it was read lately; `None` for a black one. Errors as [`Bundle::tile`].
+    pub fn tile(&self, place: Place) -> Result<Option<Arc<TileParams>>> {
+        let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
+        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(i) = recent.iter().position(|(at, _)| *at == position)
+            && let Some(hit) = recent.remove(i)
+        {
+            recent.push_front(hit.clone());
+            return Ok(hit.1);
+        }
+        drop(recent);
+        let tile = self.bundle.tile(place)?.map(Arc::new);
+        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        recent.push_front((position, tile.clone()));
+        recent.truncate(CACHED);
+        Ok(tile)
+    }
+
+    /// A whole page at `hour`, tiles in parallel.
+    ///
+    /// # Errors
+    /// As [`Decoder::sample`].
+    pub fn decode_page(&self, page: usize, hour: f64) -> Result<Image> {
+        let grid = self.grid(page)?;
+        let timeline = &self.bundle.header.timeline;
+        let moment = timeline.at(hour);
+        let mut image = Image::black(grid.width, grid.height);
+        // One band of tiles is one run of whole rows of the page.
+        image.texels.par_chunks_mut(PAYLOAD * grid.width).enumerate().try_for_each(|(row, band)| {
+            for column in 0..grid.columns() {
+                let Some(tile) = self.bundle.tile(Place { page, column, row })? else { continue };
+                let (own_width, own_height) = grid.payload(column, row);
+                let decoded = TileDecoder::new(&tile, timeline.coding)?.decode_tile(&moment);
+                for y in 0..own_height {
+                    let from = (y + BORDER) * tile.shape.width + BORDER;
+                    let to = y * grid.width + column * PAYLOAD;
+                    band[to..to + own_width].copy_from_slice(&decoded[from..from + own_width]);
+                }
+            }
+            Ok::<(), Error>(())
+        })?;
+        Ok(image)
+    }
+
+    fn grid(&self, page: usize) -> Result<crate::grid::Grid> {
+        let pages = &self.bundle.header.pages;
+        let missing =
+            || Error::invalid(format!("page {page}"), format!("the bundle has {} pages", pages.len()));
+        pages.get(page).copied().ok_or_else(missing)
+    }
+}
+
+#[cfg(test)]
+mod tests;

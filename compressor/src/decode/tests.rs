@@ -1,0 +1,183 @@
+//! The fast path against the literal one, filtering across tiles, and extremes.
+
+use super::*;
+use crate::bundle;
+use crate::grid::Grid;
+use crate::lanes::Tier;
+use crate::model::{PROFILES, Shape};
+use crate::testing;
+use crate::time::Timeline;
+use half::f16;
+
+/// Compares with a tolerance relative to the value or, near zero, to a hundredth of the mean.
+fn assert_close(fast: [f32; 3], oracle: [f32; 3], mean: [f32; 3], what: &str) {
+    for c in 0..3 {
+        let scale = oracle[c].abs().max(0.01 * mean[c]).max(1e-20);
+        assert!(
+            (fast[c] - oracle[c]).abs() <= 1e-4 * scale,
+            "{what}, channel {c}: {} and {}",
+            fast[c],
+            oracle[c]
+        );
+    }
+}
+
+#[test]
+fn every_tier_gives_what_the_formulae_give() {
+    let mut checked = 0;
+    for (i, profile) in PROFILES.iter().enumerate() {
+        for (width, height, sets) in [(128, 128, 26), (12, 100, 3), (4, 4, 1), (36, 8, 7)] {
+            let shape = Shape::new(profile, width, height, sets);
+            let tile = testing::tile(shape, 100 + i as u64);
+            for coding in [Coding::Standard, Coding::Paper] {
+                let hours = (0..sets).map(|k| k as f64 * 24.0 / sets as f64).collect();
+                let timeline = Timeline { hours, intervals: vec![], states: vec![vec![]; sets], coding };
+                for hour in [0.0, 7.77, 23.9] {
+                    let moment = timeline.at(hour);
+                    let means = means_at(&tile, &moment);
+                    for tier in Tier::available() {
+                        let decoded =
+                            TileDecoder::new(&tile, coding).unwrap().with_tier(tier).decode_tile(&moment);
+                        assert_eq!(decoded.len(), width * height);
+                        for (at, fast) in decoded.iter().enumerate().step_by(if width > 100 { 97 } else { 1 })
+                        {
+                            let oracle = texel(&tile, coding, &moment, at % width, at / width);
+                            assert_close(
+                                *fast,
+                                oracle,
+                                means,
+                                &format!("{profile:?} {tier:?} {hour} texel {at}"),
+                            );
+                            checked += 1;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(checked > 10_000);
+}
+
+#[test]
+fn a_tile_of_the_wrong_size_is_refused() {
+    let good = testing::tile(Shape::new(&PROFILES[1], 16, 8, 2), 3);
+    assert!(TileDecoder::new(&good, Coding::Standard).is_ok());
+    type Edit = fn(&mut TileParams);
+    let edits: [(&str, Edit); 12] = [
+        ("F_uv", |t| t.f_uv.truncate(1)),
+        ("F_uvt", |t| t.f_uvt.push([0x40; 16])),
+        ("F_ut", |t| t.f_ut.truncate(1)),
+        ("F_vt", |t| t.f_vt.clear()),
+        ("weights", |t| t.mlp.truncate(1)),
+        ("means", |t| t.means.truncate(1)),
+        ("hidden: 17", |t| t.shape.hidden = 17),
+        ("width: 0", |t| t.shape.width = 0),
+        ("height: 6", |t| t.shape.height = 6),
+        ("sets: 0", |t| t.shape.sets = 0),
+        ("width: 18446744073709551615", |t| t.shape.width = usize::MAX),
+        ("rows: 0", |t| t.shape.rows = 0),
+    ];
+    for (what, edit) in edits {
+        let mut tile = good.clone();
+        edit(&mut tile);
+        let message = TileDecoder::new(&tile, Coding::Standard).unwrap_err().to_string();
+        assert!(message.contains(what) && message.contains("expected"), "{what}: {message}");
+    }
+}
+
+#[test]
+fn axes_clamp_and_wrap() {
+    assert_eq!(clamped(0.0, 4), (0, 1, 0.0));
+    assert_eq!(clamped(0.5, 4), (1, 2, 0.5));
+    assert_eq!(clamped(1.0, 4), (3, 3, 0.0));
+    assert_eq!(periodic(0.0, 4), (3, 0, 0.5));
+    assert_eq!(periodic(1.0, 4), (3, 0, 0.5));
+    assert_eq!(periodic(0.375, 4), (1, 2, 0.0));
+    assert_eq!(periodic(0.7, 1).0, 0);
+    assert_eq!(periodic(0.7, 1).1, 0);
+}
+
+#[test]
+fn extreme_weights_and_means_stay_finite() {
+    for profile in &PROFILES {
+        let mut tile = testing::tile(Shape::new(profile, 16, 8, 2), 3);
+        for (i, w) in tile.mlp.iter_mut().enumerate() {
+            *w = if i % 7 == 3 { f16::MIN } else { f16::MAX };
+        }
+        tile.means = vec![[f32::MAX, 0.0, f32::MIN_POSITIVE], [f32::MAX, 0.0, 1e-40]];
+        let timeline = Timeline {
+            hours: vec![0.0, 12.0],
+            intervals: vec![],
+            states: vec![vec![]; 2],
+            coding: Coding::Standard,
+        };
+        for coding in [Coding::Standard, Coding::Paper] {
+            for hour in [0.0, 3.0] {
+                let moment = timeline.at(hour);
+                let oracle: Vec<_> =
+                    (0..128).map(|i| texel(&tile, coding, &moment, i % 16, i / 16)).collect();
+                let fast = TileDecoder::new(&tile, coding).unwrap().decode_tile(&moment);
+                for value in oracle.iter().chain(&fast).flatten() {
+                    assert!(value.is_finite() && *value >= 0.0, "{value}");
+                }
+                assert!(fast.iter().all(|texel| texel[1] == 0.0), "a zero mean decodes to zero");
+            }
+        }
+    }
+}
+
+#[test]
+fn pages_and_samples_agree_at_texel_centres_and_across_tiles() {
+    let (header, _, bytes) = testing::bundle();
+    let decoder = Decoder::new(bundle::Bundle::from_bytes(bytes).unwrap());
+    for hour in [0.0, 3.1, 5.95, 18.05, 23.0] {
+        for (page, grid) in header.pages.iter().enumerate() {
+            let image = decoder.decode_page(page, hour).unwrap();
+            assert_eq!((image.width, image.height), (grid.width, grid.height));
+            for (i, texel) in image.texels.iter().enumerate() {
+                let (x, y) = (i % grid.width, i / grid.width);
+                let (u, v) = ((x as f64 + 0.5) / grid.width as f64, (y as f64 + 0.5) / grid.height as f64);
+                let sample = decoder.sample(page, u, v, hour).unwrap();
+                for c in 0..3 {
+                    // u and v are rounded, so a little of a neighbour comes in.
+                    assert!(
+                        (sample[c] - texel[c]).abs() <= 1e-3 * texel[c].max(0.1),
+                        "{page} {x} {y}: {sample:?} {texel:?}"
+                    );
+                }
+            }
+            for corner in [(0.0, 0.0), (1.0, 1.0), (-3.0, 2.0), (f64::NAN, 0.5)] {
+                assert!(
+                    decoder.sample(page, corner.0, corner.1, hour).unwrap().iter().all(|e| e.is_finite())
+                );
+            }
+        }
+    }
+    assert!(decoder.sample(2, 0.5, 0.5, 0.0).is_err());
+    assert!(decoder.decode_page(2, 0.0).is_err());
+}
+
+#[test]
+fn filtering_stays_inside_one_tile_and_is_linear_between_its_texels() {
+    let (header, _, bytes) = testing::bundle();
+    let decoder = Decoder::new(bundle::Bundle::from_bytes(bytes).unwrap());
+    let Grid { width, height } = header.pages[0];
+    // Between the last texel of the first tile and the first of the second, the first tile's own border is read.
+    let tile = decoder.tile(Place { page: 0, column: 0, row: 0 }).unwrap().unwrap();
+    let moment = header.timeline.at(0.0);
+    let stored = |x, y| texel(&tile, Coding::Standard, &moment, x, y);
+    let (a, b) = (stored(BORDER + PAYLOAD - 1, BORDER), stored(BORDER + PAYLOAD, BORDER));
+    let sample = decoder
+        .sample(0, (PAYLOAD as f64 + 0.25 - 0.5 + 0.5) / width as f64, 0.5 / height as f64, 0.0)
+        .unwrap();
+    for c in 0..3 {
+        let expected = 0.25 * a[c] + 0.75 * b[c];
+        assert!((sample[c] - expected).abs() <= 1e-3 * expected.max(0.1), "{sample:?} {a:?} {b:?}");
+    }
+    // At the page's edge the border is read, half and half.
+    let (a, b) = (stored(0, BORDER), stored(1, BORDER));
+    let sample = decoder.sample(0, 0.0, 0.5 / height as f64, 0.0).unwrap();
+    for c in 0..3 {
+        assert!((sample[c] - 0.5 * (a[c] + b[c])).abs() <= 1e-3 * a[c].max(b[c]).max(0.1));
+    }
+}

@@ -1,0 +1,155 @@
+//! An evaluation as table, CSV and JSON.
+
+use super::{Evaluation, Quality, Sample};
+use crate::Result;
+use dataset::files::write_atomically;
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Columns of [`Evaluation::rows`].
+pub const COLUMNS: [&str; 8] = [
+    "hour",
+    "PSNR dB",
+    "pooled dB",
+    "worst 1 % dB",
+    "8-bit dB",
+    "noise ceiling dB",
+    "1 − SSIM",
+    "relative error",
+];
+
+/// A number of `digits` decimals, or a dash.
+fn cell(value: Option<f64>, digits: usize) -> String {
+    value.map_or("–".to_owned(), |value| format!("{value:.digits$}"))
+}
+
+fn row(name: String, q: &Quality) -> Vec<String> {
+    vec![
+        name,
+        cell(q.psnr_db, 2),
+        cell(q.psnr_pooled_db, 2),
+        cell(q.psnr_worst_percent_db, 2),
+        cell(q.psnr_8bit_db, 2),
+        cell(q.noise_ceiling_db, 2),
+        cell(q.one_minus_ssim, 5),
+        cell(q.relative_error, 5),
+    ]
+}
+
+impl Evaluation {
+    /// The quality table's rows: every set, then all of them.
+    pub fn rows(&self) -> Vec<Vec<String>> {
+        let mut rows: Vec<_> = self.by_hour.iter().map(|(hour, q)| row(format!("{hour}"), q)).collect();
+        rows.push(row("all".to_owned(), &self.all));
+        rows
+    }
+
+    /// The quality table as lines of text.
+    pub fn table(&self) -> Vec<String> {
+        let header: Vec<String> = COLUMNS.iter().map(|&name| name.to_owned()).collect();
+        let lines: Vec<Vec<String>> = std::iter::once(header).chain(self.rows()).collect();
+        let width = |c: usize| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..COLUMNS.len()).map(width).collect();
+        let text = |line: &Vec<String>| {
+            let cells = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}"));
+            cells.collect::<Vec<_>>().join("  ")
+        };
+        lines.iter().map(text).collect()
+    }
+
+    /// What the table leaves out, in sentences.
+    pub fn remarks(&self) -> Vec<String> {
+        let q = &self.all;
+        let mut remarks = vec![format!(
+            "{:.3} bits per texel and set ({} bytes), {} (tile, set) pairs judged",
+            self.bpp, self.bytes, q.samples
+        )];
+        if q.black > 0 {
+            remarks.push(format!(
+                "{} (tile, set) pairs are black and not judged; largest error there {}",
+                q.black, q.black_largest_error
+            ));
+        }
+        if q.constant > 0 {
+            let error = cell(q.constant_relative_error, 6);
+            remarks.push(format!(
+                "{} (tile, set) pairs are constant in space and judged apart: mean relative error {error}",
+                q.constant
+            ));
+        }
+        if self.distinct_sets < self.by_hour.len() {
+            remarks.push(format!(
+                "{} of {} sets differ; over these alone the mean is {} dB, pooled {} dB",
+                self.distinct_sets,
+                self.by_hour.len(),
+                cell(self.distinct.psnr_db, 2),
+                cell(self.distinct.psnr_pooled_db, 2)
+            ));
+        }
+        let noisy = |s: &&Sample| {
+            s.noise_ceiling_db.zip(s.quality.psnr_db).is_some_and(|(ceiling, psnr)| ceiling < psnr)
+        };
+        let noisy = self.samples.iter().filter(noisy).count();
+        if noisy > 0 {
+            remarks.push(format!(
+                "in {noisy} (tile, set) pairs the bake's own sampling error is larger than the codec's: a better bake, not a better \
+                 codec, would bring them closer to the truth"
+            ));
+        }
+        remarks
+    }
+
+    /// Every judged (tile, set) as comma-separated values.
+    pub fn csv(&self) -> String {
+        let mut out = String::from(
+            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,psnr_8bit_db,noise_ceiling_db,relative_error\n",
+        );
+        for s in &self.samples {
+            let (q, r) = (&s.quality, &s.rect);
+            let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+            let place = format!("{},{},{},{},{},{}", self.by_hour[s.set].0, s.page, r.x0, r.y0, r.x1, r.y1);
+            let plain = format!("{},{},{},{},{},{}", q.texels, q.peak, q.range, q.mean, q.constant, q.mse());
+            let rest = [q.psnr_db, q.psnr_range_db, q.ssim, s.psnr_8bit_db, s.noise_ceiling_db]
+                .map(number)
+                .join(",");
+            let _ = writeln!(out, "{place},{plain},{rest},{}", s.relative_error);
+        }
+        out
+    }
+
+    /// Writes [`Evaluation::csv`] to a file.
+    pub fn write_csv(&self, path: &Path) -> Result<()> {
+        write_atomically(path, self.csv().as_bytes())
+    }
+
+    /// The keys that every `--json` object with a quality has.
+    pub fn json(&self) -> Value {
+        let q = &self.all;
+        let hours: Vec<_> = self
+            .by_hour
+            .iter()
+            .map(|(hour, q)| json!({ "hour": hour, "psnr_db": q.psnr_db, "noise_ceiling_db": q.noise_ceiling_db, "relative_error": q.relative_error }))
+            .collect();
+        json!({
+            "psnr_db": q.psnr_db,
+            "psnr_range_db": q.psnr_range_db,
+            "psnr_pooled_db": q.psnr_pooled_db,
+            "psnr_distinct_db": self.distinct.psnr_db,
+            "sets_distinct": self.distinct_sets,
+            "psnr_8bit_db": q.psnr_8bit_db,
+            "psnr_worst_percent_db": q.psnr_worst_percent_db,
+            "psnr_unquantised_db": Value::Null,
+            "noise_ceiling_db": q.noise_ceiling_db,
+            "one_minus_ssim": q.one_minus_ssim,
+            "relative_error": q.relative_error,
+            "constant_relative_error": q.constant_relative_error,
+            "pairs": q.samples,
+            "pairs_constant": q.constant,
+            "pairs_black": q.black,
+            "bpp": self.bpp,
+            "bytes": self.bytes,
+            "hours": hours,
+        })
+    }
+}

@@ -1,0 +1,101 @@
+//! The grid of tiles on a page, and which page texel each stored texel repeats.
+
+use crate::model::{BORDER, PAYLOAD};
+
+/// Where a tile stands on its page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Place {
+    /// Page index.
+    pub page: usize,
+    /// Column of the tile.
+    pub column: usize,
+    /// Row of the tile.
+    pub row: usize,
+}
+
+impl Place {
+    /// The page texel that the tile's stored texel (0, 0) repeats or owns; −BORDER at the page's edge.
+    pub fn origin(&self) -> (isize, isize) {
+        let at = |i: usize| (i * PAYLOAD) as isize - BORDER as isize;
+        (at(self.column), at(self.row))
+    }
+}
+
+/// The tiles of one page: payloads of [`PAYLOAD`]² from texel (0, 0), smaller at the right and bottom edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Page width in texels, at least 1.
+    pub width: usize,
+    /// Page height in texels, at least 1.
+    pub height: usize,
+}
+
+impl Grid {
+    /// Tiles across.
+    pub fn columns(&self) -> usize {
+        self.width.div_ceil(PAYLOAD)
+    }
+
+    /// Tiles down.
+    pub fn rows(&self) -> usize {
+        self.height.div_ceil(PAYLOAD)
+    }
+
+    /// All tiles.
+    pub fn tiles(&self) -> usize {
+        self.columns() * self.rows()
+    }
+
+    /// The page's tiles row by row.
+    pub fn places(self, page: usize) -> impl Iterator<Item = Place> {
+        (0..self.rows())
+            .flat_map(move |row| (0..self.columns()).map(move |column| Place { page, column, row }))
+    }
+
+    /// Texels that belong to the tile itself: width, height.
+    pub fn payload(&self, column: usize, row: usize) -> (usize, usize) {
+        let own = |extent: usize, i: usize| PAYLOAD.min(extent - i * PAYLOAD);
+        (own(self.width, column), own(self.height, row))
+    }
+
+    /// Stored texels: payload and borders, rounded up to whole 4×4 blocks.
+    pub fn stored(&self, column: usize, row: usize) -> (usize, usize) {
+        let (width, height) = self.payload(column, row);
+        let stored = |own: usize| (own + 2 * BORDER).next_multiple_of(4);
+        (stored(width), stored(height))
+    }
+}
+
+/// Index `i` of an axis of `n ≥ 1` texels, mirrored at both ends as often as needed: −1 is 0, n is n − 1.
+pub fn mirrored(i: isize, n: usize) -> usize {
+    let folded = i.rem_euclid(2 * n as isize) as usize;
+    if folded < n { folded } else { 2 * n - 1 - folded }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::STORED;
+
+    #[test]
+    fn payloads_tile_the_page_and_stored_sides_fit() {
+        for width in [1, 2, 3, 125, 126, 127, 128, 129, 252, 253, 512, 1000] {
+            let grid = Grid { width, height: 1 };
+            let owned: usize = (0..grid.columns()).map(|c| grid.payload(c, 0).0).sum();
+            assert_eq!(owned, width);
+            for column in 0..grid.columns() {
+                let (stored, _) = grid.stored(column, 0);
+                assert!(
+                    stored <= STORED && stored % 4 == 0 && stored >= grid.payload(column, 0).0 + 2 * BORDER
+                );
+            }
+            assert_eq!(grid.places(0).count(), grid.tiles());
+        }
+    }
+
+    #[test]
+    fn mirrors_like_a_reflection_about_the_edge() {
+        assert_eq!((-3..6).map(|i| mirrored(i, 3)).collect::<Vec<_>>(), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
+        assert!((-9..9).all(|i| mirrored(i, 1) == 0));
+    }
+}

@@ -1,0 +1,274 @@
+//! `compress`: the command line of the compressor.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use compressor::bundle::Bundle;
+use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options, PAPER_ITERATIONS, default_bundle};
+use compressor::decode::Decoder;
+use compressor::evaluate::evaluate;
+use compressor::model::{PROFILES, Profile};
+use compressor::run::{compress_and_judge, print};
+use compressor::{Error, Result};
+use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
+use dataset::files::write_atomically;
+use dataset::report::{Report, preview};
+use dataset::store::Dataset;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+const EXAMPLES: &str = "\
+Examples:
+  compress dataset/yard                                     writes yard.ndgi and yard.html there
+  compress dataset/yard --draft --profile L                 fast and small
+  compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
+  compress evaluate dataset/yard --csv quality.csv
+  compress info dataset/yard/yard.ndgi
+
+A run that was stopped continues where it was when the same command is given again.
+
+Keys of the --json object (null where there is none):
+  psnr_db                mean PSNR over (tile, set) pairs, peak = the tile's largest valid value
+  psnr_range_db          the same with peak = largest - smallest
+  psnr_pooled_db         from the mean squared error relative to the peak: bad tiles weigh as they are bad
+  psnr_distinct_db       psnr_db over the sets that differ (sets_distinct of them)
+  psnr_8bit_db           psnr_db after the 8-bit four-channel output
+  psnr_worst_percent_db  mean of the worst 1 % of the pairs
+  psnr_unquantised_db    before quantisation, mean over the training's tiles (compress only)
+  noise_ceiling_db       the bake's own sampling error as a PSNR, mean
+  one_minus_ssim         1 - mean structural similarity
+  relative_error         mean of RMSE / mean
+  constant_relative_error  the same over pairs constant in space, which have no PSNR
+  pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
+  bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle
+  hours                  a list of hour, psnr_db, noise_ceiling_db, relative_error
+  tiles, seconds         tiles of the bundle, wall-clock seconds
+  bundle, report         paths written (compress only)
+  tiles_empty, tiles_resumed, training_cpu_seconds   (compress only)
+  decode_seconds         wall-clock seconds of decoding all sets (evaluate only)";
+
+const INFO_EXAMPLES: &str = "\
+Examples:
+  compress info dataset/yard/yard.ndgi
+  compress info dataset/yard/yard.ndgi --json | jq .written.seed";
+
+/// Compresses a temporal lightmap set into a random-access bundle, and judges the result.
+#[derive(Debug, Parser)]
+#[command(name = "compress", version, after_long_help = EXAMPLES, after_help = "More, with examples: compress --help")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    compress: Compress,
+    #[command(flatten)]
+    console: ConsoleArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Decode one page at one moment to an EXR image.
+    #[command(after_help = "Example: compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr")]
+    Decode {
+        /// The bundle.
+        bundle: PathBuf,
+        /// The moment, in hours; 24 is 0.
+        #[arg(long, allow_negative_numbers = true)]
+        hour: f64,
+        /// The image to write.
+        #[arg(long)]
+        out: PathBuf,
+        /// The page.
+        #[arg(long, default_value_t = 0)]
+        page: usize,
+    },
+    /// Compare a bundle with its dataset: a table by hour, and optionally every tile as CSV.
+    #[command(
+        after_help = "Example: compress evaluate dataset/yard --csv quality.csv\nKeys of --json: compress --help"
+    )]
+    Evaluate {
+        /// The dataset's folder.
+        dataset: PathBuf,
+        /// The bundle [default: <dataset>/<scene>.ndgi].
+        #[arg(long)]
+        bundle: Option<PathBuf>,
+        /// Write one line per (tile, set) to this file.
+        #[arg(long)]
+        csv: Option<PathBuf>,
+    },
+    /// Show what a bundle says of itself.
+    #[command(after_help = INFO_EXAMPLES)]
+    Info {
+        /// The bundle.
+        bundle: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+struct Compress {
+    /// The dataset's folder.
+    #[arg(required = true)]
+    dataset: Option<PathBuf>,
+    /// Size of the representation: L, M, M.64 or H.
+    #[arg(long, default_value = "M", value_parser = parse_profile)]
+    profile: Profile,
+    /// The bundle to write [default: <dataset>/<scene>.ndgi].
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// The report to write [default: the bundle's name with .html].
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Train briefly: a first look.
+    #[arg(long, conflicts_with = "iterations")]
+    draft: bool,
+    /// Training steps per tile [default: 12000; 100000 with --recipe paper; 1000 with --draft].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    iterations: Option<u32>,
+    /// How to train.
+    #[arg(long, value_enum, default_value_t = RecipeName::Standard)]
+    recipe: RecipeName,
+    /// Seed of all randomness.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Train every tile again, even those a stopped run finished.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum RecipeName {
+    /// This project's.
+    Standard,
+    /// The paper's, literally: time axis by the hour, γ on πτ and 2πτ, power 2.2, constant learning rate, plain BC7.
+    Paper,
+}
+
+fn parse_profile(name: &str) -> Result<Profile, String> {
+    let known = || PROFILES.map(|profile| profile.name).join(", ");
+    let found = PROFILES.into_iter().find(|profile| profile.name.eq_ignore_ascii_case(name));
+    found.ok_or_else(|| format!("expected one of {}", known()))
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    catch_interrupts();
+    let console = Console::new(cli.console);
+    let done = match cli.command {
+        None => compress(cli.compress, &console),
+        Some(Command::Decode { bundle, hour, out, page }) => decode(bundle, hour, out, page, &console),
+        Some(Command::Evaluate { dataset, bundle, csv }) => judge(dataset, bundle, csv, &console),
+        Some(Command::Info { bundle }) => info(bundle, &console),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => fail(&error),
+    }
+}
+
+fn compress(args: Compress, console: &Console) -> Result<()> {
+    let root = args.dataset.ok_or_else(|| Error::invalid("command line", "expected a dataset's folder"))?;
+    let paper = args.recipe == RecipeName::Paper;
+    let iterations = match args.iterations {
+        Some(iterations) => iterations as usize,
+        None if args.draft => DRAFT_ITERATIONS,
+        None if paper => PAPER_ITERATIONS,
+        None => ITERATIONS,
+    };
+    let options = Options {
+        profile: args.profile,
+        iterations,
+        paper,
+        seed: args.seed,
+        out: args.out,
+        force: args.force,
+    };
+    for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
+        path.as_ref().map_or(Ok(()), |path| expect_extension(path, extension, option))?;
+    }
+    let judged = compress_and_judge(&root, &options, console)?;
+    let dataset = Dataset::open(&root)?;
+    let mut report = Report::new(&format!("{}, compressed", dataset.config.scene));
+    let mut object = judged.json();
+    report.push(preview::section(&dataset)?);
+    for section in judged.sections {
+        report.push(section);
+    }
+    let path = args.report.unwrap_or_else(|| judged.outcome.bundle.with_extension("html"));
+    report.write(&path)?;
+    console.say(format!("bundle: {}", judged.outcome.bundle.display()));
+    console.say(format!("report: {}", path.display()));
+    object["report"] = json!(path);
+    console.result(&object);
+    Ok(())
+}
+
+fn judge(root: PathBuf, bundle: Option<PathBuf>, csv: Option<PathBuf>, console: &Console) -> Result<()> {
+    let start = Instant::now();
+    let dataset = Dataset::open(&root)?;
+    let decoder = Decoder::open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?;
+    let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
+    if info["inputs"] != json!(compressor::compress::inputs(&dataset)) {
+        console.warn("the bundle was made from another bake than this dataset holds: compress it again");
+    }
+    let evaluation = evaluate(&dataset, &decoder, console)?;
+    print(&evaluation, console);
+    if let Some(path) = csv {
+        evaluation.write_csv(&path)?;
+    }
+    let mut object = evaluation.json();
+    object["tiles"] = json!(decoder.bundle().index.len());
+    object["decode_seconds"] = json!(evaluation.decode_seconds);
+    object["seconds"] = json!(start.elapsed().as_secs_f64());
+    console.result(&object);
+    Ok(())
+}
+
+/// An error unless the path ends as it should: no output may replace a bundle or a manifest by mistake.
+fn expect_extension(path: &Path, extension: &str, option: &str) -> Result<()> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
+        return Ok(());
+    }
+    Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
+}
+
+fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
+    if !hour.is_finite() {
+        return Err(Error::invalid("--hour", format!("{hour}; expected a finite number of hours")));
+    }
+    expect_extension(&out, "exr", "--out")?;
+    let start = Instant::now();
+    let image = Decoder::open(&bundle)?.decode_page(page, hour)?;
+    write_atomically(&out, &image.to_exr())?;
+    console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));
+    let seconds = start.elapsed().as_secs_f64();
+    console.result(&json!({ "out": out, "page": page, "hour": hour, "width": image.width, "height": image.height, "seconds": seconds }));
+    Ok(())
+}
+
+fn info(path: PathBuf, console: &Console) -> Result<()> {
+    let bundle = Bundle::open(&path)?;
+    let header = &bundle.header;
+    let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
+    let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
+    let groups: Vec<_> = header
+        .groups
+        .iter()
+        .zip(&header.timeline.intervals)
+        .map(|(name, on)| json!({ "name": name, "on": on }))
+        .collect();
+    let texels: f64 = header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
+    let bpp = bundle.bytes as f64 * 8.0 / (texels * header.timeline.hours.len() as f64);
+    // What the writer noted about itself is shown as it stands where it is no JSON.
+    let written = serde_json::from_str(&header.info).unwrap_or_else(|_| json!(header.info));
+    let object = json!({
+        "scene": header.scene, "profile": header.profile.name, "pages": pages, "hours": header.timeline.hours, "groups": groups,
+        "tiles": bundle.index.len(), "tiles_empty": empty, "bytes": bundle.bytes, "bpp": bpp, "written": written,
+    });
+    if let Some(object) = object.as_object() {
+        for (key, value) in object {
+            console.print(format!("{key:>12}  {}", value.as_str().map_or(value.to_string(), str::to_owned)));
+        }
+    }
+    console.result(&object);
+    Ok(())
+}

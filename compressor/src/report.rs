@@ -1,0 +1,176 @@
+//! Report sections: training curves, quality table, pictures, what was left out.
+
+use crate::Result;
+use crate::compress::Outcome;
+use crate::decode::Decoder;
+use crate::evaluate::{COLUMNS, Evaluation};
+use dataset::image::Image;
+use dataset::report::Section;
+use dataset::report::plot::Plot;
+use dataset::report::preview::{exposure, tone_mapped_png};
+use dataset::store::Dataset;
+use dataset::tiles::TILE;
+
+/// Hours whose nearest sets are shown decoded beside the reference: morning, noon, right after an evening switch, midnight.
+const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
+/// Errors are shown this much brighter than the light.
+const ERROR_GAIN: f32 = 16.0;
+/// Longest side of a picture in texels.
+const PICTURE_SIDE: usize = 320;
+/// Remarks listed before the rest is summed up.
+const LISTED: usize = 20;
+
+/// PSNR against seconds of training.
+pub fn training(outcome: &Outcome) -> Section {
+    let mut section = Section::new("Training");
+    let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
+    section.paragraph(&format!(
+        "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
+         training. Mean over tiles before quantisation {}, as stored {}.",
+        outcome.tiles,
+        outcome.empty,
+        outcome.resumed,
+        outcome.seconds,
+        outcome.training_seconds,
+        decibels(outcome.psnr_unquantised_db),
+        decibels(outcome.psnr_trained_db),
+    ));
+    let line = |value: &dyn Fn(&crate::compress::CurvePoint) -> f64| {
+        outcome.curve.iter().map(|point| (point.seconds, value(point))).collect()
+    };
+    if !outcome.curve.is_empty() {
+        section.plot(&Plot {
+            title: "Quality against training time".to_owned(),
+            x: "CPU seconds per tile".to_owned(),
+            y: "PSNR in dB, before quantisation".to_owned(),
+            log_x: false,
+            log_y: false,
+            lines: vec![
+                ("mean over tiles".to_owned(), line(&|point| point.mean_db)),
+                ("worst tile".to_owned(), line(&|point| point.worst_db)),
+            ],
+        });
+    }
+    section
+}
+
+/// The quality table by hour and the worst tiles.
+pub fn quality(evaluation: &Evaluation) -> Section {
+    let mut section = Section::new("Quality");
+    section.paragraph(
+        "Decoded from the written bundle. Tiles of 128×128 texels, valid texels only, linear RGB; peak = the tile's largest valid \
+         value; means over tiles. Pooled: from the mean squared error relative to the peak. 8-bit: after an output of three \
+         mantissas and a shared exponent. The noise ceiling is the bake's own sampling error as a PSNR: no codec can be closer to the truth than that.",
+    );
+    section.list(&evaluation.remarks());
+    section.table(&COLUMNS, &evaluation.rows());
+    let quality =
+        |hour: &(f64, crate::evaluate::Quality), value: Option<f64>| value.map(|value| (hour.0, value));
+    let hours = &evaluation.by_hour;
+    section.plot(&Plot {
+        title: "Quality over the day".to_owned(),
+        x: "hour".to_owned(),
+        y: "dB".to_owned(),
+        log_x: false,
+        log_y: false,
+        lines: vec![
+            ("PSNR".to_owned(), hours.iter().filter_map(|h| quality(h, h.1.psnr_db)).collect()),
+            (
+                "worst 1 %".to_owned(),
+                hours.iter().filter_map(|h| quality(h, h.1.psnr_worst_percent_db)).collect(),
+            ),
+            (
+                "noise ceiling".to_owned(),
+                hours.iter().filter_map(|h| quality(h, h.1.noise_ceiling_db)).collect(),
+            ),
+        ],
+    });
+    let mut worst: Vec<_> = evaluation
+        .samples
+        .iter()
+        .filter(|s| !s.quality.constant)
+        .filter_map(|s| Some((s.quality.psnr_db?, s)))
+        .collect();
+    worst.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let rows: Vec<Vec<String>> = worst
+        .iter()
+        .take(8)
+        .map(|(db, s)| {
+            let place = format!("({}, {})", s.rect.x0 / TILE, s.rect.y0 / TILE);
+            let ceiling = s.noise_ceiling_db.map_or("–".to_owned(), |db| format!("{db:.2}"));
+            let hour = evaluation.by_hour[s.set].0;
+            vec![
+                hour.to_string(),
+                s.page.to_string(),
+                place,
+                s.quality.texels.to_string(),
+                format!("{db:.2}"),
+                ceiling,
+            ]
+        })
+        .collect();
+    section.subheading("The worst tiles");
+    section.table(&["hour", "page", "tile", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
+    section
+}
+
+/// Decoded pages beside the reference and their difference, at a few hours.
+///
+/// # Errors
+/// As reading the dataset and the bundle.
+pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
+    let mut section = Section::new("Decoded and reference");
+    section.paragraph(&format!(
+        "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour at its own exposure."
+    ));
+    let sets = &dataset.config.sets;
+    let mut shown: Vec<usize> = Vec::new();
+    for wanted in SHOWN_HOURS {
+        let distance = |k: &usize| {
+            let d = (sets[*k].hour - wanted).abs();
+            d.min(24.0 - d)
+        };
+        let nearest = (0..sets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        shown.extend(nearest.filter(|k| !shown.contains(k)));
+    }
+    for k in shown {
+        for page in 0..dataset.config.pages.len() {
+            let hour = sets[k].hour;
+            let (mask, reference) = (dataset.mask(page)?, dataset.map(k, page)?);
+            let decoded = decoder.decode_page(page, hour)?;
+            let bright = exposure(&reference, &mask);
+            let error = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| (a[c] - b[c]).abs());
+            let difference = Image {
+                width: reference.width,
+                height: reference.height,
+                texels: reference.texels.iter().zip(&decoded.texels).map(error).collect(),
+            };
+            let picture =
+                |image: &Image, gain: f32| tone_mapped_png(image, &mask, gain * bright, PICTURE_SIDE);
+            section.pictures(&[
+                (format!("page {page}, {hour} h, reference"), picture(&reference, 1.0)),
+                ("decoded".to_owned(), picture(&decoded, 1.0)),
+                (format!("difference × {ERROR_GAIN}"), picture(&difference, ERROR_GAIN)),
+            ]);
+        }
+    }
+    Ok(section)
+}
+
+/// What training left out and why.
+pub fn left_out(outcome: &Outcome) -> Section {
+    let mut section = Section::new("What the compressor left out");
+    let tiles = |n: usize| if n == 1 { "1 tile".to_owned() } else { format!("{n} tiles") };
+    let mut items: Vec<String> =
+        outcome.left_out.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
+    if outcome.left_out.len() > LISTED {
+        let rest = outcome.left_out[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
+        items.push(format!("{rest} further remarks; all of them stand in the bundle's run.json"));
+    }
+    if items.is_empty() {
+        section.paragraph("Nothing.");
+    } else {
+        section.list(&items);
+    }
+    section
+}

@@ -1,0 +1,212 @@
+//! Cutting pages into tiles: what the trainer of one tile sees.
+//!
+//! A page is read one band (row of tiles) at a time, so memory grows with its width and the number of sets, never with its height.
+
+use crate::Result;
+use crate::grid::mirrored;
+pub use crate::grid::{Grid, Place};
+use crate::model::BORDER;
+use dataset::image::Mask;
+use dataset::store::Dataset;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Texels around a valid one that filtering near a chart's edge may read.
+pub const GUTTER: usize = 2;
+
+/// How much a stored texel counts in training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coverage {
+    /// Not on a surface and not near one: never looked at.
+    Outside,
+    /// Within two texels of a valid one: carries dilated light that filtering at chart edges reads; trained at low weight.
+    Gutter,
+    /// On a surface.
+    Valid,
+}
+
+/// The light of one tile over all sets.
+#[derive(Clone, Debug)]
+pub struct TileSource {
+    /// Stored width in texels, a multiple of 4.
+    pub width: usize,
+    /// Stored height in texels, a multiple of 4.
+    pub height: usize,
+    /// Per set: its hour, strictly ascending in [0, 24).
+    pub hours: Vec<f64>,
+    /// Per set: `width · height` texels of linear irradiance, finite and ≥ 0, borders filled from the neighbours or mirrored.
+    pub sets: Vec<Vec<[f32; 3]>>,
+    /// Per stored texel.
+    pub coverage: Vec<Coverage>,
+}
+
+/// Coverage of the page's rows `rows`, row by row. Gutter is within [`GUTTER`] texels (Chebyshev) of a valid texel of the page.
+pub fn coverage(mask: &Mask, rows: Range<usize>) -> Vec<Coverage> {
+    let (width, height) = (mask.width, mask.height);
+    let mut out = Vec::with_capacity(width * rows.len());
+    for y in rows {
+        // Columns with a valid texel within GUTTER rows, then columns within GUTTER of such a one.
+        let mut near_rows = vec![false; width];
+        for row in y.saturating_sub(GUTTER)..(y + GUTTER + 1).min(height) {
+            for (near, &valid) in near_rows.iter_mut().zip(&mask.valid[row * width..(row + 1) * width]) {
+                *near |= valid;
+            }
+        }
+        out.extend((0..width).map(|x| {
+            if mask.valid[y * width + x] {
+                Coverage::Valid
+            } else if near_rows[x.saturating_sub(GUTTER)..(x + GUTTER + 1).min(width)].contains(&true) {
+                Coverage::Gutter
+            } else {
+                Coverage::Outside
+            }
+        }));
+    }
+    out
+}
+
+/// A row of tiles with its light, in memory.
+#[derive(Debug)]
+pub struct Band {
+    grid: Grid,
+    page: usize,
+    row: usize,
+    /// The sets' hours.
+    hours: Vec<f64>,
+    /// The page rows held.
+    rows: Range<usize>,
+    /// Per set, `rows.len() × width` texels; sets that share a file share the texels.
+    sets: Vec<Arc<Vec<[f32; 3]>>>,
+    /// Per texel of `rows`.
+    coverage: Vec<Coverage>,
+}
+
+impl Band {
+    /// The page rows that a band of tiles needs: payload, borders and filler, inside the page.
+    pub fn rows(grid: Grid, row: usize) -> Range<usize> {
+        let top = Place { page: 0, column: 0, row }.origin().1;
+        let (_, stored) = grid.stored(0, row);
+        // Filler past the page's end mirrors rows above it; at most 4 of them, all within the band.
+        top.max(0) as usize..grid.height.min((top + stored as isize) as usize)
+    }
+
+    /// Reads one band of all sets. Texels are checked by [`Dataset::map_rows`].
+    pub fn load(dataset: &Dataset, mask: &Mask, page: usize, row: usize) -> Result<Self> {
+        let grid = Grid { width: mask.width, height: mask.height };
+        let rows = Self::rows(grid, row);
+        let mut read: BTreeMap<&str, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
+        let mut sets = Vec::with_capacity(dataset.config.sets.len());
+        for (k, set) in dataset.config.sets.iter().enumerate() {
+            let path = set.maps[page].file.path.as_str();
+            let texels = match read.get(path) {
+                Some(texels) => texels.clone(),
+                None => Arc::new(dataset.map_rows(k, page, rows.start, rows.end)?),
+            };
+            sets.push(read.entry(path).or_insert(texels).clone());
+        }
+        let hours = dataset.config.sets.iter().map(|set| set.hour).collect();
+        Ok(Band { grid, page, row, hours, coverage: coverage(mask, rows.clone()), rows, sets })
+    }
+
+    /// The band's places, left to right.
+    pub fn places(&self) -> impl Iterator<Item = Place> + use<> {
+        let (page, row) = (self.page, self.row);
+        (0..self.grid.columns()).map(move |column| Place { page, column, row })
+    }
+
+    /// Cuts out one tile. Past the page's edge texels are mirrored; filler past the border is never read, so it is `Outside`.
+    pub fn tile(&self, column: usize) -> TileSource {
+        let (width, height) = self.grid.stored(column, self.row);
+        let (own_width, own_height) = self.grid.payload(column, self.row);
+        let (left, top) = Place { page: self.page, column, row: self.row }.origin();
+        // Index into the band's texels of each stored texel, row by row.
+        let mut from = Vec::with_capacity(width * height);
+        for y in 0..height as isize {
+            let line = (mirrored(top + y, self.grid.height) - self.rows.start) * self.grid.width;
+            from.extend((0..width as isize).map(|x| line + mirrored(left + x, self.grid.width)));
+        }
+        let sets = self.sets.iter().map(|texels| from.iter().map(|&i| texels[i]).collect()).collect();
+        let read = |i: usize| i % width < own_width + 2 * BORDER && i / width < own_height + 2 * BORDER;
+        let coverage = from
+            .iter()
+            .enumerate()
+            .map(|(i, &at)| if read(i) { self.coverage[at] } else { Coverage::Outside });
+        TileSource { width, height, hours: self.hours.clone(), coverage: coverage.collect(), sets }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::PAYLOAD;
+
+    fn mask(width: usize, height: usize, valid: impl Fn(usize, usize) -> bool) -> Mask {
+        Mask { width, height, valid: (0..width * height).map(|i| valid(i % width, i / width)).collect() }
+    }
+
+    /// A band of one set whose texel (x, y) is [x, y, 0].
+    fn band(mask: &Mask, row: usize) -> Band {
+        let grid = Grid { width: mask.width, height: mask.height };
+        let rows = Band::rows(grid, row);
+        let texels = rows.clone().flat_map(|y| (0..mask.width).map(move |x| [x as f32, y as f32, 0.0]));
+        Band {
+            grid,
+            page: 0,
+            row,
+            hours: vec![12.0],
+            sets: vec![Arc::new(texels.collect())],
+            coverage: coverage(mask, rows.clone()),
+            rows,
+        }
+    }
+
+    #[test]
+    fn gutter_is_a_square_of_five_around_a_valid_texel_and_crosses_tiles() {
+        let mask = mask(300, 9, |x, y| (x, y) == (PAYLOAD, 4));
+        let all = coverage(&mask, 0..9);
+        for (i, &c) in all.iter().enumerate() {
+            let (dx, dy) = ((i % 300).abs_diff(PAYLOAD), (i / 300).abs_diff(4));
+            let expected = match dx.max(dy) {
+                0 => Coverage::Valid,
+                1..=2 => Coverage::Gutter,
+                _ => Coverage::Outside,
+            };
+            assert_eq!(c, expected, "{i}");
+        }
+        // The valid texel belongs to the second tile; the first sees it in its border and has gutter of its own.
+        let first = band(&mask, 0).tile(0);
+        let line = &first.coverage[5 * first.width..6 * first.width];
+        assert_eq!(line[BORDER + PAYLOAD], Coverage::Valid);
+        assert_eq!(line[BORDER + PAYLOAD - 2], Coverage::Gutter);
+        assert_eq!(line[BORDER + PAYLOAD - 3], Coverage::Outside);
+    }
+
+    #[test]
+    fn tiles_of_any_page_repeat_the_right_texels() {
+        for (width, height) in [(1, 1), (2, 3), (126, 126), (127, 128), (129, 255), (150, 140), (300, 2)] {
+            let mask = mask(width, height, |_, _| true);
+            let grid = Grid { width, height };
+            for row in 0..grid.rows() {
+                let band = band(&mask, row);
+                for place in band.places() {
+                    let tile = band.tile(place.column);
+                    let (left, top) = place.origin();
+                    let (own_width, own_height) = grid.payload(place.column, row);
+                    assert_eq!((tile.width, tile.height), grid.stored(place.column, row));
+                    for (i, texel) in tile.sets[0].iter().enumerate() {
+                        let (x, y) = (i % tile.width, i / tile.width);
+                        let expected = [
+                            mirrored(left + x as isize, width) as f32,
+                            mirrored(top + y as isize, height) as f32,
+                            0.0,
+                        ];
+                        assert_eq!(*texel, expected);
+                        let read = x < own_width + 2 * BORDER && y < own_height + 2 * BORDER;
+                        assert_eq!(tile.coverage[i] == Coverage::Valid, read);
+                    }
+                }
+            }
+        }
+    }
+}

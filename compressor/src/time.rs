@@ -1,0 +1,291 @@
+//! Hours to time coordinates: which sets surround a moment, and how far along it stands.
+//!
+//! Light jumps where a lamp switches, so means and time coordinate interpolate only between neighbouring sets that show the
+//! light groups as they are at that moment; next to a switch the set on the moment's own side is held.
+
+/// How time and light are coded in a tile's maps; one choice for a whole bundle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coding {
+    /// `τ = (k + ½)/n` for set k of n, `γ` on 2πτ and 4πτ, `E = mean · y²`.
+    Standard,
+    /// The paper's literal choice: `τ = hour/24`, `γ` on πτ and 2πτ, `E = mean · y^2.2`.
+    Paper,
+}
+
+impl Coding {
+    /// The time coordinate of set `k` of the sets at `hours`.
+    pub fn set_tau(self, hours: &[f64], k: usize) -> f64 {
+        match self {
+            Coding::Standard => (k as f64 + 0.5) / hours.len() as f64,
+            Coding::Paper => hours[k] / 24.0,
+        }
+    }
+
+    /// Positional encoding: sine and cosine of τ's first and second harmonic. The paper's first one has a period of two days,
+    /// so that its γ jumps at midnight.
+    pub fn gamma(self, tau: f64) -> [f32; 4] {
+        let cycle = match self {
+            Coding::Standard => std::f64::consts::TAU,
+            Coding::Paper => std::f64::consts::PI,
+        };
+        let (s1, c1) = (cycle * tau).sin_cos();
+        let (s2, c2) = (2.0 * cycle * tau).sin_cos();
+        [s1 as f32, c1 as f32, s2 as f32, c2 as f32]
+    }
+
+    /// The exponent p of `E = mean · max(y, 0)^p`.
+    pub fn exponent(self) -> f32 {
+        match self {
+            Coding::Standard => 2.0,
+            Coding::Paper => 2.2,
+        }
+    }
+
+    /// Light over mean of a decoder's output y ≥ 0: y^p.
+    pub fn light(self, y: f64) -> f64 {
+        match self {
+            Coding::Standard => y * y,
+            Coding::Paper => y.powf(f64::from(self.exponent())),
+        }
+    }
+
+    /// The output that stands for a ratio ≥ 0 of light to mean: the inverse of [`Self::light`].
+    pub fn output(self, ratio: f64) -> f64 {
+        match self {
+            Coding::Standard => ratio.sqrt(),
+            Coding::Paper => ratio.powf(1.0 / f64::from(self.exponent())),
+        }
+    }
+}
+
+/// What a decoder knows about time: the sets' hours and when each light group is on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timeline {
+    /// The sets' hours: at least one, strictly ascending, in [0, 24).
+    pub hours: Vec<f64>,
+    /// Per light group: its open on-intervals `(from, to)` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
+    pub intervals: Vec<Vec<[f64; 2]>>,
+    /// Per set, per light group: whether the set shows it on.
+    pub states: Vec<Vec<bool>>,
+    /// The bundle's coding.
+    pub coding: Coding,
+}
+
+/// A moment between (or at) sets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// The set before, or the one that is held.
+    pub a: usize,
+    /// The set after; equal to `a` at a set's hour and where a set is held.
+    pub b: usize,
+    /// Share of `b` in the means, in [0, 1).
+    pub fraction: f32,
+    /// Time coordinate; may pass 1 between the last set and the first.
+    pub tau: f32,
+}
+
+/// Whether a group with these open on-intervals is lit at `hour`. `[0, 24]` (and longer) is always on, midnight included.
+pub fn is_on(intervals: &[[f64; 2]], hour: f64) -> bool {
+    intervals.iter().any(|&[from, to]| {
+        if to - from >= 24.0 {
+            true
+        } else if from > to {
+            hour > from || hour < to
+        } else {
+            from < hour && hour < to
+        }
+    })
+}
+
+/// `hour` folded into [0, 24); what is not finite counts as midnight.
+pub fn fold_hour(hour: f64) -> f64 {
+    let folded = hour.rem_euclid(24.0);
+    // A tiny negative hour folds to 24 by rounding.
+    if folded < 24.0 { folded } else { 0.0 }
+}
+
+impl Timeline {
+    /// The light groups' states at an hour in [0, 24).
+    pub fn state(&self, hour: f64) -> Vec<bool> {
+        self.intervals.iter().map(|on| is_on(on, hour)).collect()
+    }
+
+    /// Where the moment `hour` (periodic in 24 h) stands.
+    pub fn at(&self, hour: f64) -> Moment {
+        let hour = fold_hour(hour);
+        let n = self.hours.len();
+        // First set later than the moment; the one before it, around midnight.
+        let next = self.hours.partition_point(|&h| h <= hour);
+        let prev = (next + n - 1) % n;
+        if self.hours[prev] == hour {
+            return self.hold(prev);
+        }
+        let next = next % n;
+        let state = self.state(hour);
+        match (self.states[prev] == state, self.states[next] == state) {
+            (true, true) if prev != next => self.between(prev, next, hour),
+            (true, _) => self.hold(prev),
+            (_, true) => self.hold(next),
+            // Neither neighbour shows this state: the nearest set that does, else the nearest.
+            (false, false) => {
+                let distance = |k: usize| {
+                    let d = (self.hours[k] - hour).abs();
+                    d.min(24.0 - d)
+                };
+                let nearest = |of: &mut dyn Iterator<Item = usize>| {
+                    of.min_by(|&i, &j| distance(i).total_cmp(&distance(j)))
+                };
+                let same = nearest(&mut (0..n).filter(|&k| self.states[k] == state));
+                self.hold(same.or_else(|| nearest(&mut (0..n))).unwrap_or(prev))
+            }
+        }
+    }
+
+    /// Exactly at set `k`.
+    pub fn hold(&self, k: usize) -> Moment {
+        Moment { a: k, b: k, fraction: 0.0, tau: self.coding.set_tau(&self.hours, k) as f32 }
+    }
+
+    /// Linearly between neighbouring sets, possibly across midnight.
+    fn between(&self, a: usize, b: usize, hour: f64) -> Moment {
+        let (from, to) = (self.coding.set_tau(&self.hours, a), self.coding.set_tau(&self.hours, b));
+        let wrapped = |x: f64| if x < 0.0 { x + 24.0 } else { x };
+        let fraction = wrapped(hour - self.hours[a]) / wrapped(self.hours[b] - self.hours[a]);
+        let turn = if b < a { 1.0 } else { 0.0 };
+        let tau = from + fraction * (to + turn - from);
+        Moment { a, b, fraction: fraction as f32, tau: tau as f32 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hourly sets and the two switch extras of lamps that are on 18:00–06:00.
+    fn lamps_at_night() -> Timeline {
+        let mut hours: Vec<f64> = (0..24).map(f64::from).collect();
+        hours.extend([5.9, 18.1]);
+        timeline(hours, vec![vec![[18.0, 6.0]]])
+    }
+
+    fn timeline(mut hours: Vec<f64>, intervals: Vec<Vec<[f64; 2]>>) -> Timeline {
+        hours.sort_by(f64::total_cmp);
+        let states = hours.iter().map(|&h| intervals.iter().map(|on| is_on(on, h)).collect()).collect();
+        Timeline { hours, intervals, states, coding: Coding::Standard }
+    }
+
+    fn set(timeline: &Timeline, hour: f64) -> usize {
+        timeline.hours.iter().position(|&h| h == hour).unwrap()
+    }
+
+    #[test]
+    fn a_set_s_hour_is_that_set_exactly() {
+        let t = lamps_at_night();
+        for (k, &hour) in t.hours.iter().enumerate() {
+            for day in [-24.0, 0.0, 24.0] {
+                // 24 + 5.9 is no longer 5.9 in binary: only exact hours are compared a day away.
+                if day == 0.0 || hour.fract() == 0.0 {
+                    let m = t.at(hour + day);
+                    assert_eq!((m.a, m.b, m.fraction), (k, k, 0.0), "{hour}");
+                    assert_eq!(m.tau, ((k as f64 + 0.5) / 26.0) as f32);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_side_of_a_switch_is_held() {
+        let t = lamps_at_night();
+        // Lamps still on at 5.95, off at 6.0 itself; still off at 18.0, on right after.
+        assert_eq!(t.at(5.95), t.hold(set(&t, 5.9)));
+        assert_eq!(t.at(6.0), t.hold(set(&t, 6.0)));
+        assert_eq!(t.at(18.0), t.hold(set(&t, 18.0)));
+        assert_eq!(t.at(18.0 + 1e-9), t.hold(set(&t, 18.1)));
+        assert_eq!(t.at(18.05), t.hold(set(&t, 18.1)));
+        assert_eq!(t.at(18.1), t.hold(set(&t, 18.1)));
+        // Away from the switch both neighbours agree.
+        let m = t.at(18.55);
+        assert_eq!((m.a, m.b), (set(&t, 18.1), set(&t, 19.0)));
+        assert!((m.fraction - 0.5).abs() < 1e-6);
+        let k = set(&t, 18.1) as f32;
+        assert!((m.tau - (k + 1.0) / 26.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn midnight_wraps() {
+        let t = lamps_at_night();
+        let m = t.at(23.5);
+        assert_eq!((m.a, m.b, m.fraction), (25, 0, 0.5));
+        assert!((m.tau - 1.0).abs() < 1e-7, "halfway between (25 + ½)/26 and 1 + ½/26");
+        assert_eq!(t.at(0.0), t.hold(0));
+        assert_eq!(t.at(24.0), t.hold(0));
+        assert_eq!(t.at(-1e-30), t.hold(0));
+        assert_eq!(t.at(f64::NAN), t.hold(0));
+        assert_eq!(t.at(f64::INFINITY), t.hold(0));
+    }
+
+    #[test]
+    fn a_blinking_lamp_stays_within_its_minutes() {
+        // On for 0.1 h, shown by one extra set inside and one on either side.
+        let t = timeline(vec![20.0, 20.39, 20.45, 20.51, 21.0], vec![vec![[20.4, 20.5]]]);
+        assert_eq!(t.at(20.395), t.hold(1));
+        assert_eq!(t.at(20.4), t.hold(1));
+        for inside in [20.41, 20.45, 20.49] {
+            assert_eq!(t.at(inside), t.hold(2), "{inside}");
+        }
+        assert_eq!(t.at(20.5), t.hold(3));
+        assert_eq!(t.at(20.505), t.hold(3));
+        // Without a set that shows it on: the nearest set.
+        let t = timeline(vec![20.0, 21.0], vec![vec![[20.6, 20.7]]]);
+        assert_eq!(t.at(20.65), t.hold(1));
+        // A set elsewhere that shows the state is preferred to a nearer one that does not.
+        let t = timeline(vec![3.0, 20.0, 21.0], vec![vec![[20.6, 20.7], [2.0, 4.0]]]);
+        assert_eq!(t.at(20.65), t.hold(0));
+    }
+
+    #[test]
+    fn two_groups_must_both_agree() {
+        let t = timeline(vec![17.0, 18.0, 18.5, 19.0, 19.5], vec![vec![[18.0, 6.0]], vec![[19.0, 5.0]]]);
+        assert_eq!(t.at(17.5).a, 0);
+        assert_eq!(t.at(17.5).b, 1);
+        assert_eq!(t.at(18.25), t.hold(2));
+        assert_eq!(t.at(18.75).b, 3, "at 19:00 the second group is still off");
+        assert_eq!(t.at(19.25), t.hold(4));
+    }
+
+    #[test]
+    fn one_set_is_held_all_day() {
+        for on in [vec![], vec![[18.0, 6.0]], vec![[0.0, 24.0]]] {
+            let t = timeline(vec![12.0], vec![on]);
+            for i in 0..240 {
+                assert_eq!(t.at(f64::from(i) / 10.0), Moment { a: 0, b: 0, fraction: 0.0, tau: 0.5 });
+            }
+        }
+    }
+
+    #[test]
+    fn always_on_includes_midnight_and_the_paper_s_axis_is_the_hour() {
+        assert!(is_on(&[[0.0, 24.0]], 0.0));
+        assert!(!is_on(&[[18.0, 24.0]], 0.0));
+        assert!(is_on(&[[18.0, 6.0]], 0.0));
+        let t = Timeline { coding: Coding::Paper, ..timeline(vec![0.0, 6.0, 18.0], vec![]) };
+        assert!((t.at(12.0).tau - 0.5).abs() < 1e-7);
+        assert!((t.at(21.0).tau - 0.875).abs() < 1e-7);
+        // γ on πτ and 2πτ, literally: at 6 h, τ = ¼.
+        let root = std::f32::consts::FRAC_1_SQRT_2;
+        for (found, expected) in Coding::Paper.gamma(0.25).into_iter().zip([root, root, 1.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        }
+        assert!((Coding::Paper.light(0.5) - 0.5f64.powf(2.2)).abs() < 1e-7);
+    }
+
+    #[test]
+    fn output_is_the_inverse_of_light() {
+        for coding in [Coding::Standard, Coding::Paper] {
+            for ratio in [0.0, 1e-6, 0.3, 1.0, 100.0] {
+                let back = coding.light(coding.output(ratio));
+                assert!((back - ratio).abs() <= 1e-12 * ratio, "{coding:?} {ratio} {back}");
+            }
+        }
+    }
+}

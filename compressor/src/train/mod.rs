@@ -1,0 +1,155 @@
+//! Training of one tile: from its light to its stored parameters.
+
+mod blocks;
+mod descent;
+mod features;
+mod kernel;
+mod network;
+mod optimise;
+mod phases;
+mod problem;
+mod quantise;
+mod random;
+#[cfg(test)]
+mod tests;
+
+use crate::lanes::{self, Tier};
+use crate::model::{Profile, Shape, TileParams};
+use crate::tile::TileSource;
+use crate::time::Coding;
+use crate::{Error, Result};
+use phases::Attempt;
+use problem::Problem;
+
+/// How long and by which recipe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Recipe {
+    /// Steps of the main phase.
+    pub iterations: usize,
+    /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, Adam's β₂ 0.999, unweighted L2; then 8
+    /// bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values and the floors of the means, on which the
+    /// paper is silent, are those of the main recipe.
+    pub paper: bool,
+    /// Seed of all randomness; the tile's own seed is derived from it and its place.
+    pub seed: u64,
+}
+
+impl Recipe {
+    /// The coding that the recipe trains, and so the bundle's.
+    pub fn coding(&self) -> Coding {
+        if self.paper { Coding::Paper } else { Coding::Standard }
+    }
+}
+
+/// A moment of the training: for the curve of quality against time.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Steps done.
+    pub iteration: usize,
+    /// CPU seconds this tile has taken so far.
+    pub seconds: f64,
+    /// PSNR of the float model, mean over the tile's sets, peak = the set's largest valid value.
+    pub psnr_db: f64,
+}
+
+/// What training gives.
+#[derive(Clone, Debug)]
+pub struct TrainedTile {
+    /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
+    pub params: Option<TileParams>,
+    /// PSNR before quantisation (as in [`Point`]); `None` where no set has one.
+    pub psnr_unquantised_db: Option<f64>,
+    /// PSNR of the stored tile, as its decoder gives it.
+    pub psnr_db: Option<f64>,
+    /// Quality against time.
+    pub curve: Vec<Point>,
+    /// What was left out and why, in words, e.g. "black at 9 of 26 sets".
+    pub left_out: Vec<String>,
+}
+
+/// How often a training that diverges is tried again at half the rate.
+const RETRIES: i32 = 6;
+/// Trains a tile. Deterministic in (source, recipe) on one instruction set.
+///
+/// # Errors
+/// [`Error::Invalid`] where the source's lists have wrong lengths or light that is negative or not finite,
+/// [`Error::Unsupported`] for a hidden width other than 16 or 64, [`Error::Interrupted`].
+pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<TrainedTile> {
+    check(source)?;
+    let shape = Shape::new(profile, source.width, source.height, source.sets.len());
+    let problem = Problem::new(source, shape, recipe.coding());
+    let mut left_out = Vec::new();
+    let black = source.sets.len() - problem.moments.len();
+    if problem.valid == 0 {
+        left_out.push("no valid texel".to_owned());
+    } else if black > 0 {
+        left_out.push(match problem.moments.len() {
+            0 => "black at every set".to_owned(),
+            _ => format!("black at {black} of {} sets", source.sets.len()),
+        });
+    }
+    if problem.moments.is_empty() {
+        return Ok(TrainedTile {
+            params: None,
+            psnr_unquantised_db: None,
+            psnr_db: None,
+            curve: Vec::new(),
+            left_out,
+        });
+    }
+    match profile.hidden {
+        16 => train_width::<16>(&problem, recipe, left_out),
+        64 => train_width::<64>(&problem, recipe, left_out),
+        other => Err(Error::unsupported("profile", format!("hidden width {other}; expected 16 or 64"))),
+    }
+}
+
+fn check(source: &TileSource) -> Result<()> {
+    let texels = source.width * source.height;
+    let wrong = |what: String| Err(Error::invalid("tile", what));
+    if texels == 0 || !source.width.is_multiple_of(4) || !source.height.is_multiple_of(4) {
+        return wrong(format!("{}×{} texels; expected multiples of 4", source.width, source.height));
+    }
+    if source.width.max(source.height) > crate::model::STORED {
+        return wrong(format!("{}×{} texels; expected at most 128×128", source.width, source.height));
+    }
+    if source.hours.len() != source.sets.len() {
+        return wrong(format!(
+            "{} hours; expected one for each of {} sets",
+            source.hours.len(),
+            source.sets.len()
+        ));
+    }
+    if source.sets.is_empty() || source.coverage.len() != texels {
+        return wrong(format!(
+            "{} sets and {} coverages; expected at least one set and {texels} coverages",
+            source.sets.len(),
+            source.coverage.len()
+        ));
+    }
+    for (k, set) in source.sets.iter().enumerate() {
+        if set.len() != texels {
+            return wrong(format!("set {k} has {} texels; expected {texels}", set.len()));
+        }
+        if let Some(i) = set.iter().position(|e| !e.iter().all(|c| c.is_finite() && *c >= 0.0)) {
+            let (x, y) = (i % source.width, i / source.width);
+            return wrong(format!("set {k}, texel ({x}, {y}): {:?}; expected finite light ≥ 0", set[i]));
+        }
+    }
+    Ok(())
+}
+
+fn train_width<const H: usize>(
+    problem: &Problem,
+    recipe: &Recipe,
+    mut left_out: Vec<String>,
+) -> Result<TrainedTile> {
+    for retry in 0..=RETRIES {
+        let slower = 0.5f32.powi(retry);
+        if let Some(finished) = Attempt::<H>::new(problem, recipe, slower, Tier::detect()).finish(recipe)? {
+            return Ok(TrainedTile { left_out, ..finished });
+        }
+        left_out.push(format!("training diverged; restarted at 1/{} of the rate", 2 << retry));
+    }
+    Err(Error::invalid("tile", format!("training diverges even at 1/{} of the rate", 1 << RETRIES)))
+}

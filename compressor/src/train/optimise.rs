@@ -1,0 +1,283 @@
+//! The training loop of one tile: epochs, steps of Adam, the loss weights, and the error so far.
+
+use super::features::{Layout, Maps};
+use super::kernel::{Adam, Batch, Contract, FillMaps, Gradient, Noise, Samples, Scope, SquaredErrors, run};
+use super::lanes::Tier;
+use super::network::{BLOCK, Network, NetworkGradient};
+use super::problem::{GUTTER_SHARE, Problem};
+use super::random::Random;
+use crate::Result;
+use dataset::console::stop_if_interrupted;
+use dataset::metrics::psnr_db;
+
+/// Samples per step: the paper's 2¹².
+const BATCH: usize = 4096;
+/// β of Adam.
+const BETA: [f32; 2] = [0.9, 0.95];
+
+/// What a step moves, how far, and whether features carry noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Parameters that move.
+    pub scope: Scope,
+    /// Learning rate of the features.
+    pub rate: f32,
+    /// Learning rate of the decoder.
+    pub mlp_rate: f32,
+    /// Noise of 8-bit quantisation on sampled features.
+    pub noise: bool,
+    /// Adam's β₂.
+    pub beta2: f32,
+}
+
+/// Learning rate at a step: a linear warm-up, then a cosine from 1 to `end`.
+pub fn schedule(step: usize, steps: usize, warm_up: usize, end: f32) -> f32 {
+    let progress = step as f32 / steps.max(1) as f32;
+    let warm = ((step + 1) as f32 / warm_up.max(1) as f32).min(1.0);
+    warm * (end + (1.0 - end) * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos()))
+}
+
+/// The state of one tile's training.
+#[derive(Debug)]
+pub struct Trainer<const H: usize> {
+    tier: Tier,
+    /// The samples.
+    pub problem: Problem,
+    /// Order of the parameters.
+    pub layout: Layout,
+    /// The parameters.
+    pub params: Vec<f32>,
+    /// Their maps; F_uv and F_uvt come from the blocks once these are frozen.
+    pub maps: Maps,
+    /// Their decoder.
+    pub network: Network<H>,
+    /// F_uv and F_uvt no longer follow the parameters.
+    pub frozen: bool,
+    gradient: Gradient<H>,
+    flat: Vec<f32>,
+    mean: Vec<f32>,
+    square: Vec<f32>,
+    steps: i32,
+    epochs: Epochs,
+    noise: Noise,
+    random: Random,
+}
+
+impl<const H: usize> Trainer<H> {
+    /// Instruction set in use.
+    pub fn tier(&self) -> Tier {
+        self.tier
+    }
+
+    /// Before the first step.
+    pub fn new(problem: Problem, seed: u64, tier: Tier) -> Self {
+        let mut random = Random::new(seed);
+        let layout = Layout::new(&problem.shape);
+        let params = layout.initial(H, &mut random);
+        let maps = Maps::new(&problem);
+        let mut trainer = Trainer {
+            tier,
+            network: Network::new(&params[layout.mlp.clone()]),
+            gradient: Gradient { maps: maps.clone(), network: NetworkGradient::new() },
+            flat: vec![0.0; params.len()],
+            mean: vec![0.0; params.len()],
+            square: vec![0.0; params.len()],
+            steps: 0,
+            epochs: Epochs::default(),
+            noise: Noise::new(&mut random),
+            frozen: false,
+            problem,
+            layout,
+            params,
+            maps,
+            random,
+        };
+        trainer.refresh();
+        trainer
+    }
+
+    /// Makes maps and decoder follow the parameters.
+    pub fn refresh(&mut self) {
+        let blocks = !self.frozen;
+        let (problem, layout, params) = (&self.problem, &self.layout, &self.params);
+        run(self.tier, FillMaps { problem, layout, params, maps: &mut self.maps, blocks });
+        self.network = Network::new(&self.params[self.layout.mlp.clone()]);
+    }
+
+    /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is left in `flat`.
+    pub fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
+        let salt = self.random.bits();
+        self.gradient.network = NetworkGradient::new();
+        let loss = run(
+            self.tier,
+            Batch {
+                problem: &self.problem,
+                maps: &self.maps,
+                network: &self.network,
+                samples,
+                noise: noise.then_some((&self.noise, salt)),
+                gradient: &mut self.gradient,
+                scope,
+                // Far from Adam's ε on one side and from overflow on the other.
+                scale: 64.0 / (samples.len() * BLOCK) as f32,
+            },
+        );
+        if scope != Scope::Decoder {
+            let contract = Contract {
+                problem: &self.problem,
+                layout: &self.layout,
+                params: &self.params,
+                maps: &mut self.gradient.maps,
+                gradient: &mut self.flat,
+                blocks: scope == Scope::All,
+            };
+            run(self.tier, contract);
+        }
+        self.gradient.network.flatten(&mut self.flat[self.layout.mlp.clone()]);
+        loss / (samples.len() * BLOCK) as f64
+    }
+
+    /// The gradient that [`Self::differentiate`] left, times 32 / samples.
+    #[cfg(test)]
+    pub fn gradient(&self) -> &[f32] {
+        &self.flat
+    }
+
+    /// One step on the next batch; gives its loss, which is not finite once the training diverged.
+    pub fn step(&mut self, step: &Step) -> Result<f64> {
+        stop_if_interrupted()?;
+        let mut epochs = std::mem::take(&mut self.epochs);
+        let batch = epochs.next(&self.problem, &mut self.random);
+        let loss = self.differentiate(batch, step.noise, step.scope);
+        self.epochs = epochs;
+        self.steps += 1;
+        let (mlp, ut) = (self.layout.mlp.clone(), self.layout.ut.start);
+        let features = match step.scope {
+            Scope::All => 0..mlp.start,
+            Scope::Planes => ut..mlp.start,
+            Scope::Decoder => mlp.start..mlp.start,
+        };
+        let beta = [BETA[0], step.beta2];
+        let corrections = beta.map(|b| 1.0 - f64::from(b).powi(self.steps));
+        for (range, rate, bounds) in
+            [(features, step.rate, [0.0, 1.0]), (mlp, step.mlp_rate, [f32::NEG_INFINITY, f32::INFINITY])]
+        {
+            let adam = Adam {
+                params: &mut self.params[range.clone()],
+                gradient: &self.flat[range.clone()],
+                mean: &mut self.mean[range.clone()],
+                square: &mut self.square[range],
+                beta,
+                corrected: [(f64::from(rate) / corrections[0]) as f32, (1.0 / corrections[1]) as f32],
+                bounds,
+            };
+            run(self.tier, adam);
+        }
+        match step.scope {
+            Scope::Decoder => self.network = Network::new(&self.params[self.layout.mlp.clone()]),
+            _ => self.refresh(),
+        }
+        Ok(loss)
+    }
+
+    /// Mean squared error in linear light of each moment, over every `stride`-th valid texel.
+    pub fn mean_squared_errors(&self, stride: usize) -> Vec<f64> {
+        let texels: Vec<u32> = (0..self.problem.valid as u32).step_by(stride).collect();
+        let (problem, maps, network) = (&self.problem, &self.maps, &self.network);
+        let mut sums = run(self.tier, SquaredErrors { problem, maps, network, texels: &texels });
+        sums.iter_mut().for_each(|s| *s /= (3 * texels.len()) as f64);
+        sums
+    }
+
+    /// Mean over the moments of the PSNR (at most 100 dB) against the moment's largest valid value; not finite where any
+    /// output is not.
+    pub fn psnr(&self, stride: usize) -> f64 {
+        let errors = self.mean_squared_errors(stride);
+        let peaks = self.problem.moments.iter().map(|m| f64::from(m.peak));
+        peaks.zip(&errors).map(|(peak, mse)| psnr_db(peak, *mse)).sum::<f64>() / errors.len() as f64
+    }
+
+    /// Weighs the loss so that it follows the PSNR in linear light: to first order E's error is 2 mean·y·δy, its share
+    /// of the set's log-MSE is (mean·y)²/MSE; the weight is the root of that, scaled to mean 1, with a floor for the dark.
+    pub fn align_weights(&mut self) {
+        let stride = self.problem.valid.div_ceil(2048);
+        let errors = self.mean_squared_errors(stride);
+        let problem = &mut self.problem;
+        let (mut total, mut count) = (0.0, 0.0);
+        for (a, (moment, mse)) in problem.moments.iter_mut().zip(errors).enumerate() {
+            // 100 dB is as good as it is measured.
+            let root = mse.max(f64::from(moment.peak).powi(2) * 1e-10).sqrt();
+            for c in 0..3 {
+                moment.slope[c] = (f64::from(moment.means[c]) / root) as f32;
+            }
+            let targets = &problem.targets[a * problem.texels.len()..][..problem.valid];
+            for t in targets.iter().step_by(stride) {
+                total += (0..3).map(|c| f64::from(moment.slope[c] * t[c])).sum::<f64>();
+                count += 3.0;
+            }
+        }
+        let factor = (count / total) as f32;
+        if !factor.is_finite() {
+            return;
+        }
+        for moment in &mut problem.moments {
+            for c in 0..3 {
+                moment.slope[c] *= factor;
+                moment.base[c] = if moment.means[c] > 0.0 { DARK_WEIGHT } else { 0.0 };
+            }
+        }
+    }
+}
+
+/// Floor of the aligned loss weight.
+const DARK_WEIGHT: f32 = 0.1;
+
+/// Draws batches: every sample once an epoch, in random order; consecutive blocks go round the moments.
+#[derive(Debug, Default)]
+struct Epochs {
+    blocks: Vec<Samples>,
+    used: usize,
+    batch: usize,
+}
+
+impl Epochs {
+    fn next(&mut self, problem: &Problem, random: &mut Random) -> &[Samples] {
+        if self.used == self.blocks.len() {
+            self.refill(problem, random);
+        }
+        let end = (self.used + self.batch).min(self.blocks.len());
+        let batch = &self.blocks[self.used..end];
+        self.used = end;
+        batch
+    }
+
+    fn refill(&mut self, problem: &Problem, random: &mut Random) {
+        let gutter = problem.texels.len() - problem.valid;
+        let per_moment = problem.valid + gutter.div_ceil(GUTTER_SHARE);
+        let rounds = per_moment.div_ceil(BLOCK);
+        let mut orders: Vec<u32> = Vec::with_capacity(problem.moments.len() * per_moment);
+        for _ in &problem.moments {
+            let first = orders.len();
+            orders.extend(0..problem.valid as u32);
+            // A random arithmetic progression of the gutter: each of its texels is as likely.
+            let start = if gutter > 0 { random.below(gutter) } else { 0 };
+            let picks = gutter.div_ceil(GUTTER_SHARE);
+            orders.extend((0..picks).map(|i| (problem.valid + (start + i * GUTTER_SHARE) % gutter) as u32));
+            random.shuffle(&mut orders[first..]);
+        }
+        let mut turn: Vec<usize> = (0..problem.moments.len()).collect();
+        self.blocks.clear();
+        for round in 0..rounds {
+            random.shuffle(&mut turn);
+            self.blocks.extend(turn.iter().map(|&moment| {
+                let order = &orders[moment * per_moment..][..per_moment];
+                // The last round is filled up from the start.
+                let texel = |s| order[(round * BLOCK + s) % per_moment];
+                Samples { moment, texels: std::array::from_fn(texel), count: BLOCK }
+            }));
+        }
+        let batches = self.blocks.len().div_ceil(BATCH / BLOCK);
+        self.batch = self.blocks.len().div_ceil(batches);
+        self.used = 0;
+    }
+}

@@ -1,0 +1,211 @@
+//! The phases of one tile's training, by either recipe: the float model, its quantisation, fine-tuning in between.
+
+use super::kernel::Scope;
+use super::lanes::Tier;
+use super::optimise::{Step, Trainer, schedule};
+use super::problem::Problem;
+use super::quantise::Blocks;
+use super::{Point, Recipe, TrainedTile};
+use crate::clock::Clock;
+use crate::{Error, Result};
+
+/// Largest learning rate of the main phase, and of the decoder in it.
+const RATES: [f32; 2] = [0.02, 0.03];
+/// Steps over which the rate rises.
+const WARM_UP: usize = 100;
+/// Share of the rate that is left at the end of the cosine.
+const LAST_RATE: f32 = 0.02;
+/// Adam's β₂.
+const BETA2: f32 = 0.95;
+/// When in the main phase the loss weights are aligned with the error so far.
+const ALIGNMENTS: [f64; 3] = [0.25, 0.5, 0.75];
+/// The paper's learning rate, throughout.
+const PAPER_RATE: f32 = 1e-3;
+/// Adam's β₂ in the paper's recipe: the usual one.
+const PAPER_BETA2: f32 = 0.999;
+/// Steps of the decoder alone in the paper's recipe, which does not say how many.
+const PAPER_FINE_TUNING: usize = 300;
+/// Points of the curve in the main phase.
+const POINTS: usize = 8;
+
+/// A training at a multiple of the rates.
+pub struct Attempt<const H: usize> {
+    trainer: Trainer<H>,
+    /// Factor of all rates.
+    slower: f32,
+    beta2: f32,
+    clock: Clock,
+    curve: Vec<Point>,
+    /// Steps done.
+    iteration: usize,
+}
+
+/// Why a training ended early.
+enum Stop {
+    /// It came to a number that is not finite.
+    Diverged,
+    /// It must not go on.
+    Failed(Error),
+}
+
+impl From<Error> for Stop {
+    fn from(error: Error) -> Self {
+        Stop::Failed(error)
+    }
+}
+
+impl<const H: usize> Attempt<H> {
+    /// Before the first step.
+    pub fn new(problem: &Problem, recipe: &Recipe, slower: f32, tier: Tier) -> Self {
+        Attempt {
+            clock: Clock::start(),
+            trainer: Trainer::new(problem.clone(), recipe.seed, tier),
+            slower,
+            beta2: if recipe.paper { PAPER_BETA2 } else { BETA2 },
+            curve: Vec::new(),
+            iteration: 0,
+        }
+    }
+
+    /// All phases; `None` if the training diverged. The result's `left_out` is empty.
+    pub fn finish(mut self, recipe: &Recipe) -> Result<Option<TrainedTile>> {
+        let trained =
+            if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe.iterations) };
+        let (blocks, psnr_unquantised) = match trained {
+            Ok(trained) => trained,
+            Err(Stop::Diverged) => return Ok(None),
+            Err(Stop::Failed(error)) => return Err(error),
+        };
+        Ok(self.stored(&blocks, psnr_unquantised))
+    }
+
+    /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite.
+    fn stored(mut self, blocks: &Blocks, psnr_unquantised: f64) -> Option<TrainedTile> {
+        self.trainer.round_decoder();
+        self.point();
+        let psnr = self.trainer.psnr(1);
+        if !psnr.is_finite() || !psnr_unquantised.is_finite() {
+            return None;
+        }
+        Some(TrainedTile {
+            params: Some(self.trainer.store(blocks)),
+            psnr_unquantised_db: Some(psnr_unquantised),
+            psnr_db: Some(psnr),
+            curve: self.curve,
+            left_out: Vec::new(),
+        })
+    }
+
+    /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model.
+    fn standard(&mut self, iterations: usize) -> Result<(Blocks, f64), Stop> {
+        // 1. In float, with noise for the quantisation to come.
+        let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
+        let psnr = self.main_phase(iterations, &ALIGNMENTS, rates)?;
+        // 2. Blocks under the loss's own metric; what is still free follows; once more around the new decoder.
+        let mut blocks = self.trainer.freeze_blocks();
+        self.point();
+        for round in 0..2 {
+            if round > 0 {
+                self.trainer.refine_blocks(&mut blocks);
+            }
+            self.refit(Scope::Planes, 150, |i| 0.003 * schedule(i, 150, 30, 0.0))?;
+            self.point();
+        }
+        // 3. Planes to 8 bits, then the decoder alone, then F_uv once more.
+        self.trainer.round_planes();
+        self.refit(Scope::Decoder, 100, |i| 0.001 * schedule(i, 100, 30, 0.0))?;
+        self.trainer.refine_uv(&mut blocks);
+        Ok((blocks, psnr))
+    }
+
+    /// The paper's recipe (sections 3.2 and 4), likewise.
+    fn paper(&mut self, iterations: usize) -> Result<(Blocks, f64), Stop> {
+        // 1. In float at a constant rate, with noise.
+        let psnr = self.main_phase(iterations, &[], |_| [PAPER_RATE; 2])?;
+        // 2. All maps to 8 bits; BC7 of F_uv and F_uvt.
+        self.trainer.round_planes();
+        let blocks = self.trainer.encode_blocks();
+        self.point();
+        // 3. The decoder around the frozen maps.
+        self.refit(Scope::Decoder, PAPER_FINE_TUNING, |_| PAPER_RATE)?;
+        Ok((blocks, psnr))
+    }
+
+    /// Trains everything in float, with noise; `rates` gives those of features and decoder at a step. The result's PSNR.
+    fn main_phase(
+        &mut self,
+        iterations: usize,
+        alignments: &[f64],
+        rates: impl Fn(usize) -> [f32; 2],
+    ) -> Result<f64, Stop> {
+        for i in 0..iterations {
+            if alignments.iter().any(|share| i == (share * iterations as f64) as usize) {
+                self.trainer.align_weights();
+            }
+            self.step(Scope::All, rates(i), true)?;
+            if (i + 1) % (iterations / POINTS).max(1) == 0 {
+                self.point();
+            }
+        }
+        Ok(self.trainer.psnr(1))
+    }
+
+    /// Trains on around what is quantised already, without noise.
+    fn refit(&mut self, scope: Scope, steps: usize, rate: impl Fn(usize) -> f32) -> Result<(), Stop> {
+        (0..steps).try_for_each(|i| self.step(scope, [rate(i); 2], false))
+    }
+
+    fn step(&mut self, scope: Scope, rates: [f32; 2], noise: bool) -> Result<(), Stop> {
+        let [rate, mlp_rate] = rates.map(|rate| rate * self.slower);
+        let loss = self.trainer.step(&Step { scope, rate, mlp_rate, noise, beta2: self.beta2 })?;
+        self.iteration += 1;
+        if loss.is_finite() { Ok(()) } else { Err(Stop::Diverged) }
+    }
+
+    /// Adds to the curve.
+    fn point(&mut self) {
+        let few = self.trainer.problem.valid.div_ceil(2048);
+        let (iteration, seconds) = (self.iteration, self.clock.seconds());
+        self.curve.push(Point { iteration, seconds, psnr_db: self.trainer.psnr(few) });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Samples;
+    use super::*;
+    use crate::model::{PROFILES, Shape};
+    use crate::tile::{Coverage, TileSource};
+
+    #[test]
+    fn what_is_not_a_number_never_counts_as_trained() {
+        let source = TileSource {
+            width: 8,
+            height: 8,
+            hours: vec![0.0, 12.0],
+            // Blue is black: an output that is not a number would pass for it if it were shown as 0.
+            sets: vec![vec![[1.0, 0.5, 0.0]; 64]; 2],
+            coverage: vec![Coverage::Valid; 64],
+        };
+        let recipe = Recipe { iterations: 20, paper: false, seed: 3 };
+        let problem = Problem::new(&source, Shape::new(&PROFILES[1], 8, 8, 2), recipe.coding());
+        let stored = |poison: Option<usize>| {
+            let mut attempt = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect());
+            let Ok((blocks, psnr)) = attempt.standard(recipe.iterations) else { panic!("training stopped") };
+            let mlp = attempt.trainer.layout.mlp.clone();
+            if let Some(channel) = poison {
+                // b₃ stands last.
+                attempt.trainer.params[mlp.end - 3 + channel] = f32::NAN;
+                attempt.trainer.refresh();
+                assert!(!attempt.trainer.psnr(1).is_finite());
+                let samples = [Samples::new(0, &[0, 1, 2])];
+                assert!(!attempt.trainer.differentiate(&samples, false, Scope::Decoder).is_finite());
+            }
+            attempt.stored(&blocks, psnr)
+        };
+        assert!(stored(None).is_some_and(|tile| tile.psnr_db.is_some_and(f64::is_finite)));
+        for channel in 0..3 {
+            assert!(stored(Some(channel)).is_none(), "channel {channel}");
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! From the trained float model to the stored tile: mode-6 blocks, 8-bit planes, f16 decoder.
+//!
+//! Blocks are chosen by the loss itself, or (the paper's recipe) by a plain encoder that looks at the features alone.
+//! Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a sample, residual r and
+//! weight w, a change δ of its features costs w |r + J δ|². F_uv's texels do not share samples, so their blocks are
+//! fitted to the minimum of their own form. F_uvt's texels share samples through interpolation: its blocks are first
+//! fitted under Σ Jᵀ J, then improved by coordinate descent ([`super::descent`]).
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "rows and columns of small matrices, as the formulas index them"
+)]
+
+use super::blocks::{Matrix, Wanted, add_outer};
+use super::descent::{Descent, Sample};
+use super::features::{CENTRE_SLOPE, centred};
+use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, Samples, residual, run};
+use super::lanes::{Lanes, Quad};
+use super::network::BLOCK;
+use super::optimise::Trainer;
+use crate::bc7::{Mode6, encode};
+use crate::model::TileParams;
+use std::ops::Range;
+
+/// One 8-bit step in centred features.
+const STEP: f32 = CENTRE_SLOPE / 255.0;
+/// Share of the mean metric that is added to every texel's.
+const DAMPING: f32 = 0.003;
+/// F_uvt looks at no more sets than about this many (evenly spread): its memory is 64 bytes a texel and set.
+const MOST_MOMENTS: usize = 64;
+
+/// The blocks of both maps.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    /// F_uv, row by row.
+    pub uv: Vec<Mode6>,
+    /// F_uvt, slice by slice.
+    pub uvt: Vec<Mode6>,
+}
+
+impl<const H: usize> Trainer<H> {
+    /// Blocks of the learned endpoints and weights under the loss's metric; freezes F_uvt, then F_uv.
+    pub fn freeze_blocks(&mut self) -> Blocks {
+        self.frozen = true;
+        let mut uvt = self.fit_uvt();
+        show(&uvt, &mut self.maps.uvt);
+        self.refine_uvt(&mut uvt);
+        self.refine_uvt(&mut uvt);
+        let start = self.learned(self.layout.uv_endpoints.start, self.maps.uv.len() / 16);
+        let mut blocks = Blocks { uv: Vec::new(), uvt };
+        self.fit_uv(&mut blocks, &start);
+        blocks
+    }
+
+    /// The learned texels rounded to 8 bits and encoded under the plain squared error, all channels alike; freezes both maps.
+    pub fn encode_blocks(&mut self) -> Blocks {
+        self.frozen = true;
+        let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
+        let tier = self.tier();
+        let plain = |map: &mut [Quad], start: &[[Quad; 2]]| {
+            for v in map.as_flattened_mut() {
+                *v = centred(((*v / CENTRE_SLOPE + 0.5) * 255.0).round() / 255.0);
+            }
+            let (texels, _) = map.as_chunks::<16>();
+            let metric = vec![[identity; 16]; texels.len()];
+            let blocks = run(tier, Fit { texels, metric: &metric, start });
+            show(&blocks, map);
+            blocks
+        };
+        let uv = self.learned(self.layout.uv_endpoints.start, self.maps.uv.len() / 16);
+        let uvt = self.learned(self.layout.uvt_endpoints.start, self.maps.uvt.len() / 16);
+        Blocks { uv: plain(&mut self.maps.uv, &uv), uvt: plain(&mut self.maps.uvt, &uvt) }
+    }
+
+    /// Improves frozen blocks around the present planes and decoder.
+    pub fn refine_blocks(&mut self, blocks: &mut Blocks) {
+        self.refine_uvt(&mut blocks.uvt);
+        self.refine_uv(blocks);
+    }
+
+    /// Improves F_uv alone.
+    pub fn refine_uv(&mut self, blocks: &mut Blocks) {
+        let start: Vec<[Quad; 2]> = blocks.uv.iter().map(|b| b.endpoints.map(|e| e.map(f32::from))).collect();
+        self.fit_uv(blocks, &start);
+    }
+
+    /// Rounds F_ut and F_vt to 8 bits.
+    pub fn round_planes(&mut self) {
+        for v in &mut self.params[self.layout.ut.start..self.layout.vt.end] {
+            *v = (*v * 255.0).round() / 255.0;
+        }
+        self.refresh();
+    }
+
+    /// Rounds the decoder to 16 bits.
+    pub fn round_decoder(&mut self) {
+        for v in &mut self.params[self.layout.mlp.clone()] {
+            *v = half::f16::from_f32(v.clamp(-65504.0, 65504.0)).to_f32();
+        }
+        self.refresh();
+    }
+
+    /// The stored form of rounded parameters and blocks.
+    pub fn store(&self, blocks: &Blocks) -> TileParams {
+        let plane = |range: &Range<usize>| {
+            let (pairs, _) = self.params[range.clone()].as_chunks::<2>();
+            pairs.iter().map(|p| p.map(|v| (v * 255.0).round() as u8)).collect()
+        };
+        TileParams {
+            shape: self.problem.shape,
+            f_uv: blocks.uv.iter().map(encode).collect(),
+            f_uvt: blocks.uvt.iter().map(encode).collect(),
+            f_ut: plane(&self.layout.ut),
+            f_vt: plane(&self.layout.vt),
+            mlp: self.params[self.layout.mlp.clone()].iter().map(|v| half::f16::from_f32(*v)).collect(),
+            means: self.problem.means.clone(),
+        }
+    }
+
+    /// Learned endpoints in 8-bit steps.
+    fn learned(&self, first: usize, blocks: usize) -> Vec<[Quad; 2]> {
+        let (endpoints, _) = self.params[first..][..blocks * 8].as_chunks::<8>();
+        endpoints.iter().map(|e| [0, 4].map(|k| std::array::from_fn(|c| 255.0 * e[k + c]))).collect()
+    }
+
+    /// Everything in the order of the moments, in blocks; every `stride`-th moment.
+    fn all_samples(&self, stride: usize) -> Vec<Samples> {
+        let texels: Vec<u32> = (0..self.problem.texels.len() as u32).collect();
+        let moments = (0..self.problem.moments.len()).step_by(stride);
+        moments
+            .flat_map(|a| texels.chunks(BLOCK).map(move |t| Samples::new(a, t)).collect::<Vec<_>>())
+            .collect()
+    }
+
+    fn moment_stride(&self) -> usize {
+        self.problem.moments.len().div_ceil(MOST_MOMENTS)
+    }
+
+    /// Calls `each(moment, texel, ∂y/∂x per channel, r, w)` for all samples.
+    fn linearise(&self, stride: usize, mut each: impl FnMut(usize, usize, [&[f32; 16]; 3], Quad, Quad)) {
+        let samples = self.all_samples(stride);
+        let problem = &self.problem;
+        let block = |samples: &Samples, out: &Linearised| {
+            let moment = &problem.moments[samples.moment];
+            for (s, &t) in samples.texels[..samples.count].iter().enumerate() {
+                let t = t as usize;
+                let target = problem.targets[samples.moment * problem.texels.len() + t];
+                let (r, w) = residual(out.y[s], target, &moment.base, &moment.slope);
+                let jacobian = [&out.jacobian[0][s], &out.jacobian[1][s], &out.jacobian[2][s]];
+                each(samples.moment, t, jacobian, r, w.mul(Quad::splat(problem.share(t))));
+            }
+        };
+        let (maps, network) = (&self.maps, &self.network);
+        run(self.tier(), Linearise { problem, maps, network, samples: &samples, each: block });
+    }
+
+    /// F_uvt's blocks nearest to the learned texels under Σ a² Jᵀ J.
+    fn fit_uvt(&self) -> Vec<Mode6> {
+        let problem = &self.problem;
+        let mut metric: Vec<Matrix> = vec![[[0.0; 4]; 4]; self.maps.uvt.len()];
+        self.linearise(self.moment_stride(), |a, t, jacobian, _, w| {
+            let texel = problem.texels[t];
+            let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
+            let mut form = [[0.0; 4]; 4];
+            for c in 0..3 {
+                let j = jacobian[c];
+                add_outer(&mut form, w[c] * STEP * STEP, [j[0], j[1], j[2], j[3]]);
+            }
+            let slices = &problem.moments[a].slices;
+            for (slice, fs) in slices.ends() {
+                for (y, fy) in row.uvt.ends() {
+                    for (x, fx) in column.uvt.ends() {
+                        let share = Quad::splat((fs * fy * fx).powi(2));
+                        let m = &mut metric[slice + y + x];
+                        for c in 0..4 {
+                            m[c] = share.mul_add(form[c], m[c]);
+                        }
+                    }
+                }
+            }
+        });
+        damp(&mut metric, DAMPING);
+        let start = self.learned(self.layout.uvt_endpoints.start, metric.len() / 16);
+        let (metric, _) = metric.as_chunks::<16>();
+        let (texels, _) = self.maps.uvt.as_chunks::<16>();
+        run(self.tier(), Fit { texels, metric, start: &start })
+    }
+
+    /// F_uv's blocks: of the present ones and those fitted to the learned texels and to the minimum of each texel's form
+    /// (under weak and strong damping), every block takes the one of least true loss.
+    fn fit_uv(&mut self, blocks: &mut Blocks, start: &[[Quad; 2]]) {
+        let problem = &self.problem;
+        let count = self.maps.uv.len();
+        let (mut metric, mut slope) = (vec![[[0.0; 4]; 4]; count], vec![[0.0; 4]; count]);
+        self.linearise(1, |_, t, jacobian, r, w| {
+            let texel = problem.texels[t];
+            let at = problem.columns[usize::from(texel.x)].uv + problem.rows[usize::from(texel.y)].uv;
+            for c in 0..3 {
+                let j: Quad = std::array::from_fn(|i| STEP * jacobian[c][4 + i]);
+                add_outer(&mut metric[at], w[c], j);
+                slope[at] = Quad::splat(w[c] * r[c]).mul_add(j, slope[at]);
+            }
+        });
+        let mut candidates = Vec::new();
+        if !blocks.uv.is_empty() {
+            candidates.push(std::mem::take(&mut blocks.uv));
+        }
+        for (damping, newton) in [(DAMPING, !candidates.is_empty()), (DAMPING, true), (10.0 * DAMPING, true)]
+        {
+            let mut metric = metric.clone();
+            damp(&mut metric, damping);
+            let mut texels = self.maps.uv.clone();
+            if newton {
+                // The minimum of slopeᵀ δ + ½ δᵀ M δ lies at −M⁻¹ slope.
+                for ((texel, m), g) in texels.iter_mut().zip(&metric).zip(&slope) {
+                    let delta = solve(m, g);
+                    *texel = std::array::from_fn(|c| texel[c] - STEP * delta[c]);
+                }
+            }
+            let (metric, _) = metric.as_chunks::<16>();
+            let (texels, _) = texels.as_chunks::<16>();
+            candidates.push(run(self.tier(), Fit { texels, metric, start }));
+        }
+        let mut best: Vec<(f32, Mode6)> = Vec::new();
+        for candidate in candidates {
+            show(&candidate, &mut self.maps.uv);
+            let losses = self.block_losses();
+            match best.is_empty() {
+                true => best = losses.into_iter().zip(candidate).collect(),
+                false => {
+                    for ((best, loss), block) in best.iter_mut().zip(losses).zip(candidate) {
+                        if loss < best.0 {
+                            *best = (loss, block);
+                        }
+                    }
+                }
+            }
+        }
+        blocks.uv = best.into_iter().map(|(_, block)| block).collect();
+        show(&blocks.uv, &mut self.maps.uv);
+    }
+
+    /// The loss over each block of F_uv.
+    fn block_losses(&self) -> Vec<f32> {
+        let (problem, maps, network) = (&self.problem, &self.maps, &self.network);
+        run(self.tier(), BlockLosses { problem, maps, network, samples: &self.all_samples(1) })
+    }
+
+    /// Coordinate descent of F_uvt on the linearised loss.
+    fn refine_uvt(&mut self, blocks: &mut [Mode6]) {
+        let problem = &self.problem;
+        let stride = self.moment_stride();
+        let (width, height) = (problem.shape.width, problem.shape.height);
+        let kept = problem.moments.len().div_ceil(stride);
+        let mut samples = vec![Sample::default(); kept * width * height];
+        self.linearise(stride, |a, t, jacobian, r, w| {
+            let texel = problem.texels[t];
+            let at = (a / stride * height + usize::from(texel.y)) * width + usize::from(texel.x);
+            let root = w.map(f32::sqrt);
+            samples[at] = Sample {
+                jacobian: [0, 1, 2].map(|c| std::array::from_fn(|i| root[c] * STEP * jacobian[c][i])),
+                residual: r.mul(root),
+            };
+        });
+        let descent = Descent { problem, stride, samples: &mut samples, blocks, damping: DAMPING };
+        run(self.tier(), descent);
+        show(blocks, &mut self.maps.uvt);
+    }
+}
+
+/// Adds a share of the mean diagonal of all texels, so that no form is singular.
+fn damp(metric: &mut [Matrix], share: f32) {
+    let trace: f64 = metric.iter().map(|m| f64::from(m[0][0] + m[1][1] + m[2][2] + m[3][3])).sum();
+    let mean = (trace / (4 * metric.len()) as f64) as f32;
+    for m in metric {
+        for c in 0..4 {
+            m[c][c] += share * mean + 1e-12;
+        }
+    }
+}
+
+/// M⁻¹ v of a positive definite matrix, by elimination.
+fn solve(m: &Matrix, v: &Quad) -> Quad {
+    let (mut m, mut v) = (*m, *v);
+    for k in 0..4 {
+        for r in k + 1..4 {
+            let f = m[r][k] / m[k][k];
+            for c in k..4 {
+                m[r][c] -= f * m[k][c];
+            }
+            v[r] -= f * v[k];
+        }
+    }
+    for k in (0..4).rev() {
+        for c in k + 1..4 {
+            v[k] -= m[k][c] * v[c];
+        }
+        v[k] /= m[k][k];
+    }
+    v
+}
+
+/// Writes blocks' texels into a map.
+fn show(blocks: &[Mode6], map: &mut [Quad]) {
+    let (map, _) = map.as_chunks_mut::<16>();
+    for (block, texels) in blocks.iter().zip(map) {
+        *texels = block.texels().map(|t| t.map(|b| centred(f32::from(b) / 255.0)));
+    }
+}
+
+/// A block's wish from centred texels.
+#[inline(always)]
+fn wanted(texels: &[Quad; 16], metric: &[Matrix; 16]) -> Wanted {
+    // From c(f) = 3 (f − ½) to 8-bit steps.
+    Wanted { texels: texels.map(|t| t.map(|v| v / STEP + 127.5)), metric: *metric }
+}
+
+/// Fits all blocks of a map.
+struct Fit<'a> {
+    texels: &'a [[Quad; 16]],
+    metric: &'a [[Matrix; 16]],
+    start: &'a [[Quad; 2]],
+}
+
+impl Kernel for Fit<'_> {
+    type Output = Vec<Mode6>;
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Self::Output {
+        let blocks = self.texels.iter().zip(self.metric).zip(self.start);
+        blocks.map(|((texels, metric), start)| wanted(texels, metric).fit(*start, 6).0).collect()
+    }
+}

@@ -1,0 +1,446 @@
+//! Tests of the trainer as a whole: gradients against an oracle in f64, instruction sets, quality, and odd tiles.
+
+use super::kernel::{Samples, Scope};
+use super::lanes::Tier;
+use super::network::BLOCK;
+use super::optimise::{Step, Trainer};
+use super::problem::Problem;
+use super::random::Random;
+use super::*;
+use crate::bc7;
+use crate::model::{GELU_BOUND, GELU_COEFFICIENTS, PROFILES};
+use crate::tile::Coverage;
+
+const M: Profile = PROFILES[1];
+
+fn recipe(iterations: usize) -> Recipe {
+    Recipe { iterations, paper: false, seed: 3 }
+}
+
+fn tile(
+    width: usize,
+    height: usize,
+    sets: usize,
+    light: impl Fn(usize, usize, usize) -> [f32; 3],
+) -> TileSource {
+    let at = |k: usize| (0..width * height).map(|i| light(k, i % width, i / width)).collect();
+    TileSource {
+        width,
+        height,
+        // Uneven, as around a switch.
+        hours: (0..sets).map(|k| 24.0 * ((k as f64 + 0.25) / sets as f64).powf(1.1)).collect(),
+        sets: (0..sets).map(at).collect(),
+        coverage: vec![Coverage::Valid; width * height],
+    }
+}
+
+/// A shadow edge that moves with the set under a soft gradient, and a lamp that is on at the first and last quarter.
+fn moving_shadow(width: usize, height: usize, sets: usize) -> TileSource {
+    tile(width, height, sets, |k, x, y| {
+        let day = (std::f32::consts::PI * (k as f32 + 0.5) / sets as f32).sin();
+        let (u, v) = (x as f32 / width as f32, y as f32 / height as f32);
+        let edge = k as f32 / sets as f32 - 0.3 * v;
+        let sun = day * ((u - edge) * 8.0).clamp(0.0, 1.0);
+        let lamp = if 4 * k < sets || 4 * k >= 3 * sets {
+            0.05 / ((u - 0.4).powi(2) + (v - 0.6).powi(2) + 0.1)
+        } else {
+            0.0
+        };
+        [0.1 * day + sun + lamp, 0.12 * day + 0.9 * sun + 0.8 * lamp, 0.2 * day + 0.8 * sun + 0.4 * lamp]
+    })
+}
+
+/// The representation as `model` documents it, in f64 and one sample at a time.
+struct Oracle<'a> {
+    shape: &'a Shape,
+    hours: &'a [f64],
+    coding: Coding,
+    uv: Vec<[f64; 4]>,
+    uvt: Vec<[f64; 4]>,
+    ut: Vec<f64>,
+    vt: Vec<f64>,
+    mlp: Vec<f64>,
+}
+
+impl<'a> Oracle<'a> {
+    /// From parameters in training: endpoints and weights of blocks in raster order of blocks.
+    fn of_params(
+        shape: &'a Shape,
+        hours: &'a [f64],
+        coding: Coding,
+        layout: &features::Layout,
+        p: &[f64],
+    ) -> Self {
+        let map = |endpoints: &std::ops::Range<usize>,
+                   weights: &std::ops::Range<usize>,
+                   across: usize,
+                   down: usize| {
+            let count = (endpoints.len() / 8 * 16) / (across * down);
+            let mut out = vec![[0.0; 4]; across * down * count];
+            for (i, texel) in out.iter_mut().enumerate() {
+                let (slice, y, x) = (i / (across * down), i / across % down, i % across);
+                let block = (slice * (down / 4) + y / 4) * (across / 4) + x / 4;
+                let w = p[weights.start + block * 16 + y % 4 * 4 + x % 4];
+                let e = &p[endpoints.start + block * 8..][..8];
+                *texel = std::array::from_fn(|c| (1.0 - w) * e[c] + w * e[4 + c]);
+            }
+            out
+        };
+        Oracle {
+            shape,
+            hours,
+            coding,
+            uv: map(&layout.uv_endpoints, &layout.uv_weights, shape.width, shape.height),
+            uvt: map(&layout.uvt_endpoints, &layout.uvt_weights, shape.uvt[0], shape.uvt[1]),
+            ut: p[layout.ut.clone()].to_vec(),
+            vt: p[layout.vt.clone()].to_vec(),
+            mlp: p[layout.mlp.clone()].to_vec(),
+        }
+    }
+
+    /// From a stored tile.
+    fn of_stored(tile: &'a TileParams, hours: &'a [f64], coding: Coding) -> Self {
+        let shape = &tile.shape;
+        let map = |blocks: &[[u8; 16]], across: usize, down: usize| {
+            let texels: Vec<_> = blocks.iter().map(|b| bc7::decode(b).unwrap()).collect();
+            let at = |i: usize| {
+                let (slice, y, x) = (i / (across * down), i / across % down, i % across);
+                let block = (slice * (down / 4) + y / 4) * (across / 4) + x / 4;
+                texels[block][y % 4 * 4 + x % 4].map(|b| f64::from(b) / 255.0)
+            };
+            (0..blocks.len() * 16).map(at).collect()
+        };
+        let plane = |p: &[[u8; 2]]| p.as_flattened().iter().map(|b| f64::from(*b) / 255.0).collect();
+        Oracle {
+            shape,
+            hours,
+            coding,
+            uv: map(&tile.f_uv, shape.width, shape.height),
+            uvt: map(&tile.f_uvt, shape.uvt[0], shape.uvt[1]),
+            ut: plane(&tile.f_ut),
+            vt: plane(&tile.f_vt),
+            mlp: tile.mlp.iter().map(|v| v.to_f64()).collect(),
+        }
+    }
+
+    fn y(&self, k: usize, x: usize, y: usize) -> [f64; 3] {
+        let s = self.shape;
+        let (tau, cycle) = match self.coding {
+            Coding::Standard => ((k as f64 + 0.5) / s.sets as f64, std::f64::consts::TAU),
+            Coding::Paper => (self.hours[k] / 24.0, std::f64::consts::PI),
+        };
+        let (u, v) = ((x as f64 + 0.5) / s.width as f64, (y as f64 + 0.5) / s.height as f64);
+        let taps = |coordinate: f64, size: usize, wraps: bool| {
+            let p = coordinate * size as f64 - 0.5;
+            [p.floor(), p.floor() + 1.0].map(|i| {
+                let at = if wraps {
+                    (i as i64).rem_euclid(size as i64)
+                } else {
+                    (i as i64).clamp(0, size as i64 - 1)
+                };
+                (at as usize, 1.0 - (p - i).abs())
+            })
+        };
+        let mut input = Vec::new();
+        for c in 0..4 {
+            let mut sum = 0.0;
+            for (t, ft) in taps(tau, s.uvt[2], true) {
+                for (j, fj) in taps(v, s.uvt[1], false) {
+                    for (i, fi) in taps(u, s.uvt[0], false) {
+                        sum += ft * fj * fi * self.uvt[(t * s.uvt[1] + j) * s.uvt[0] + i][c];
+                    }
+                }
+            }
+            input.push(sum);
+        }
+        input.extend(self.uv[y * s.width + x]);
+        for (map, size, at) in [(&self.ut, s.ut, u), (&self.vt, s.vt, v)] {
+            for c in 0..2 {
+                let mut sum = 0.0;
+                for (t, ft) in taps(tau, s.rows, true) {
+                    for (i, fi) in taps(at, size, false) {
+                        sum += ft * fi * map[(t * size + i) * 2 + c];
+                    }
+                }
+                input.push(sum);
+            }
+        }
+        input.iter_mut().for_each(|f| *f = 3.0 * (*f - 0.5));
+        let angle = cycle * tau;
+        input.extend([angle.sin(), angle.cos(), (2.0 * angle).sin(), (2.0 * angle).cos()]);
+        let gelu = |x: f64| {
+            let bound = f64::from(GELU_BOUND);
+            let y = x.clamp(-bound, bound);
+            let p = GELU_COEFFICIENTS.iter().rev().fold(0.0, |p, c| p * y * y + f64::from(*c));
+            x * (0.5 + y * p)
+        };
+        let mut rest = &self.mlp[..];
+        for (layer, outputs) in [s.hidden, s.hidden, 3].into_iter().enumerate() {
+            let (w, tail) = rest.split_at(outputs * input.len());
+            let (b, tail) = tail.split_at(outputs);
+            let row = |j: usize| {
+                w[j * input.len()..][..input.len()].iter().zip(&input).map(|(w, x)| w * x).sum::<f64>()
+            };
+            let out: Vec<f64> = (0..outputs).map(|j| row(j) + b[j]).collect();
+            input = if layer < 2 { out.into_iter().map(gelu).collect() } else { out };
+            rest = tail;
+        }
+        [input[0], input[1], input[2]]
+    }
+
+    /// Mean PSNR over the sets that have a peak, valid texels only.
+    fn psnr(&self, source: &TileSource, means: &[[f32; 3]]) -> f64 {
+        let (mut total, mut count) = (0.0, 0.0);
+        for (k, set) in source.sets.iter().enumerate() {
+            let valid: Vec<_> = (0..set.len()).filter(|&i| source.coverage[i] == Coverage::Valid).collect();
+            let peak = valid.iter().flat_map(|&i| set[i]).fold(0.0f32, f32::max);
+            if peak == 0.0 {
+                assert_eq!(means[k], [0.0; 3]);
+                continue;
+            }
+            let mut sum = 0.0;
+            for &i in &valid {
+                let y = self.y(k, i % source.width, i / source.width);
+                for c in 0..3 {
+                    let power = if self.coding == Coding::Paper { 2.2 } else { 2.0 };
+                    sum +=
+                        (f64::from(means[k][c]) * y[c].max(0.0).powf(power) - f64::from(set[i][c])).powi(2);
+                }
+            }
+            let mse = sum / (3 * valid.len()) as f64;
+            total += (10.0 * (f64::from(peak).powi(2) / mse).log10()).min(100.0);
+            count += 1.0;
+        }
+        total / count
+    }
+}
+
+fn trainer<const H: usize>(source: &TileSource, profile: &Profile, coding: Coding, tier: Tier) -> Trainer<H> {
+    let shape = Shape::new(profile, source.width, source.height, source.sets.len());
+    Trainer::new(Problem::new(source, shape, coding), 5, tier)
+}
+
+/// Blocks of random texels at every moment, one of them not full.
+fn random_samples(problem: &Problem) -> Vec<Samples> {
+    let mut random = Random::new(11);
+    let block = |(i, moment)| {
+        let texels: Vec<u32> = (0..BLOCK).map(|_| random.below(problem.texels.len()) as u32).collect();
+        Samples::new(moment, &texels[..BLOCK - 5 * (i % 2)])
+    };
+    (0..problem.moments.len()).enumerate().map(block).collect()
+}
+
+fn gradients_match<const H: usize>(profile: &Profile, coding: Coding) {
+    let mut source = moving_shadow(20, 12, 7);
+    for i in 200..240 {
+        source.coverage[i] = Coverage::Gutter;
+    }
+    let mut trainer = trainer::<H>(&source, profile, coding, Tier::detect());
+    for _ in 0..30 {
+        trainer
+            .step(&Step { scope: Scope::All, rate: 0.02, mlp_rate: 0.02, noise: true, beta2: 0.95 })
+            .unwrap();
+    }
+    trainer.align_weights();
+    let samples = random_samples(&trainer.problem);
+    trainer.differentiate(&samples, false, Scope::All);
+    let loss = |params: &[f64]| {
+        let problem = &trainer.problem;
+        let oracle = Oracle::of_params(&problem.shape, &source.hours, coding, &trainer.layout, params);
+        let mut sum = 0.0;
+        for block in &samples {
+            let moment = &problem.moments[block.moment];
+            for &t in &block.texels[..block.count] {
+                let target = problem.targets[block.moment * problem.texels.len() + t as usize];
+                let texel = problem.texels[t as usize];
+                let y = oracle.y(moment.index, texel.x.into(), texel.y.into());
+                for c in 0..3 {
+                    let weight =
+                        f64::from(moment.base[c]) + f64::from(moment.slope[c]) * f64::from(target[c]);
+                    let wanted = f64::from(target[c]);
+                    let r = if wanted > 0.0 { y[c] - wanted } else { y[c].max(0.0) };
+                    sum += weight.min(20.0) * f64::from(target[3]) * r * r;
+                }
+            }
+        }
+        sum
+    };
+    let params: Vec<f64> = trainer.params.iter().map(|p| f64::from(*p)).collect();
+    let l = &trainer.layout;
+    let scale = (samples.len() * BLOCK) as f64 * 2.0 / 64.0;
+    for range in [&l.uv_endpoints, &l.uv_weights, &l.uvt_endpoints, &l.uvt_weights, &l.ut, &l.vt, &l.mlp] {
+        let ours: Vec<f64> =
+            trainer.gradient()[range.clone()].iter().map(|g| scale * f64::from(*g)).collect();
+        let size = ours.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        assert!(size > 0.0);
+        for i in range.clone().step_by(range.len().div_ceil(23)) {
+            let (h, mut moved) = (1e-5, params.clone());
+            moved[i] = params[i] + h;
+            let up = loss(&moved);
+            moved[i] = params[i] - h;
+            let slope = (up - loss(&moved)) / (2.0 * h);
+            let error = (slope - ours[i - range.start]).abs();
+            assert!(error < 1e-4 * size, "parameter {i}: {slope} and {}", ours[i - range.start]);
+        }
+    }
+}
+
+#[test]
+fn gradients_are_those_of_finite_differences() {
+    gradients_match::<16>(&M, Coding::Standard);
+    gradients_match::<16>(&M, Coding::Paper);
+    gradients_match::<64>(&PROFILES[2], Coding::Standard);
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_gradient() {
+    let source = moving_shadow(24, 20, 5);
+    let gradient = |tier| {
+        let mut trainer = trainer::<16>(&source, &M, Coding::Standard, tier);
+        let samples = random_samples(&trainer.problem);
+        let loss = trainer.differentiate(&samples, true, Scope::All);
+        (loss, trainer.gradient().to_vec())
+    };
+    let (loss, reference) = gradient(Tier::portable());
+    let norm = reference.iter().fold(0.0f32, |a, b| a.max(b.abs()));
+    for tier in Tier::available() {
+        let (other, gradient) = gradient(tier);
+        assert!((loss - other).abs() < 1e-5 * loss, "{tier:?}: {loss} {other}");
+        for (a, b) in reference.iter().zip(&gradient) {
+            assert!((a - b).abs() < 1e-5 * norm, "{tier:?}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn training_reaches_the_quality_it_should_and_says_so() {
+    let source = moving_shadow(64, 64, 12);
+    let trained = train(&source, &M, &recipe(600)).unwrap();
+    let stored = trained.params.unwrap();
+    let (float, quantised) = (trained.psnr_unquantised_db.unwrap(), trained.psnr_db.unwrap());
+    assert!((40.0..60.0).contains(&quantised), "{quantised}");
+    assert!(float - quantised < 2.0 && quantised - float < 2.0, "{float} {quantised}");
+    // What is said is what an independent decoder of the stored tile finds.
+    let found = Oracle::of_stored(&stored, &source.hours, Coding::Standard).psnr(&source, &stored.means);
+    assert!((found - quantised).abs() < 0.01, "{found} {quantised}");
+    // The curve rises from its first point, in order of time.
+    assert!(trained.curve.len() > 8 && trained.curve[0].psnr_db + 3.0 < quantised);
+    assert!(
+        trained.curve.windows(2).all(|w| w[0].seconds <= w[1].seconds && w[0].iteration <= w[1].iteration)
+    );
+}
+
+#[test]
+fn the_papers_recipe_trains_slower_and_stores_what_it_says() {
+    let source = moving_shadow(32, 32, 8);
+    let trained = train(&source, &M, &Recipe { paper: true, ..recipe(400) }).unwrap();
+    let paper = trained.psnr_db.unwrap();
+    let ours = train(&source, &M, &recipe(400)).unwrap().psnr_db.unwrap();
+    assert!(paper > 15.0 && ours > paper + 3.0, "{paper} {ours}");
+    let stored = trained.params.unwrap();
+    let found = |coding| Oracle::of_stored(&stored, &source.hours, coding).psnr(&source, &stored.means);
+    assert!((found(Coding::Paper) - paper).abs() < 0.01, "{} {paper}", found(Coding::Paper));
+    // It is another coding, not another name for ours.
+    assert!(found(Coding::Standard) < paper - 1.0, "{} {paper}", found(Coding::Standard));
+}
+
+#[test]
+fn a_tile_is_the_same_bytes_every_time() {
+    let source = moving_shadow(32, 16, 6);
+    let [a, b] = [0, 1].map(|_| train(&source, &M, &recipe(120)).unwrap().params.unwrap());
+    assert_eq!(a, b);
+}
+
+/// Trains a tile and looks at what is stored with the oracle.
+fn stored_psnr(source: &TileSource, profile: &Profile, iterations: usize) -> f64 {
+    let trained = train(source, profile, &recipe(iterations)).unwrap();
+    let stored = trained.params.unwrap();
+    assert!(stored.mlp.iter().all(|v| v.is_finite()));
+    assert!(stored.means.as_flattened().iter().all(|m| m.is_finite() && *m >= 0.0));
+    let psnr = Oracle::of_stored(&stored, &source.hours, Coding::Standard).psnr(source, &stored.means);
+    assert!(
+        psnr.is_finite() && (psnr - trained.psnr_db.unwrap()).abs() < 0.05,
+        "{psnr} {:?}",
+        trained.psnr_db
+    );
+    psnr
+}
+
+#[test]
+fn odd_tiles_train() {
+    let one_texel = {
+        let mut source = moving_shadow(4, 4, 26);
+        source.coverage.fill(Coverage::Outside);
+        source.coverage[5] = Coverage::Valid;
+        source
+    };
+    let few_among_gutter = {
+        let mut source = moving_shadow(16, 12, 9);
+        source.coverage[..150].fill(Coverage::Gutter);
+        source
+    };
+    let spike = tile(16, 16, 4, |k, x, y| if (k, x, y) == (2, 3, 3) { [1e6; 3] } else { [1.0; 3] });
+    for (name, source, at_least) in [
+        ("edge", moving_shadow(16, 12, 10), 30.0),
+        ("one set", moving_shadow(32, 32, 1), 35.0),
+        ("two sets", moving_shadow(32, 32, 2), 35.0),
+        ("many sets", moving_shadow(16, 16, 240), 25.0),
+        ("one texel", one_texel, 25.0),
+        ("few valid texels", few_among_gutter, 30.0),
+        (
+            "constant in time",
+            tile(32, 32, 8, |_, x, y| [1.0 + (x as f32 * 0.3).sin(), 1.0, 0.1 * y as f32]),
+            35.0,
+        ),
+        ("constant", tile(32, 32, 8, |_, _, _| [0.7, 0.7, 0.7]), 45.0),
+        ("red only", tile(32, 32, 4, |k, x, _| [0.1 * (x + k) as f32, 0.0, 0.0]), 35.0),
+        ("denormal", tile(16, 16, 4, |_, x, _| [1e-40 * x as f32; 3]), 20.0),
+        ("huge", tile(16, 16, 4, |_, x, _| [1e30 * x as f32; 3]), 30.0),
+        ("spike", spike, 20.0),
+    ] {
+        let psnr = stored_psnr(&source, &M, 300);
+        assert!(psnr > at_least, "{name}: {psnr} dB");
+    }
+}
+
+#[test]
+fn other_profiles_train() {
+    for profile in [PROFILES[0], PROFILES[2], PROFILES[3]] {
+        let psnr = stored_psnr(&moving_shadow(32, 20, 6), &profile, 150);
+        assert!(psnr > 28.0, "{}: {psnr}", profile.name);
+    }
+}
+
+#[test]
+fn black_sets_and_tiles_are_left_out() {
+    let half = tile(16, 16, 6, |k, x, _| if k < 2 { [0.0; 3] } else { [0.1 + x as f32; 3] });
+    let trained = train(&half, &M, &recipe(50)).unwrap();
+    assert_eq!(trained.left_out, ["black at 2 of 6 sets"]);
+    assert_eq!(trained.params.unwrap().means[..2], [[0.0; 3]; 2]);
+    let black = tile(16, 16, 3, |_, _, _| [0.0; 3]);
+    let mut outside = tile(16, 16, 3, |_, _, _| [1.0; 3]);
+    outside.coverage.fill(Coverage::Gutter);
+    for (source, why) in [(black, "black at every set"), (outside, "no valid texel")] {
+        let trained = train(&source, &M, &recipe(50)).unwrap();
+        assert!(trained.params.is_none() && trained.psnr_db.is_none());
+        assert_eq!(trained.left_out, [why]);
+    }
+}
+
+#[test]
+fn bad_light_is_refused_by_place() {
+    for bad in [f32::NAN, f32::INFINITY, -1.0] {
+        let source =
+            tile(16, 16, 3, |k, x, y| if (k, x, y) == (1, 5, 7) { [1.0, bad, 1.0] } else { [1.0; 3] });
+        let message = train(&source, &M, &recipe(10)).unwrap_err().to_string();
+        assert!(message.contains("set 1") && message.contains("(5, 7)"), "{message}");
+    }
+}
+
+#[test]
+fn training_that_diverges_is_noticed() {
+    let mut trainer = trainer::<16>(&moving_shadow(16, 16, 3), &M, Coding::Standard, Tier::detect());
+    let step = Step { scope: Scope::All, rate: 0.02, mlp_rate: 1e30, noise: true, beta2: 0.95 };
+    let losses: Vec<f64> = (0..20).map(|_| trainer.step(&step).unwrap()).collect();
+    assert!(losses.iter().any(|l| !l.is_finite()));
+}

@@ -1,0 +1,343 @@
+//! A dataset through the whole compressor: bundle, decoding, quality, resuming, refusals, the command line.
+
+mod common;
+
+use common::{HOURS, Scene, islands};
+use compressor::bundle::Bundle;
+use compressor::compress::{Options, compress};
+use compressor::decode::Decoder;
+use compressor::evaluate::evaluate;
+use compressor::run::compress_and_judge;
+use compressor::time::Coding;
+use dataset::console::Console;
+use dataset::image::Image;
+use dataset::store::Dataset;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+/// Enough steps to learn something, few enough for a test.
+fn brief(iterations: usize) -> Options {
+    Options { iterations, ..Options::default() }
+}
+
+fn command(arguments: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_compress"));
+    command.args(arguments).current_dir(folder);
+    command
+}
+
+fn run(arguments: &[&str], folder: &Path) -> Output {
+    command(arguments, folder).output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.stdout.iter().filter(|&&byte| byte == b'\n').count(), 1, "one object on stdout");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_dataset_comes_back_from_its_bundle() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = islands();
+    scene.write(folder.path());
+    let judged = compress_and_judge(folder.path(), &brief(1500), &Console::silent()).unwrap();
+    let outcome = &judged.outcome;
+    assert_eq!(outcome.bundle, folder.path().join("isles.ndgi"));
+    assert_eq!((outcome.tiles, outcome.resumed), (4, 0));
+    assert_eq!(outcome.left_out, [("no valid texel".to_owned(), 1)]);
+    assert!(!outcome.curve.is_empty() && outcome.curve.is_sorted_by_key(|point| point.iteration));
+    // Neither poor nor suspiciously good for 1500 steps on smooth light.
+    let psnr = judged.evaluation.all.psnr_db.unwrap();
+    assert!((45.0..78.0).contains(&psnr), "{psnr}");
+    // Training and the decoder see the same values: the tiles differ (126 and 128), the quality hardly.
+    assert!((outcome.psnr_trained_db.unwrap() - psnr).abs() < 12.0, "{outcome:?}");
+    let bytes = fs::metadata(&outcome.bundle).unwrap().len();
+    assert!((judged.evaluation.bpp - bytes as f64 * 8.0 / (150.0 * 140.0 * 6.0)).abs() < 1e-9);
+    assert!(judged.evaluation.all.noise_ceiling_db.is_some());
+    // The work folder is gone, the timings stand beside the bundle, nothing else was left.
+    let mut names: Vec<_> =
+        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["config.json", "data", "isles.ndgi", "isles.ndgi.run.json"]);
+    assert_eq!(judged.sections.len(), 4);
+
+    let decoder = Decoder::open(&outcome.bundle).unwrap();
+    // The lamp: on at 18.05 exactly as at 18.1, off at 18.0, on until 6.
+    let page = |hour| decoder.decode_page(0, hour).unwrap();
+    assert_eq!(page(18.05), page(18.1));
+    assert_eq!(page(5.95), page(5.9));
+    let at_lamp = |image: &Image| image.texels[70 * 150 + 60][0];
+    let (off, on) = (at_lamp(&page(18.0)), at_lamp(&page(18.05)));
+    let expected = |hour: f64| (scene.light)(60, 70, hour, common::lamp_is_on(hour))[0];
+    assert!((off - expected(18.0)).abs() < 0.15 && (on - expected(18.1)).abs() < 0.3, "{off} {on}");
+    assert!(on > off + 1.0);
+    // Any moment of the day is finite, and texels agree with the page.
+    for i in 0..48 {
+        let image = page(f64::from(i) / 2.0);
+        assert!(image.texels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+        let sample = decoder.sample(0, 60.5 / 150.0, 70.5 / 140.0, f64::from(i) / 2.0).unwrap();
+        assert!((sample[0] - at_lamp(&image)).abs() < 1e-3 * at_lamp(&image).max(0.1));
+    }
+}
+
+#[test]
+fn each_recipe_s_bundle_decodes_to_what_its_trainer_measured() {
+    // No valid texel in the border, and one evaluation tile: trainer and evaluation judge the same texels.
+    let scene = Scene {
+        width: 70,
+        height: 50,
+        valid: |x, y| (2..68).contains(&x) && (2..48).contains(&y),
+        ..islands()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    scene.write(folder.path());
+    for (paper, coding) in [(false, Coding::Standard), (true, Coding::Paper)] {
+        let out = folder.path().join(format!("{coding:?}.ndgi"));
+        let options = Options { paper, out: Some(out.clone()), ..brief(800) };
+        let judged = compress_and_judge(folder.path(), &options, &Console::silent()).unwrap();
+        let decoder = Decoder::open(&out).unwrap();
+        assert_eq!(decoder.bundle().header.timeline.coding, coding);
+        let (told, found) = (judged.outcome.psnr_trained_db.unwrap(), judged.evaluation.all.psnr_db.unwrap());
+        assert!(found > 20.0 && (told - found).abs() < 0.02, "{coding:?}: {told} {found}");
+        // Between sets, around midnight, and read texel by texel.
+        for hour in [3.0, 9.25, 18.05, 21.0, 23.99] {
+            let image = decoder.decode_page(0, hour).unwrap();
+            assert!(image.texels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+            let sample = decoder.sample(0, 30.5 / 70.0, 20.5 / 50.0, hour).unwrap();
+            let texel = image.texels[20 * 70 + 30];
+            assert!((sample[0] - texel[0]).abs() < 1e-3 * texel[0].max(0.1), "{sample:?} {texel:?}");
+        }
+    }
+}
+
+#[test]
+fn one_and_two_threads_write_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    let bytes = |threads: usize| {
+        let out = folder.path().join(format!("{threads}.ndgi"));
+        let options = Options { out: Some(out.clone()), ..brief(60) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| compress(folder.path(), &options, &Console::silent())).unwrap();
+        fs::read(out).unwrap()
+    };
+    let one = bytes(1);
+    assert!(one == bytes(2) && one == bytes(3));
+    // Another seed is another bundle.
+    let out = folder.path().join("other.ndgi");
+    compress(folder.path(), &Options { out: Some(out.clone()), seed: 2, ..brief(60) }, &Console::silent())
+        .unwrap();
+    assert!(one != fs::read(out).unwrap());
+}
+
+#[test]
+fn a_killed_run_continues_without_repeating_a_tile() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    let arguments = [".", "--json", "--threads", "1", "--iterations", "600", "--out", "a.ndgi", "--quiet"];
+    let mut child = command(&arguments, folder.path()).stdout(std::process::Stdio::null()).spawn().unwrap();
+    let part = folder.path().join("a.ndgi.part");
+    let finished = || -> Vec<_> {
+        let entries = fs::read_dir(&part).into_iter().flatten().flatten().map(|entry| entry.path());
+        entries.filter(|path| path.extension().is_some_and(|e| e == "tile")).collect()
+    };
+    // Kill -9 once a tile is finished, and before the last is.
+    let start = Instant::now();
+    while finished().is_empty() {
+        assert!(start.elapsed() < Duration::from_secs(120) && child.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let kept = finished().len();
+    assert!((1..4).contains(&kept), "{kept} tiles finished before the kill");
+    assert!(!folder.path().join("a.ndgi").exists());
+    let damaged = finished()[0].clone();
+
+    // Another recipe takes none of them over; the same command takes all.
+    let mut other = arguments;
+    other[5] = "30";
+    other[7] = "b.ndgi";
+    fs::create_dir(folder.path().join("b.ndgi.part")).unwrap();
+    fs::copy(&damaged, folder.path().join("b.ndgi.part").join(damaged.file_name().unwrap())).unwrap();
+    assert_eq!(json(&run(&other, folder.path()))["tiles_resumed"], 0);
+    assert!(!folder.path().join("b.ndgi.part").exists());
+    assert_eq!(json(&run(&arguments, folder.path()))["tiles_resumed"], kept);
+    assert!(!part.exists());
+
+    // An undisturbed run gives the same bytes, and --force starts over.
+    let bytes = fs::read(folder.path().join("a.ndgi")).unwrap();
+    let forced = [&arguments[..], &["--force"]].concat();
+    assert_eq!(json(&run(&forced, folder.path()))["tiles_resumed"], 0);
+    assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());
+}
+
+#[test]
+fn a_bad_texel_is_refused_and_nothing_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    compress(folder.path(), &brief(20), &Console::silent()).unwrap();
+    let before = fs::read(folder.path().join("isles.ndgi")).unwrap();
+    for bad in [f32::NAN, f32::INFINITY, -1.0] {
+        let light: fn(usize, usize, f64, bool) -> [f32; 3] = match bad {
+            b if b.is_nan() => |x, y, h, on| {
+                if (x, y, h) == (149, 2, 12.0) {
+                    [1.0, f32::NAN, 1.0]
+                } else {
+                    (islands().light)(x, y, h, on)
+                }
+            },
+            b if b < 0.0 => |x, y, h, on| {
+                if (x, y, h) == (149, 2, 12.0) { [1.0, -1.0, 1.0] } else { (islands().light)(x, y, h, on) }
+            },
+            _ => |x, y, h, on| {
+                if (x, y, h) == (149, 2, 12.0) {
+                    [1.0, f32::INFINITY, 1.0]
+                } else {
+                    (islands().light)(x, y, h, on)
+                }
+            },
+        };
+        Scene { light, ..islands() }.write(folder.path());
+        let output = run(&["."], folder.path());
+        assert_eq!(output.status.code(), Some(1));
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(message.contains("map-12") && message.contains("(149, 2)"), "{message}");
+        assert!(before == fs::read(folder.path().join("isles.ndgi")).unwrap());
+        assert!(!folder.path().join("isles.ndgi.part").exists());
+    }
+    // A torn file likewise.
+    islands().write(folder.path());
+    let dataset = Dataset::open(folder.path()).unwrap();
+    let map = dataset.path(&dataset.config.sets[3].maps[0].file);
+    let mut bytes = fs::read(&map).unwrap();
+    bytes.truncate(bytes.len() / 2);
+    fs::write(&map, bytes).unwrap();
+    assert!(compress(folder.path(), &brief(20), &Console::silent()).is_err());
+    assert!(before == fs::read(folder.path().join("isles.ndgi")).unwrap());
+}
+
+#[test]
+fn pages_and_masks_of_any_size() {
+    let uniform = |width, height, hours: &[f64], valid| Scene {
+        width,
+        height,
+        hours: hours.to_vec(),
+        valid,
+        light: |_, _, hour, _| [hour as f32, 1.0, 0.0],
+    };
+    let scenes = [
+        uniform(1, 1, &[12.0], |_, _| true),
+        uniform(129, 1, &[0.0, 12.0], |_, _| true),
+        uniform(5, 130, &HOURS, |_, y| y == 129),
+        uniform(130, 130, &HOURS, |x, y| (x, y) == (127, 126)),
+        uniform(40, 40, &HOURS, |_, _| false),
+        uniform(127, 3, &[3.0], |x, _| x == 126),
+    ];
+    for scene in scenes {
+        let folder = tempfile::tempdir().unwrap();
+        scene.write(folder.path());
+        let outcome = compress(folder.path(), &brief(80), &Console::silent()).unwrap();
+        let dataset = Dataset::open(folder.path()).unwrap();
+        let decoder = Decoder::open(&outcome.bundle).unwrap();
+        let evaluation = evaluate(&dataset, &decoder, &Console::silent()).unwrap();
+        let mask = scene.mask();
+        assert_eq!(evaluation.samples.is_empty(), !mask.valid.contains(&true));
+        for &hour in &scene.hours {
+            let image = decoder.decode_page(0, hour).unwrap();
+            for (i, texel) in image.texels.iter().enumerate().filter(|(i, _)| mask.valid[*i]) {
+                assert!(texel.iter().all(|v| v.is_finite()));
+                assert!(
+                    (texel[1] - 1.0).abs() < 0.3,
+                    "{}×{}, {hour} h, texel {i}: {texel:?}",
+                    scene.width,
+                    scene.height
+                );
+                assert_eq!(texel[2], 0.0, "a channel that is always zero stays zero");
+            }
+        }
+        let bytes = fs::read(&outcome.bundle).unwrap();
+        assert_eq!(Bundle::from_bytes(bytes).unwrap().header, decoder.bundle().header);
+    }
+}
+
+#[test]
+fn a_black_dataset_takes_no_payload() {
+    let folder = tempfile::tempdir().unwrap();
+    Scene { light: |_, _, _, _| [0.0; 3], ..islands() }.write(folder.path());
+    let judged = compress_and_judge(folder.path(), &brief(50), &Console::silent()).unwrap();
+    assert_eq!((judged.outcome.tiles, judged.outcome.empty), (4, 4));
+    assert_eq!(judged.evaluation.all.psnr_db, None);
+    assert_eq!(judged.evaluation.all.black_largest_error, 0.0);
+    assert!(judged.evaluation.bytes < 1000);
+}
+
+#[test]
+fn the_command_line_answers_and_refuses() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(&folder.path().join("isles"));
+    // The bake's report stays.
+    fs::write(folder.path().join("isles/report.html"), "the bake's").unwrap();
+    let told = json(&run(&["isles", "--iterations", "100", "--profile", "l", "--json"], folder.path()));
+    assert_eq!(fs::read_to_string(folder.path().join("isles/report.html")).unwrap(), "the bake's");
+    assert_eq!(told["report"], "isles/isles.html");
+    let keys = [
+        "psnr_db",
+        "psnr_pooled_db",
+        "psnr_unquantised_db",
+        "noise_ceiling_db",
+        "one_minus_ssim",
+        "bpp",
+        "tiles",
+        "seconds",
+    ];
+    for key in keys {
+        assert!(told[key].is_number(), "{key}: {}", told[key]);
+    }
+    let report = fs::read_to_string(folder.path().join(told["report"].as_str().unwrap())).unwrap();
+    for part in ["Training", "Quality", "Decoded and reference", "left out", "<svg"] {
+        assert!(report.contains(part), "{part}");
+    }
+
+    let judged =
+        json(&run(&["evaluate", "isles", "--json", "--csv", "q.csv", "--threads", "1"], folder.path()));
+    assert!((judged["psnr_db"].as_f64().unwrap() - told["psnr_db"].as_f64().unwrap()).abs() < 1e-9);
+    assert!(keys.iter().all(|key| judged.get(key).is_some()));
+    let csv = fs::read_to_string(folder.path().join("q.csv")).unwrap();
+    let columns = csv.lines().next().unwrap().split(',').count();
+    // Four evaluation tiles, of which three hold valid texels, at six hours.
+    assert_eq!(csv.lines().count(), 1 + 3 * 6, "{csv}");
+    assert!(csv.lines().all(|line| line.split(',').count() == columns));
+
+    let output = run(&["decode", "isles/isles.ndgi", "--hour", "18.05", "--out", "x.exr"], folder.path());
+    assert!(output.status.success());
+    let image = Image::read_exr(&folder.path().join("x.exr")).unwrap();
+    let decoder = Decoder::open(&folder.path().join("isles/isles.ndgi")).unwrap();
+    assert_eq!(image, decoder.decode_page(0, 18.1).unwrap());
+    assert_eq!(json(&run(&["info", "isles/isles.ndgi", "--json"], folder.path()))["profile"], "L");
+
+    for wrong in [
+        &["missing"][..],
+        &["isles", "--profile", "XL"],
+        &["isles", "--iterations", "0"],
+        &["decode", "isles/isles.ndgi", "--hour", "nan", "--out", "y.exr"],
+        &["decode", "isles/isles.ndgi", "--hour", "3", "--out", "y.exr", "--page", "1"],
+        &["decode", "isles/config.json", "--hour", "3", "--out", "y.exr"],
+        &["evaluate", "isles", "--bundle", "missing.ndgi"],
+        &[],
+    ] {
+        let output = run(wrong, folder.path());
+        assert!(!output.status.success() && !output.stderr.is_empty(), "{wrong:?}");
+    }
+    assert!(!folder.path().join("y.exr").exists());
+
+    // A bundle of other hours is not judged against this dataset.
+    let other = Scene { hours: vec![0.0, 12.0], ..islands() };
+    other.write(&folder.path().join("isles"));
+    let output = run(&["evaluate", "isles"], folder.path());
+    assert!(String::from_utf8(output.stderr).unwrap().contains("hours"));
+}
