@@ -1,0 +1,348 @@
+//! From world-space triangles to flat charts in metres: authored layouts where they are valid, xatlas elsewhere. Instances of
+//! one shape are flattened once.
+
+use super::ffi;
+use super::raster::{Bits, bounds};
+use super::sharing::{Member, groups};
+use crate::geometry::{Geometry, Instance};
+use crate::{Error, Result};
+use glam::{DMat2, DVec2, DVec3};
+use rayon::prelude::*;
+
+/// A connected piece of surface laid flat.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// Its triangles, ascending.
+    pub faces: Vec<FlatFace>,
+    /// Upper corner of the bounding box in metres × density; the lower one is (0, 0).
+    pub size: DVec2,
+}
+
+/// A triangle of a chart.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatFace {
+    /// Index into `Geometry::triangles`, of the first member.
+    pub triangle: u32,
+    /// Corners in metres × density, of the smallest member.
+    pub corners: [DVec2; 3],
+}
+
+/// The charts of one shape, and the instances that have it.
+#[derive(Clone, Debug)]
+pub struct FlatMesh {
+    /// By lowest triangle.
+    pub charts: Vec<Chart>,
+    /// At least one. One alone has its charts wherever they fit; several share a layout.
+    pub members: Vec<Member>,
+}
+
+impl FlatMesh {
+    /// Whether the charts form a layout of their own that goes on the page as a whole, once per member.
+    pub fn is_shared(&self) -> bool {
+        self.members.len() > 1
+    }
+
+    /// The area of all charts of all members in m² × density².
+    pub fn area(&self) -> f64 {
+        let faces = self.charts.iter().flat_map(|chart| &chart.faces);
+        let one: f64 = faces.map(|face| signed_area(face.corners).abs()).sum();
+        self.members.iter().map(|member| one * member.scale * member.scale).sum()
+    }
+}
+
+/// All charts of a geometry.
+#[derive(Debug, Default)]
+pub struct Flat {
+    /// By first member; those without a triangle of area are left out.
+    pub meshes: Vec<FlatMesh>,
+    /// Authored layouts not used, and why.
+    pub notes: Vec<String>,
+}
+
+/// A lightmapped triangle that has an area.
+struct Source {
+    triangle: u32,
+    corners: [DVec3; 3],
+    area: f64,
+}
+
+/// Flattens all lightmapped instances; one task per shape, joined in order.
+pub fn flatten(geometry: &Geometry) -> Result<Flat> {
+    geometry
+        .instances
+        .par_iter()
+        .filter(|instance| instance.lightmap)
+        .try_for_each(|i| check(geometry, i))?;
+    let parts: Vec<(FlatMesh, Option<String>)> =
+        groups(geometry).into_par_iter().map(|group| flatten_group(geometry, group)).collect();
+    let mut all = Flat::default();
+    for (mesh, note) in parts {
+        all.notes.extend(note);
+        if !mesh.charts.is_empty() {
+            all.meshes.push(mesh);
+        }
+    }
+    Ok(all)
+}
+
+/// Checks an instance's numbers.
+fn check(geometry: &Geometry, instance: &Instance) -> Result<()> {
+    if !(instance.density.is_finite() && instance.density > 0.0) {
+        let what = format!("density is {}, expected a positive number", instance.density);
+        return Err(Error::invalid(&instance.name, what));
+    }
+    for triangle in instance.triangles.clone() {
+        if geometry.corners(triangle).iter().any(|p| !p.is_finite()) {
+            let what =
+                format!("triangle {} has a corner that is not finite", triangle - instance.triangles.start);
+            return Err(Error::invalid(&instance.name, what));
+        }
+    }
+    Ok(())
+}
+
+/// Flattens the first member, at the density of the smallest. Gives the charts, and a note on an unused authored layout.
+fn flatten_group(geometry: &Geometry, group: super::sharing::Group) -> (FlatMesh, Option<String>) {
+    let mut mesh = FlatMesh { charts: Vec::new(), members: group.members };
+    let instance = &geometry.instances[mesh.members[0].instance];
+    let mut note = None;
+    let mut sources = Vec::with_capacity(instance.triangles.len());
+    for triangle in instance.triangles.clone() {
+        let corners = geometry.corners(triangle).map(|p| p.as_dvec3());
+        if let Some(area) = area(corners) {
+            sources.push(Source { triangle: triangle as u32, corners, area });
+        }
+    }
+    if sources.is_empty() {
+        return (mesh, note);
+    }
+    // Groups of flat triangles: the authored layout if there is a valid one, else xatlas' charts.
+    let authored = if instance.has_lightmap_uvs { authored(geometry, &sources) } else { Err("") };
+    let groups = authored.unwrap_or_else(|why| {
+        if !why.is_empty() {
+            note =
+                Some(format!("{}: TEXCOORD_1 not used as lightmap layout: {why}; unwrapped", instance.name));
+        }
+        unwrapped(geometry, &sources)
+    });
+    mesh.charts = groups.into_iter().map(|faces| place_upright(faces, group.density)).collect();
+    mesh.charts.sort_by_key(|chart| chart.faces[0].triangle);
+    (mesh, note)
+}
+
+/// Whether a triangle is too thin to have texels.
+pub fn is_degenerate(corners: [DVec3; 3]) -> bool {
+    area(corners).is_none()
+}
+
+/// The area of a triangle in m²; `None` when its height is within rounding of its corners (f32 relative to the origin).
+fn area(corners: [DVec3; 3]) -> Option<f64> {
+    let [a, b, c] = corners;
+    let magnitude = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+    let twice_area = (b - a).cross(c - a).length();
+    let rounding = magnitude * f64::from(f32::EPSILON);
+    (twice_area > longest * rounding.max(longest * 1e-7)).then_some(0.5 * twice_area)
+}
+
+fn signed_area(corners: [DVec2; 3]) -> f64 {
+    0.5 * (corners[1] - corners[0]).perp_dot(corners[2] - corners[0])
+}
+
+/// The islands of the authored layout, all scaled alike so that the instance keeps its area. An error says why it is unusable.
+fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>>, &'static str> {
+    let vertices = |s: &Source| geometry.triangles[s.triangle as usize];
+    let uvs = |s: &Source| vertices(s).map(|v| geometry.lightmap_uvs[v as usize].as_dvec2());
+    let corners: Vec<[DVec2; 3]> = sources.iter().map(uvs).collect();
+    if corners.iter().flatten().any(|uv| !uv.is_finite()) {
+        return Err("a coordinate is not finite");
+    }
+    let inside = |uv: &DVec2| uv.min_element() >= -1e-4 && uv.max_element() <= 1.0 + 1e-4;
+    if !corners.iter().flatten().all(inside) {
+        return Err("it leaves [0, 1]");
+    }
+    // A triangle of area must have area on the map: at least 10⁻⁴ of its share.
+    let uv_area: f64 = corners.iter().map(|&c| signed_area(c).abs()).sum();
+    let world_area: f64 = sources.iter().map(|s| s.area).sum();
+    let share = |s: &Source, c: [DVec2; 3]| signed_area(c).abs() / uv_area >= 1e-4 * s.area / world_area;
+    if uv_area <= 0.0 || !sources.iter().zip(&corners).all(|(s, &c)| share(s, c)) {
+        return Err("a triangle has no area there");
+    }
+    if overlaps(&corners, 2048) {
+        return Err("triangles overlap");
+    }
+    let scale = (world_area / uv_area).sqrt();
+    let faces = sources.iter().zip(&corners);
+    let faces: Vec<FlatFace> =
+        faces.map(|(s, c)| FlatFace { triangle: s.triangle, corners: c.map(|uv| uv * scale) }).collect();
+    // Islands: triangles joined by an edge, that is, by two corners alike in place and coordinates.
+    let key = |v: u32| {
+        let (p, uv) = (geometry.positions[v as usize], geometry.lightmap_uvs[v as usize]);
+        [p.x, p.y, p.z, uv.x, uv.y].map(|x| (x + 0.0).to_bits())
+    };
+    let mut edges = Vec::with_capacity(3 * sources.len());
+    for (i, source) in sources.iter().enumerate() {
+        let v = vertices(source).map(key);
+        edges.extend([(0, 1), (1, 2), (2, 0)].map(|(a, b)| (v[a].min(v[b]), v[a].max(v[b]), i)));
+    }
+    edges.sort_unstable();
+    let mut island: Vec<usize> = (0..sources.len()).collect();
+    fn root(island: &mut [usize], mut i: usize) -> usize {
+        while island[i] != i {
+            island[i] = island[island[i]];
+            i = island[i];
+        }
+        i
+    }
+    for pair in edges.windows(2).filter(|pair| pair[0].0 == pair[1].0 && pair[0].1 == pair[1].1) {
+        let (a, b) = (root(&mut island, pair[0].2), root(&mut island, pair[1].2));
+        island[a.max(b)] = a.min(b);
+    }
+    let labels: Vec<usize> = (0..sources.len()).map(|i| root(&mut island, i)).collect();
+    Ok(grouped(faces, &labels))
+}
+
+/// xatlas' charts, each scaled to its area in the world; what it leaves out or gets wrong lies flat triangle by triangle.
+fn unwrapped(geometry: &Geometry, sources: &[Source]) -> Vec<Vec<FlatFace>> {
+    // xatlas has absolute tolerances: a face of mean area gets unit area, the instance's centre becomes the origin.
+    let low = sources.iter().flat_map(|s| s.corners).fold(DVec3::INFINITY, DVec3::min);
+    let high = sources.iter().flat_map(|s| s.corners).fold(DVec3::NEG_INFINITY, DVec3::max);
+    let (centre, extent) = (0.5 * (low + high), (high - low).max_element());
+    let mean_area = sources.iter().map(|s| s.area).sum::<f64>() / sources.len() as f64;
+    let scale = mean_area.sqrt().recip().min(1e5 / extent);
+    // Only the vertices in use, in order of first use.
+    let mut vertices: Vec<u32> =
+        sources.iter().flat_map(|s| geometry.triangles[s.triangle as usize]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let local = |v: u32| vertices.partition_point(|&other| other < v) as u32;
+    let faces: Vec<[u32; 3]> =
+        sources.iter().map(|s| geometry.triangles[s.triangle as usize].map(local)).collect();
+    let position = |&v: &u32| ((geometry.positions[v as usize].as_dvec3() - centre) * scale).as_vec3();
+    let positions: Vec<_> = vertices.iter().map(position).collect();
+    let normals: Vec<_> = vertices.iter().map(|&v| geometry.normals[v as usize]).collect();
+
+    let Some(result) = ffi::unwrap(&positions, &normals, &faces) else {
+        return sources.iter().map(|s| vec![lie_flat(s)]).collect();
+    };
+    let mut flat = Vec::new();
+    let mut labels = Vec::new();
+    let mut charts = Vec::new();
+    for (i, source) in sources.iter().enumerate() {
+        match result.charts[i] {
+            Some(chart) => {
+                flat.push(FlatFace { triangle: source.triangle, corners: result.uvs[i] });
+                labels.push(chart as usize);
+            }
+            None => charts.push(vec![lie_flat(source)]),
+        }
+    }
+    let source_of = |face: &FlatFace| &sources[sources.partition_point(|s| s.triangle < face.triangle)];
+    for mut chart in grouped(flat, &labels) {
+        let world_area: f64 = chart.iter().map(|face| source_of(face).area).sum();
+        let flat_area: f64 = chart.iter().map(|face| signed_area(face.corners).abs()).sum();
+        if is_sound(&chart, flat_area) {
+            let scale = (world_area / flat_area).sqrt();
+            chart.iter_mut().for_each(|face| face.corners = face.corners.map(|c| c * scale));
+            charts.push(chart);
+        } else {
+            charts.extend(chart.iter().map(|face| vec![lie_flat(source_of(face))]));
+        }
+    }
+    charts
+}
+
+/// Whether a chart is finite, turned one way everywhere, and free of overlaps.
+fn is_sound(chart: &[FlatFace], flat_area: f64) -> bool {
+    let areas = || chart.iter().map(|face| signed_area(face.corners));
+    let corners: Vec<_> = chart.iter().map(|face| face.corners).collect();
+    // Slivers may come out flipped by a rounding error; that much does no harm.
+    let rounding = 1e-6 * flat_area;
+    corners.iter().flatten().all(|c| c.is_finite())
+        && flat_area > 0.0
+        && (areas().all(|a| a > -rounding) || areas().all(|a| a < rounding))
+        && !overlaps(&corners, 512)
+}
+
+/// Whether two triangles cover the same cell centre of a grid with `cells` cells along the longer side of their bounds.
+fn overlaps(triangles: &[[DVec2; 3]], cells: usize) -> bool {
+    let (low, high) = extent(triangles.iter().copied());
+    let scale = cells as f64 / (high - low).max_element();
+    let size = ((high - low) * scale).ceil();
+    let mut bits = Bits::new(size.x.max(1.0) as usize, size.y.max(1.0) as usize);
+    triangles.iter().any(|t| bits.cover(t.map(|c| (c - low) * scale)))
+}
+
+fn extent(triangles: impl Iterator<Item = [DVec2; 3]>) -> (DVec2, DVec2) {
+    triangles.map(bounds).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+/// A triangle in its own plane.
+fn lie_flat(source: &Source) -> FlatFace {
+    let [a, b, c] = source.corners;
+    let x = (b - a).normalize();
+    let y = (b - a).cross(c - a).normalize().cross(x);
+    let flat = |p: DVec3| DVec2::new((p - a).dot(x), (p - a).dot(y));
+    FlatFace { triangle: source.triangle, corners: [DVec2::ZERO, flat(b), flat(c)] }
+}
+
+/// Faces by label, labels by first appearance.
+fn grouped(faces: Vec<FlatFace>, labels: &[usize]) -> Vec<Vec<FlatFace>> {
+    let mut slot = vec![usize::MAX; labels.iter().max().map_or(0, |m| m + 1)];
+    let mut groups: Vec<Vec<FlatFace>> = Vec::new();
+    for (face, &label) in faces.into_iter().zip(labels) {
+        if slot[label] == usize::MAX {
+            slot[label] = groups.len();
+            groups.push(Vec::new());
+        }
+        groups[slot[label]].push(face);
+    }
+    groups
+}
+
+/// Turns a chart so that its bounding box is the smallest and lies along the axes, longer side along x, from (0, 0).
+fn place_upright(mut faces: Vec<FlatFace>, density: f64) -> Chart {
+    let hull = convex_hull(faces.iter().flat_map(|f| f.corners).collect());
+    // The smallest box shares a direction with an edge of the hull; a later one must be clearly smaller.
+    let mut best = (f64::INFINITY, DVec2::X);
+    for (i, &p) in hull.iter().enumerate() {
+        let Some(axis) = (hull[(i + 1) % hull.len()] - p).try_normalize() else { continue };
+        let (low, high) = hull
+            .iter()
+            .map(|q| DVec2::new(axis.dot(*q), axis.perp_dot(*q)))
+            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)));
+        let size = high - low;
+        if size.x * size.y < best.0 * (1.0 - 1e-9) {
+            best = (size.x * size.y, if size.x >= size.y { axis } else { axis.perp() });
+        }
+    }
+    let axis = best.1;
+    let turn = DMat2::from_cols(DVec2::new(axis.x, -axis.y), DVec2::new(axis.y, axis.x)) * density;
+    faces.iter_mut().for_each(|face| face.corners = face.corners.map(|c| turn * c));
+    let (low, high) = extent(faces.iter().map(|face| face.corners));
+    faces.iter_mut().for_each(|face| face.corners = face.corners.map(|c| c - low));
+    Chart { faces, size: high - low }
+}
+
+/// Andrew's monotone chain: the hull counter-clockwise, without collinear points.
+fn convex_hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    let mut hull: Vec<DVec2> = Vec::new();
+    for pass in 0..2 {
+        let start = hull.len();
+        for &p in &points {
+            while hull.len() >= start + 2
+                && (hull[hull.len() - 1] - hull[hull.len() - 2]).perp_dot(p - hull[hull.len() - 2]) <= 0.0
+            {
+                hull.pop();
+            }
+            hull.push(p);
+        }
+        hull.pop();
+        if pass == 0 {
+            points.reverse();
+        }
+    }
+    hull
+}

@@ -1,0 +1,46 @@
+//! What of a geometry decides the light on it.
+
+use super::{Geometry, Wrap};
+
+impl Geometry {
+    /// Feeds everything that a bake depends on into a hash: equal digests, equal texels. Names do not count.
+    pub fn update_digest(&self, hash: &mut blake3::Hasher) {
+        hash.update(bytemuck::cast_slice(&self.origin.to_array()));
+        hash.update(bytemuck::cast_slice(&self.positions));
+        hash.update(bytemuck::cast_slice(&self.normals));
+        hash.update(bytemuck::cast_slice(&self.uvs));
+        hash.update(bytemuck::cast_slice(&self.lightmap_uvs));
+        hash.update(bytemuck::cast_slice(&self.triangles));
+        hash.update(bytemuck::cast_slice(&self.material_of));
+        for i in &self.instances {
+            let numbers = [i.triangles.start, i.triangles.end, i.vertices.start, i.vertices.end];
+            hash.update(bytemuck::cast_slice(&numbers.map(|n| n as u64)));
+            hash.update(&[u8::from(i.lightmap), u8::from(i.has_lightmap_uvs)]);
+            hash.update(&i.density.to_le_bytes());
+            // What shares a layout: the number of the mesh, and how each instance lies to the others.
+            hash.update(&i.mesh.to_le_bytes());
+            hash.update(bytemuck::cast_slice(&i.world_from_mesh.to_cols_array()));
+        }
+        for m in &self.materials {
+            hash.update(bytemuck::bytes_of(&m.albedo));
+            hash.update(&m.alpha.to_le_bytes());
+            hash.update(&m.texture.map_or(u32::MAX, |t| t).to_le_bytes());
+            hash.update(&m.alpha_cutoff.unwrap_or(-1.0).to_le_bytes());
+            hash.update(&[u8::from(m.two_sided), u8::from(m.emission.is_some())]);
+            let (radiance, group) = m.emission.unwrap_or_default();
+            hash.update(bytemuck::bytes_of(&radiance));
+            hash.update(&group.to_le_bytes());
+        }
+        let wrap = |w: Wrap| match w {
+            Wrap::Repeat => 0u8,
+            Wrap::Clamp => 1,
+            Wrap::Mirror => 2,
+        };
+        for t in &self.textures {
+            hash.update(&t.width.to_le_bytes());
+            hash.update(&t.height.to_le_bytes());
+            hash.update(bytemuck::cast_slice(&t.rgba));
+            hash.update(&[wrap(t.wrap_u), wrap(t.wrap_v)]);
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Accessors: typed views of buffers, every read bounds-checked. Any component type is read, as
+//! `KHR_mesh_quantization` allows.
+
+use dataset::{Error, Result};
+use gltf::accessor::{Accessor, DataType};
+
+/// More elements than a mesh with 32-bit indices can use.
+const MAX_COUNT: usize = 1 << 31;
+/// Without a view the elements cost no bytes in the file: a bound of its own.
+const MAX_COUNT_WITHOUT_VIEW: usize = 1 << 24;
+
+/// Bytes of the asset's buffers, in order.
+pub(super) type Buffers<'a> = Vec<std::borrow::Cow<'a, [u8]>>;
+
+/// Reads a vertex attribute of `N` components as floats.
+pub(super) fn read_floats<const N: usize>(
+    accessor: &Accessor,
+    buffers: &Buffers,
+    place: &str,
+) -> Result<Vec<[f32; N]>> {
+    expect(accessor, N, place)?;
+    let (kind, normalized) = (accessor.data_type(), accessor.normalized());
+    let size = kind.size();
+    let decode = |bytes: &[u8]| std::array::from_fn(|i| float(&bytes[i * size..], kind, normalized));
+    read(accessor, buffers, place, [0.0; N], decode)
+}
+
+/// Reads indices.
+pub(super) fn read_indices(accessor: &Accessor, buffers: &Buffers, place: &str) -> Result<Vec<u32>> {
+    expect(accessor, 1, place)?;
+    let kind = accessor.data_type();
+    if !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32) {
+        return Err(bad(accessor, place, "indices that are not unsigned integers"));
+    }
+    read(accessor, buffers, place, 0, |bytes| index(bytes, kind))
+}
+
+/// Checks the number of components and of elements.
+fn expect(accessor: &Accessor, components: usize, place: &str) -> Result<()> {
+    if accessor.dimensions().multiplicity() != components {
+        return Err(bad(
+            accessor,
+            place,
+            format!("{:?}, expected {components} components", accessor.dimensions()),
+        ));
+    }
+    let most = if accessor.view().is_some() { MAX_COUNT } else { MAX_COUNT_WITHOUT_VIEW };
+    if accessor.count() > most {
+        let what = format!("{} elements, expected at most {most}", accessor.count());
+        return Err(bad(accessor, place, what));
+    }
+    Ok(())
+}
+
+fn bad(accessor: &Accessor, place: &str, what: impl std::fmt::Display) -> Error {
+    Error::invalid(place, format!("accessor {}: {what}", accessor.index()))
+}
+
+/// Dense values (zero without a view), then the sparse ones in their places.
+fn read<T: Copy>(
+    accessor: &Accessor,
+    buffers: &Buffers,
+    place: &str,
+    zero: T,
+    decode: impl Fn(&[u8]) -> T,
+) -> Result<Vec<T>> {
+    let (count, size) = (accessor.count(), accessor.size());
+    let mut values = match accessor.view() {
+        Some(view) => {
+            let stride = view.stride().unwrap_or(size);
+            let bytes = slice(&view, accessor.offset(), count, stride, size, buffers)
+                .ok_or_else(|| bad(accessor, place, "it ends outside its buffer"))?;
+            bytes.chunks(stride).take(count).map(|element| decode(&element[..size])).collect()
+        }
+        None => vec![zero; count],
+    };
+    if let Some(sparse) = accessor.sparse() {
+        let (indices, changes) = (sparse.indices(), sparse.values());
+        let kind = match indices.index_type() {
+            gltf::accessor::sparse::IndexType::U8 => DataType::U8,
+            gltf::accessor::sparse::IndexType::U16 => DataType::U16,
+            gltf::accessor::sparse::IndexType::U32 => DataType::U32,
+        };
+        let view = (indices.view(), changes.view());
+        let at = slice(&view.0, indices.offset(), sparse.count(), kind.size(), kind.size(), buffers);
+        let to = slice(&view.1, changes.offset(), sparse.count(), size, size, buffers);
+        let (Some(at), Some(to)) = (at, to) else {
+            return Err(bad(accessor, place, "its sparse part ends outside its buffer"));
+        };
+        for (at, to) in at.chunks_exact(kind.size()).zip(to.chunks_exact(size)) {
+            let at = index(at, kind) as usize;
+            *values
+                .get_mut(at)
+                .ok_or_else(|| bad(accessor, place, format!("sparse index {at} of {count}")))? = decode(to);
+        }
+    }
+    Ok(values)
+}
+
+/// The bytes of `count` elements; `None` if they do not all lie within view and buffer.
+fn slice<'a>(
+    view: &gltf::buffer::View,
+    offset: usize,
+    count: usize,
+    stride: usize,
+    size: usize,
+    buffers: &'a Buffers,
+) -> Option<&'a [u8]> {
+    if count == 0 {
+        return Some(&[]);
+    }
+    let length = (count - 1).checked_mul(stride)?.checked_add(size)?;
+    if stride < size || offset.checked_add(length)? > view.length() {
+        return None;
+    }
+    let start = view.offset().checked_add(offset)?;
+    buffers.get(view.buffer().index())?.get(start..start.checked_add(length)?)
+}
+
+/// A little-endian unsigned integer.
+fn index(bytes: &[u8], kind: DataType) -> u32 {
+    match kind {
+        DataType::U8 => bytes[0].into(),
+        DataType::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+        _ => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+    }
+}
+
+/// A component as a float (glTF 2.0, 3.6.2.2 for normalized integers).
+fn float(bytes: &[u8], kind: DataType, normalized: bool) -> f32 {
+    let (value, limit) = match kind {
+        DataType::I8 => (f32::from(bytes[0] as i8), 127.0),
+        DataType::U8 => (f32::from(bytes[0]), 255.0),
+        DataType::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+        DataType::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
+        DataType::U32 => return index(bytes, kind) as f32,
+        DataType::F32 => return f32::from_bits(index(bytes, DataType::U32)),
+    };
+    if normalized { (value / limit).max(-1.0) } else { value }
+}

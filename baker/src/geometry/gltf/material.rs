@@ -1,0 +1,142 @@
+//! glTF materials, as far as a diffuse surface goes: base colour, cut-out, sides.
+
+use super::accessor::Buffers;
+use super::container::read_uri;
+use crate::geometry::Wrap;
+use crate::geometry::model::{DEFAULT_ALBEDO, FileMaterial, check_albedo};
+use crate::geometry::texture::TextureStore;
+use dataset::{Error, Result};
+use glam::{Mat2, Vec2, Vec3};
+use gltf::material::AlphaMode;
+use gltf::texture::WrappingMode;
+use std::path::Path;
+
+/// Where a material's texture coordinates come from.
+#[derive(Clone, Copy)]
+pub(super) struct UvSource {
+    /// `TEXCOORD_n`.
+    pub set: u32,
+    /// `uv ↦ matrix · uv + offset`.
+    pub matrix: Mat2,
+    /// See `matrix`.
+    pub offset: Vec2,
+}
+
+/// What reading materials needs of the asset.
+pub(super) struct Asset<'a> {
+    pub file: &'a str,
+    pub folder: &'a Path,
+    pub document: &'a gltf::Document,
+    pub buffers: &'a Buffers<'a>,
+}
+
+/// Reads a material. The one a primitive has that names none is grey.
+pub(super) fn material(
+    asset: &Asset,
+    material: &gltf::Material,
+    textures: &mut TextureStore,
+    warnings: &mut Vec<String>,
+) -> Result<(FileMaterial, UvSource)> {
+    let mut uv = UvSource { set: 0, matrix: Mat2::IDENTITY, offset: Vec2::ZERO };
+    let name = material.name().unwrap_or("").to_owned();
+    let Some(number) = material.index() else {
+        let albedo = Vec3::splat(DEFAULT_ALBEDO);
+        let plain = FileMaterial {
+            name,
+            albedo,
+            alpha: 1.0,
+            texture: None,
+            alpha_cutoff: None,
+            two_sided: false,
+            undefined: true,
+        };
+        return Ok((plain, uv));
+    };
+    let place = match name.as_str() {
+        "" => format!("{}: material {number}", asset.file),
+        name => format!("{}: material {name}", asset.file),
+    };
+    // Older exports keep the diffuse colour in an extension that goes before the metallic-roughness fallback.
+    let (key, [r, g, b, alpha], info) = match material.pbr_specular_glossiness() {
+        Some(base) => ("diffuseFactor", base.diffuse_factor(), base.diffuse_texture()),
+        None => {
+            let base = material.pbr_metallic_roughness();
+            ("baseColorFactor", base.base_color_factor(), base.base_color_texture())
+        }
+    };
+    let albedo = check_albedo([r, g, b], &place, key)?;
+    if !(0.0..=1.0).contains(&alpha) {
+        return Err(Error::invalid(place, format!("{key}: alpha = {alpha}: expected a number from 0 to 1")));
+    }
+    let texture = match info {
+        None => None,
+        Some(info) => {
+            uv = uv_source(&info, &place)?;
+            Some(texture(asset, &info.texture(), textures, &place)?)
+        }
+    };
+    let alpha_cutoff = match material.alpha_mode() {
+        AlphaMode::Opaque => None,
+        AlphaMode::Mask => {
+            let cutoff = material.alpha_cutoff().unwrap_or(0.5);
+            if !cutoff.is_finite() {
+                return Err(Error::invalid(
+                    place,
+                    format!("alphaCutoff = {cutoff}: expected a finite number"),
+                ));
+            }
+            Some(cutoff)
+        }
+        AlphaMode::Blend => {
+            warnings.push(format!("{place}: alphaMode BLEND is taken as MASK at 0.5"));
+            Some(0.5)
+        }
+    };
+    let two_sided = material.double_sided();
+    Ok((FileMaterial { name, albedo, alpha, texture, alpha_cutoff, two_sided, undefined: false }, uv))
+}
+
+/// The coordinates a texture reference uses (`KHR_texture_transform`: scale, then rotate, then offset).
+fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
+    let Some(transform) = info.texture_transform() else {
+        return Ok(UvSource { set: info.tex_coord(), matrix: Mat2::IDENTITY, offset: Vec2::ZERO });
+    };
+    // Counter-clockwise as seen with v down: u′ = cos u + sin v, v′ = −sin u + cos v.
+    let (sin, cos) = transform.rotation().sin_cos();
+    let rotation = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
+    let matrix = rotation * Mat2::from_diagonal(Vec2::from(transform.scale()));
+    let offset = Vec2::from(transform.offset());
+    if !(matrix.is_finite() && offset.is_finite()) {
+        return Err(Error::invalid(place, "KHR_texture_transform: expected finite numbers"));
+    }
+    Ok(UvSource { set: transform.tex_coord().unwrap_or(info.tex_coord()), matrix, offset })
+}
+
+/// Loads a texture's image.
+fn texture(asset: &Asset, texture: &gltf::Texture, textures: &mut TextureStore, place: &str) -> Result<u32> {
+    let wrap = |mode| match mode {
+        WrappingMode::ClampToEdge => Wrap::Clamp,
+        WrappingMode::MirroredRepeat => Wrap::Mirror,
+        WrappingMode::Repeat => Wrap::Repeat,
+    };
+    let (wrap_u, wrap_v) = (wrap(texture.sampler().wrap_s()), wrap(texture.sampler().wrap_t()));
+    let number = texture.source().index();
+    let place = format!("{place}: image {number}");
+    // The crate's own accessor panics on an image with neither URI nor view.
+    let image = &asset.document.as_json().images[number];
+    match (&image.buffer_view, &image.uri) {
+        (Some(view), _) => {
+            let outside = || Error::invalid(&place, "it ends outside its buffer");
+            let view = asset.document.views().nth(view.value()).ok_or_else(outside)?;
+            let end = view.offset().checked_add(view.length()).ok_or_else(outside)?;
+            let buffer = asset.buffers.get(view.buffer().index()).ok_or_else(outside)?;
+            let bytes = buffer.get(view.offset()..end).ok_or_else(outside)?;
+            textures.add(bytes, wrap_u, wrap_v, &place)
+        }
+        (None, Some(uri)) => {
+            let bytes = read_uri(uri, asset.folder, &place)?;
+            textures.add(&bytes, wrap_u, wrap_v, &place)
+        }
+        (None, None) => Err(Error::invalid(place, "expected a uri or a bufferView")),
+    }
+}

@@ -1,0 +1,279 @@
+//! glTF 2.0, `.gltf` and `.glb`: the meshes of its default scene, at their nodes.
+
+mod accessor;
+mod container;
+mod material;
+
+use super::model::{Mesh, Model, Placement};
+use super::texture::TextureStore;
+use accessor::{Buffers, read_floats, read_indices};
+use dataset::{Error, Result};
+use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+use gltf::mesh::{Mode, Semantic};
+use material::{Asset, UvSource};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Extensions an asset may require: those that do not touch geometry or base colour, and those that are read.
+const EXTENSIONS: &[&str] = &[
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Reads a glTF asset.
+pub(super) fn load(path: &Path, textures: &mut TextureStore, warnings: &mut Vec<String>) -> Result<Model> {
+    let file = path.display().to_string();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let (json, binary) = container::split(&bytes, &file)?;
+    let document = document(json, &file)?;
+    let buffers = buffers(&document, binary, folder, &file)?;
+    let asset = Asset { file: &file, folder, document: &document, buffers: &buffers };
+    Reader { asset, textures, warnings, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }
+        .read()
+}
+
+/// Parses and checks the JSON.
+fn document(json: &[u8], file: &str) -> Result<gltf::Document> {
+    let mut root: gltf::json::Root = gltf::json::deserialize::from_slice(json)
+        .map_err(|e| Error::invalid(file, format!("not glTF 2.0: {e}")))?;
+    for extension in &root.extensions_required {
+        if !EXTENSIONS.contains(&extension.as_str()) {
+            let what = format!("the asset requires {extension}: export it without");
+            return Err(Error::unsupported(file, what));
+        }
+    }
+    // The crate's own check of positions reads past the list of accessors.
+    for (i, mesh) in root.meshes.iter().enumerate() {
+        for (semantic, accessor) in mesh.primitives.iter().flat_map(|p| &p.attributes) {
+            if accessor.value() >= root.accessors.len() {
+                let what = format!("{} names accessor {}", semantic.to_string(), accessor.value());
+                let expected = format!("expected an index below {}", root.accessors.len());
+                return Err(Error::invalid(format!("{file}: mesh {i}"), format!("{what}: {expected}")));
+            }
+        }
+    }
+    // Judged here; the crate would refuse what it does not read itself.
+    root.extensions_required.clear();
+    gltf::Document::from_json(root).map_err(|e| match e {
+        gltf::Error::Validation(list) => {
+            let list: Vec<_> = list.iter().take(3).map(|(at, what)| format!("{at}: {what}")).collect();
+            Error::invalid(file, format!("not glTF 2.0: {}", list.join("; ")))
+        }
+        other => Error::invalid(file, format!("not glTF 2.0: {other}")),
+    })
+}
+
+/// Gathers the bytes of all buffers.
+fn buffers<'a>(
+    document: &gltf::Document,
+    binary: Option<&'a [u8]>,
+    folder: &Path,
+    file: &str,
+) -> Result<Buffers<'a>> {
+    let mut buffers = Buffers::new();
+    for buffer in document.buffers() {
+        let place = format!("{file}: buffer {}", buffer.index());
+        let bytes: Cow<[u8]> = match buffer.source() {
+            gltf::buffer::Source::Uri(uri) => container::read_uri(uri, folder, &place)?.into(),
+            gltf::buffer::Source::Bin => binary
+                .ok_or_else(|| Error::invalid(&place, "it has no uri and the file no BIN chunk"))?
+                .into(),
+        };
+        if bytes.len() < buffer.length() {
+            let what = format!("{} bytes: expected {}", bytes.len(), buffer.length());
+            return Err(Error::invalid(place, what));
+        }
+        buffers.push(bytes);
+    }
+    Ok(buffers)
+}
+
+/// The state of reading one asset.
+struct Reader<'a> {
+    asset: Asset<'a>,
+    textures: &'a mut TextureStore,
+    warnings: &'a mut Vec<String>,
+    model: Model,
+    /// By the material's index in the asset: its index in the model, and where its coordinates come from.
+    materials: BTreeMap<Option<usize>, (usize, UvSource)>,
+    /// Primitives of points or lines.
+    skipped: usize,
+}
+
+impl Reader<'_> {
+    fn read(mut self) -> Result<Model> {
+        let document = self.asset.document;
+        let mut stack: Vec<(gltf::Node, DMat4)> = match document.default_scene().or(document.scenes().next())
+        {
+            Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY)).collect(),
+            None => {
+                let mut is_child = vec![false; document.nodes().count()];
+                document.nodes().flat_map(|n| n.children()).for_each(|c| is_child[c.index()] = true);
+                document.nodes().filter(|n| !is_child[n.index()]).map(|n| (n, DMat4::IDENTITY)).collect()
+            }
+        };
+        stack.reverse();
+        // Depth first, in the file's order. Nodes form a tree: none is met twice.
+        let mut met = vec![false; document.nodes().count()];
+        let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
+        while let Some((node, file_from_parent)) = stack.pop() {
+            let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
+            let place = format!("{}: {name}", self.asset.file);
+            if std::mem::replace(&mut met[node.index()], true) {
+                return Err(Error::invalid(place, "the node has two parents: expected a tree"));
+            }
+            let file_from_node = file_from_parent * parent_from_node(&node);
+            if !file_from_node.is_finite() {
+                return Err(Error::invalid(place, "its transform: expected finite numbers"));
+            }
+            if let Some(mesh) = node.mesh() {
+                if node.skin().is_some() {
+                    self.warnings
+                        .push(format!("{place}: its skin is not applied: the mesh stays in its bind pose"));
+                }
+                let range = match primitives.get(&mesh.index()) {
+                    Some(range) => range.clone(),
+                    None => {
+                        let start = self.model.meshes.len();
+                        for primitive in mesh.primitives() {
+                            self.primitive(&mesh, &primitive)?;
+                        }
+                        primitives.insert(mesh.index(), start..self.model.meshes.len());
+                        start..self.model.meshes.len()
+                    }
+                };
+                self.model.placements.extend(range.map(|mesh| Placement {
+                    mesh,
+                    node: node.name().unwrap_or("").to_owned(),
+                    file_from_mesh: file_from_node,
+                }));
+            }
+            let children: Vec<_> = node.children().collect();
+            stack.extend(children.into_iter().rev().map(|c| (c, file_from_node)));
+        }
+        if self.skipped > 0 {
+            let what =
+                format!("{}: {} primitives of points or lines are left out", self.asset.file, self.skipped);
+            self.warnings.push(what);
+        }
+        Ok(self.model)
+    }
+
+    /// Reads a primitive into a mesh; one of points or lines is skipped.
+    fn primitive(&mut self, mesh: &gltf::Mesh, primitive: &gltf::Primitive) -> Result<()> {
+        let name = mesh.name().unwrap_or("").to_owned();
+        let shown = if name.is_empty() { format!("mesh {}", mesh.index()) } else { name.clone() };
+        let place = format!("{}: {shown}, primitive {}", self.asset.file, primitive.index());
+        if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            self.skipped += 1;
+            return Ok(());
+        }
+        let Some(positions) = primitive.get(&Semantic::Positions) else {
+            return Err(Error::invalid(place, "it has no POSITION"));
+        };
+        if primitive.morph_targets().next().is_some() {
+            self.warnings.push(format!("{place}: its morph targets are not applied"));
+        }
+        if primitive.get(&Semantic::Colors(0)).is_some() {
+            self.warnings.push(format!("{place}: its vertex colours are not used"));
+        }
+        let (material, uv) = self.material(&primitive.material())?;
+        let buffers = self.asset.buffers;
+        let mut result = Mesh { name, material, origin: DVec3::ZERO, ..Default::default() };
+        result.positions =
+            read_floats::<3>(&positions, buffers, &place)?.into_iter().map(Vec3::from).collect();
+        let count = result.positions.len();
+        let expect = |what: &str, n: usize| match n == count {
+            true => Ok(()),
+            false => Err(Error::invalid(&place, format!("{n} {what} for {count} positions"))),
+        };
+        if let Some(normals) = primitive.get(&Semantic::Normals) {
+            result.normals =
+                read_floats::<3>(&normals, buffers, &place)?.into_iter().map(Vec3::from).collect();
+            expect("normals", result.normals.len())?;
+        }
+        if let Some(uvs) = primitive.get(&Semantic::TexCoords(uv.set)) {
+            let transform = |t| uv.matrix * Vec2::from(t) + uv.offset;
+            result.uvs = read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(transform).collect();
+            expect("texture coordinates", result.uvs.len())?;
+        } else if self.model.materials[material].texture.is_some() {
+            self.warnings
+                .push(format!("{place}: its material has a texture, but it has no TEXCOORD_{}", uv.set));
+        }
+        if let Some(uvs) = primitive.get(&Semantic::TexCoords(1)) {
+            result.lightmap_uvs =
+                read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(Vec2::from).collect();
+            expect("lightmap coordinates", result.lightmap_uvs.len())?;
+        }
+        let indices = match primitive.indices() {
+            Some(indices) => read_indices(&indices, buffers, &place)?,
+            None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
+        };
+        result.triangles = triangles(&indices, primitive.mode(), &place)?;
+        result.finish(&place)?;
+        self.model.meshes.push(result);
+        Ok(())
+    }
+
+    /// The material's index in the model; each is read once.
+    fn material(&mut self, material: &gltf::Material) -> Result<(usize, UvSource)> {
+        if let Some(&known) = self.materials.get(&material.index()) {
+            return Ok(known);
+        }
+        let (read, uv) = material::material(&self.asset, material, self.textures, self.warnings)?;
+        self.model.materials.push(read);
+        let known = (self.model.materials.len() - 1, uv);
+        self.materials.insert(material.index(), known);
+        Ok(known)
+    }
+}
+
+/// A node's transform in double precision; the quaternion is normalised.
+fn parent_from_node(node: &gltf::Node) -> DMat4 {
+    match node.transform() {
+        gltf::scene::Transform::Matrix { matrix } => {
+            DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from)))
+        }
+        gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
+            let rotation = DQuat::from_array(rotation.map(f64::from)).normalize();
+            DMat4::from_scale_rotation_translation(
+                DVec3::from(scale.map(f64::from)),
+                rotation,
+                DVec3::from(translation.map(f64::from)),
+            )
+        }
+    }
+}
+
+/// Lists, strips and fans as triangles (glTF 2.0, 3.7.2.1).
+fn triangles(indices: &[u32], mode: Mode, place: &str) -> Result<Vec<[u32; 3]>> {
+    Ok(match mode {
+        Mode::TriangleStrip => {
+            let turned =
+                |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+            indices.windows(3).enumerate().map(turned).collect()
+        }
+        Mode::TriangleFan => match indices.split_first() {
+            Some((&hub, rim)) => rim.windows(2).map(|w| [w[0], w[1], hub]).collect(),
+            None => Vec::new(),
+        },
+        _ => {
+            let (list, rest) = indices.as_chunks::<3>();
+            if !rest.is_empty() {
+                let what = format!("{} indices: expected a multiple of 3", indices.len());
+                return Err(Error::invalid(place, what));
+            }
+            list.to_vec()
+        }
+    })
+}

@@ -1,0 +1,281 @@
+//! Flattening: every file read once, every placed mesh written out in world space.
+
+use super::look::{MaterialStore, resolve, unmet};
+use super::model::{DEFAULT_ALBEDO, Mesh, Model};
+use super::texture::TextureStore;
+use super::{Geometry, Instance, gltf, obj};
+use crate::scene::{Object, Scene, WHITE};
+use dataset::{Error, Result};
+use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+/// More than this from the origin and `f32` squares overflow.
+const MAX_EXTENT: f64 = 1e15;
+
+/// Loads and flattens all objects of a scene. Gives the geometry and the warnings to show.
+///
+/// # Errors
+/// [`Error::Invalid`] and [`Error::Unsupported`] name the file, mesh and vertex; [`Error::Io`] the file.
+pub fn load(scene: &Scene) -> Result<(Geometry, Vec<String>)> {
+    let mut warnings = Vec::new();
+    let mut textures = TextureStore::default();
+    let (models, model_of) = read_files(scene, &mut textures, &mut warnings)?;
+    let groups: Vec<&str> = scene.groups.iter().map(|g| g.name.as_str()).collect();
+    let mut materials = MaterialStore::default();
+    let mut placed = Vec::new();
+    for (object, &model) in scene.objects.iter().zip(&model_of) {
+        place(object, &models[model], &groups, &mut materials, &mut textures, &mut placed, &mut warnings)?;
+    }
+    let mut geometry = write_out(&placed)?;
+    geometry.materials = materials.materials;
+    geometry.textures = textures.textures;
+    Ok((geometry, warnings))
+}
+
+/// Reads every file once. Gives the models, and per object the index of its.
+fn read_files(
+    scene: &Scene,
+    textures: &mut TextureStore,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Model>, Vec<usize>)> {
+    let mut known: BTreeMap<(PathBuf, bool), usize> = BTreeMap::new();
+    let (mut models, mut model_of) = (Vec::new(), Vec::new());
+    for object in &scene.objects {
+        let key = (object.file.clone(), object.vt_is_lightmap);
+        if let Some(&model) = known.get(&key) {
+            model_of.push(model);
+            continue;
+        }
+        let extension = object.file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        let model = match extension.as_str() {
+            "obj" => obj::load(&object.file, object.vt_is_lightmap, textures, warnings)?,
+            "gltf" | "glb" => gltf::load(&object.file, textures, warnings)?,
+            _ => {
+                let what = format!("{}: expected an .obj, .gltf or .glb file", object.file.display());
+                return Err(Error::unsupported(&object.place, what));
+            }
+        };
+        if model.placements.iter().all(|p| model.meshes[p.mesh].triangles.is_empty()) {
+            return Err(Error::invalid(object.file.display(), "expected at least one triangle"));
+        }
+        model_of.push(models.len());
+        known.insert(key, models.len());
+        models.push(model);
+    }
+    Ok((models, model_of))
+}
+
+/// A mesh at a place in the world.
+struct Placed<'a> {
+    mesh: &'a Mesh,
+    world_from_mesh: DMat4,
+    material: u32,
+    name: String,
+    lightmap: bool,
+    density: f64,
+}
+
+/// Lists the placed meshes of an object, instance by instance.
+fn place<'a>(
+    object: &Object,
+    model: &'a Model,
+    groups: &[&str],
+    materials: &mut MaterialStore,
+    textures: &mut TextureStore,
+    placed: &mut Vec<Placed<'a>>,
+    warnings: &mut Vec<String>,
+) -> Result<()> {
+    let file = object.file.file_name().unwrap_or_default().to_string_lossy();
+    let names = |placement: &'a super::model::Placement| {
+        let mesh = &model.meshes[placement.mesh];
+        [placement.node.as_str(), mesh.name.as_str(), model.materials[mesh.material].name.as_str()]
+    };
+    // What holds for each mesh does not depend on the instance.
+    let mut met = vec![false; object.parts.len()];
+    let (mut white, mut undefined) = (BTreeSet::new(), 0);
+    let mut list = Vec::new();
+    for placement in &model.placements {
+        let mesh = &model.meshes[placement.mesh];
+        if mesh.triangles.is_empty() {
+            continue;
+        }
+        let mut named: Vec<&str> = names(placement).into_iter().filter(|n| !n.is_empty()).collect();
+        let look = resolve(object, &named, &mut met);
+        let material = &model.materials[mesh.material];
+        let index = materials.add(material, &look, groups, &object.place, textures)?;
+        if look.albedo.is_none()
+            && material.texture.is_none()
+            && f64::from(material.albedo.max_element()) > WHITE
+        {
+            white.insert(mesh.material);
+        }
+        undefined += usize::from(look.albedo.is_none() && material.undefined);
+        named.dedup();
+        list.push((placement, index, format!("{file}: {}", named.join("/")), look));
+    }
+    if let Some(part) = met.iter().position(|met| !met) {
+        let all = model.placements.iter().flat_map(names).collect();
+        return Err(unmet(object, &object.parts[part].pattern, all));
+    }
+    if undefined > 0 {
+        let file = object.file.display();
+        warnings.push(format!(
+            "{file}: {undefined} meshes without a defined material get albedo {DEFAULT_ALBEDO}"
+        ));
+    }
+    if !white.is_empty() {
+        let list: Vec<&str> = white.iter().map(|&m| model.materials[m].name.as_str()).collect();
+        warnings.push(format!(
+            "{}: materials {}: albedo above {WHITE}: light hardly fades between bounces",
+            object.file.display(),
+            list.join(", "),
+        ));
+    }
+    for (i, &world_from_file) in object.world_from_file.iter().enumerate() {
+        let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
+        placed.extend(list.iter().map(|(placement, material, name, look)| Placed {
+            mesh: &model.meshes[placement.mesh],
+            world_from_mesh: world_from_file * placement.file_from_mesh,
+            material: *material,
+            name: format!("{name}{number}"),
+            lightmap: look.lightmap.unwrap_or(true),
+            density: look.density.unwrap_or(1.0),
+        }));
+    }
+    Ok(())
+}
+
+/// Writes all placed meshes in world space, around the centre of their bounding box.
+fn write_out(placed: &[Placed]) -> Result<Geometry> {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (mut vertices, mut triangles) = (0, 0);
+    for p in placed {
+        for position in world_positions(p) {
+            if !position.is_finite() {
+                return Err(Error::invalid(&p.name, "its transform leads out of the range of numbers"));
+            }
+            (low, high) = (low.min(position), high.max(position));
+        }
+        triangles += p.mesh.triangles.len();
+        vertices += vertex_count(p.mesh);
+    }
+    if u32::try_from(vertices).is_err() {
+        let what = format!("{vertices} vertices after instancing: expected fewer than 2³²");
+        return Err(Error::unsupported("the scene's geometry", what));
+    }
+    if (high - low).max_element() > MAX_EXTENT {
+        return Err(Error::invalid("the scene's geometry", format!("it spans {} metres", high - low)));
+    }
+    let mut geometry = Geometry { origin: 0.5 * (low + high), ..Default::default() };
+    geometry.positions.reserve_exact(vertices);
+    geometry.normals.reserve_exact(vertices);
+    geometry.uvs.reserve_exact(vertices);
+    geometry.lightmap_uvs.reserve_exact(vertices);
+    geometry.triangles.reserve_exact(triangles);
+    geometry.material_of.reserve_exact(triangles);
+    // Meshes are told apart by where they lie in memory; their numbers go by first appearance, so addresses do not show.
+    let mut known: BTreeMap<(*const Mesh, u32, bool), u32> = BTreeMap::new();
+    for p in placed {
+        let next = known.len() as u32;
+        let number = *known.entry((p.mesh, p.material, p.lightmap)).or_insert(next);
+        write_mesh(p, number, &mut geometry);
+    }
+    Ok(geometry)
+}
+
+fn world_positions<'a>(p: &'a Placed) -> impl Iterator<Item = DVec3> + 'a {
+    let mesh = p.mesh;
+    mesh.positions.iter().map(|v| p.world_from_mesh.transform_point3(mesh.origin + v.as_dvec3()))
+}
+
+/// Vertices a mesh takes: flat ones share none between triangles.
+fn vertex_count(mesh: &Mesh) -> usize {
+    if mesh.normals.is_empty() { 3 * mesh.triangles.len() } else { mesh.positions.len() }
+}
+
+/// Appends one placed mesh, which has the given number.
+fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
+    let mesh = p.mesh;
+    let (first_vertex, first_triangle) = (geometry.positions.len(), geometry.triangles.len());
+    let linear = DMat3::from_mat4(p.world_from_mesh);
+    let mirrored = linear.determinant() < 0.0;
+    // A mirror turns the winding round; swapping two corners keeps the front in front.
+    let wind = |[a, b, c]: [u32; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
+    let origin = geometry.origin;
+    let local = world_positions(p).map(|v| (v - origin).as_vec3());
+    if mesh.normals.is_empty() {
+        // Flat: each triangle has vertices of its own.
+        let positions: Vec<Vec3> = local.collect();
+        for &triangle in &mesh.triangles {
+            let corners = wind(triangle).map(|v| v as usize);
+            let normal = flat_normal(corners.map(|v| positions[v]));
+            let first = geometry.positions.len() as u32;
+            geometry.triangles.push([first, first + 1, first + 2]);
+            for v in corners {
+                geometry.positions.push(positions[v]);
+                geometry.normals.push(normal);
+                geometry.uvs.push(mesh.uvs.get(v).copied().unwrap_or(Vec2::ZERO));
+                geometry.lightmap_uvs.push(mesh.lightmap_uvs.get(v).copied().unwrap_or(Vec2::ZERO));
+            }
+        }
+    } else {
+        let count = mesh.positions.len();
+        geometry.positions.extend(local);
+        let positions = &geometry.positions[first_vertex..];
+        // The sum of the area vectors around each vertex says where its front is.
+        let mut front = vec![Vec3::ZERO; count];
+        for &triangle in &mesh.triangles {
+            let corners = wind(triangle).map(|v| v as usize);
+            let area = area_vector(corners.map(|v| positions[v])).as_vec3();
+            corners.iter().for_each(|&v| front[v] += area);
+            geometry.triangles.push(corners.map(|v| (first_vertex + v) as u32));
+        }
+        let world_from_normal = normal_matrix(linear);
+        geometry.normals.extend(mesh.normals.iter().zip(&front).map(|(normal, &front)| {
+            let front = front.as_dvec3().normalize_or_zero();
+            let normal = (world_from_normal * normal.as_dvec3().normalize_or_zero()).normalize_or_zero();
+            let normal = if normal == DVec3::ZERO { front } else { normal };
+            let normal = if normal.dot(front) < 0.0 { -normal } else { normal };
+            (if normal == DVec3::ZERO { DVec3::Y } else { normal }).as_vec3()
+        }));
+        match mesh.uvs.is_empty() {
+            true => geometry.uvs.resize(first_vertex + count, Vec2::ZERO),
+            false => geometry.uvs.extend_from_slice(&mesh.uvs),
+        }
+        match mesh.lightmap_uvs.is_empty() {
+            true => geometry.lightmap_uvs.resize(first_vertex + count, Vec2::ZERO),
+            false => geometry.lightmap_uvs.extend_from_slice(&mesh.lightmap_uvs),
+        }
+    }
+    geometry.material_of.resize(geometry.triangles.len(), p.material);
+    geometry.instances.push(Instance {
+        name: p.name.clone(),
+        mesh: number,
+        world_from_mesh: DAffine3::from_mat4(p.world_from_mesh),
+        triangles: first_triangle..geometry.triangles.len(),
+        vertices: first_vertex..geometry.positions.len(),
+        lightmap: p.lightmap,
+        has_lightmap_uvs: !mesh.lightmap_uvs.is_empty(),
+        density: p.density,
+    });
+}
+
+/// Half the cross product of two edges.
+fn area_vector([a, b, c]: [Vec3; 3]) -> DVec3 {
+    let [a, b, c] = [a, b, c].map(Vec3::as_dvec3);
+    0.5 * (b - a).cross(c - a)
+}
+
+/// The plane's unit normal; up for a triangle without area.
+fn flat_normal(corners: [Vec3; 3]) -> Vec3 {
+    area_vector(corners).try_normalize().unwrap_or(DVec3::Y).as_vec3()
+}
+
+/// The inverse transpose up to a positive factor: cofactors, which exist for flattening transforms too, with the sign
+/// of the determinant.
+fn normal_matrix(linear: DMat3) -> DMat3 {
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if linear.determinant() < 0.0 { -cofactors } else { cofactors }
+}

@@ -1,0 +1,146 @@
+//! What the scene file overrides: name patterns, and materials as they end up.
+
+use super::Material;
+use super::model::FileMaterial;
+use super::texture::TextureStore;
+use crate::scene::{Look, Object};
+use dataset::{Error, Result};
+use std::collections::BTreeMap;
+
+/// Whether a name fits a pattern, `*` standing for any run of characters.
+pub(super) fn fits(pattern: &str, name: &str) -> bool {
+    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
+    let (mut p, mut n) = (0, 0);
+    // The last star, and how much it swallows so far.
+    let mut star = None;
+    while n < name.len() {
+        if pattern.get(p) == Some(&'*') {
+            star = Some((p, n));
+            p += 1;
+        } else if pattern.get(p) == Some(&name[n]) {
+            (p, n) = (p + 1, n + 1);
+        } else if let Some((at, swallowed)) = star {
+            star = Some((at, swallowed + 1));
+            (p, n) = (at + 1, swallowed + 1);
+        } else {
+            return false;
+        }
+    }
+    pattern[p..].iter().all(|&c| c == '*')
+}
+
+/// What holds for a mesh with these names: the object's look, then its parts in order. Sets `met` of the parts that fit.
+pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look {
+    let mut look = object.look.clone();
+    for (part, met) in object.parts.iter().zip(met) {
+        if names.iter().any(|name| fits(&part.pattern, name)) {
+            *met = true;
+            let over = part.look.clone();
+            look = Look {
+                albedo: over.albedo.or(look.albedo),
+                lightmap: over.lightmap.or(look.lightmap),
+                density: over.density.or(look.density),
+                two_sided: over.two_sided.or(look.two_sided),
+                // The two come together.
+                emission: over.emission.or(look.emission),
+                group: over.group.or(look.group),
+            };
+        }
+    }
+    look
+}
+
+/// An error about a part that fits no mesh; `names` are those it could have fitted.
+pub(super) fn unmet(object: &Object, pattern: &str, mut names: Vec<&str>) -> Error {
+    names.retain(|n| !n.is_empty());
+    names.sort_unstable();
+    names.dedup();
+    let more = if names.len() > 20 { ", …" } else { "" };
+    names.truncate(20);
+    let have = if names.is_empty() { "it names nothing".to_owned() } else { names.join(", ") };
+    let what = format!(
+        "part name = {pattern:?}: fits no node, mesh or material of {}: {have}{more}",
+        object.file.display()
+    );
+    Error::invalid(&object.place, what)
+}
+
+/// Materials of the scene; equal ones are held once.
+#[derive(Default)]
+pub(super) struct MaterialStore {
+    /// In the order first met.
+    pub materials: Vec<Material>,
+    index: BTreeMap<[u32; 13], u32>,
+}
+
+impl MaterialStore {
+    /// The index of a file's material under a look. `groups` are the names of the scene's light groups.
+    pub fn add(
+        &mut self,
+        file: &FileMaterial,
+        look: &Look,
+        groups: &[&str],
+        place: &str,
+        textures: &mut TextureStore,
+    ) -> Result<u32> {
+        let mut material = Material {
+            albedo: file.albedo,
+            alpha: file.alpha,
+            texture: file.texture,
+            alpha_cutoff: file.alpha_cutoff,
+            two_sided: look.two_sided.unwrap_or(file.two_sided),
+            emission: None,
+        };
+        if let Some(albedo) = look.albedo {
+            material.albedo = albedo.as_vec3();
+            // Colour goes, the cut-out stays.
+            material.texture =
+                if file.alpha_cutoff.is_some() { file.texture.map(|t| textures.white(t)) } else { None };
+        }
+        if let (Some(emission), Some(name)) = (look.emission, &look.group) {
+            let group = groups.iter().position(|g| g == name);
+            let group =
+                group.ok_or_else(|| Error::invalid(place, format!("group {name:?} does not exist")))?;
+            material.emission = Some((emission.as_vec3(), group as u32));
+        }
+        let index = *self.index.entry(key(&material)).or_insert(self.materials.len() as u32);
+        if index as usize == self.materials.len() {
+            self.materials.push(material);
+        }
+        Ok(index)
+    }
+}
+
+/// Every bit of a material.
+fn key(m: &Material) -> [u32; 13] {
+    let option = |x: Option<u32>| x.map_or([0, 0], |x| [1, x]);
+    let [has_texture, texture] = option(m.texture);
+    let [has_cutoff, cutoff] = option(m.alpha_cutoff.map(f32::to_bits));
+    let [r, g, b] = m.albedo.to_array().map(f32::to_bits);
+    let (e, group) = m.emission.map_or(([0; 3], u32::MAX), |(e, g)| (e.to_array().map(f32::to_bits), g));
+    let alpha = m.alpha.to_bits();
+    [r, g, b, alpha, has_texture, texture, has_cutoff, cutoff, m.two_sided.into(), e[0], e[1], e[2], group]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fits;
+
+    #[test]
+    fn stars_stand_for_any_run() {
+        for (pattern, name, expected) in [
+            ("leaf", "leaf", true),
+            ("leaf", "leaf.001", false),
+            ("leaf*", "leaf.001", true),
+            ("*leaf", "oak_leaf", true),
+            ("*a*b*", "xxaxxbxx", true),
+            ("*a*b", "ab_ab_a", false),
+            ("a*a", "a", false),
+            ("*", "", true),
+            ("**", "x", true),
+            ("", "x", false),
+        ] {
+            assert_eq!(fits(pattern, name), expected, "{pattern} {name}");
+        }
+    }
+}

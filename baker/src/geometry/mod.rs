@@ -1,0 +1,107 @@
+//! Triangles in world space, flattened from files and instances, and what they are made of.
+
+mod gltf;
+mod digest;
+mod load;
+mod look;
+mod model;
+mod obj;
+mod polygon;
+mod similarity;
+mod surface;
+mod texture;
+
+pub use load::load;
+pub use similarity::Similarity;
+
+use glam::{DAffine3, DVec3, Vec2, Vec3};
+
+/// All triangles of a scene. Positions are relative to `origin`, so that `f32` keeps its precision far from zero.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// World position of the local origin (centre of the bounding box).
+    pub origin: DVec3,
+    /// Vertex positions in metres, relative to `origin`.
+    pub positions: Vec<Vec3>,
+    /// Unit vertex normals (from the file, else flat), on the front side.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, (0, 0) where the file has none; v runs down, as in glTF.
+    pub uvs: Vec<Vec2>,
+    /// Authored lightmap coordinates (TEXCOORD_1), zero where absent.
+    pub lightmap_uvs: Vec<Vec2>,
+    /// Vertex indices, front face counter-clockwise (also for mirrored instances).
+    pub triangles: Vec<[u32; 3]>,
+    /// Per triangle, index into `materials`.
+    pub material_of: Vec<u32>,
+    /// Contiguous runs of triangles and vertices, one per placed mesh.
+    pub instances: Vec<Instance>,
+    /// What surfaces are made of.
+    pub materials: Vec<Material>,
+    /// Base colour textures.
+    pub textures: Vec<Texture>,
+}
+
+/// One placed mesh (glTF primitive, OBJ object and material): a run of triangles with vertices of its own.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// Node, mesh and material names for messages, e.g. `yard.glb: shed/planks`.
+    pub name: String,
+    /// Which mesh was placed: instances of one mesh, material and choice of `lightmap` have the same number, their triangles and
+    /// vertices in the same order (a mirrored one with the last two corners of each triangle swapped). Dense, by first appearance.
+    pub mesh: u32,
+    /// The transform that placed it: metres in the world (not relative to the geometry's origin) from the mesh's coordinates.
+    pub world_from_mesh: DAffine3,
+    /// Its triangles.
+    pub triangles: std::ops::Range<usize>,
+    /// Its vertices.
+    pub vertices: std::ops::Range<usize>,
+    /// Whether it gets texels.
+    pub lightmap: bool,
+    /// Whether `lightmap_uvs` hold an authored layout for it.
+    pub has_lightmap_uvs: bool,
+    /// Texel density relative to the scene's.
+    pub density: f64,
+}
+
+/// A diffuse material.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Linear albedo factor in [0, 1].
+    pub albedo: Vec3,
+    /// Alpha factor.
+    pub alpha: f32,
+    /// Index into textures: multiplies albedo and alpha.
+    pub texture: Option<u32>,
+    /// `alphaMode MASK`: where alpha is below it, there is no surface.
+    pub alpha_cutoff: Option<f32>,
+    /// Whether the back reflects; if not, it absorbs.
+    pub two_sided: bool,
+    /// Emitted radiance in kcd/m² and the index of the light group that switches it.
+    pub emission: Option<(Vec3, u32)>,
+}
+
+/// A texture of 8-bit sRGB colour and linear alpha, sampled bilinearly, decoded before filtering.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// Texels.
+    pub width: u32,
+    /// Texels.
+    pub height: u32,
+    /// Row by row from the top (v = 0).
+    pub rgba: Vec<[u8; 4]>,
+    /// Horizontal addressing.
+    pub wrap_u: Wrap,
+    /// Vertical addressing.
+    pub wrap_v: Wrap,
+}
+
+/// Texture addressing outside [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wrap {
+    /// Tiles.
+    Repeat,
+    /// Repeats the edge.
+    Clamp,
+    /// Tiles, every other one mirrored.
+    Mirror,
+}

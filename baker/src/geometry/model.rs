@@ -1,0 +1,125 @@
+//! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
+
+use dataset::{Error, Result};
+use glam::{DMat4, DVec3, Vec2, Vec3};
+
+/// Albedo of surfaces for which a file gives none.
+pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
+
+/// A geometry file.
+#[derive(Default)]
+pub(super) struct Model {
+    pub meshes: Vec<Mesh>,
+    /// Which meshes stand where, in the order of the file.
+    pub placements: Vec<Placement>,
+    pub materials: Vec<FileMaterial>,
+}
+
+/// A mesh at a node.
+pub(super) struct Placement {
+    /// Index of the mesh.
+    pub mesh: usize,
+    /// The node's name, or empty.
+    pub node: String,
+    pub file_from_mesh: DMat4,
+}
+
+/// Indexed triangles of one material.
+#[derive(Default)]
+pub(super) struct Mesh {
+    /// Name in the file, or empty.
+    pub name: String,
+    /// Index of the material.
+    pub material: usize,
+    /// What positions are relative to.
+    pub origin: DVec3,
+    pub positions: Vec<Vec3>,
+    /// Any length, zero too; empty: flat.
+    pub normals: Vec<Vec3>,
+    /// v down; empty: none.
+    pub uvs: Vec<Vec2>,
+    /// Empty: none.
+    pub lightmap_uvs: Vec<Vec2>,
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A material of a file.
+pub(super) struct FileMaterial {
+    /// Name in the file, or empty.
+    pub name: String,
+    /// Linear, in [0, 1].
+    pub albedo: Vec3,
+    pub alpha: f32,
+    /// Index into the texture store.
+    pub texture: Option<u32>,
+    pub alpha_cutoff: Option<f32>,
+    pub two_sided: bool,
+    /// The file defines none: the default albedo.
+    pub undefined: bool,
+}
+
+impl Mesh {
+    /// Checks indices and that every used value is finite, drops triangles that name a vertex twice and vertices that
+    /// no triangle names. `place` names file and mesh.
+    pub fn finish(&mut self, place: &str) -> Result<()> {
+        let count = self.positions.len();
+        let mut new_from_old = vec![u32::MAX; count];
+        let mut used = Vec::new();
+        for triangle in &self.triangles {
+            if let Some(&v) = triangle.iter().find(|&&v| v as usize >= count) {
+                return Err(Error::invalid(
+                    place,
+                    format!("a triangle names vertex {v}: expected an index below {count}"),
+                ));
+            }
+        }
+        self.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        for triangle in &mut self.triangles {
+            for v in triangle {
+                let new = &mut new_from_old[*v as usize];
+                if *new == u32::MAX {
+                    *new = used.len() as u32;
+                    used.push(*v);
+                }
+                *v = *new;
+            }
+        }
+        drop(new_from_old);
+        compact(&mut self.positions, &used, |p| p.is_finite(), place, "position")?;
+        compact(&mut self.normals, &used, |n| n.is_finite(), place, "normal")?;
+        compact(&mut self.uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
+        compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")
+    }
+}
+
+/// Keeps the used values, which must be `good`.
+fn compact<T: Copy + std::fmt::Debug>(
+    values: &mut Vec<T>,
+    used: &[u32],
+    good: impl Fn(&T) -> bool,
+    place: &str,
+    what: &str,
+) -> Result<()> {
+    if values.is_empty() {
+        return Ok(());
+    }
+    if let Some(&v) = used.iter().find(|&&v| !good(&values[v as usize])) {
+        let value = values[v as usize];
+        let what = format!("vertex {v}: {what} {value:?}: expected finite numbers");
+        return Err(Error::invalid(place, what));
+    }
+    // In order already: nothing to move.
+    if used.len() != values.len() || used.iter().enumerate().any(|(i, &v)| i != v as usize) {
+        *values = used.iter().map(|&v| values[v as usize]).collect();
+    }
+    Ok(())
+}
+
+/// Checks an albedo factor of a file.
+pub(super) fn check_albedo(albedo: [f32; 3], place: &str, key: &str) -> Result<Vec3> {
+    if albedo.iter().all(|c| (0.0..=1.0).contains(c)) {
+        Ok(Vec3::from(albedo))
+    } else {
+        Err(Error::invalid(place, format!("{key} = {albedo:?}: expected numbers from 0 to 1")))
+    }
+}

@@ -1,0 +1,289 @@
+//! Wavefront OBJ with its MTL libraries.
+
+use super::Wrap;
+use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, Placement, check_albedo};
+use super::polygon::triangulate;
+use super::texture::TextureStore;
+use dataset::{Error, Result};
+use glam::{DMat4, DVec3, Vec2, Vec3};
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, Read};
+use std::path::{Path, PathBuf};
+
+/// The library that holds a stand-in for every material the OBJ names, so that one that is defined nowhere keeps its
+/// name; read first, as a line of its own, so that real definitions replace its.
+const STAND_INS: &str = "\u{1}stand-ins";
+
+/// Reads an OBJ. With `vt_is_lightmap` its `vt` are lightmap coordinates too.
+pub(super) fn load(
+    path: &Path,
+    vt_is_lightmap: bool,
+    textures: &mut TextureStore,
+    warnings: &mut Vec<String>,
+) -> Result<Model> {
+    let file = path.display().to_string();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let text = std::fs::read(path).map_err(Error::io(path))?;
+    let stand_ins: BTreeSet<String> = text.split(|&b| b == b'\n').filter_map(material_name).collect();
+    let first = format!("mtllib {STAND_INS}\n");
+    let mut reader = LineCounter { inner: first.as_bytes().chain(&text[..]), lines: Cell::new(0) };
+
+    // What the callback meets; it may not fail itself.
+    let missing = RefCell::new(Vec::new());
+    let failed = RefCell::new(None);
+    let options = tobj::LoadOptions {
+        single_index: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
+    let loaded = tobj::load_obj_buf(&mut reader, &options, |library| {
+        if library == Path::new(STAND_INS) {
+            let stand_in = |name: &String| tobj::Material { name: name.clone(), ..Default::default() };
+            let map = stand_ins.iter().cloned().zip(0..).collect();
+            return Ok((stand_ins.iter().map(stand_in).collect(), map));
+        }
+        let path = resolve(folder, &library.to_string_lossy());
+        match std::fs::read(&path) {
+            Ok(bytes) => {
+                let mut reader = LineCounter { inner: &bytes[..], lines: Cell::new(0) };
+                tobj::load_mtl_buf(&mut reader)
+                    .map(|(materials, map)| (materials.into_iter().map(marked).collect(), map))
+                    .inspect_err(|e| {
+                        let place = format!("{}:{}", path.display(), reader.lines.get());
+                        failed.borrow_mut().get_or_insert(Error::invalid(place, e));
+                    })
+            }
+            Err(e) => {
+                missing.borrow_mut().push(format!("{file}: mtllib {}: {e}", path.display()));
+                Ok((Vec::new(), Default::default()))
+            }
+        }
+    });
+    if let Some(error) = failed.into_inner() {
+        return Err(error);
+    }
+    // The first line was ours.
+    let line = reader.lines.get().saturating_sub(1);
+    let (models, materials) = loaded
+        .map_err(|e| Error::invalid(format!("{file}:{line}"), format!("{e}, here or in the faces above")))?;
+    warnings.append(&mut missing.into_inner());
+    // Whatever is wrong with the libraries has been said.
+    let materials = materials.unwrap_or_default();
+
+    let mut model = Model::default();
+    let mut new_from_old = BTreeMap::new();
+    for tobj::Model { mesh, name } in models {
+        if mesh.indices.is_empty() {
+            continue;
+        }
+        let material = match new_from_old.get(&mesh.material_id) {
+            Some(&index) => index,
+            None => {
+                let defined = mesh.material_id.and_then(|id| materials.get(id));
+                model.materials.push(self::material(defined, &file, folder, textures, warnings)?);
+                new_from_old.insert(mesh.material_id, model.materials.len() - 1);
+                model.materials.len() - 1
+            }
+        };
+        let place = format!("{file}: {name}");
+        let mesh = convert(mesh, name, material, vt_is_lightmap, &place, warnings)?;
+        let node = String::new();
+        model.placements.push(Placement { mesh: model.meshes.len(), node, file_from_mesh: DMat4::IDENTITY });
+        model.meshes.push(mesh);
+    }
+    Ok(model)
+}
+
+/// The name a `usemtl` line gives.
+fn material_name(line: &[u8]) -> Option<String> {
+    let line = std::str::from_utf8(line).ok()?.trim_start();
+    let name = line.strip_prefix("usemtl")?;
+    (name.starts_with([' ', '\t']) && !name.trim().is_empty()).then(|| name.trim().to_owned())
+}
+
+/// Marks a material that a library defines, against stand-ins.
+fn marked(mut material: tobj::Material) -> tobj::Material {
+    material.unknown_param.insert(STAND_INS.to_owned(), String::new());
+    material
+}
+
+fn is_marked(material: &tobj::Material) -> bool {
+    material.unknown_param.contains_key(STAND_INS)
+}
+
+/// A path of an OBJ or MTL, with either kind of slash.
+fn resolve(folder: &Path, name: &str) -> PathBuf {
+    folder.join(name.trim().replace('\\', "/"))
+}
+
+/// `Kd` (linear) and `map_Kd`; a `map_d` that is the same file makes a cut-out.
+fn material(
+    material: Option<&tobj::Material>,
+    file: &str,
+    folder: &Path,
+    textures: &mut TextureStore,
+    warnings: &mut Vec<String>,
+) -> Result<FileMaterial> {
+    let mut result = FileMaterial {
+        name: material.map_or(String::new(), |m| m.name.clone()),
+        albedo: Vec3::splat(DEFAULT_ALBEDO),
+        alpha: 1.0,
+        texture: None,
+        alpha_cutoff: None,
+        two_sided: false,
+        undefined: material.is_none_or(|m| !is_marked(m)),
+    };
+    let Some(material) = material else { return Ok(result) };
+    let place = format!("{file}: material {}", material.name);
+    if let Some(kd) = material.diffuse {
+        result.albedo = check_albedo(kd.map(|c| c as f32), &place, "Kd")?;
+    }
+    if let Some(map) = &material.diffuse_texture {
+        let (name, wrap) = map_options(map);
+        let path = resolve(folder, name);
+        match std::fs::read(&path) {
+            Ok(bytes) => {
+                result.texture = Some(textures.add(&bytes, wrap, wrap, &path.display().to_string())?);
+                // Exporters write Kd 0 beside a texture that is meant to be seen.
+                if material.diffuse.is_none() || result.albedo == Vec3::ZERO {
+                    result.albedo = Vec3::ONE;
+                }
+            }
+            Err(e) => warnings.push(format!("{place}: map_Kd {}: {e}; Kd alone is used", path.display())),
+        }
+    }
+    if let Some(map) = &material.dissolve_texture {
+        let same =
+            material.diffuse_texture.as_ref().is_some_and(|kd| map_options(kd).0 == map_options(map).0);
+        if same {
+            result.alpha_cutoff = Some(0.5);
+        } else {
+            warnings.push(format!("{place}: map_d {map} is not used: put the cut-out into map_Kd's alpha"));
+        }
+    }
+    if material.dissolve.is_some_and(|d| d < 1.0) {
+        warnings.push(format!("{place}: d below 1 is not used: the surface is opaque"));
+    }
+    Ok(result)
+}
+
+/// The file name of a map statement, and `-clamp on`; options of a known number of arguments are skipped.
+fn map_options(statement: &str) -> (&str, Wrap) {
+    let mut rest = statement.trim();
+    let mut wrap = Wrap::Repeat;
+    while rest.starts_with('-') {
+        let words: Vec<&str> = rest.split_whitespace().collect();
+        let numbers = words[1..].iter().take(3).take_while(|w| w.parse::<f64>().is_ok()).count();
+        let arguments = match words[0] {
+            "-o" | "-s" | "-t" => numbers,
+            "-mm" => 2,
+            _ => 1,
+        };
+        if words[0] == "-clamp" && words.get(1) == Some(&"on") {
+            wrap = Wrap::Clamp;
+        }
+        if words.len() <= arguments + 1 {
+            break;
+        }
+        for word in &words[..=arguments] {
+            rest = rest.trim_start()[word.len()..].trim_start();
+        }
+    }
+    (rest, wrap)
+}
+
+/// Triangulates, recentres and checks a mesh.
+fn convert(
+    mesh: tobj::Mesh,
+    name: String,
+    material: usize,
+    vt_is_lightmap: bool,
+    place: &str,
+    warnings: &mut Vec<String>,
+) -> Result<Mesh> {
+    let corners: Vec<DVec3> = mesh.positions.chunks_exact(3).map(DVec3::from_slice).collect();
+    // A finite place near the vertices; a bad vertex is found by `finish`.
+    let origin = corners.iter().copied().find(|p| p.is_finite()).unwrap_or_default();
+    let mut result = Mesh { name, material, origin, ..Default::default() };
+    result.positions = corners.iter().map(|p| (p - origin).as_vec3()).collect();
+    let all = |length: usize, per: usize| length == corners.len() * per;
+    if all(mesh.normals.len(), 3) {
+        let normal = |n: &[f64]| DVec3::from_slice(n).as_vec3();
+        result.normals = mesh.normals.chunks_exact(3).map(normal).collect();
+    } else if !mesh.normals.is_empty() {
+        warnings.push(format!("{place}: some faces have no vn: all are shaded flat"));
+    }
+    if all(mesh.texcoords.len(), 2) {
+        // v runs up in OBJ.
+        result.uvs =
+            mesh.texcoords.chunks_exact(2).map(|t| Vec2::new(t[0] as f32, (1.0 - t[1]) as f32)).collect();
+    } else if !mesh.texcoords.is_empty() {
+        warnings.push(format!("{place}: some faces have no vt: none are used"));
+    }
+    if vt_is_lightmap {
+        if result.uvs.is_empty() {
+            warnings.push(format!("{place}: vt = \"lightmap\", but there are no vt: it is unwrapped"));
+        }
+        result.lightmap_uvs = result.uvs.clone();
+    }
+    if mesh.face_arities.is_empty() {
+        result.triangles = mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    } else {
+        let (mut polygon, mut cut) = (Vec::new(), Vec::new());
+        let mut rest = &mesh.indices[..];
+        for &arity in &mesh.face_arities {
+            let Some((face, after)) = rest.split_at_checked(arity as usize) else { break };
+            rest = after;
+            polygon.clear();
+            polygon.extend(face.iter().map(|&v| corners[v as usize]));
+            cut.clear();
+            triangulate(&polygon, &mut cut);
+            result.triangles.extend(cut.iter().map(|t| t.map(|i| face[i])));
+        }
+    }
+    result.finish(place)?;
+    Ok(result)
+}
+
+/// Counts the lines a reader has given.
+struct LineCounter<R> {
+    inner: R,
+    lines: Cell<usize>,
+}
+
+impl<R: BufRead> Read for LineCounter<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.inner.read(buffer)
+    }
+}
+
+impl<R: BufRead> BufRead for LineCounter<R> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        self.inner.fill_buf()
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.inner.consume(amount);
+    }
+
+    fn read_line(&mut self, line: &mut String) -> std::io::Result<usize> {
+        let read = self.inner.read_line(line)?;
+        self.lines.set(self.lines.get() + usize::from(read > 0));
+        Ok(read)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn map_statements_give_file_and_clamping() {
+        assert_eq!(map_options("my bark.png"), ("my bark.png", Wrap::Repeat));
+        assert_eq!(map_options("-s 1 1 1 -clamp on bark.png"), ("bark.png", Wrap::Clamp));
+        assert_eq!(map_options("-o 0.5  -bm 2 a b.png"), ("a b.png", Wrap::Repeat));
+        assert_eq!(map_options("-clamp off bark.png"), ("bark.png", Wrap::Repeat));
+    }
+}

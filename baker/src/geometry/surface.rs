@@ -1,0 +1,74 @@
+//! What stands at a point of a triangle.
+
+use super::Geometry;
+use crate::Rgb;
+use glam::{Vec2, Vec3};
+
+/// Points on triangles are given by their barycentric weights (of the three vertices, in order, summing to 1).
+impl Geometry {
+    /// The corners, relative to the origin.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// Half the cross product of two edges: its length is the area in m², its direction the front side.
+    /// Differences and product in `f64`, so that slivers keep their direction.
+    fn area_vector(&self, triangle: usize) -> glam::DVec3 {
+        let [a, b, c] = self.corners(triangle).map(Vec3::as_dvec3);
+        0.5 * (b - a).cross(c - a)
+    }
+
+    /// Area in m².
+    pub fn area(&self, triangle: usize) -> f32 {
+        self.area_vector(triangle).length() as f32
+    }
+
+    /// Unit normal of the plane, on the front side; zero for a triangle without area.
+    pub fn normal(&self, triangle: usize) -> Vec3 {
+        self.area_vector(triangle).normalize_or_zero().as_vec3()
+    }
+
+    /// Interpolated unit vertex normal; that of the plane where the vertex normals cancel.
+    pub fn shading_normal_at(&self, triangle: usize, barycentrics: Vec3) -> Vec3 {
+        let [a, b, c] = self.triangles[triangle].map(|v| self.normals[v as usize]);
+        (a * barycentrics.x + b * barycentrics.y + c * barycentrics.z)
+            .try_normalize()
+            .unwrap_or_else(|| self.normal(triangle))
+    }
+
+    /// Texture coordinates.
+    pub fn uv_at(&self, triangle: usize, barycentrics: Vec3) -> Vec2 {
+        let [a, b, c] = self.triangles[triangle].map(|v| self.uvs[v as usize]);
+        a * barycentrics.x + b * barycentrics.y + c * barycentrics.z
+    }
+
+    /// Linear diffuse albedo, factor times texture, in [0, 1].
+    pub fn albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
+        let material = &self.materials[self.material_of[triangle] as usize];
+        match material.texture {
+            None => material.albedo,
+            Some(index) => {
+                let texture = &self.textures[index as usize];
+                material.albedo * texture.sample(self.uv_at(triangle, barycentrics)).0
+            }
+        }
+    }
+
+    /// Alpha, factor times texture, in [0, 1].
+    pub fn alpha_at(&self, triangle: usize, barycentrics: Vec3) -> f32 {
+        let material = &self.materials[self.material_of[triangle] as usize];
+        match material.texture {
+            None => material.alpha,
+            Some(index) => {
+                let texture = &self.textures[index as usize];
+                material.alpha * texture.sample_alpha(self.uv_at(triangle, barycentrics))
+            }
+        }
+    }
+
+    /// Whether there is surface: false where a cut-out's alpha is below its cutoff.
+    pub fn is_solid_at(&self, triangle: usize, barycentrics: Vec3) -> bool {
+        let material = &self.materials[self.material_of[triangle] as usize];
+        material.alpha_cutoff.is_none_or(|cutoff| self.alpha_at(triangle, barycentrics) >= cutoff)
+    }
+}

@@ -1,0 +1,213 @@
+//! Which hours are baked, and which groups are lit at each.
+//!
+//! Times are compared as whole micro-hours (3.6 ms), so that 18 + 0.1 is 18.1 and no switch is missed by rounding.
+//! The day is a circle: 24 is 0.
+
+use crate::scene::Group;
+
+/// The moments to bake, before the switch extras.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hours {
+    /// Ascending, distinct, in [0, 24).
+    pub list: Vec<f64>,
+    /// Whether they cover the whole day (`0..24`): then every switch gets its extras, else only those strictly between
+    /// the first and the last hour.
+    pub whole_day: bool,
+}
+
+/// A moment to bake.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moment {
+    /// In [0, 24).
+    pub hour: f64,
+    /// Per group of the scene: lit?
+    pub groups_on: Vec<bool>,
+    /// Whether it was added to show a side of a switch.
+    pub extra: bool,
+}
+
+/// Micro-hours in an hour, in a day, and in the greatest distance of an extra from its switch (0.1 h).
+const HOUR: i64 = 1_000_000;
+const DAY: i64 = 24 * HOUR;
+const REACH: i64 = HOUR / 10;
+
+/// The finest step of a range, in micro-hours (0.001 h).
+const FINEST_STEP: i64 = HOUR / 1000;
+
+/// Parses `0..24` (half-open, step 1), `6..18`, `12`, `6,12,18.5`, `0..24/0.5` (step), `18:30` (minutes).
+///
+/// # Errors
+/// A sentence that names the offending part and what was expected: malformed, outside the day, empty, or an hour twice.
+pub fn parse_hours(text: &str) -> Result<Hours, String> {
+    let mut list = Vec::new();
+    let mut whole_day = false;
+    for item in text.split(',').map(str::trim) {
+        if let Some((from, rest)) = item.split_once("..") {
+            let (to, step) = match rest.split_once('/') {
+                Some((to, step)) => (to, parse_step(step, item)?),
+                None => (rest, HOUR),
+            };
+            let (from, to) = (parse_time(from, item)?, parse_time(to, item)?);
+            if from >= to {
+                return Err(format!("`{item}`: expected a range a..b with a < b (half-open, within 0..24)"));
+            }
+            whole_day |= from == 0 && to == DAY;
+            list.extend((from..to).step_by(step as usize));
+        } else {
+            let time = parse_time(item, item)?;
+            if time == DAY {
+                return Err(format!(
+                    "`{item}`: expected an hour with 0 ≤ hour < 24 (24 is the next day's 0)"
+                ));
+            }
+            list.push(time);
+        }
+    }
+    list.sort_unstable();
+    if let Some(pair) = list.windows(2).find(|pair| pair[0] == pair[1]) {
+        return Err(format!("`{text}`: hour {} is asked for twice, expected distinct hours", hours(pair[0])));
+    }
+    Ok(Hours { list: list.into_iter().map(hours).collect(), whole_day })
+}
+
+/// A time in [0, 24] as decimal hours or `HH:MM`, in micro-hours.
+fn parse_time(text: &str, item: &str) -> Result<i64, String> {
+    let text = text.trim();
+    let wrong = || {
+        let part = if text == item { String::new() } else { format!(": `{text}`") };
+        format!(
+            "`{item}`{part}: expected hours such as 12, 18.5, 18:30, 0..24 or 6..18/0.5, between 0 and 24"
+        )
+    };
+    let digits = |t: &str| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit() || b == b'.');
+    let value = match text.split_once(':') {
+        Some((hour, minute)) => {
+            if minute.len() != 2 || !digits(hour) || !digits(minute) || hour.contains('.') {
+                return Err(wrong());
+            }
+            let minute: u32 = minute.parse().map_err(|_| wrong())?;
+            if minute >= 60 {
+                return Err(wrong());
+            }
+            hour.parse::<f64>().map_err(|_| wrong())? + f64::from(minute) / 60.0
+        }
+        None if digits(text) => text.parse::<f64>().map_err(|_| wrong())?,
+        None => return Err(wrong()),
+    };
+    if (0.0..=24.0).contains(&value) { Ok(micro(value)) } else { Err(wrong()) }
+}
+
+/// The step of a range, in micro-hours.
+fn parse_step(text: &str, item: &str) -> Result<i64, String> {
+    let step =
+        text.trim().parse::<f64>().ok().filter(|s| s.is_finite() && (0.0..=24.0).contains(s)).map(micro);
+    step.filter(|&s| s >= FINEST_STEP).ok_or_else(|| {
+        format!("`{item}`: expected a step in hours between 0.001 and 24 after `/`, such as 0..24/0.5")
+    })
+}
+
+/// Whether a group's open intervals contain `hour`. Both ends of an interval count as off, except where the group is lit
+/// on either side (`[0, 24]`, or one interval that begins where another ends): that is no switch.
+pub fn is_on(on: &[[f64; 2]], hour: f64) -> bool {
+    let time = micro(hour).rem_euclid(DAY);
+    lit_before(on, time) && lit_after(on, time)
+}
+
+/// The hours and the extras that show both sides of every switch, ascending.
+///
+/// A side of a switch is shown when a set stands strictly on it, no farther away than an extra would stand (0.1 h, or half
+/// the gap to the neighbouring switch of any group if that is less): a requested 18.05 shows what 18.1 would. A set at the
+/// very instant shows the side on which the group is off. Where several groups switch at once, the sides each of them
+/// lacks are added together. An extra for which less than two micro-hours are left is dropped.
+pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
+    let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
+    let switches = sorted(groups.iter().flat_map(|g| switches_of(&g.on)).collect());
+    let mut extras = Vec::new();
+    for (i, &instant) in switches.iter().enumerate() {
+        if !hours.whole_day
+            && !requested.first().zip(requested.last()).is_some_and(|(a, b)| *a < instant && instant < *b)
+        {
+            continue;
+        }
+        let at_instant = requested.binary_search(&instant).is_ok();
+        // Neighbouring switches on the circle; alone, a switch is its own neighbour a day away.
+        let previous = switches[(i + switches.len() - 1) % switches.len()];
+        let next = switches[(i + 1) % switches.len()];
+        for side in [-1, 1] {
+            // A set at the instant shows every group off: the side is lacking only for groups that are lit there.
+            let lacking = groups.iter().any(|group| {
+                let (before, after) = (lit_before(&group.on, instant), lit_after(&group.on, instant));
+                before != after && (!at_instant || if side < 0 { before } else { after })
+            });
+            let gap = if side < 0 { instant - previous } else { next - instant };
+            let gap = if gap <= 0 { gap + DAY } else { gap };
+            let reach = REACH.min(gap / 2);
+            // Distance from the instant to a set, going to this side.
+            let shown = requested.iter().any(|&set| {
+                let away = (side * (set - instant)).rem_euclid(DAY);
+                0 < away && away <= reach
+            });
+            if lacking && !shown && reach > 0 {
+                extras.push((instant + side * reach).rem_euclid(DAY));
+            }
+        }
+    }
+    let extras = sorted(extras);
+    let all = sorted(requested.iter().chain(&extras).copied().collect());
+    let moment = |time: i64| Moment {
+        hour: self::hours(time),
+        groups_on: groups.iter().map(|g| is_on(&g.on, self::hours(time))).collect(),
+        extra: requested.binary_search(&time).is_err(),
+    };
+    all.into_iter().map(moment).collect()
+}
+
+/// The instants at which a group's state changes, in [0, DAY).
+fn switches_of(on: &[[f64; 2]]) -> Vec<i64> {
+    let ends = on.iter().flatten().map(|&h| micro(h).rem_euclid(DAY));
+    ends.filter(|&t| lit_before(on, t) != lit_after(on, t)).collect()
+}
+
+/// Whether the group is lit just before `time` ∈ [0, DAY).
+fn lit_before(on: &[[f64; 2]], time: i64) -> bool {
+    on.iter().any(|&interval| {
+        let (start, length) = arc(interval);
+        let into = (time - start).rem_euclid(DAY);
+        // On the whole circle, into = 0 stands for a full turn.
+        let into = if into == 0 { DAY } else { into };
+        into <= length
+    })
+}
+
+/// Whether the group is lit just after `time` ∈ [0, DAY).
+fn lit_after(on: &[[f64; 2]], time: i64) -> bool {
+    on.iter().any(|&interval| {
+        let (start, length) = arc(interval);
+        (time - start).rem_euclid(DAY) < length
+    })
+}
+
+/// An interval as start and length on the circle; `[0, 24]` is the whole of it, `[a, a]` nothing.
+fn arc([from, to]: [f64; 2]) -> (i64, i64) {
+    let (from, to) = (micro(from), micro(to));
+    let length = if to - from == DAY { DAY } else { (to - from).rem_euclid(DAY) };
+    (from.rem_euclid(DAY), length)
+}
+
+fn micro(hours: f64) -> i64 {
+    (hours * HOUR as f64).round() as i64
+}
+
+fn hours(micro: i64) -> f64 {
+    micro as f64 / HOUR as f64
+}
+
+fn sorted(mut times: Vec<i64>) -> Vec<i64> {
+    times.sort_unstable();
+    times.dedup();
+    times
+}
+
+#[cfg(test)]
+#[path = "schedule_tests.rs"]
+mod tests;

@@ -1,0 +1,231 @@
+//! Tests of the sun: positions against references, irradiance against the IES clear sky, the disc against its solid angle.
+
+use super::*;
+
+const BERLIN: Place =
+    Place { latitude: 52.5, longitude: 13.4, utc_offset: 2.0, date: (2024, 6, 21), north: 0.0 };
+
+/// NREL's worked example of the SPA (Reda & Andreas 2004, table A5.1): azimuth 194.34024°, elevation before refraction 39.87205°.
+#[test]
+fn position_matches_the_spa_example() {
+    let golden = Place {
+        latitude: 39.742476,
+        longitude: -105.1786,
+        utc_offset: -7.0,
+        date: (2003, 10, 17),
+        north: 0.0,
+    };
+    let hour = 12.0 + 30.5 / 60.0;
+    let (azimuth, elevation) = position(&golden, hour).unwrap();
+    assert!(
+        (azimuth - 194.34024).abs() < 1e-3 && (elevation - 39.87205).abs() < 1e-3,
+        "{azimuth} {elevation}"
+    );
+    let (direction, same) = direction(&golden, hour);
+    assert_eq!(same, elevation);
+    let (a, e) = (azimuth.to_radians(), elevation.to_radians());
+    let expected = DVec3::new(a.sin() * e.cos(), e.sin(), -a.cos() * e.cos());
+    assert!((direction.as_dvec3() - expected).length() < 1e-6);
+}
+
+#[test]
+fn the_sun_runs_from_east_over_south_to_west() {
+    let (morning, _) = direction(&BERLIN, 7.0);
+    let (noon, height) = direction(&BERLIN, 13.1);
+    let (evening, _) = direction(&BERLIN, 19.0);
+    assert!(morning.x > 0.5 && evening.x < -0.5 && noon.z > 0.3 && noon.x.abs() < 0.03);
+    // Solstice: 90° − latitude + obliquity.
+    assert!((height - (90.0 - 52.5 + 23.44)).abs() < 0.05, "{height}");
+    // North turned to +X: south, where the sun is at noon, is −X.
+    let (turned, _) = direction(&Place { north: 90.0, ..BERLIN }, 13.1);
+    assert!(turned.x < -0.3 && (turned.y - noon.y).abs() < 1e-6);
+    assert!((turned.x + noon.z).abs() < 1e-5 && (turned.z - noon.x).abs() < 1e-5);
+}
+
+#[test]
+fn a_date_out_of_reach_is_an_error_not_a_panic() {
+    assert!(check(&BERLIN).is_ok());
+    for date in [(9000, 1, 1), (2024, 13, 1), (2024, 0, 1), (2024, 1, 77)] {
+        let place = Place { date, ..BERLIN };
+        assert!(check(&place).is_err(), "{date:?}");
+        assert_eq!(direction(&place, 12.0).0, Vec3::NEG_Y);
+    }
+}
+
+/// IES RP-21 (1984) for a clear sky: E_dn = 128 exp(−0.21 m) klx, m = 1/sin(elevation); within 15 % at turbidity 2.
+#[test]
+fn irradiance_matches_the_ies_clear_sky() {
+    for elevation in [10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0f64] {
+        let published = 128.0 * (-0.21 / elevation.to_radians().sin()).exp();
+        let ours = luminance_of(clear_air_irradiance(elevation, 2.0));
+        println!("{elevation}: {ours} {published}");
+        assert!((ours / published - 1.0).abs() < 0.15, "{elevation}°: {ours} against {published}");
+    }
+    // More turbid is darker, lower is redder, and nothing at the horizon jumps.
+    let at = |e, t| clear_air_irradiance(e, t);
+    assert!(luminance_of(at(45.0, 5.0)) < luminance_of(at(45.0, 2.0)));
+    let (high, low) = (at(60.0, 3.0), at(5.0, 3.0));
+    assert!(low.x / low.z > 2.0 * high.x / high.z);
+    assert!((at(0.0, 3.0) - at(-0.2, 3.0)).length() < 1e-9 && at(-30.0, 3.0).is_finite());
+    assert!((luminance_of(SUN_COLOUR) - 1.0).abs() < 1e-3);
+}
+
+/// Flat-disc limit: the fraction above a line at distance h = e/δ below the centre is 1 − (acos h − h √(1 − h²))/π.
+#[test]
+fn the_disc_fades_by_its_area() {
+    let delta = 0.2665f64.to_radians();
+    for h in [-1.0, -0.9, -0.3, 0.0, 0.2, 0.7, 1.0f64] {
+        let flat = 1.0 - (h.acos() - h * (1.0 - h * h).sqrt()) / std::f64::consts::PI;
+        assert!((visible_fraction(h * delta, delta) - flat).abs() < 1e-5, "{h}");
+    }
+    assert_eq!((visible_fraction(0.1, 0.0), visible_fraction(-0.1, 0.0)), (1.0, 0.0));
+    // A wide disc whose solid angle is counted on a grid.
+    let (delta, elevation) = (0.5f64, 0.2f64);
+    let (mut above, mut all) = (0.0, 0.0);
+    let n = 2000;
+    for i in 0..n {
+        let cosine = 1.0 - (1.0 - delta.cos()) * (i as f64 + 0.5) / n as f64;
+        for j in 0..n {
+            let phi = TAU * (j as f64 + 0.5) / n as f64;
+            let y = cosine * elevation.sin() + (1.0 - cosine * cosine).sqrt() * phi.sin() * elevation.cos();
+            all += 1.0;
+            above += if y > 0.0 { 1.0 } else { 0.0 };
+        }
+    }
+    assert!((visible_fraction(elevation, delta) - above / all).abs() < 1e-4);
+}
+
+fn disc(elevation: f64, delta: f64, horizon: bool) -> SunDisc {
+    let direction = DVec3::new(0.6 * elevation.cos(), elevation.sin(), -0.8 * elevation.cos()).as_vec3();
+    SunDisc { direction, irradiance: Rgb::ONE, half_angle: delta as f32, horizon }
+}
+
+/// Every sample lies on the visible part, `invert` undoes it, and equal cells of `u` get equal solid angle: the number of
+/// uniformly spread points that `invert` puts in each of 64 cells, χ² with 63 degrees of freedom below 119 (p = 2·10⁻⁵).
+#[test]
+fn disc_samples_are_uniform() {
+    for (elevation, delta, horizon) in [
+        (0.5, 0.0047, true),
+        (0.002, 0.0047, true),
+        (-0.003, 0.0047, true),
+        (-0.0046, 0.0047, true),
+        (0.1, 0.3, true),
+        (-0.2, 0.3, true),
+        (-0.2, 0.3, false),
+        (0.3, 1.0, true),
+        (0.00002, 0.00005, true),
+    ] {
+        let disc = disc(elevation, delta, horizon);
+        let cap = Cap::new(&disc).unwrap();
+        for i in 0..32 {
+            for j in 0..32 {
+                let u = Vec2::new((i as f32 + 0.5) / 32.0, (j as f32 + 0.5) / 32.0);
+                let exact = cap.sample(f64::from(u.x), f64::from(u.y));
+                let sample = disc.sample(u);
+                assert!((sample.length() - 1.0).abs() < 1e-6 && (sample.as_dvec3() - exact).length() < 1e-6);
+                assert!(!horizon || sample.y >= 0.0);
+                assert!(
+                    exact.cross(cap.centre).length() <= delta.sin() * (1.0 + 1e-6) && cap.contains(exact)
+                );
+                assert!((cap.invert(exact).as_vec2() - u).length() < 1e-4, "{disc:?} {u}");
+                assert_eq!(disc.pdf(sample), (1.0 / cap.solid_angle()) as f32);
+            }
+        }
+        assert_eq!(disc.pdf(-disc.direction), 0.0);
+        assert!(disc.invert(-disc.direction).is_none());
+        // Points uniform over the whole cap (by its own polar map), kept when visible.
+        let whole = Cap::new(&SunDisc { horizon: false, ..disc }).unwrap();
+        let (mut counts, mut total, mut state) = ([0u32; 64], 0, 1u64);
+        for _ in 0..40_000 {
+            let mut next = || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 11) as f64 / (1u64 << 53) as f64
+            };
+            let point = whole.sample(next(), next());
+            if !horizon || point.y > 0.0 {
+                let u = cap.invert(point) * 7.999999;
+                counts[u.x as usize * 8 + u.y as usize] += 1;
+                total += 1;
+            }
+        }
+        let part = f64::from(total) / 40_000.0;
+        let expected_part =
+            if horizon { visible_fraction(cap.centre.y.asin(), f64::from(disc.half_angle)) } else { 1.0 };
+        assert!(
+            (part - expected_part).abs() < 5.0 * (expected_part / 40_000.0).sqrt(),
+            "{part} {expected_part}"
+        );
+        let mean = f64::from(total) / 64.0;
+        if mean > 5.0 {
+            let chi2: f64 = counts.iter().map(|&n| (f64::from(n) - mean).powi(2) / mean).sum();
+            assert!(chi2 < 119.0, "{elevation} {delta}: χ² = {chi2}");
+        }
+    }
+}
+
+/// E = π L sin²δ cos θ for a disc wholly above a surface's horizon.
+#[test]
+fn a_surface_gets_its_share_of_the_disc() {
+    let sun = Sun {
+        disc_angle: 40.0,
+        track: SunTrack::Authored(vec![SunKey {
+            hour: 3.0,
+            direction: DVec3::Y,
+            irradiance: DVec3::new(1.0, 2.0, 0.0),
+        }]),
+    };
+    let disc = at(&sun, None, 22.0).unwrap();
+    let normal = Vec3::new(0.6, 0.8, 0.0);
+    let n = 256;
+    let mut sum = 0.0;
+    for i in 0..n * n {
+        let u = Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32;
+        sum += f64::from(normal.dot(disc.sample(u)));
+    }
+    let e = disc.irradiance.y as f64 * sum / (n * n) as f64;
+    assert!((e / (2.0 * 0.8) - 1.0).abs() < 1e-4, "{e}");
+}
+
+#[test]
+fn authored_tracks_interpolate_around_midnight() {
+    let key = |hour, direction: DVec3, e| SunKey { hour, direction, irradiance: DVec3::splat(e) };
+    let track = vec![key(6.0, DVec3::X, 0.0), key(12.0, DVec3::Y, 100.0), key(18.0, DVec3::NEG_X, 0.0)];
+    let sun = Sun { disc_angle: 0.0, track: SunTrack::Authored(track) };
+    assert!(at(&sun, None, 6.0).is_none() && at(&sun, None, 0.0).is_none() && at(&sun, None, 18.0).is_none());
+    let nine = at(&sun, None, 9.0).unwrap();
+    assert!((nine.direction - Vec3::new(0.5, 0.5, 0.0).normalize()).length() < 1e-6);
+    assert_eq!(nine.irradiance, Rgb::splat(50.0));
+    assert_eq!((nine.sample(Vec2::splat(0.3)), nine.horizon), (nine.direction, false));
+    // Between 18 and 6 the directions are opposite: the nearer key's holds, never NaN.
+    let opposite = Sun {
+        track: SunTrack::Authored(vec![key(18.0, DVec3::NEG_X, 1.0), key(20.0, DVec3::X, 3.0)]),
+        ..sun
+    };
+    let middle = at(&opposite, None, 19.0).unwrap();
+    assert_eq!((middle.direction, middle.irradiance), (Vec3::X, Rgb::splat(2.0)));
+    let wrapped = at(&opposite, None, 1.0).unwrap();
+    assert!((wrapped.irradiance.x - (3.0 - 2.0 * 5.0 / 22.0)).abs() < 1e-5 && wrapped.direction.is_finite());
+    // One key holds all day; a track below the horizon still shines.
+    let one = Sun { disc_angle: 1.0, track: SunTrack::Authored(vec![key(23.0, DVec3::NEG_Y, 4.0)]) };
+    assert_eq!(at(&one, None, 3.5).unwrap().direction, Vec3::NEG_Y);
+    assert!(at(&Sun { disc_angle: 1.0, track: SunTrack::Authored(vec![]) }, None, 3.5).is_none());
+}
+
+#[test]
+fn sunrise_is_continuous() {
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
+    let light = |hour: f64| {
+        at(&sun, Some(&BERLIN), hour).map_or(0.0, |disc| luminance_of(disc.irradiance.as_dvec3()))
+    };
+    let mut last = light(3.0);
+    assert_eq!(last, 0.0);
+    let mut minute = 0;
+    while minute < 180 {
+        minute += 1;
+        let now = light(3.0 + f64::from(minute) / 60.0);
+        assert!(now >= last && now - last < 0.6, "minute {minute}: {last} → {now}");
+        last = now;
+    }
+    assert!(last > 10.0);
+    assert!(at(&sun, None, 12.0).is_none());
+}

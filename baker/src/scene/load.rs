@@ -1,0 +1,278 @@
+//! From a scene file's path to the resolved scene: every default filled in, every value checked.
+
+use super::raw::{Source, Table, parse};
+use super::{
+    Lightmap, LightmapSize, MAX_SAMPLES, Place, Sampling, Scene, Sky, Sun, SunKey, SunTrack, lamp, object,
+};
+use dataset::{Error, Result};
+use glam::DVec3;
+use std::path::Path;
+
+const TOP: &[&str] = &["name", "description", "place", "sun", "sky", "object", "group", "lightmap", "bake"];
+const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
+const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
+const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
+const SKY: &[&str] = &["model", "turbidity", "ground_albedo", "radiance"];
+const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "padding"];
+const BAKE: &[&str] = &["samples", "bounces", "seed"];
+
+/// Full angle of the solar disc in degrees, mean over the year.
+const DISC_ANGLE: f64 = 0.533;
+/// Turbidity of a clear day.
+const TURBIDITY: f64 = 3.0;
+/// Largest page side in texels.
+const MAX_SIDE: i64 = 16384;
+
+/// Reads a scene file and resolves it. Gives the scene and the warnings to show.
+///
+/// # Errors
+/// [`Error::Invalid`] names file, line, key, value and what was expected; [`Error::Io`] if the file cannot be read.
+pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let file = path.display().to_string();
+    let text = std::str::from_utf8(&bytes).map_err(|e| {
+        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::invalid(format!("{file}:{line}"), "expected UTF-8 text")
+    })?;
+    parse(&Source { file, text }, TOP, |top| resolve(&top, path))
+}
+
+fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
+    let mut warnings = Vec::new();
+    let name = name(top, path)?;
+    let description = top.get("description").map_or(Ok(""), |v| v.text("a string"))?.to_owned();
+    let place = top.table("place", PLACE)?.map(|t| self::place(&t)).transpose()?;
+    let sky = top.table("sky", SKY)?.map(|t| self::sky(&t, place.is_some())).transpose()?;
+    let sun = top.table("sun", SUN)?.map(|t| self::sun(&t, place.is_some(), sky)).transpose()?;
+    let groups = lamp::read(top.tables("group", lamp::KEYS)?)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let objects = object::read(top.tables("object", object::KEYS)?, folder, &groups, &mut warnings)?;
+    if objects.is_empty() {
+        return Err(top.error("expected at least one [[object]]"));
+    }
+    for group in &groups {
+        let looks = objects.iter().flat_map(|o| o.parts.iter().map(|p| &p.look).chain([&o.look]));
+        if group.lamps.is_empty() && !looks.into_iter().any(|l| l.group.as_ref() == Some(&group.name)) {
+            warnings.push(format!(
+                "{}: group \"{}\" has no lamp and no emission",
+                path.display(),
+                group.name
+            ));
+        }
+    }
+    let lightmap = match top.table("lightmap", LIGHTMAP)? {
+        Some(table) => self::lightmap(&table)?,
+        None => Lightmap::default(),
+    };
+    let bake = match top.table("bake", BAKE)? {
+        Some(table) => self::bake(&table)?,
+        None => Sampling::default(),
+    };
+    Ok((Scene { name, description, place, sun, sky, objects, groups, lightmap, bake }, warnings))
+}
+
+/// The scene's name: the folder its dataset is written to.
+fn name(top: &Table, path: &Path) -> Result<String> {
+    let expected = "letters, digits, _ and -, and not src, tests or benches";
+    let good = |name: &str| {
+        let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
+        !name.is_empty()
+            && name.bytes().all(plain)
+            && !["src", "tests", "benches"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+    };
+    match top.get("name") {
+        Some(value) => {
+            let name = value.text(expected)?;
+            if good(name) { Ok(name.to_owned()) } else { Err(value.error(format!("expected {expected}"))) }
+        }
+        None => {
+            let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("");
+            if good(stem) {
+                return Ok(stem.to_owned());
+            }
+            let what =
+                format!("the file's name gives the scene's, {stem:?}: expected {expected}; set `name`");
+            Err(Error::invalid(path.display(), what))
+        }
+    }
+}
+
+fn place(table: &Table) -> Result<Place> {
+    let number = |key: &str, expected: &str, limit: f64| {
+        table.require(key, expected)?.number(expected, |x| x.abs() <= limit)
+    };
+    let latitude = number("latitude", "degrees from -90 to 90, north positive", 90.0)?;
+    let longitude = number("longitude", "degrees from -180 to 180, east positive", 180.0)?;
+    let utc_offset = number("utc_offset", "hours from -14 to 14", 14.0)?;
+    let expected = "degrees from -360 to 360";
+    let north = table.get("north").map_or(Ok(0.0), |v| v.number(expected, |x| x.abs() <= 360.0))?;
+    let expected = r#"a date "YYYY-MM-DD""#;
+    let value = table.require("date", expected)?;
+    let date = date(value.text(expected)?).ok_or_else(|| value.error(format!("expected {expected}")))?;
+    Ok(Place { latitude, longitude, utc_offset, date, north })
+}
+
+/// A day of the Gregorian calendar.
+fn date(text: &str) -> Option<(i32, u32, u32)> {
+    let fields: Vec<&str> = text.split('-').collect();
+    let [y, m, d] = fields[..] else { return None };
+    let digits = |s: &str, n: usize| s.len() == n && s.bytes().all(|b| b.is_ascii_digit());
+    if !(digits(y, 4) && digits(m, 2) && digits(d, 2)) {
+        return None;
+    }
+    let (y, m, d): (i32, u32, u32) = (y.parse().ok()?, m.parse().ok()?, d.parse().ok()?);
+    let leap = y % 4 == 0 && (y % 100 != 0 || y % 400 == 0);
+    let days = match m {
+        2 => 28 + u32::from(leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => return None,
+    };
+    (y >= 1 && (1..=days).contains(&d)).then_some((y, m, d))
+}
+
+fn turbidity(table: &Table) -> Result<Option<f64>> {
+    let expected = "a number from 1 to 10";
+    table.get("turbidity").map(|v| v.number(expected, |x| (1.0..=10.0).contains(&x))).transpose()
+}
+
+fn sky(table: &Table, has_place: bool) -> Result<Sky> {
+    let expected = r#""hosek-wilkie" or "constant""#;
+    let model = table.require("model", expected)?;
+    // A key of the other model would be ignored without a word.
+    let refuse = |keys: &[&str]| match keys.iter().find_map(|key| table.get(key)) {
+        Some(value) => Err(value.error(format!("not a key of this sky: its {}", model.shown()))),
+        None => Ok(()),
+    };
+    match model.text(expected)? {
+        "hosek-wilkie" => {
+            refuse(&["radiance"])?;
+            if !has_place {
+                return Err(model.error("expected a [place], from which this sky has its sun"));
+            }
+            let expected = "a number from 0 to 1";
+            let ground = table.get("ground_albedo");
+            Ok(Sky::HosekWilkie {
+                turbidity: turbidity(table)?.unwrap_or(TURBIDITY),
+                ground_albedo: ground
+                    .map_or(Ok(0.2), |v| v.number(expected, |x| (0.0..=1.0).contains(&x)))?,
+            })
+        }
+        "constant" => {
+            refuse(&["turbidity", "ground_albedo"])?;
+            let expected = "[r, g, b] in kcd/m², each 0 or more";
+            let radiance = table.require("radiance", expected)?.vector(expected, super::is_light)?;
+            Ok(Sky::Constant { radiance })
+        }
+        _ => Err(model.error(format!("expected {expected}"))),
+    }
+}
+
+fn sun(table: &Table, has_place: bool, sky: Option<Sky>) -> Result<Sun> {
+    let expected = "degrees from 0 to 90";
+    let disc_angle = table
+        .get("disc_angle")
+        .map_or(Ok(DISC_ANGLE), |v| v.number(expected, |x| (0.0..=90.0).contains(&x)))?;
+    let track = match table.get("track") {
+        Some(track) => {
+            if let Some(value) = table.get("turbidity") {
+                return Err(value.error("not used with `track`, which has its own irradiance"));
+            }
+            let expected = "a list of { hour, direction, irradiance }, not empty";
+            let mut keys: Vec<SunKey> = Vec::new();
+            for value in track.array(expected)? {
+                keys.push(sun_key(&value.table("track".to_owned(), SUN_KEY)?, keys.last())?);
+            }
+            if keys.is_empty() {
+                return Err(track.error(format!("expected {expected}")));
+            }
+            SunTrack::Authored(keys)
+        }
+        None if !has_place => {
+            return Err(table.error("expected a [place] to compute the sun's course from, or a `track`"));
+        }
+        None => {
+            let of_sky = match sky {
+                Some(Sky::HosekWilkie { turbidity, .. }) => turbidity,
+                _ => TURBIDITY,
+            };
+            SunTrack::Place { turbidity: turbidity(table)?.unwrap_or(of_sky) }
+        }
+    };
+    Ok(Sun { disc_angle, track })
+}
+
+fn sun_key(table: &Table, before: Option<&SunKey>) -> Result<SunKey> {
+    let expected = "an hour from 0 to below 24, later than the key before";
+    let after = |x: f64| before.is_none_or(|k| x > k.hour);
+    let value = table.require("hour", expected)?;
+    let hour = value.number(expected, |x| (0.0..24.0).contains(&x) && after(x))?;
+    let direction = lamp::direction(&table.require("direction", "a vector towards the sun")?)?;
+    let expected = "[r, g, b] in kilolux, each 0 or more";
+    let irradiance: DVec3 = table.require("irradiance", expected)?.vector(expected, super::is_light)?;
+    Ok(SunKey { hour, direction, irradiance })
+}
+
+fn lightmap(table: &Table) -> Result<Lightmap> {
+    let side = |x: i64| (1..=MAX_SIDE).contains(&x);
+    let size = match (table.get("size"), table.get("texels_per_metre")) {
+        (Some(value), Some(_)) => {
+            return Err(value.error("expected either `size` or `texels_per_metre`, not both"));
+        }
+        (None, None) => Lightmap::default().size,
+        (None, Some(value)) => LightmapSize::TexelsPerMetre(value.number("a number above 0", |x| x > 0.0)?),
+        (Some(value), None) => {
+            let expected = "texels from 1 to 16384, as one number or [width, height]";
+            let (width, height) = if value.is_array() {
+                let sides = value.array(expected)?;
+                let [w, h] = &sides[..] else { return Err(value.error(format!("expected {expected}"))) };
+                (w.integer(expected, side)?, h.integer(expected, side)?)
+            } else {
+                let side = value.integer(expected, side)?;
+                (side, side)
+            };
+            LightmapSize::Fixed { width: width as u32, height: height as u32 }
+        }
+    };
+    let padding = table.get("padding").map_or(Ok(i64::from(Lightmap::default().padding)), |v| {
+        v.integer("texels from 0 to 64", |x| (0..=64).contains(&x))
+    })?;
+    Ok(Lightmap { size, padding: padding as u32 })
+}
+
+fn bake(table: &Table) -> Result<Sampling> {
+    let defaults = Sampling::default();
+    let samples = match table.get("samples") {
+        None => defaults.samples,
+        Some(value) => {
+            let limits = 2..=i64::from(MAX_SAMPLES);
+            let samples = value.integer("a power of two from 2 to 1048576", |x| limits.contains(&x))?;
+            if samples.count_ones() != 1 {
+                let below = 1i64 << samples.ilog2();
+                let nearest = if samples - below <= 2 * below - samples { below } else { 2 * below };
+                return Err(value.error(format!("expected a power of two, nearest is {nearest}")));
+            }
+            samples as u32
+        }
+    };
+    let bounces = match table.get("bounces") {
+        None => defaults.bounces,
+        Some(value) => {
+            let expected = r#"an integer from 0 to 1000, or "unlimited""#;
+            if value.is_text() {
+                if value.text(expected)? != "unlimited" {
+                    return Err(value.error(format!("expected {expected}")));
+                }
+                None
+            } else {
+                Some(value.integer(expected, |x| (0..=1000).contains(&x))? as u32)
+            }
+        }
+    };
+    let seed = table
+        .get("seed")
+        .map(|v| v.integer("an integer, 0 or more", |x| x >= 0))
+        .transpose()?
+        .map_or(defaults.seed, |x| x as u64);
+    Ok(Sampling { samples, bounces, seed })
+}

@@ -1,0 +1,249 @@
+//! The scene file: TOML as typed (`raw`), and what it means with every default filled in (here).
+
+pub mod colour;
+mod lamp;
+mod load;
+mod object;
+mod raw;
+mod schedule;
+
+pub use load::load;
+
+use glam::{DMat4, DVec3};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// A radiance or irradiance that makes sense; what is computed from it stays finite in `f32`.
+fn is_light(x: f64) -> bool {
+    (0.0..=1e12).contains(&x)
+}
+
+/// Most samples per texel.
+pub const MAX_SAMPLES: u32 = 1 << 20;
+/// Albedos above this are warned about: light hardly fades between bounces.
+pub(crate) const WHITE: f64 = 0.98;
+
+/// A scene file, resolved: no option left open, every value checked, every path joined to the scene file's folder.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scene {
+    /// One path component, never `src`, `tests` or `benches`.
+    pub name: String,
+    /// What the scene is for; may be empty. Kept in the manifest's settings.
+    pub description: String,
+    /// Where and when; needed when the sun or the sky follow the date.
+    pub place: Option<Place>,
+    /// The sun; `None`: the scene has none.
+    pub sun: Option<Sun>,
+    /// The sky; `None`: black.
+    pub sky: Option<Sky>,
+    /// Geometry, in file order.
+    pub objects: Vec<Object>,
+    /// Light groups, in file order; names are unique.
+    pub groups: Vec<Group>,
+    /// Lightmap layout.
+    pub lightmap: Lightmap,
+    /// Sampling.
+    pub bake: Sampling,
+}
+
+/// A place on Earth and a civil date.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Place {
+    /// Degrees, north positive.
+    pub latitude: f64,
+    /// Degrees, east positive.
+    pub longitude: f64,
+    /// Hours to add to UTC for local time.
+    pub utc_offset: f64,
+    /// Year, month, day.
+    pub date: (i32, u32, u32),
+    /// Degrees from −Z clockwise, seen from above, to north.
+    pub north: f64,
+}
+
+/// The sun.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sun {
+    /// Full angle of the disc in degrees; 0: a direction.
+    pub disc_angle: f64,
+    /// Where its position and irradiance come from.
+    pub track: SunTrack,
+}
+
+/// The sun's course.
+#[derive(Clone, Debug, Serialize)]
+pub enum SunTrack {
+    /// Astronomical position, clear-air irradiance at this turbidity.
+    Place {
+        /// Linke-like turbidity of the Hosek–Wilkie model, 1 … 10.
+        turbidity: f64,
+    },
+    /// Authored keys by ascending hour, interpolated linearly and periodically (direction renormalised); a single key holds all day.
+    Authored(Vec<SunKey>),
+}
+
+/// A key of an authored sun track.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SunKey {
+    /// 0 ≤ hour < 24.
+    pub hour: f64,
+    /// Unit vector towards the sun.
+    pub direction: DVec3,
+    /// Perpendicular irradiance in kilolux.
+    pub irradiance: DVec3,
+}
+
+/// The sky.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub enum Sky {
+    /// The same radiance from everywhere, below the horizon too.
+    Constant {
+        /// kcd/m².
+        radiance: DVec3,
+    },
+    /// Hosek–Wilkie by day, a continuous twilight to −18°, a night floor after; black below the horizon.
+    HosekWilkie {
+        /// 1 … 10.
+        turbidity: f64,
+        /// 0 … 1.
+        ground_albedo: f64,
+    },
+}
+
+/// One geometry file placed one or more times.
+#[derive(Clone, Debug, Serialize)]
+pub struct Object {
+    /// `.obj`, `.gltf` or `.glb`, absolute or relative to the working folder.
+    pub file: PathBuf,
+    /// The scene file and line that names it, for messages.
+    pub place: String,
+    /// World from file space, one per instance.
+    pub world_from_file: Vec<DMat4>,
+    /// What holds for all of its meshes.
+    pub look: Look,
+    /// What holds for meshes whose node, mesh or material name matches; later entries win.
+    pub parts: Vec<Part>,
+    /// An OBJ's `vt` are lightmap coordinates too.
+    pub vt_is_lightmap: bool,
+}
+
+/// An override for some meshes of an object.
+#[derive(Clone, Debug, Serialize)]
+pub struct Part {
+    /// A name, `*` standing for any run of characters.
+    pub pattern: String,
+    /// What it overrides.
+    pub look: Look,
+}
+
+/// Overridable properties; `None` leaves what the file (or the object) says.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Look {
+    /// Replaces base colour factor and texture.
+    pub albedo: Option<DVec3>,
+    /// False: the mesh blocks and reflects light, but gets no texels. Default true.
+    pub lightmap: Option<bool>,
+    /// Texel density relative to the scene's. Default 1.
+    pub density: Option<f64>,
+    /// Whether the back reflects too. Default: glTF's `doubleSided`, false for OBJ.
+    pub two_sided: Option<bool>,
+    /// Radiance emitted from the front (both sides if two-sided), kcd/m².
+    pub emission: Option<DVec3>,
+    /// The group that switches the emission; must exist. Required with `emission`.
+    pub group: Option<String>,
+}
+
+/// Lights that switch together.
+#[derive(Clone, Debug, Serialize)]
+pub struct Group {
+    /// Unique.
+    pub name: String,
+    /// Open on-intervals in hours within a day, normalised: sorted, disjoint, `from > to` crosses midnight, `[0, 24]` is always.
+    pub on: Vec<[f64; 2]>,
+    /// Its lamps.
+    pub lamps: Vec<Lamp>,
+}
+
+/// A lamp: invisible to camera and paths, sampled directly.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub enum Lamp {
+    /// A uniformly radiating ball.
+    Sphere {
+        /// Centre, world.
+        centre: DVec3,
+        /// Metres, > 0.
+        radius: f64,
+        /// kcd/m².
+        radiance: DVec3,
+    },
+    /// A parallelogram radiating from the side `edge_u × edge_v` points to.
+    Rectangle {
+        /// Corner, world.
+        corner: DVec3,
+        /// First edge; perpendicular to the second.
+        edge_u: DVec3,
+        /// Second edge.
+        edge_v: DVec3,
+        /// kcd/m².
+        radiance: DVec3,
+    },
+    /// A point with a cone: full intensity inside `inner`, smooth to none at `outer` (smoothstep in the cosine).
+    Spot {
+        /// World.
+        position: DVec3,
+        /// Unit axis.
+        direction: DVec3,
+        /// Half angle in radians.
+        inner: f64,
+        /// Half angle in radians, ≥ inner.
+        outer: f64,
+        /// On-axis luminous intensity as RGB, kcd.
+        intensity: DVec3,
+    },
+}
+
+/// Lightmap layout.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Lightmap {
+    /// How large the page is.
+    pub size: LightmapSize,
+    /// Texels left between charts, and filled by dilation.
+    pub padding: u32,
+}
+
+impl Default for Lightmap {
+    fn default() -> Self {
+        Self { size: LightmapSize::Fixed { width: 512, height: 512 }, padding: 4 }
+    }
+}
+
+/// Page size, or texel density.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub enum LightmapSize {
+    /// One page of this size; the density follows.
+    Fixed {
+        /// Texels.
+        width: u32,
+        /// Texels.
+        height: u32,
+    },
+    /// This density; one page as large as needed, multiples of 4, at most 16384.
+    TexelsPerMetre(f64),
+}
+
+/// Sampling settings.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Sampling {
+    /// Paths per texel, a power of two ≥ 2.
+    pub samples: u32,
+    /// Most reflections on the way to a texel, 0 for direct light only; `None`: no limit (Russian roulette).
+    pub bounces: Option<u32>,
+    /// Seed of all randomness.
+    pub seed: u64,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self { samples: 64, bounces: None, seed: 1 }
+    }
+}

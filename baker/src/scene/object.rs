@@ -1,0 +1,170 @@
+//! `[[object]]`: geometry files, where they stand, and what is overridden.
+
+use super::raw::{Table, Value};
+use super::{Group, Look, Object, Part};
+use dataset::Result;
+use glam::{DMat3, DMat4, DVec3};
+use std::path::Path;
+
+/// Keys of `[[object]]`.
+pub(super) const KEYS: &[&str] = &[
+    "file",
+    "translate",
+    "rotate",
+    "scale",
+    "instances",
+    "vt",
+    "albedo",
+    "lightmap",
+    "density",
+    "two_sided",
+    "emission",
+    "group",
+    "part",
+];
+const INSTANCE: &[&str] = &["translate", "rotate", "scale"];
+const PART: &[&str] = &["name", "albedo", "lightmap", "density", "two_sided", "emission", "group"];
+
+/// Reads `[[object]]`. Files are looked for in `folder`; `groups` are those emission may name.
+pub(super) fn read(
+    tables: Vec<Table>,
+    folder: &Path,
+    groups: &[Group],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Object>> {
+    tables.iter().map(|table| object(table, folder, groups, warnings)).collect()
+}
+
+fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<String>) -> Result<Object> {
+    let expected = "the path of an .obj, .gltf or .glb file, relative to the scene file";
+    let value = table.require("file", expected)?;
+    let file = folder.join(value.text(expected)?);
+    let extension = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    if !["obj", "gltf", "glb"].contains(&extension.as_str()) {
+        return Err(value.error(format!("expected {expected}")));
+    }
+    if !file.is_file() {
+        return Err(value.error(format!("there is no file {}: expected {expected}", file.display())));
+    }
+    let vt_is_lightmap = match table.get("vt") {
+        None => false,
+        Some(v) => {
+            let expected = r#""texture" or "lightmap""#;
+            let lightmap = match v.text(expected)? {
+                "texture" => false,
+                "lightmap" => true,
+                _ => return Err(v.error(format!("expected {expected}"))),
+            };
+            if extension != "obj" {
+                return Err(v.error("expected only for .obj files; a glTF's TEXCOORD_1 is used by itself"));
+            }
+            lightmap
+        }
+    };
+    // World from object, then object from instance.
+    let world_from_object = transform(table)?;
+    let world_from_file = match table.get("instances") {
+        None => vec![world_from_object],
+        Some(value) => {
+            let expected = "a list of { translate, rotate, scale }, not empty";
+            let instances = value.array(expected)?;
+            if instances.is_empty() {
+                return Err(value.error(format!("expected {expected}")));
+            }
+            let read =
+                |v: &Value| Ok(world_from_object * transform(&v.table("instances".to_owned(), INSTANCE)?)?);
+            instances.iter().map(read).collect::<Result<_>>()?
+        }
+    };
+    let look = look(table, groups, warnings)?;
+    let mut parts = Vec::new();
+    for part in table.tables("part", PART)? {
+        let expected = "a name, * standing for any run of characters";
+        let value = part.require("name", expected)?;
+        let pattern = value.text(expected)?.to_owned();
+        if pattern.is_empty() {
+            return Err(value.error(format!("expected {expected}")));
+        }
+        parts.push(Part { pattern, look: self::look(&part, groups, warnings)? });
+    }
+    Ok(Object { file, place: value.place(), world_from_file, look, parts, vt_is_lightmap })
+}
+
+/// `scale`, then `rotate` about X, Y and Z in this order, then `translate`.
+fn transform(table: &Table) -> Result<DMat4> {
+    let expected = "a vector [x, y, z] of finite numbers";
+    let vector = |key| table.get(key).map_or(Ok(DVec3::ZERO), |v: Value| v.vector(expected, |_| true));
+    let (translate, rotate) = (vector("translate")?, vector("rotate")?);
+    let expected = "a number or [x, y, z], none 0 (negative mirrors)";
+    let scale =
+        table.get("scale").map_or(Ok(DVec3::ONE), |v| v.vector_or_number(expected, |x| x.abs() > 1e-9))?;
+    let rotation = turn(2, rotate.z) * turn(1, rotate.y) * turn(0, rotate.x);
+    let mut matrix = DMat4::from_mat3(rotation * DMat3::from_diagonal(scale));
+    matrix.w_axis = translate.extend(1.0);
+    Ok(matrix)
+}
+
+/// Rotation about an axis (0, 1, 2) by degrees; quarter turns are exact.
+fn turn(axis: usize, degrees: f64) -> DMat3 {
+    let quarters = degrees / 90.0;
+    let (sin, cos) = if quarters == quarters.round() {
+        [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][quarters.rem_euclid(4.0) as usize & 3]
+    } else {
+        degrees.to_radians().sin_cos()
+    };
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut columns = DMat3::IDENTITY.to_cols_array_2d();
+    columns[u][u] = cos;
+    columns[u][v] = sin;
+    columns[v][u] = -sin;
+    columns[v][v] = cos;
+    DMat3::from_cols_array_2d(&columns)
+}
+
+/// The keys objects and parts share.
+fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<Look> {
+    let albedo = table.get("albedo").map(|v| albedo(&v, warnings)).transpose()?;
+    let expected = "a number above 0";
+    let density = table.get("density").map(|v| v.number(expected, |x| x > 0.0)).transpose()?;
+    let expected = "[r, g, b], each 0 or more";
+    let emission = table.get("emission").map(|v| v.vector(expected, super::is_light)).transpose()?;
+    let group = match table.get("group") {
+        None => None,
+        Some(value) => {
+            let name = value.text("the name of a [[group]]")?;
+            if !groups.iter().any(|g| g.name == name) {
+                let names: Vec<_> = groups.iter().map(|g| g.name.as_str()).collect();
+                let have = if names.is_empty() { "there is none".to_owned() } else { names.join(", ") };
+                return Err(value.error(format!("expected the name of a [[group]]: {have}")));
+            }
+            Some(name.to_owned())
+        }
+    };
+    if emission.is_some() != group.is_some() {
+        return Err(table.error("expected `emission` and `group` together: the group switches the emission"));
+    }
+    Ok(Look {
+        albedo,
+        lightmap: table.get("lightmap").map(|v| v.boolean()).transpose()?,
+        density,
+        two_sided: table.get("two_sided").map(|v| v.boolean()).transpose()?,
+        emission,
+        group,
+    })
+}
+
+/// An albedo; nearly white ones are warned about.
+fn albedo(value: &Value, warnings: &mut Vec<String>) -> Result<DVec3> {
+    let number = "a number from 0 to 1";
+    let expected = if value.is_array() { "[r, g, b], each from 0 to 1" } else { number };
+    let albedo = value.vector_or_number(expected, |x| (0.0..=1.0).contains(&x))?;
+    if albedo.max_element() > super::WHITE {
+        warnings.push(format!(
+            "{}: {}: above {} light hardly fades between bounces; white paint is about 0.8",
+            value.place(),
+            value.shown(),
+            super::WHITE
+        ));
+    }
+    Ok(albedo)
+}

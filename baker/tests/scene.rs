@@ -1,0 +1,194 @@
+//! Scene files: every broken one under `tests/invalid` gives the error it names, and a full one resolves to what it says.
+
+use baker::scene::colour::black_body;
+use baker::scene::{self, Lamp, LightmapSize, Scene, Sky, SunTrack};
+use glam::{DVec3, dvec3};
+use std::f64::consts::PI;
+use std::fs;
+use std::path::Path;
+
+fn write(folder: &Path, text: &str) -> dataset::Result<(Scene, Vec<String>)> {
+    fs::write(folder.join("triangle.obj"), "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n").unwrap();
+    fs::write(folder.join("yard.toml"), text).unwrap();
+    scene::load(&folder.join("yard.toml"))
+}
+
+#[test]
+fn every_invalid_scene_file_gives_the_error_it_names() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/invalid");
+    let mut seen = 0;
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "toml") {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let expected = text.lines().next().and_then(|l| l.strip_prefix("# expect: ")).expect("first line");
+        match scene::load(&path) {
+            Ok(_) => panic!("{} was accepted", path.display()),
+            Err(error) => {
+                let message = error.to_string();
+                assert!(message.contains(expected), "expected: {expected}\n     got: {message}");
+                assert!(message.starts_with(&path.display().to_string()), "{message}");
+            }
+        }
+        seen += 1;
+    }
+    assert!(seen > 50, "saw {seen} files");
+}
+
+#[test]
+fn a_file_that_is_not_there_or_not_text_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("yard.toml");
+    assert!(matches!(scene::load(&path), Err(dataset::Error::Io { .. })));
+    fs::write(&path, b"name = \"a\"\n# \xff\n").unwrap();
+    assert!(scene::load(&path).unwrap_err().to_string().contains("yard.toml:2: expected UTF-8 text"));
+}
+
+#[test]
+fn the_least_scene_has_the_documented_defaults() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, warnings) = write(folder.path(), "[[object]]\nfile = \"triangle.obj\"\n").unwrap();
+    assert_eq!(warnings, Vec::<String>::new());
+    assert_eq!(scene.name, "yard");
+    assert!(scene.place.is_none() && scene.sun.is_none() && scene.sky.is_none() && scene.groups.is_empty());
+    assert!(matches!(scene.lightmap.size, LightmapSize::Fixed { width: 512, height: 512 }));
+    assert_eq!(
+        (scene.lightmap.padding, scene.bake.samples, scene.bake.bounces, scene.bake.seed),
+        (4, 64, None, 1)
+    );
+    assert_eq!(scene.objects[0].world_from_file, [glam::DMat4::IDENTITY]);
+}
+
+const FULL: &str = r#"
+name = "full-yard"
+description = "every key once"
+[place]
+latitude = 48.1
+longitude = 11.6
+utc_offset = 2
+date = 2026-06-21
+north = 30
+[sun]
+disc_angle = 0
+[sky]
+model = "hosek-wilkie"
+turbidity = 5
+[[object]]
+file = "triangle.obj"
+translate = [10, 0, 0]
+rotate = [90, 90, 0]
+scale = 2
+instances = [{ translate = [1, 2, 3] }, { scale = [-1, 1, 1] }]
+albedo = 0.99
+vt = "lightmap"
+[[object.part]]
+name = "leaf*"
+two_sided = true
+emission = [1, 2, 3]
+group = "porch"
+[[group]]
+name = "porch"
+on = [["18:00", "24:00"], [0, 6.5]]
+[[group.sphere]]
+centre = [0, 3, 0]
+radius = 0.1
+lumens = 800
+kelvin = 2700
+[[group.rectangle]]
+corner = [0, 0, 0]
+edge_u = [2, 0, 0]
+edge_v = [0, 0.5, 0]
+lumens = 3000
+kelvin = 4000
+[[group.spot]]
+position = [0, 2, 0]
+direction = [0, -3, 0]
+inner = 20
+outer = 40
+lumens = 500
+kelvin = 6500
+[[group]]
+name = "idle"
+[lightmap]
+texels_per_metre = 12.5
+padding = 2
+[bake]
+samples = 128
+bounces = 3
+seed = 7
+"#;
+
+#[test]
+fn a_full_scene_resolves_to_what_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, warnings) = write(folder.path(), FULL).unwrap();
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    assert!(warnings[0].contains("yard.toml:21: albedo = 0.99"), "{warnings:?}");
+    assert!(warnings[1].contains("\"idle\" has no lamp"), "{warnings:?}");
+    assert_eq!(scene.name, "full-yard");
+    assert_eq!(scene.place.unwrap().date, (2026, 6, 21));
+    assert!(matches!(scene.sky, Some(Sky::HosekWilkie { turbidity: 5.0, ground_albedo: 0.2 })));
+    // The sun takes the sky's turbidity.
+    assert!(matches!(scene.sun.as_ref().unwrap().track, SunTrack::Place { turbidity: 5.0 }));
+    assert_eq!(scene.groups[0].on, [[18.0, 6.5]]);
+    assert_eq!(scene.groups[1].on, [[0.0, 24.0]]);
+
+    // scale, rotate X then Y, translate: (0, 1, 0) → (0, 2, 0) → (0, 0, 2) → (2, 0, 0) → (12, 0, 0).
+    let object = &scene.objects[0];
+    assert!(object.vt_is_lightmap);
+    let up = object.world_from_file[0].transform_point3(DVec3::Y - dvec3(1.0, 2.0, 3.0));
+    assert_eq!(up, dvec3(12.0, 0.0, 0.0));
+    assert!(object.world_from_file[1].determinant() < 0.0);
+    assert_eq!(object.parts[0].look.group.as_deref(), Some("porch"));
+
+    // Lumens come back when the lamp's light is integrated (1 unit = 1000 lm).
+    let luminance = |rgb: DVec3| rgb.dot(dvec3(0.2126390, 0.7151687, 0.0721923));
+    for lamp in &scene.groups[0].lamps {
+        let (lumens, expected) = match *lamp {
+            Lamp::Sphere { radius, radiance, .. } => {
+                (luminance(radiance) * PI * 4.0 * PI * radius * radius, 800.0)
+            }
+            Lamp::Rectangle { radiance, .. } => (luminance(radiance) * PI, 3000.0),
+            Lamp::Spot { inner, outer, intensity, direction, .. } => {
+                assert_eq!(direction, -DVec3::Y);
+                let steps = 100_000;
+                let falloff = |cos: f64| {
+                    let t = ((cos - outer.cos()) / (inner.cos() - outer.cos())).clamp(0.0, 1.0);
+                    t * t * (3.0 - 2.0 * t)
+                };
+                let integral: f64 = (0..steps)
+                    .map(|i| falloff(-1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(steps)))
+                    .sum::<f64>()
+                    * 2.0
+                    / f64::from(steps);
+                (luminance(intensity) * 2.0 * PI * integral, 500.0)
+            }
+        };
+        assert!((lumens * 1000.0 - expected).abs() < 1e-4 * expected, "{lumens} klm, expected {expected} lm");
+    }
+    let Lamp::Sphere { radiance, .. } = scene.groups[0].lamps[0] else { panic!() };
+    assert!((radiance / luminance(radiance) - black_body(2700.0)).length() < 1e-6);
+
+    assert!(matches!(scene.lightmap.size, LightmapSize::TexelsPerMetre(12.5)));
+    assert_eq!((scene.bake.samples, scene.bake.bounces, scene.bake.seed), (128, Some(3), 7));
+}
+
+/// Every example of scenes/README.md is a scene that loads, beside files of the names it uses.
+#[test]
+fn the_documented_examples_load() {
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/README.md");
+    let text = fs::read_to_string(readme).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["shed.glb", "tree.glb", "chair.obj"] {
+        fs::write(folder.path().join(file), "").unwrap();
+    }
+    let examples: Vec<&str> =
+        text.split("```toml\n").skip(1).map(|t| t.split("```").next().unwrap()).collect();
+    assert!(examples.len() >= 5);
+    for example in examples {
+        let (_, warnings) = write(folder.path(), example).unwrap_or_else(|e| panic!("{e}\n{example}"));
+        assert!(warnings.is_empty(), "{warnings:?}");
+    }
+}
