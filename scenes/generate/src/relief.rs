@@ -1,0 +1,124 @@
+//! Sheets: welded grids with relief and holes, and thin plates cut out of them. A sheet is one smooth connected
+//! surface, so that it becomes one lightmap chart.
+
+use crate::mesh::Mesh;
+use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
+
+/// A grid over the coordinate lists `us` × `vs`, without the cells (i, j) for which `filled` is false, each vertex at
+/// `place(u, v)`. The front looks along du × dv.
+pub fn sheet(
+    us: &[f64],
+    vs: &[f64],
+    filled: impl Fn(usize, usize) -> bool,
+    place: impl Fn(f64, f64) -> DVec3,
+) -> Mesh {
+    let mut mesh = Mesh::default();
+    let mut index = BTreeMap::new();
+    for j in 0..vs.len() - 1 {
+        for i in 0..us.len() - 1 {
+            if !filled(i, j) {
+                continue;
+            }
+            let [a, b, c, d] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| {
+                *index
+                    .entry((i, j))
+                    .or_insert_with(|| mesh.vertex(place(us[i], vs[j]), DVec2::new(us[i], -vs[j])))
+            });
+            mesh.triangles.push([a, b, c]);
+            mesh.triangles.push([a, c, d]);
+        }
+    }
+    mesh.smoothed()
+}
+
+/// A whole sheet without holes.
+pub fn full(us: &[f64], vs: &[f64], place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+    sheet(us, vs, |_, _| true, place)
+}
+
+/// The three parts of a plate in the (x, y) plane.
+pub struct Plate {
+    /// Towards +Z.
+    pub front: Mesh,
+    /// Towards −Z.
+    pub back: Mesh,
+    /// The cut edges.
+    pub edges: Mesh,
+}
+
+/// A plate `thickness` metres thick about z = 0, cut to the filled cells; `place` bends the outline in (x, y).
+pub fn plate(
+    xs: &[f64],
+    ys: &[f64],
+    thickness: f64,
+    filled: impl Fn(usize, usize) -> bool,
+    place: impl Fn(f64, f64) -> DVec2,
+) -> Plate {
+    let half = thickness / 2.0;
+    let front = sheet(xs, ys, &filled, |x, y| place(x, y).extend(half));
+    let mut back = sheet(xs, ys, &filled, |x, y| place(x, y).extend(-half));
+    back.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    let back = back.smoothed();
+    let mut edges = Mesh::default();
+    let (nx, ny) = (xs.len() - 1, ys.len() - 1);
+    for j in 0..ny {
+        for i in 0..nx {
+            if !filled(i, j) {
+                continue;
+            }
+            let corner = |i: usize, j: usize| place(xs[i], ys[j]);
+            // The cell's sides counter-clockwise, each with what lies beyond it.
+            let sides = [
+                (corner(i, j), corner(i + 1, j), j > 0 && filled(i, j - 1)),
+                (corner(i + 1, j), corner(i + 1, j + 1), i + 1 < nx && filled(i + 1, j)),
+                (corner(i + 1, j + 1), corner(i, j + 1), j + 1 < ny && filled(i, j + 1)),
+                (corner(i, j + 1), corner(i, j), i > 0 && filled(i - 1, j)),
+            ];
+            for (a, b, inner) in sides {
+                if !inner {
+                    edges.quad(a.extend(half), a.extend(-half), b.extend(-half), b.extend(half));
+                }
+            }
+        }
+    }
+    Plate { front, back, edges }
+}
+
+/// `count` + 1 numbers from `low` to `high`.
+pub fn steps(low: f64, high: f64, count: usize) -> Vec<f64> {
+    (0..=count).map(|i| low + (high - low) * i as f64 / count as f64).collect()
+}
+
+/// Ascending, without repeats closer than 1 mm.
+pub fn sorted(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values.dedup_by(|a, b| (*a - *b).abs() < 1e-3);
+    values
+}
+
+/// Depth of a sunk, bevelled rectangle [x0, y0, x1, y1] at a point: 0 outside, 1 past the bevel.
+pub fn sunk(x: f64, y: f64, [x0, y0, x1, y1]: [f64; 4], bevel: f64) -> f64 {
+    ((x - x0).min(x1 - x).min(y - y0).min(y1 - y) / bevel).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plate_with_a_hole_is_a_closed_solid() {
+        let cut = |i: usize, j: usize| !(i == 1 && j == 1);
+        let plate = plate(&steps(0.0, 3.0, 3), &steps(0.0, 3.0, 3), 0.5, cut, DVec2::new);
+        let solid = plate.front.with(plate.back).with(plate.edges);
+        assert!(solid.is_closed());
+        assert!((solid.volume() - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_sheet_looks_along_du_cross_dv() {
+        let mesh = full(&steps(0.0, 1.0, 2), &steps(0.0, 1.0, 2), |u, v| DVec3::new(v, 0.0, u));
+        assert!(mesh.normals.iter().all(|n| (*n - DVec3::Y).length() < 1e-12));
+        assert_eq!((mesh.triangles.len(), mesh.positions.len()), (8, 9));
+    }
+}
