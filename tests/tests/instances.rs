@@ -1,0 +1,59 @@
+//! Instances of one mesh: what the manifest and the geometry say about their places leads to their light.
+
+use baker::bake::run::{Options, bake};
+use baker::light::schedule::parse_hours;
+use dataset::console::{Console, ConsoleArgs};
+use dataset::store::Dataset;
+use pipeline_tests::Probe;
+use std::path::Path;
+
+#[test]
+fn each_instance_has_light_of_its_own() {
+    let dir = tempfile::tempdir().unwrap();
+    let options = Options {
+        hours: parse_hours("12").unwrap(),
+        samples: None,
+        draft: false,
+        out: Some(dir.path().join("crates")),
+        force: false,
+    };
+    let console = Console::new(ConsoleArgs { quiet: true, json: false, threads: None });
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/crates.toml");
+    bake(&scene, &options, &console).unwrap();
+    let dataset = Dataset::open(&dir.path().join("crates")).unwrap();
+
+    // The manifest and the nodes of the geometry say the same.
+    let file = dataset.path(dataset.config.geometry.as_ref().unwrap());
+    let glb = gltf::Gltf::from_slice(&std::fs::read(file).unwrap()).unwrap();
+    let root = glb.document.nodes().find(|n| n.name() == Some("scene")).unwrap();
+    assert_eq!((dataset.config.instances.len(), glb.document.meshes().count()), (4, 2));
+    for (node, instance) in root.children().zip(&dataset.config.instances) {
+        assert_eq!(node.name(), Some(&instance.name[..]));
+        let extras: serde_json::Value = serde_json::from_str(node.extras().as_ref().unwrap().get()).unwrap();
+        assert_eq!(extras["lightmapPage"], instance.page);
+        for (key, value) in [("lightmapScale", instance.scale), ("lightmapOffset", instance.offset)] {
+            assert_eq!([0, 1].map(|c| extras[key][c].as_f64().unwrap() as f32), value);
+        }
+    }
+
+    // The tops see all of the sky and the sun; the side to the south sees half of it, the north side no sun.
+    let noon = dataset.map(0, 0).unwrap();
+    let light = |at, normal| Probe::new(&dataset, at, normal, 0.3).mean(&noon);
+    let up = [0.0, 1.0, 0.0];
+    let tops =
+        [[0.0, 1.0, 0.0], [50.0, 1.0, 0.0], [0.0, 2.0, 50.0], [50.0, 3.0, 50.0]].map(|at| light(at, up));
+    assert!(tops.iter().all(|top| (top / tops[0] - 1.0).abs() < 0.02), "{tops:?}");
+    // A crate turned by an angle about Y has sides that face ±(sin, 0, cos) of it; 200° gives the same sides as 20°.
+    for (centre, degrees, size) in
+        [([0.0, 0.0], 0.0f32, 1.0), ([50.0, 0.0], 30.0, 1.0), ([0.0, 50.0], 20.0, 2.0)]
+    {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let side = |sign: f32| {
+            let normal = [sign * sin, 0.0, sign * cos];
+            let at = |c: f32, n: f32| c + 0.5 * size * n;
+            light([at(centre[0], normal[0]), 0.5 * size, at(centre[1], normal[2])], normal)
+        };
+        let (south, north) = (side(1.0), side(-1.0));
+        assert!(south > 4.0 * north && south < 1.5 * tops[0], "{south} {north} {tops:?}");
+    }
+}
