@@ -52,7 +52,7 @@ impl Plan {
             (Some(_), 0) => {}
             (Some(_), n) => {
                 left_out.push(format!(
-                    "no sun rays at {n} of {} moments: the sun is below the horizon",
+                    "no sun rays at {n} of {} moments: the sun gives no light then",
                     moments.len()
                 ));
             }
