@@ -92,7 +92,7 @@ fn run(args: &Args) -> Result<()> {
     }
     console.say(format!("report: {}", path.display()));
     result["report"] = json!(path);
-    console.result(&result);
+    console.result(&result)?;
     Ok(())
 }
 

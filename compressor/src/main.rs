@@ -198,7 +198,7 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     console.say(format!("bundle: {}", judged.outcome.bundle.display()));
     console.say(format!("report: {}", path.display()));
     object["report"] = json!(path);
-    console.result(&object);
+    console.result(&object)?;
     Ok(())
 }
 
@@ -219,7 +219,7 @@ fn judge(root: PathBuf, bundle: Option<PathBuf>, csv: Option<PathBuf>, console: 
     object["tiles"] = json!(decoder.bundle().index.len());
     object["decode_seconds"] = json!(evaluation.decode_seconds);
     object["seconds"] = json!(start.elapsed().as_secs_f64());
-    console.result(&object);
+    console.result(&object)?;
     Ok(())
 }
 
@@ -241,7 +241,7 @@ fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Conso
     write_atomically(&out, &image.to_exr())?;
     console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));
     let seconds = start.elapsed().as_secs_f64();
-    console.result(&json!({ "out": out, "page": page, "hour": hour, "width": image.width, "height": image.height, "seconds": seconds }));
+    console.result(&json!({ "out": out, "page": page, "hour": hour, "width": image.width, "height": image.height, "seconds": seconds }))?;
     Ok(())
 }
 
@@ -269,6 +269,6 @@ fn info(path: PathBuf, console: &Console) -> Result<()> {
             console.print(format!("{key:>12}  {}", value.as_str().map_or(value.to_string(), str::to_owned)));
         }
     }
-    console.result(&object);
+    console.result(&object)?;
     Ok(())
 }

@@ -109,11 +109,18 @@ impl Console {
     }
 
     /// The result of a command: `object` under `--json` (one line on stdout), else nothing.
-    pub fn result(&self, object: &serde_json::Value) {
-        if self.json {
-            // A reader that closed the pipe is no failure of the command.
-            let _ = writeln!(std::io::stdout().lock(), "{object}");
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] where it cannot be written; a reader that closed the pipe is no failure of the command.
+    pub fn result(&self, object: &serde_json::Value) -> crate::Result<()> {
+        let mut out = std::io::stdout().lock();
+        if self.json
+            && let Err(error) = writeln!(out, "{object}").and_then(|()| out.flush())
+            && error.kind() != std::io::ErrorKind::BrokenPipe
+        {
+            return Err(crate::Error::io(std::path::Path::new("standard output"))(error));
         }
+        Ok(())
     }
 }
 

@@ -112,7 +112,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         "pages": pages.collect::<Vec<_>>(),
         "groups": groups.collect::<Vec<_>>(),
         "sets": sets.collect::<Vec<_>>(),
-    }));
+    }))?;
     Ok(())
 }
 
@@ -161,7 +161,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
         "sets": sets,
         "dead_texels": verification.dead_texels,
         "seconds": start.elapsed().as_secs_f64(),
-    }));
+    }))?;
     Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
