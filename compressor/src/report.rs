@@ -42,7 +42,7 @@ pub fn training(outcome: &Outcome) -> Section {
         section.plot(&Plot {
             title: "Quality against training time".to_owned(),
             x: "CPU seconds per tile".to_owned(),
-            y: "PSNR in dB, before quantisation".to_owned(),
+            y: "PSNR in dB; falls where the maps are quantised".to_owned(),
             log_x: false,
             log_y: false,
             lines: vec![
