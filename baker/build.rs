@@ -1,4 +1,9 @@
 //! Compiles xatlas and the C shim over it. Needs a C++ compiler, no libclang.
+//!
+//! With the feature `embree`, links libembree4 from, in this order: the folder named by `EMBREE_DIR`; `target/embree`, where
+//! `third_party/fetch-embree.sh` puts it; the system (Debian 13: `libembree-dev`).
+
+use std::path::PathBuf;
 
 fn main() {
     let shim = "src/atlas/shim.cpp";
@@ -16,4 +21,24 @@ fn main() {
         .include("third_party/xatlas")
         .file(shim)
         .compile("baker_xatlas");
+    if std::env::var_os("CARGO_FEATURE_EMBREE").is_some() {
+        link_embree();
+    }
+}
+
+fn link_embree() {
+    println!("cargo:rerun-if-env-changed=EMBREE_DIR");
+    let fetched = || {
+        let manifest = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?);
+        let folder = manifest.parent()?.join("target/embree");
+        println!("cargo:rerun-if-changed={}", folder.display());
+        folder.join("libembree4.so").exists().then_some(folder)
+    };
+    if let Some(folder) = std::env::var_os("EMBREE_DIR").map(PathBuf::from).or_else(fetched) {
+        println!("cargo:rustc-link-search=native={}", folder.display());
+        println!("cargo:rustc-link-arg=-Wl,-rpath,{}", folder.display());
+        // The library's own dependencies lie beside it and are found when it is loaded.
+        println!("cargo:rustc-link-arg=-Wl,--allow-shlib-undefined");
+    }
+    println!("cargo:rustc-link-lib=dylib=embree4");
 }

@@ -2,5 +2,14 @@
 
 pub mod sampler;
 pub mod triangle;
+mod lanes;
+pub mod bvh8;
+mod kernel;
+#[cfg(target_arch = "x86_64")]
+mod lanes_x86;
+mod bvh8_build;
+pub mod backend;
+#[cfg(feature = "embree")]
+mod embree;
 pub mod rays;
 pub mod walk;
