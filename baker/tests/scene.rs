@@ -2,6 +2,7 @@
 
 use baker::scene::colour::black_body;
 use baker::scene::{self, Lamp, LightmapSize, Scene, Sky, SunTrack};
+use dataset::image::Image;
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 use std::fs;
@@ -58,6 +59,7 @@ fn the_least_scene_has_the_documented_defaults() {
         (scene.lightmap.padding, scene.bake.samples, scene.bake.bounces, scene.bake.seed),
         (4, 64, None, 1)
     );
+    assert!(scene.lightmap.pages == 1 && scene.portals.is_empty());
     assert_eq!(scene.objects[0].world_from_file, [glam::DMat4::IDENTITY]);
 }
 
@@ -109,11 +111,26 @@ inner = 20
 outer = 40
 lumens = 500
 kelvin = 6500
+[[group.disc]]
+centre = [0, 2, 0]
+direction = [0, -2, 0]
+radius = 0.25
+lumens = 1200
+kelvin = 3000
+[[group.point]]
+position = [0, 2, 1]
+lumens = 100
+kelvin = 2000
+[[portal]]
+corner = [0, 1, 0]
+edge_u = [1, 0, 0]
+edge_v = [0, 1.5, 0]
 [[group]]
 name = "idle"
 [lightmap]
 texels_per_metre = 12.5
 padding = 2
+pages = 3
 [bake]
 samples = 128
 bounces = 3
@@ -151,6 +168,11 @@ fn a_full_scene_resolves_to_what_it_says() {
                 (luminance(radiance) * PI * 4.0 * PI * radius * radius, 800.0)
             }
             Lamp::Rectangle { radiance, .. } => (luminance(radiance) * PI, 3000.0),
+            Lamp::Disc { radius, radiance, direction, .. } => {
+                assert_eq!(direction, -DVec3::Y);
+                (luminance(radiance) * PI * PI * radius * radius, 1200.0)
+            }
+            Lamp::Point { intensity, .. } => (luminance(intensity) * 4.0 * PI, 100.0),
             Lamp::Spot { inner, outer, intensity, direction, .. } => {
                 assert_eq!(direction, -DVec3::Y);
                 let steps = 100_000;
@@ -171,8 +193,84 @@ fn a_full_scene_resolves_to_what_it_says() {
     let Lamp::Sphere { radiance, .. } = scene.groups[0].lamps[0] else { panic!() };
     assert!((radiance / luminance(radiance) - black_body(2700.0)).length() < 1e-6);
 
+    assert_eq!(scene.groups[0].lamps.len(), 5);
+    assert_eq!((scene.portals.len(), scene.portals[0].edge_v), (1, dvec3(0.0, 1.5, 0.0)));
     assert!(matches!(scene.lightmap.size, LightmapSize::TexelsPerMetre(12.5)));
+    assert_eq!(scene.lightmap.pages, 3);
     assert_eq!((scene.bake.samples, scene.bake.bounces, scene.bake.seed), (128, Some(3), 7));
+}
+
+fn write_sky(path: &Path, width: usize, height: usize, change: impl Fn(&mut Vec<[f32; 3]>)) {
+    let mut texels = vec![[0.5, 1.0, 2.0]; width * height];
+    change(&mut texels);
+    fs::write(path, Image { width, height, texels }.to_exr()).unwrap();
+}
+
+#[test]
+fn a_sky_picture_is_read_and_scaled() {
+    let folder = tempfile::tempdir().unwrap();
+    write_sky(&folder.path().join("dusk.exr"), 8, 4, |_| ());
+    let text = |keys: &str| {
+        format!(
+            "[sky]\nmodel = \"image\"\nfile = \"dusk.exr\"\n{keys}\n[[object]]\nfile = \"triangle.obj\"\n"
+        )
+    };
+    let (scene, warnings) = write(folder.path(), &text("scale = 2.5\nrotation = -30")).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let Some(Sky::Image(sky)) = &scene.sky else { panic!("{:?}", scene.sky) };
+    assert_eq!((sky.file.as_str(), sky.scale, sky.rotation), ("dusk.exr", 2.5, -30.0));
+    assert_eq!(sky.radiance.texels, vec![[1.25, 2.5, 5.0]; 32]);
+    // What is kept of it tells one picture from another, without its texels.
+    let kept = |scene: &Scene| serde_json::to_string(&scene.sky).unwrap();
+    let before = kept(&scene);
+    assert!(before.len() < 300, "{before}");
+    write_sky(&folder.path().join("dusk.exr"), 8, 4, |texels| texels[3][1] = 1.5);
+    assert_ne!(before, kept(&write(folder.path(), &text("scale = 2.5\nrotation = -30")).unwrap().0));
+}
+
+#[test]
+fn a_bad_sky_picture_is_told_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |scale: &str| {
+        let text = format!(
+            "[sky]\nmodel = \"image\"\nfile = \"dusk.exr\"\n{scale}\n[[object]]\nfile = \"triangle.obj\"\n"
+        );
+        write(folder.path(), &text).unwrap_err().to_string()
+    };
+    let path = folder.path().join("dusk.exr");
+    let expect = |expected: &str, scale: &str| {
+        let message = message(scale);
+        assert!(message.contains("yard.toml:3: file = \"dusk.exr\": "), "{message}");
+        assert!(message.contains(expected), "expected: {expected}\n     got: {message}");
+    };
+    expect("dusk.exr: No such file", "");
+    write_sky(&path, 8, 8, |_| ());
+    expect("8 × 8 texels: expected a lat-long picture, twice as wide as high", "");
+    write_sky(&path, 8, 4, |texels| texels[11][2] = -0.5);
+    expect("texel (3, 1), channel B: -0.5: expected a radiance, 0 or more", "");
+    write_sky(&path, 8, 4, |texels| texels[11][2] = f32::NAN);
+    expect("(3, 1)", "");
+    write_sky(&path, 8, 4, |texels| texels[11][0] = f32::INFINITY);
+    expect("(3, 1)", "");
+    // Finite in the file, not when scaled.
+    write_sky(&path, 8, 4, |texels| texels[0][0] = 1e30);
+    expect("texel (0, 0), channel R", "");
+    write_sky(&path, 8, 4, |_| ());
+    expect("texel (0, 0), channel R: 0.5: expected a radiance", "scale = 1e300");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    expect("dusk.exr", "");
+    fs::write(&path, "").unwrap();
+    expect("dusk.exr", "");
+}
+
+#[test]
+fn a_portal_without_a_sky_is_warned_about() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[[portal]]\ncorner = [0, 0, 0]\nedge_u = [1, 0, 0]\nedge_v = [0, 1, 0]\n[[object]]\nfile = \"triangle.obj\"\n";
+    let (scene, warnings) = write(folder.path(), text).unwrap();
+    assert_eq!(scene.portals.len(), 1);
+    assert!(warnings.len() == 1 && warnings[0].contains("[[portal]] has no use"), "{warnings:?}");
 }
 
 /// Every example of scenes/README.md is a scene that loads, beside files of the names it uses.
@@ -184,6 +282,7 @@ fn the_documented_examples_load() {
     for file in ["shed.glb", "tree.glb", "chair.obj"] {
         fs::write(folder.path().join(file), "").unwrap();
     }
+    write_sky(&folder.path().join("dusk.exr"), 8, 4, |_| ());
     let examples: Vec<&str> =
         text.split("```toml\n").skip(1).map(|t| t.split("```").next().unwrap()).collect();
     assert!(examples.len() >= 5);

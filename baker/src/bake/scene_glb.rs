@@ -275,7 +275,7 @@ mod tests {
              [[object.part]]\nname = \"plate\"\nlightmap = false\n",
         );
         let size = scene::LightmapSize::Fixed { width: 256, height: 200 };
-        let atlas = atlas::build(&geometry, &Lightmap { size, padding: 2 }).unwrap();
+        let atlas = atlas::build(&geometry, &Lightmap { size, padding: 2, pages: 1 }).unwrap();
         let glb = gltf::Gltf::from_slice(&to_glb(&geometry, &atlas).unwrap()).unwrap();
         let blob = glb.blob.as_deref().unwrap();
         // The cubes and the plates: one shape four times, one stretched otherwise.

@@ -1,15 +1,18 @@
 //! Sampling of lamps from a receiving point: each a trio `sample`, `pdf`, `invert`.
 //!
 //! Sphere: uniform in the cone it fills. Rectangle: uniform in its solid angle (Ureña, Fajardo & King 2013, "An Area-
-//! Preserving Parametrization for Spherical Rectangles"). Spot: a point. All inner arithmetic is f64: lamps of 10⁻⁴ m and
+//! Preserving Parametrization for Spherical Rectangles"). Disc: by area from afar, near by the solid angle of its square.
+//! Spot and point: points. All inner arithmetic is f64: lamps of 10⁻⁴ m and
 //! distances of 10⁵ m keep their digits without special cases.
 
+use super::cone::Cone;
+use super::disc::Disc;
 use super::rectangle::Rectangle;
-use super::{cos_bound, luminance};
+use super::{cosine_hemisphere, cosine_hemisphere_inverse, luminance};
 use crate::Rgb;
 use crate::scene::Lamp;
 use glam::{DVec2, DVec3, Vec2, Vec3};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// A lamp made ready for sampling, in the geometry's local space.
 #[derive(Clone, Debug)]
@@ -24,6 +27,8 @@ pub struct LampSampler {
 enum Shape {
     Sphere { centre: DVec3, radius: f64 },
     Rectangle(Rectangle),
+    Disc(Disc),
+    Point { position: DVec3 },
     Spot { position: DVec3, axis: DVec3, cos_inner: f64, cos_outer: f64 },
 }
 
@@ -36,6 +41,24 @@ pub struct LampSample {
     pub distance: f32,
     /// Unoccluded irradiance estimate L·cosθ ÷ pdf at the receiver, for the receiver's normal; zero: no ray is needed.
     pub irradiance: Rgb,
+    /// For a surface of the scene that emits, which a walk may meet too: its triangle, and the density over solid angle of
+    /// this direction, the choice among emitters included. `None` for a lamp, which no walk meets.
+    pub emitter: Option<(u32, f32)>,
+}
+
+/// A bound of a light, for choosing among many.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outline {
+    /// Corners of a box around it.
+    pub low: DVec3,
+    pub high: DVec3,
+    /// The axis it shines along, within `spread` of which its normals lie (radians; π: all directions); unit.
+    pub axis: DVec3,
+    pub spread: f64,
+    /// Greatest angle between a normal and the light's direction, radians.
+    pub reach: f64,
+    /// Luminous intensity along a normal, luminance in kcd.
+    pub intensity: f64,
 }
 
 impl LampSampler {
@@ -48,6 +71,10 @@ impl LampSampler {
             Lamp::Rectangle { corner, edge_u, edge_v, radiance } => {
                 (Shape::Rectangle(Rectangle::new(corner - origin, edge_u, edge_v)), radiance)
             }
+            Lamp::Disc { centre, direction, radius, radiance } => {
+                (Shape::Disc(Disc::new(centre - origin, direction, radius)), radiance)
+            }
+            Lamp::Point { position, intensity } => (Shape::Point { position: position - origin }, intensity),
             Lamp::Spot { position, direction, inner, outer, intensity } => {
                 let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
                 (
@@ -94,15 +121,25 @@ impl LampSampler {
                 let distance = offset.length();
                 (offset / distance, distance, 1.0 / seen.pdf(offset))
             }
-            Shape::Spot { .. } => self.spot(p)?,
+            Shape::Disc(disc) => {
+                let seen = disc.seen_from(p)?;
+                if disc.height_bound(p, n) <= 0.0 {
+                    return None;
+                }
+                let offset = seen.sample(u)?;
+                let distance = offset.length();
+                (offset / distance, distance, 1.0 / seen.pdf(offset))
+            }
+            Shape::Point { .. } | Shape::Spot { .. } => self.point(p)?,
         };
         let irradiance = self.light * (weight * direction.dot(n).max(0.0)) as f32;
-        let sample = LampSample { direction: direction.as_vec3(), distance: distance as f32, irradiance };
+        let (direction, distance) = (direction.as_vec3(), distance as f32);
+        let sample = LampSample { direction, distance, irradiance, emitter: None };
         (sample.direction.is_finite() && sample.distance > 0.0 && irradiance.is_finite()).then_some(sample)
     }
 
-    /// Density of [`LampSampler::sample`] over solid angle in a unit `direction` from `point`; 0 off the lamp. A spot is a
-    /// point without a density: 0.
+    /// Density of [`LampSampler::sample`] over solid angle in a unit `direction` from `point`; 0 off the lamp. Spots and
+    /// points have no density: 0.
     pub fn pdf(&self, point: Vec3, normal: Vec3, direction: Vec3) -> f32 {
         let (p, n, direction) = (point.as_dvec3(), normal.as_dvec3(), direction.as_dvec3());
         let pdf = match &self.shape {
@@ -117,12 +154,18 @@ impl LampSampler {
                 }
                 _ => 0.0,
             },
-            Shape::Spot { .. } => 0.0,
+            Shape::Disc(disc) => match disc.seen_from(p) {
+                Some(seen) if disc.height_bound(p, n) > 0.0 => {
+                    seen.hit(direction).map_or(0.0, |o| seen.pdf(o))
+                }
+                _ => 0.0,
+            },
+            Shape::Point { .. } | Shape::Spot { .. } => 0.0,
         };
         pdf as f32
     }
 
-    /// The `u` for which [`LampSampler::sample`] gives a unit `direction` from `point`; `None` off the lamp, and for a spot.
+    /// The `u` for which [`LampSampler::sample`] gives a unit `direction` from `point`; `None` off the lamp, and for spots and points.
     pub fn invert(&self, point: Vec3, normal: Vec3, direction: Vec3) -> Option<Vec2> {
         let (p, n, direction) = (point.as_dvec3(), normal.as_dvec3(), direction.as_dvec3());
         let u = match &self.shape {
@@ -136,7 +179,11 @@ impl LampSampler {
                 let seen = rectangle.seen_from(p).filter(|_| rectangle.height_bound(p, n) > 0.0)?;
                 seen.invert(seen.hit(direction)?)
             }
-            Shape::Spot { .. } => return None,
+            Shape::Disc(disc) => {
+                let seen = disc.seen_from(p).filter(|_| disc.height_bound(p, n) > 0.0)?;
+                seen.invert(seen.hit(direction)?)
+            }
+            Shape::Point { .. } | Shape::Spot { .. } => return None,
         };
         Some(u.clamp(DVec2::ZERO, DVec2::ONE).as_vec2())
     }
@@ -152,8 +199,9 @@ impl LampSampler {
                 None => PI,
             },
             Shape::Rectangle(rectangle) => rectangle.importance(p, n),
-            Shape::Spot { .. } => {
-                self.spot(p).map_or(0.0, |(direction, _, weight)| weight * direction.dot(n).max(0.0))
+            Shape::Disc(disc) => disc.importance(p, n),
+            Shape::Point { .. } | Shape::Spot { .. } => {
+                self.point(p).map_or(0.0, |(direction, _, weight)| weight * direction.dot(n).max(0.0))
             }
         };
         // The smallest positive number keeps a faint lamp choosable; the largest finite one keeps sums finite.
@@ -161,98 +209,55 @@ impl LampSampler {
         if received > 0.0 && self.luminance > 0.0 { guess.clamp(f32::MIN_POSITIVE, 1e30) } else { 0.0 }
     }
 
-    /// Direction and distance to a spot, and falloff/distance².
-    fn spot(&self, p: DVec3) -> Option<(DVec3, f64, f64)> {
-        let Shape::Spot { position, axis, cos_inner, cos_outer } = self.shape else { return None };
+    /// Luminance of its radiance or on-axis intensity.
+    pub(super) fn luminance(&self) -> f64 {
+        self.luminance
+    }
+
+    /// What bounds it.
+    pub(super) fn outline(&self) -> Outline {
+        use std::f64::consts::FRAC_PI_2;
+        let around = |centre: DVec3, radius: f64| (centre - radius, centre + radius);
+        let ((low, high), axis, spread, reach, size) = match &self.shape {
+            Shape::Sphere { centre, radius } => {
+                (around(*centre, *radius), DVec3::Y, PI, FRAC_PI_2, PI * radius * radius)
+            }
+            Shape::Rectangle(r) => (r.bounds(), r.normal(), 0.0, FRAC_PI_2, r.area()),
+            Shape::Disc(d) => (around(d.centre, d.radius), d.z, 0.0, FRAC_PI_2, PI * d.radius * d.radius),
+            Shape::Point { position } => (around(*position, 0.0), DVec3::Y, PI, PI, 1.0),
+            Shape::Spot { position, axis, cos_outer, .. } => {
+                (around(*position, 0.0), *axis, 0.0, cos_outer.acos(), 1.0)
+            }
+        };
+        Outline { low, high, axis, spread, reach, intensity: size * self.luminance }
+    }
+
+    /// Direction and distance to a point or spot, and falloff/distance².
+    fn point(&self, p: DVec3) -> Option<(DVec3, f64, f64)> {
+        let (Shape::Point { position } | Shape::Spot { position, .. }) = self.shape else { return None };
         let offset = position - p;
         let distance = offset.length();
         if distance <= 0.0 {
             return None;
         }
         let direction = offset / distance;
-        let cosine = -direction.dot(axis);
-        // Smoothstep in the cosine; a hard edge where inner = outer.
-        let falloff = if cosine >= cos_inner {
-            1.0
-        } else if cosine <= cos_outer {
-            return None;
-        } else {
-            let t = (cosine - cos_outer) / (cos_inner - cos_outer);
-            t * t * (3.0 - 2.0 * t)
+        let falloff = match self.shape {
+            Shape::Spot { axis, cos_inner, cos_outer, .. } => {
+                let cosine = -direction.dot(axis);
+                // Smoothstep in the cosine; a hard edge where inner = outer.
+                if cosine >= cos_inner {
+                    1.0
+                } else if cosine <= cos_outer {
+                    return None;
+                } else {
+                    let t = (cosine - cos_outer) / (cos_inner - cos_outer);
+                    t * t * (3.0 - 2.0 * t)
+                }
+            }
+            _ => 1.0,
         };
         Some((direction, distance, falloff / (distance * distance)))
     }
-}
-
-/// The cone of directions that a ball fills, from outside.
-struct Cone {
-    axis: DVec3,
-    distance: f64,
-    radius: f64,
-    /// sin² of the half angle.
-    sin2: f64,
-    /// 1 − cos of the half angle.
-    versine: f64,
-}
-
-impl Cone {
-    /// `None` inside the ball or on it.
-    fn new(to_centre: DVec3, radius: f64) -> Option<Self> {
-        let distance = to_centre.length();
-        if distance <= radius {
-            return None;
-        }
-        let sin2 = (radius / distance).powi(2);
-        // 1 − cos = sin²/(1 + cos) does not cancel for small cones.
-        let versine = sin2 / (1.0 + (1.0 - sin2).sqrt());
-        (versine > 0.0).then_some(Self { axis: to_centre / distance, distance, radius, sin2, versine })
-    }
-
-    fn solid_angle(&self) -> f64 {
-        TAU * self.versine
-    }
-
-    /// The greatest n·ω over the cone.
-    fn cos_bound(&self, n: DVec3) -> f64 {
-        cos_bound(self.axis.dot(n), self.sin2)
-    }
-
-    fn sample(&self, u: DVec2) -> (DVec3, f64) {
-        // 1 − cosθ uniform in [0, 1 − cosθ_max], azimuth uniform.
-        let versine = u.x * self.versine;
-        let sin2 = versine * (2.0 - versine);
-        let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
-        let (x, y) = self.axis.any_orthonormal_pair();
-        let direction = self.axis * (1.0 - versine) + (x * cos_phi + y * sin_phi) * sin2.sqrt();
-        // Near intersection: d cosθ − √(r² − d² sin²θ).
-        let half_chord = (self.radius.powi(2) - self.distance.powi(2) * sin2).max(0.0).sqrt();
-        (direction, self.distance * (1.0 - versine) - half_chord)
-    }
-
-    fn contains(&self, direction: DVec3) -> bool {
-        // The slack is what rounding a direction to f32 moves it by.
-        direction.dot(self.axis) > 0.0 && direction.cross(self.axis).length() <= self.sin2.sqrt() + 1e-7
-    }
-
-    fn invert(&self, direction: DVec3) -> DVec2 {
-        let (x, y) = self.axis.any_orthonormal_pair();
-        let (a, b) = (direction.dot(x), direction.dot(y));
-        let versine = (a * a + b * b) / (1.0 + direction.dot(self.axis));
-        DVec2::new(versine / self.versine, (b.atan2(a) / TAU).rem_euclid(1.0))
-    }
-}
-
-/// Malley's map: cosine-weighted about `n`.
-fn cosine_hemisphere(n: DVec3, u: DVec2) -> DVec3 {
-    let (x, y) = n.any_orthonormal_pair();
-    let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
-    (x * cos_phi + y * sin_phi) * u.x.sqrt() + n * (1.0 - u.x).sqrt()
-}
-
-fn cosine_hemisphere_inverse(n: DVec3, direction: DVec3) -> DVec2 {
-    let (x, y) = n.any_orthonormal_pair();
-    let (a, b) = (direction.dot(x), direction.dot(y));
-    DVec2::new(a * a + b * b, (b.atan2(a) / TAU).rem_euclid(1.0))
 }
 
 /// Distance from a point inside a ball (`from` its centre) to its shell.

@@ -21,6 +21,22 @@ impl Rectangle {
         Self { corner, x, y, z: x.cross(y), size: DVec2::new(edge_u.length(), edge_v.length()) }
     }
 
+    /// Unit normal of the side it shines to.
+    pub(super) fn normal(&self) -> DVec3 {
+        self.z
+    }
+
+    pub(super) fn area(&self) -> f64 {
+        self.size.x * self.size.y
+    }
+
+    /// Lower and upper corner of the box around it.
+    pub(super) fn bounds(&self) -> (DVec3, DVec3) {
+        let (u, v) = (self.x * self.size.x, self.y * self.size.y);
+        let (zero, corner) = (DVec3::ZERO, self.corner);
+        (corner + u.min(zero) + v.min(zero), corner + u.max(zero) + v.max(zero))
+    }
+
     /// What `p` sees of it; `None` from behind, from its plane, and where it has no area.
     pub(super) fn seen_from(&self, p: DVec3) -> Option<Seen<'_>> {
         let corner = self.corner - p;
@@ -75,6 +91,10 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
+    pub(super) fn solid_angle(&self) -> f64 {
+        self.solid_angle
+    }
+
     pub(super) fn by_area(&self) -> bool {
         self.solid_angle < SMALL_SOLID_ANGLE
     }
@@ -130,8 +150,7 @@ impl Seen<'_> {
     /// Density over solid angle at an offset on the rectangle.
     pub(super) fn pdf(&self, offset: DVec3) -> f64 {
         if self.by_area() {
-            let area = self.frame.size.x * self.frame.size.y;
-            return offset.length().powi(3) / (self.height * area);
+            return offset.length().powi(3) / (self.height * self.frame.area());
         }
         1.0 / self.solid_angle
     }

@@ -141,7 +141,9 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
             });
             let gap = if side < 0 { instant - previous } else { next - instant };
             let gap = if gap <= 0 { gap + DAY } else { gap };
-            let reach = REACH.min(gap / 2);
+            // (The middle of an odd gap is one moment, seen from either end.)
+            let half = if side < 0 && gap > 1 { gap - gap / 2 } else { gap / 2 };
+            let reach = REACH.min(half);
             // Distance from the instant to a set, going to this side.
             let shown = requested.iter().any(|&set| {
                 let away = (side * (set - instant)).rem_euclid(DAY);
@@ -187,10 +189,13 @@ fn lit_after(on: &[[f64; 2]], time: i64) -> bool {
     })
 }
 
-/// An interval as start and length on the circle; `[0, 24]` is the whole of it, `[a, a]` nothing.
+/// An interval as start and length on the circle; `[0, 24]` is the whole of it, `[a, a]` nothing. Ends that round to the same
+/// instant are nothing or, across midnight, the whole.
 fn arc([from, to]: [f64; 2]) -> (i64, i64) {
+    let across_midnight = from > to;
     let (from, to) = (micro(from), micro(to));
-    let length = if to - from == DAY { DAY } else { (to - from).rem_euclid(DAY) };
+    let whole = to - from == DAY || (across_midnight && to == from);
+    let length = if whole { DAY } else { (to - from).rem_euclid(DAY) };
     (from.rem_euclid(DAY), length)
 }
 

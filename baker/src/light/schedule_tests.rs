@@ -218,3 +218,110 @@ fn random_schedules_show_every_side_and_nothing_else() {
         }
     }
 }
+
+/// Ascending, distinct, in the day, no more than the hours and two per switch.
+fn check_sane(hours: &str, groups: &[Group]) -> Vec<Moment> {
+    let hours = parse_hours(hours).unwrap();
+    let all = moments(&hours, groups);
+    assert!(all.windows(2).all(|pair| pair[0].hour < pair[1].hour), "{all:?}");
+    assert!(all.iter().all(|m| (0.0..24.0).contains(&m.hour) && m.groups_on.len() == groups.len()));
+    assert_eq!(all.iter().filter(|m| !m.extra).map(|m| m.hour).collect::<Vec<_>>(), hours.list);
+    let switches: usize = groups.iter().map(|g| 2 * g.on.len()).sum();
+    assert!(all.len() <= hours.list.len() + 2 * switches);
+    all
+}
+
+#[test]
+fn always_never_and_for_a_second() {
+    let second = 1.0 / 3600.0;
+    let groups = [
+        group(&[[0.0, 24.0]]),
+        group(&[]),
+        group(&[[12.0, 12.0 + second]]),
+        group(&[[18.0 - second, 18.0]]),
+        group(&[[24.0 - second, 24.0]]),
+    ];
+    let all = check_sane("0..24", &groups);
+    assert!(all.iter().all(|m| m.groups_on[0] && !m.groups_on[1]));
+    let lit = |g: usize| all.iter().filter(|m| m.groups_on[g]).map(|m| m.hour).collect::<Vec<_>>();
+    assert_eq!(lit(2), [12.000139]);
+    assert_eq!(lit(3), [17.999861]);
+    assert_eq!(lit(4), [23.999861]);
+    // All day but for a second; and for less than can be told apart.
+    let groups = [
+        group(&[[12.0 + second, 12.0]]),
+        group(&[[6.000_000_2, 6.000_000_1]]),
+        group(&[[6.000_000_1, 6.000_000_2]]),
+    ];
+    let all = check_sane("0..24", &groups);
+    assert_eq!(all.iter().filter(|m| !m.groups_on[0]).map(|m| m.hour).collect::<Vec<_>>(), [12.0, 12.000139]);
+    assert!(all.iter().all(|m| m.groups_on[1] && !m.groups_on[2]));
+}
+
+/// A switch on an hour, at 0:00 and at 24:00: the same moment of the circle.
+#[test]
+fn midnight_is_one_moment() {
+    let evening = [group(&[[18.0, 24.0]]), group(&[[0.0, 6.0]])];
+    let all = check_sane("0..24", &evening);
+    let on = |hour: f64| all.iter().find(|m| m.hour == hour).map(|m| (m.groups_on[0], m.groups_on[1]));
+    assert_eq!(on(0.0), Some((false, false)));
+    assert_eq!(on(0.1), Some((false, true)));
+    assert_eq!(on(23.9), Some((true, false)));
+    assert_eq!(on(18.0), Some((false, false)));
+    assert_eq!(on(18.1), Some((true, false)));
+    // Together they are one lamp that does not switch at midnight.
+    let through = [group(&[[18.0, 24.0], [0.0, 6.0]])];
+    let all = check_sane("0..24", &through);
+    assert!(all[0].groups_on[0] && all.iter().all(|m| m.hour != 0.1 && m.hour != 23.9));
+}
+
+/// Two switches within a minute, of one group and of two: a moment between them, and both sides.
+#[test]
+fn switches_within_a_minute() {
+    let half_minute = 30.0 / 3600.0;
+    let one = [group(&[[6.0, 20.5], [20.5 + half_minute, 23.0]])];
+    let all = check_sane("0..24", &one);
+    let dark = all.iter().filter(|m| !m.groups_on[0] && (20.0..21.0).contains(&m.hour)).count();
+    assert_eq!(dark, 1, "{all:?}");
+    let two = [group(&[[6.0, 20.5]]), group(&[[20.5 + half_minute, 23.0]])];
+    let all = check_sane("0..24", &two);
+    let near: Vec<_> =
+        all.iter().filter(|m| (20.2..20.8).contains(&m.hour)).map(|m| m.groups_on.clone()).collect();
+    assert_eq!(near, [[true, false], [false, false], [false, true]]);
+    // A whole row of them, each a second after the one before.
+    let row: Vec<Group> =
+        (0..30).map(|i| group(&[[20.0 + f64::from(i) / 3600.0, 22.0 + f64::from(i) / 3600.0]])).collect();
+    let all = check_sane("0..24", &row);
+    for count in 0..=30 {
+        assert!(all.iter().any(|m| m.groups_on.iter().filter(|on| **on).count() == count), "{count}");
+    }
+}
+
+/// 200 groups with three intervals each to the minute: every side of every switch is shown.
+#[test]
+fn two_hundred_schedules() {
+    let mut state = 3u64;
+    let mut minute = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((state >> 33) % 1440) as f64 / 60.0
+    };
+    let groups: Vec<Group> = (0..200)
+        .map(|_| {
+            let mut ends: Vec<f64> = (0..6).map(|_| minute()).collect();
+            ends.sort_by(f64::total_cmp);
+            ends.dedup();
+            group(&ends.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>())
+        })
+        .collect();
+    let all = check_sane("0..24", &groups);
+    for (g, group) in groups.iter().enumerate() {
+        for &[from, to] in &group.on {
+            // Between the ends some moment is lit, and just outside one is not, no farther than an extra reaches.
+            assert!(all.iter().any(|m| from < m.hour && m.hour < to && m.groups_on[g]), "{g}: {from}..{to}");
+            let dark =
+                |low: f64, high: f64| all.iter().any(|m| (low..=high).contains(&m.hour) && !m.groups_on[g]);
+            assert!(from < 0.11 || dark(from - 0.100_001, from), "{g}: before {from}");
+            assert!(to > 23.89 || dark(to, to + 0.100_001), "{g}: after {to}");
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! The sky's radiance by direction, tabulated for all hours of a bake at once.
 
+use super::sky_image::ImageMap;
 use super::sky_model::SkyAt;
 use crate::Rgb;
 use crate::scene::{Place, Sky};
@@ -9,7 +10,7 @@ use std::f32::consts::FRAC_PI_4;
 pub use super::sky_model::radiance;
 
 /// Sky radiance of several hours over the sphere of directions, stored so that one lookup reads all hours from
-/// neighbouring memory. A constant sky is exact; others are bilinear in a map of the upper hemisphere that is equal-area in
+/// neighbouring memory. A constant sky and a picture are what they are; others are bilinear in a map of the upper hemisphere that is equal-area in
 /// azimuth and finer towards the horizon, where clear skies change fastest.
 #[derive(Clone, Debug)]
 pub struct SkyTable {
@@ -22,6 +23,8 @@ pub struct SkyTable {
 enum Store {
     /// One radiance for all directions, the same at every lit hour.
     Constant(Rgb),
+    /// One picture, the same at every lit hour.
+    Image(ImageMap),
     /// `[row][column][lit hour][channel]`: nodes of a grid over the square of [`square_from_direction`], on its border
     /// too, so that the horizon is a node and nothing below it is ever mixed in.
     Dome(Vec<f32>),
@@ -49,9 +52,18 @@ impl SkyTable {
         let store = match skies.first() {
             None => Store::Constant(Rgb::ZERO),
             Some(SkyAt::Constant(radiance)) => Store::Constant(*radiance),
+            Some(SkyAt::Image(image)) => Store::Image(image.clone()),
             Some(SkyAt::Dome(_)) => Store::Dome(tabulate(&skies)),
         };
         Self { lit, store }
+    }
+
+    /// The picture, if it is one.
+    pub(super) fn image(&self) -> Option<&ImageMap> {
+        match &self.store {
+            Store::Image(image) => Some(image),
+            _ => None,
+        }
     }
 
     /// Calls for every lit hour: `out[k] += beta · L(hours[lit[k]], direction)`. `out.len() == lit.len()`.
@@ -60,6 +72,10 @@ impl SkyTable {
         match &self.store {
             Store::Constant(radiance) => {
                 let light = beta * *radiance;
+                out.iter_mut().for_each(|o| *o += light);
+            }
+            Store::Image(image) => {
+                let light = beta * image.radiance(direction);
                 out.iter_mut().for_each(|o| *o += light);
             }
             Store::Dome(nodes) => {

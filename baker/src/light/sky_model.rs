@@ -4,6 +4,7 @@
 //! a twilight follows that keeps the model's last picture, fades it into a smooth one (darker and bluer overhead, a warm
 //! glow over the sun) and scales both to published illuminances; from −18° on an even night sky stays.
 
+use super::sky_image::ImageMap;
 use super::{luminance, sun};
 use crate::Rgb;
 use crate::scene::{Place, Sky};
@@ -35,6 +36,8 @@ pub(super) enum SkyAt {
     Constant(Rgb),
     /// Black below the horizon.
     Dome(Dome),
+    /// A picture of the whole sphere.
+    Image(ImageMap),
 }
 
 /// The sky above the horizon as a weighted sum of pictures.
@@ -54,19 +57,24 @@ pub(super) struct Dome {
 impl SkyAt {
     /// A sky that follows the sun is black without a place.
     pub(super) fn new(sky: &Sky, place: Option<&Place>, hour: f64) -> Self {
-        match (*sky, place) {
+        match (sky, place) {
             (Sky::Constant { radiance }, _) => Self::Constant(radiance.as_vec3()),
             (Sky::HosekWilkie { turbidity, ground_albedo }, Some(place)) => {
                 let (sun, elevation) = sun::direction(place, hour);
-                Self::Dome(Dome::new(sun, elevation, turbidity, ground_albedo))
+                Self::Dome(Dome::new(sun, elevation, *turbidity, *ground_albedo))
             }
+            (Sky::Image(image), _) => Self::Image(ImageMap::new(image)),
             (Sky::HosekWilkie { .. }, None) => Self::Constant(Rgb::ZERO),
         }
     }
 
     /// Domes never are: the night sky has a floor.
     pub(super) fn is_black(&self) -> bool {
-        matches!(self, Self::Constant(radiance) if *radiance == Rgb::ZERO)
+        match self {
+            Self::Constant(radiance) => *radiance == Rgb::ZERO,
+            Self::Dome(_) => false,
+            Self::Image(image) => image.is_black(),
+        }
     }
 
     pub(super) fn radiance(&self, direction: Vec3) -> Rgb {
@@ -74,6 +82,7 @@ impl SkyAt {
             Self::Constant(radiance) => *radiance,
             Self::Dome(dome) if direction.y >= 0.0 => dome.radiance(direction),
             Self::Dome(_) => Rgb::ZERO,
+            Self::Image(image) => image.radiance(direction),
         }
     }
 }

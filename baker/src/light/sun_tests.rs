@@ -229,3 +229,74 @@ fn sunrise_is_continuous() {
     assert!(last > 10.0);
     assert!(at(&sun, None, 12.0).is_none());
 }
+
+/// The hour between `low` and `high` at which the sun's centre stands at `elevation` degrees.
+fn hour_at(place: &Place, elevation: f64, mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if direction(place, middle).1 < elevation { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// A hundredth of a degree above and below, and everywhere the disc straddles the horizon: what is seen of it is all its light,
+/// samples stand above the horizon, and the light grows with the visible part.
+#[test]
+fn the_sun_at_the_horizon() {
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
+    let mut last = 0.0;
+    for elevation in [-0.266, -0.1, -0.01, -1e-4, 0.0, 1e-4, 0.01, 0.1, 0.266] {
+        let hour = hour_at(&BERLIN, elevation, 3.0, 9.0);
+        assert!((direction(&BERLIN, hour).1 - elevation).abs() < 1e-6);
+        let disc = at(&sun, Some(&BERLIN), hour).unwrap();
+        let light = luminance_of(disc.irradiance.as_dvec3());
+        assert!(light.is_finite() && light > last, "{elevation}: {light}");
+        last = light;
+        for i in 0..64u8 {
+            let u = Vec2::new(f32::from(i % 8) + 0.5, f32::from(i / 8) + 0.5) / 8.0;
+            let sample = disc.sample(u);
+            let pdf = disc.pdf(sample);
+            assert!(sample.y >= 0.0 && (sample.length() - 1.0).abs() < 1e-6, "{elevation}: {sample}");
+            assert!(pdf > 0.0 && pdf.is_finite(), "{elevation}: {pdf}");
+            let back = disc.invert(sample).unwrap();
+            assert!(elevation <= -0.26 || (back - u).abs().max_element() < 2e-3, "{elevation}: {u} {back}");
+        }
+    }
+    // A disc without extent is there or not.
+    let point = Sun { disc_angle: 0.0, ..sun };
+    let light = |elevation| at(&point, Some(&BERLIN), hour_at(&BERLIN, elevation, 3.0, 9.0));
+    assert!(light(-0.01).is_none() && light(0.01).is_some());
+}
+
+/// At 80° N: a sun at every hour of midsummer, none at midwinter, and a sky that is finite and not negative all year. At the
+/// pole on an equinox the disc straddles the horizon all day.
+#[test]
+fn polar_day_and_night() {
+    use crate::scene::Sky;
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
+    let place = |latitude, date| Place { latitude, longitude: 15.0, utc_offset: 1.0, date, north: 0.0 };
+    let sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.6 };
+    let suns = |place: &Place| (0..24).filter(|&h| at(&sun, Some(place), f64::from(h)).is_some()).count();
+    let (summer, winter) = (place(80.0, (2026, 6, 21)), place(80.0, (2026, 12, 21)));
+    assert_eq!((suns(&summer), suns(&winter)), (24, 0));
+    let equinox = place(90.0, (2026, 3, 20));
+    assert!(suns(&equinox) > 0);
+    let mut brightest = [0.0f32; 3];
+    for (place, brightest) in [summer, winter, equinox].iter().zip(&mut brightest) {
+        for hour in 0..24 {
+            if let Some(disc) = at(&sun, Some(place), f64::from(hour)) {
+                assert!(disc.irradiance.is_finite() && disc.irradiance.min_element() >= 0.0);
+                assert!(disc.sample(Vec2::splat(0.3)).y >= 0.0);
+            }
+            for d in [Vec3::Y, Vec3::X, Vec3::new(0.6, 0.64, -0.48), Vec3::new(0.8, 1e-6, 0.6)] {
+                let radiance = crate::light::sky::radiance(&sky, Some(place), f64::from(hour), d);
+                assert!(
+                    radiance.is_finite() && radiance.min_element() >= 0.0 && radiance.max_element() > 0.0
+                );
+                *brightest = brightest.max(radiance.max_element());
+            }
+        }
+    }
+    // Midwinter at 80° N is nautical twilight at best: the sun stays 13° below the horizon.
+    assert!(brightest[1] < 1e-4 * brightest[0], "{brightest:?}");
+}

@@ -8,10 +8,12 @@ use glam::DVec3;
 use std::f64::consts::PI;
 
 /// Keys of `[[group]]`.
-pub(super) const KEYS: &[&str] = &["name", "on", "sphere", "rectangle", "spot"];
+pub(super) const KEYS: &[&str] = &["name", "on", "sphere", "rectangle", "disc", "spot", "point"];
 const SPHERE: &[&str] = &["centre", "radius", "radiance", "lumens", "kelvin"];
 const RECTANGLE: &[&str] = &["corner", "edge_u", "edge_v", "radiance", "lumens", "kelvin"];
+const DISC: &[&str] = &["centre", "direction", "radius", "radiance", "lumens", "kelvin"];
 const SPOT: &[&str] = &["position", "direction", "inner", "outer", "intensity", "lumens", "kelvin"];
+const POINT: &[&str] = &["position", "intensity", "lumens", "kelvin"];
 
 /// Reads `[[group]]`; names must be unique.
 pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
@@ -33,8 +35,14 @@ pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
         for t in table.tables("rectangle", RECTANGLE)? {
             lamps.push(rectangle(&t)?);
         }
+        for t in table.tables("disc", DISC)? {
+            lamps.push(disc(&t)?);
+        }
         for t in table.tables("spot", SPOT)? {
             lamps.push(spot(&t)?);
+        }
+        for t in table.tables("point", POINT)? {
+            lamps.push(point(&t)?);
         }
         groups.push(Group { name: name.to_owned(), on, lamps });
     }
@@ -42,15 +50,21 @@ pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
 }
 
 fn sphere(table: &Table) -> Result<Lamp> {
-    let centre = vector(table, "centre")?;
-    let expected = "a number of metres above 0";
-    let radius = table.require("radius", expected)?.number(expected, |x| x > 0.0)?;
+    let (centre, radius) = (vector(table, "centre")?, radius(table)?);
     // Φ = π L A, A = 4 π R².
     let radiance = power(table, "radiance", PI * 4.0 * PI * radius * radius)?;
     Ok(Lamp::Sphere { centre, radius, radiance })
 }
 
 fn rectangle(table: &Table) -> Result<Lamp> {
+    let [corner, edge_u, edge_v] = corner_and_edges(table)?;
+    // Φ = π L A, from one side.
+    let radiance = power(table, "radiance", PI * edge_u.length() * edge_v.length())?;
+    Ok(Lamp::Rectangle { corner, edge_u, edge_v, radiance })
+}
+
+/// `corner`, `edge_u` and `edge_v` of a rectangle with an area.
+pub(super) fn corner_and_edges(table: &Table) -> Result<[DVec3; 3]> {
     let corner = vector(table, "corner")?;
     let (edge_u, edge_v) = (vector(table, "edge_u")?, vector(table, "edge_v")?);
     let area = edge_u.length() * edge_v.length();
@@ -59,9 +73,22 @@ fn rectangle(table: &Table) -> Result<Lamp> {
         let value = table.require("edge_v", "")?;
         return Err(value.error("expected an edge perpendicular to edge_u, and neither of length 0"));
     }
+    Ok([corner, edge_u, edge_v])
+}
+
+fn disc(table: &Table) -> Result<Lamp> {
+    let (centre, radius) = (vector(table, "centre")?, radius(table)?);
+    let direction = direction(&table.require("direction", "a vector [x, y, z]")?)?;
     // Φ = π L A, from one side.
-    let radiance = power(table, "radiance", PI * area)?;
-    Ok(Lamp::Rectangle { corner, edge_u, edge_v, radiance })
+    let radiance = power(table, "radiance", PI * PI * radius * radius)?;
+    Ok(Lamp::Disc { centre, direction, radius, radiance })
+}
+
+fn point(table: &Table) -> Result<Lamp> {
+    let position = vector(table, "position")?;
+    // Φ = 4π I.
+    let intensity = power(table, "intensity", 4.0 * PI)?;
+    Ok(Lamp::Point { position, intensity })
 }
 
 fn spot(table: &Table) -> Result<Lamp> {
@@ -97,6 +124,12 @@ fn power(table: &Table, key: &str, lumens_per_unit: f64) -> Result<DVec3> {
         }
         _ => Err(table.error(format!("expected either `{key}`, or both `lumens` and `kelvin`"))),
     }
+}
+
+/// A radius that must be there.
+fn radius(table: &Table) -> Result<f64> {
+    let expected = "a number of metres above 0";
+    table.require("radius", expected)?.number(expected, |x| x > 0.0)
 }
 
 /// A vector that must be there.

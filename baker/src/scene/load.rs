@@ -2,24 +2,24 @@
 
 use super::raw::{Source, Table, parse};
 use super::{
-    Lightmap, LightmapSize, MAX_SAMPLES, Place, Sampling, Scene, Sky, Sun, SunKey, SunTrack, lamp, object,
+    Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey, SunTrack, lamp,
+    object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
 
-const TOP: &[&str] = &["name", "description", "place", "sun", "sky", "object", "group", "lightmap", "bake"];
+const TOP: &[&str] =
+    &["name", "description", "place", "sun", "sky", "portal", "object", "group", "lightmap", "bake"];
 const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
 const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
-const SKY: &[&str] = &["model", "turbidity", "ground_albedo", "radiance"];
-const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "padding"];
+const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
+const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "padding", "pages"];
 const BAKE: &[&str] = &["samples", "bounces", "seed"];
 
 /// Full angle of the solar disc in degrees, mean over the year.
 const DISC_ANGLE: f64 = 0.533;
-/// Turbidity of a clear day.
-const TURBIDITY: f64 = 3.0;
 /// Largest page side in texels.
 const MAX_SIDE: i64 = 16384;
 
@@ -42,10 +42,19 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let name = name(top, path)?;
     let description = top.get("description").map_or(Ok(""), |v| v.text("a string"))?.to_owned();
     let place = top.table("place", PLACE)?.map(|t| self::place(&t)).transpose()?;
-    let sky = top.table("sky", SKY)?.map(|t| self::sky(&t, place.is_some())).transpose()?;
-    let sun = top.table("sun", SUN)?.map(|t| self::sun(&t, place.is_some(), sky)).transpose()?;
-    let groups = lamp::read(top.tables("group", lamp::KEYS)?)?;
     let folder = path.parent().unwrap_or(Path::new(""));
+    let sky = top.table("sky", sky::KEYS)?.map(|t| sky::read(&t, place.is_some(), folder)).transpose()?;
+    let sun = top.table("sun", SUN)?.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
+    let portals: Result<Vec<Portal>> = top
+        .tables("portal", PORTAL)?
+        .iter()
+        .map(|t| lamp::corner_and_edges(t).map(|[corner, edge_u, edge_v]| Portal { corner, edge_u, edge_v }))
+        .collect();
+    let portals = portals?;
+    if !portals.is_empty() && sky.is_none() {
+        warnings.push(format!("{}: [[portal]] has no use: the scene has no sky", path.display()));
+    }
+    let groups = lamp::read(top.tables("group", lamp::KEYS)?)?;
     let objects = object::read(top.tables("object", object::KEYS)?, folder, &groups, &mut warnings)?;
     if objects.is_empty() {
         return Err(top.error("expected at least one [[object]]"));
@@ -68,7 +77,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         Some(table) => self::bake(&table)?,
         None => Sampling::default(),
     };
-    Ok((Scene { name, description, place, sun, sky, objects, groups, lightmap, bake }, warnings))
+    Ok((Scene { name, description, place, sun, sky, portals, objects, groups, lightmap, bake }, warnings))
 }
 
 /// The scene's name: the folder its dataset is written to.
@@ -131,44 +140,7 @@ fn date(text: &str) -> Option<(i32, u32, u32)> {
     (y >= 1 && (1..=days).contains(&d)).then_some((y, m, d))
 }
 
-fn turbidity(table: &Table) -> Result<Option<f64>> {
-    let expected = "a number from 1 to 10";
-    table.get("turbidity").map(|v| v.number(expected, |x| (1.0..=10.0).contains(&x))).transpose()
-}
-
-fn sky(table: &Table, has_place: bool) -> Result<Sky> {
-    let expected = r#""hosek-wilkie" or "constant""#;
-    let model = table.require("model", expected)?;
-    // A key of the other model would be ignored without a word.
-    let refuse = |keys: &[&str]| match keys.iter().find_map(|key| table.get(key)) {
-        Some(value) => Err(value.error(format!("not a key of this sky: its {}", model.shown()))),
-        None => Ok(()),
-    };
-    match model.text(expected)? {
-        "hosek-wilkie" => {
-            refuse(&["radiance"])?;
-            if !has_place {
-                return Err(model.error("expected a [place], from which this sky has its sun"));
-            }
-            let expected = "a number from 0 to 1";
-            let ground = table.get("ground_albedo");
-            Ok(Sky::HosekWilkie {
-                turbidity: turbidity(table)?.unwrap_or(TURBIDITY),
-                ground_albedo: ground
-                    .map_or(Ok(0.2), |v| v.number(expected, |x| (0.0..=1.0).contains(&x)))?,
-            })
-        }
-        "constant" => {
-            refuse(&["turbidity", "ground_albedo"])?;
-            let expected = "[r, g, b] in kcd/m², each 0 or more";
-            let radiance = table.require("radiance", expected)?.vector(expected, super::is_light)?;
-            Ok(Sky::Constant { radiance })
-        }
-        _ => Err(model.error(format!("expected {expected}"))),
-    }
-}
-
-fn sun(table: &Table, has_place: bool, sky: Option<Sky>) -> Result<Sun> {
+fn sun(table: &Table, has_place: bool, sky: Option<&Sky>) -> Result<Sun> {
     let expected = "degrees from 0 to 90";
     let disc_angle = table
         .get("disc_angle")
@@ -193,10 +165,10 @@ fn sun(table: &Table, has_place: bool, sky: Option<Sky>) -> Result<Sun> {
         }
         None => {
             let of_sky = match sky {
-                Some(Sky::HosekWilkie { turbidity, .. }) => turbidity,
-                _ => TURBIDITY,
+                Some(Sky::HosekWilkie { turbidity, .. }) => *turbidity,
+                _ => sky::TURBIDITY,
             };
-            SunTrack::Place { turbidity: turbidity(table)?.unwrap_or(of_sky) }
+            SunTrack::Place { turbidity: sky::turbidity(table)?.unwrap_or(of_sky) }
         }
     };
     Ok(Sun { disc_angle, track })
@@ -237,7 +209,10 @@ fn lightmap(table: &Table) -> Result<Lightmap> {
     let padding = table.get("padding").map_or(Ok(i64::from(Lightmap::default().padding)), |v| {
         v.integer("texels from 0 to 64", |x| (0..=64).contains(&x))
     })?;
-    Ok(Lightmap { size, padding: padding as u32 })
+    let pages = table.get("pages").map_or(Ok(i64::from(Lightmap::default().pages)), |v| {
+        v.integer("pages from 1 to 16", |x| (1..=16).contains(&x))
+    })?;
+    Ok(Lightmap { size, padding: padding as u32, pages: pages as u32 })
 }
 
 fn bake(table: &Table) -> Result<Sampling> {

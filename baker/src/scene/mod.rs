@@ -6,8 +6,10 @@ mod load;
 mod object;
 mod raw;
 mod schedule;
+mod sky;
 
 pub use load::load;
+pub use sky::SkyImage;
 
 use glam::{DMat4, DVec3};
 use serde::Serialize;
@@ -36,6 +38,8 @@ pub struct Scene {
     pub sun: Option<Sun>,
     /// The sky; `None`: black.
     pub sky: Option<Sky>,
+    /// Openings to the sky, in file order.
+    pub portals: Vec<Portal>,
     /// Geometry, in file order.
     pub objects: Vec<Object>,
     /// Light groups, in file order; names are unique.
@@ -94,7 +98,7 @@ pub struct SunKey {
 }
 
 /// The sky.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub enum Sky {
     /// The same radiance from everywhere, below the horizon too.
     Constant {
@@ -108,6 +112,29 @@ pub enum Sky {
         /// 0 … 1.
         ground_albedo: f64,
     },
+    /// A picture of the whole sphere, the same at all hours.
+    Image(SkyImage),
+}
+
+impl Sky {
+    /// Whether it is the same at every hour.
+    pub fn is_static(&self) -> bool {
+        match self {
+            Self::Constant { .. } | Self::Image(_) => true,
+            Self::HosekWilkie { .. } => false,
+        }
+    }
+}
+
+/// A rectangle through which sky light is worth looking for, such as a window: it guides samples, it gives no light.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Portal {
+    /// Corner, world.
+    pub corner: DVec3,
+    /// First edge; perpendicular to the second.
+    pub edge_u: DVec3,
+    /// Second edge.
+    pub edge_v: DVec3,
 }
 
 /// One geometry file placed one or more times.
@@ -176,6 +203,24 @@ pub enum Lamp {
         /// kcd/m².
         radiance: DVec3,
     },
+    /// A disc radiating from the side `direction` points to.
+    Disc {
+        /// Centre, world.
+        centre: DVec3,
+        /// Unit normal of the radiating side.
+        direction: DVec3,
+        /// Metres, > 0.
+        radius: f64,
+        /// kcd/m².
+        radiance: DVec3,
+    },
+    /// A point radiating evenly in all directions.
+    Point {
+        /// World.
+        position: DVec3,
+        /// Luminous intensity as RGB, kcd.
+        intensity: DVec3,
+    },
     /// A parallelogram radiating from the side `edge_u × edge_v` points to.
     Rectangle {
         /// Corner, world.
@@ -209,11 +254,13 @@ pub struct Lightmap {
     pub size: LightmapSize,
     /// Texels left between charts, and filled by dilation.
     pub padding: u32,
+    /// Pages of this size that the charts are spread over, 1 … 16.
+    pub pages: u32,
 }
 
 impl Default for Lightmap {
     fn default() -> Self {
-        Self { size: LightmapSize::Fixed { width: 512, height: 512 }, padding: 4 }
+        Self { size: LightmapSize::Fixed { width: 512, height: 512 }, padding: 4, pages: 1 }
     }
 }
 
