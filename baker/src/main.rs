@@ -1,7 +1,8 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
-use baker::bake::run::{Options, Outcome, bake};
+use baker::bake::run::{Integrator, Options, Outcome, bake, prepare};
 use baker::light::schedule::parse_hours;
+use baker::trace::backend::Backend;
 use clap::Parser;
 use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options as CompressOptions};
 use compressor::run::compress_and_judge;
@@ -10,8 +11,9 @@ use dataset::report::{Report, preview};
 use dataset::store::Dataset;
 use dataset::{Error, Result};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light switch.
 #[derive(Parser)]
@@ -28,9 +30,29 @@ struct Args {
     /// A quick look: half the lightmap's side, a quarter of the samples, short training.
     #[arg(long)]
     draft: bool,
-    /// Samples per texel, a power of two [default: the scene's].
+    /// Samples of indirect light per texel, a power of two: all of them, or at most so many with a target or a time limit
+    /// [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
+    /// Stop where the relative standard error of 16×16 texels is below this at every moment, e.g. 2% (of their own light, or of a
+    /// tenth of the moment's mean where they are darker).
+    #[arg(long, value_name = "ERROR", value_parser = parse_error)]
+    target_error: Option<f64>,
+    /// Stop tracing after this time, e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    time_limit: Option<Duration>,
+    /// How light is followed past the first surface.
+    #[arg(long, value_enum, default_value = "cached")]
+    integrator: Integrator,
+    /// What finds the hits of rays: obvhs, or embree in builds with that feature.
+    #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
+    backend: Backend,
+    /// Trace 512 texels again, by so many walks each that are followed to their end, and report the true error.
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
+    check: Option<u32>,
+    /// Print what would be traced, what is left out and why; trace nothing.
+    #[arg(long)]
+    plan: bool,
     /// Folder of the dataset [default: dataset/<scene>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -48,12 +70,37 @@ Examples:
   bake scenes/yard.toml --hours 12                 one set
   bake scenes/yard.toml --hours 6..18/0.5 --draft  half-hourly, quickly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/look
+  bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
+  bake scenes/yard.toml --plan                     what would run, what is left out and why
 
-With --json, one object on stdout: scene, dataset, up_to_date, size, sets, texels, samples, relative_error (median
-over tile and set), seconds, rays, rounds (error against seconds), facts, left_out, warnings, report, and with
---compress an object `compress` with the keys of `compress --json`.
+With --json, one object on stdout: scene, dataset, up_to_date, integrator, size, pages, sets, texels, samples (at most),
+mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
+against seconds), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
+`compress --json`. With --plan: scene, integrator, moments, layers, left_out, warnings.
 
-A run that is interrupted or killed continues when started again with the same arguments.";
+A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
+light: after a change of schedules, of a group's colour or intensity, or of one light, only what depends on it is traced.";
+
+/// `2%` or `0.02`.
+fn parse_error(text: &str) -> std::result::Result<f64, String> {
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
+    let value = number.trim().parse::<f64>().ok().map(|v| v * unit);
+    value
+        .filter(|v| (1e-4..1.0).contains(v))
+        .ok_or_else(|| "expected an error from 0.01% to less than 100%, such as 2%".to_owned())
+}
+
+/// `90s`, `5m`, `2h`.
+fn parse_time(text: &str) -> std::result::Result<Duration, String> {
+    let units = [("s", 1.0), ("m", 60.0), ("h", 3600.0)];
+    let found = units
+        .iter()
+        .find_map(|(unit, seconds)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * seconds));
+    let seconds = found.filter(|s| (1.0..=1e7).contains(s));
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| "expected a time of at least 1s, such as 90s, 5m or 2h".to_owned())
+}
 
 fn main() -> ExitCode {
     let args = Args::parse();
@@ -67,8 +114,21 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<()> {
     let console = Console::new(args.console);
     let hours = parse_hours(&args.hours).map_err(|what| Error::invalid("--hours", what))?;
-    let options =
-        Options { hours, samples: args.samples, draft: args.draft, out: args.out.clone(), force: args.force };
+    let options = Options {
+        samples: args.samples,
+        target_error: args.target_error,
+        time_limit: args.time_limit,
+        integrator: args.integrator,
+        backend: args.backend,
+        check: args.check,
+        draft: args.draft,
+        out: args.out.clone(),
+        force: args.force,
+        ..Options::new(hours)
+    };
+    if args.plan {
+        return plan(&args.scene, &options, &console);
+    }
     let outcome = bake(&args.scene, &options, &console)?;
     let set = Dataset::open(&outcome.dataset)?;
     let mut report = Report::new(&format!("{}: temporal lightmaps", outcome.scene));
@@ -96,16 +156,65 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// Prints what a bake would do.
+fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
+    let prepared = prepare(scene, options, console)?;
+    let plan = &prepared.plan;
+    let layers: Vec<String> = (0..plan.layers()).map(|layer| plan.name_of(layer)).collect();
+    console.print(format!(
+        "{}: {} triangles, {} moments of {} layers, at most {} samples per texel, integrator {}",
+        prepared.scene.name,
+        prepared.geometry.triangles.len(),
+        plan.moments.len(),
+        layers.len(),
+        prepared.limits.samples,
+        match prepared.integrator {
+            Integrator::Cached => "cached",
+            Integrator::Path => "path",
+        }
+    ));
+    layers.iter().for_each(|name| console.print(format!("  trace {name}")));
+    plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
+    let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
+    console.result(&json!({
+        "scene": prepared.scene.name,
+        "integrator": prepared.integrator,
+        "moments": moments,
+        "layers": layers,
+        "left_out": plan.left_out,
+        "warnings": prepared.warnings,
+    }))
+}
+
 fn say(outcome: &Outcome, console: &Console) {
     console.say(format!(
-        "{}: {} sets of {} × {} texels in {:.1} s, estimated relative error {:.2} %",
+        "{}: {} sets of {}{} × {} texels in {:.1} s, estimated relative error {:.2} % (median over tiles and sets)",
         outcome.dataset.display(),
         outcome.sets,
+        if outcome.pages > 1 { format!("{} pages of ", outcome.pages) } else { String::new() },
         outcome.size[0],
         outcome.size[1],
         outcome.seconds,
         outcome.relative_error * 100.0
     ));
+    if outcome.out_of_time {
+        console.say("  the time limit ended the tracing");
+    }
+    if let Some(open) = outcome.rounds.last().map(|r| r.open_cells).filter(|&open| open > 0) {
+        console.say(format!("  {open} cells of 16×16 texels are above the target error"));
+    }
+    if let Some(check) = &outcome.check {
+        let worst = check.sets.iter().max_by(|a, b| a.true_error.total_cmp(&b.true_error));
+        if let Some(worst) = worst {
+            let hour = outcome.hours.get(worst.set).copied().unwrap_or_default();
+            console.say(format!(
+                "  check of {} texels: true error at most {:.2} % (at {hour:.2} h, where {:.2} % was estimated); all sets: report",
+                check.texels,
+                worst.true_error * 100.0,
+                worst.estimated_error * 100.0
+            ));
+        }
+    }
     for reason in &outcome.left_out {
         console.say(format!("  left out: {reason}"));
     }

@@ -1,7 +1,7 @@
 //! Texels as pieces of surface: which parts of which triangles a texel covers, and points on them.
 
 use crate::atlas::Atlas;
-use glam::{DVec2, Vec2, Vec3, vec2};
+use glam::{DVec2, DVec3, Vec2, Vec3, dvec3, vec2};
 
 /// Side of the square blocks of texels that are worked on at a time; divides the metric tiles' side.
 pub const BLOCK: usize = 64;
@@ -49,6 +49,11 @@ impl FaceBins {
             }
         }
         FaceBins { columns, rows, starts, faces }
+    }
+
+    /// The block of a texel.
+    pub fn block_of(&self, x: usize, y: usize) -> usize {
+        y / BLOCK * self.columns + x / BLOCK
     }
 
     /// Indices into `Atlas::faces` of the faces that may touch a block.
@@ -147,6 +152,11 @@ impl BlockSurface {
         self.starts[texel] < self.starts[texel + 1]
     }
 
+    /// The covered texels (indices within the block), ascending.
+    pub fn covered(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.width * self.height).filter(|&texel| self.is_covered(texel))
+    }
+
     /// A point uniformly distributed over the texel's surface, by area on the page. The texel must be covered.
     pub fn sample(&self, atlas: &Atlas, texel: usize, u: Vec2) -> SurfacePoint {
         let fragments = &self.fragments[self.starts[texel] as usize..self.starts[texel + 1] as usize];
@@ -161,18 +171,37 @@ impl BlockSurface {
         let [a, b, c] = fragment.corners;
         let point = a * (1.0 - r) + b * (r * (1.0 - u.y)) + c * (r * u.y);
         let face = &atlas.faces[fragment.face as usize];
-        SurfacePoint { triangle: face.triangle, barycentric: barycentric(&face.corners, point) }
+        SurfacePoint {
+            triangle: face.triangle,
+            barycentric: inset(&face.corners, barycentric(&face.corners, point)),
+        }
     }
 }
 
+/// Points keep this far from the edges of their triangle, in texels.
+const INSET: f64 = 0.01;
+
+/// Moves a point that is nearer than [`INSET`] to an edge (in a sliver: than an eighth of the height) to that distance. A point
+/// on an edge of a closed room lies on the neighbouring wall's plane to the last bit, and a ray from there passes that wall;
+/// texels of which an edge covers a hair have no other points.
+fn inset(corners: &[Vec2; 3], weights: DVec3) -> Vec3 {
+    let [a, b, c] = corners.map(DVec2::from);
+    let twice_area = (b - a).perp_dot(c - a).abs();
+    // A corner's height above the opposite edge is twice the area ÷ that edge's length.
+    let least = (dvec3((c - b).length(), (a - c).length(), (b - a).length()) * (INSET / twice_area))
+        .min(DVec3::splat(0.125));
+    let beyond = (weights - least).max(DVec3::ZERO);
+    (least + beyond * ((1.0 - least.element_sum()) / beyond.element_sum())).as_vec3()
+}
+
 /// Weights of a triangle's corners at a point, clamped into the triangle.
-fn barycentric(corners: &[Vec2; 3], point: Vec2) -> Vec3 {
+fn barycentric(corners: &[Vec2; 3], point: Vec2) -> DVec3 {
     let [a, b, c] = corners.map(DVec2::from);
     let p = DVec2::from(point);
     let area = (b - a).perp_dot(c - a);
     let b1 = ((p - a).perp_dot(c - a) / area).clamp(0.0, 1.0);
     let b2 = ((b - a).perp_dot(p - a) / area).clamp(0.0, 1.0 - b1);
-    glam::dvec3(1.0 - b1 - b2, b1, b2).as_vec3()
+    dvec3(1.0 - b1 - b2, b1, b2)
 }
 
 /// A convex polygon of at most seven corners: a triangle cut by four lines.
@@ -222,6 +251,9 @@ mod tests {
         Atlas {
             width,
             height,
+            pages: 1,
+            page_height: height,
+            stride: height,
             texels_per_metre: 1.0,
             faces,
             charts: 1,
@@ -262,6 +294,30 @@ mod tests {
             .map(|f| (f.corners[1] - f.corners[0]).perp_dot(f.corners[2] - f.corners[0]).abs() / 2.0)
             .sum();
         assert!((total - f64::from(area)).abs() < 0.05, "{total} {area}");
+    }
+
+    #[test]
+    fn samples_keep_off_the_edges() {
+        // A texel of which a triangle covers a hair: its points lie a hundredth of a texel inside the triangle.
+        let a = atlas(2, 2, &[[vec2(0.5, 0.5), vec2(1.01, 0.5), vec2(0.5, 1.6)]]);
+        let s = BlockSurface::new(&a, &FaceBins::new(&a), 0);
+        let texel = 1;
+        assert!(s.is_covered(texel));
+        let sequence = crate::trace::sampler::Sequence::new(1, 0, 0, 0);
+        for i in 0..64 {
+            let b = s.sample(&a, texel, sequence.sample(i).pair(0)).barycentric.as_dvec3();
+            let corners = a.faces[0].corners.map(DVec2::from);
+            let point = corners[0] * b.x + corners[1] * b.y + corners[2] * b.z;
+            for k in 0..3 {
+                let (p, q) = (corners[k], corners[(k + 1) % 3]);
+                let away = (q - p).perp_dot(point - p) / (q - p).length();
+                assert!(away > 0.99 * INSET, "{away} from edge {k}");
+            }
+        }
+        // Slivers thinner than that keep their points inside them.
+        let thin = [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1e-4)];
+        let b = inset(&thin, dvec3(0.0, 0.5, 0.5));
+        assert!(b.min_element() > 0.0 && (b.element_sum() - 1.0).abs() < 1e-6);
     }
 
     #[test]

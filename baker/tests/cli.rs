@@ -1,4 +1,4 @@
-//! The binary `bake` as a user meets it: killed and continued, bad input, one JSON object.
+//! The binary `bake` as a user meets it: killed and continued, its flags, bad input, one JSON object.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -28,17 +28,20 @@ fn data(dataset: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
+const INTEGRATORS: [&str; 2] = ["cached", "path"];
+
 /// Bakes three hours of the court; `samples` per texel.
-fn court(out: &Path, samples: &str) -> Command {
+fn court(out: &Path, samples: &str, integrator: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
     command.args(["--hours", "9,12,18.1", "--quiet", "--samples", samples, "--out", text(out)]);
+    command.args(["--integrator", integrator]);
     command.arg(fixture("court.toml"));
     command
 }
 
 /// Starts a bake and kills it with SIGKILL as soon as a round is on disk; whether it was still running.
-fn kill_midway(out: &Path, samples: &str) -> bool {
-    let mut child = court(out, samples).stderr(Stdio::null()).spawn().unwrap();
+fn kill_midway(out: &Path, samples: &str, integrator: &str) -> bool {
+    let mut child = court(out, samples, integrator).stderr(Stdio::null()).spawn().unwrap();
     let start = Instant::now();
     let has_rounds = || {
         let folders = std::fs::read_dir(out.join(".bake")).into_iter().flatten().flatten();
@@ -55,26 +58,139 @@ fn kill_midway(out: &Path, samples: &str) -> bool {
 
 #[test]
 fn a_killed_bake_continues_to_the_same_bytes() {
-    let dir = tempfile::tempdir().unwrap();
-    let (whole, killed) = (dir.path().join("whole"), dir.path().join("killed"));
-    assert!(court(&whole, "256").status().unwrap().success());
-    // Killed twice.
-    let midway = usize::from(kill_midway(&killed, "256")) + usize::from(kill_midway(&killed, "256"));
-    assert!(midway > 0, "the bake was too quick to be killed");
-    assert!(court(&killed, "256").status().unwrap().success());
-    assert_eq!(data(&whole), data(&killed));
-    assert!(!killed.join(".bake").exists());
+    for integrator in INTEGRATORS {
+        let dir = tempfile::tempdir().unwrap();
+        let (whole, killed) = (dir.path().join("whole"), dir.path().join("killed"));
+        assert!(court(&whole, "128", integrator).status().unwrap().success());
+        // Killed twice.
+        let midway = (0..2).filter(|_| kill_midway(&killed, "128", integrator)).count();
+        assert!(midway > 0, "the bake was too quick to be killed");
+        assert!(court(&killed, "128", integrator).status().unwrap().success());
+        assert_eq!(data(&whole), data(&killed));
+        assert!(!killed.join(".bake").exists());
+    }
 }
 
 #[test]
-fn what_a_killed_bake_left_does_not_change_a_smaller_one() {
+fn what_a_killed_bake_left_does_not_change_another_one() {
     let dir = tempfile::tempdir().unwrap();
     let (fresh, left) = (dir.path().join("fresh"), dir.path().join("left"));
-    assert!(court(&fresh, "4").status().unwrap().success());
-    // Its first round alone has twice the samples asked for next.
-    assert!(kill_midway(&left, "256"), "the bake was too quick to be killed");
-    assert!(court(&left, "4").status().unwrap().success());
+    assert!(court(&fresh, "4", "cached").status().unwrap().success());
+    // Its first round alone has more samples than are asked for next.
+    assert!(kill_midway(&left, "256", "path"), "the bake was too quick to be killed");
+    assert!(court(&left, "4", "cached").status().unwrap().success());
     assert_eq!(data(&fresh), data(&left));
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    for integrator in INTEGRATORS {
+        let of_threads = |threads: &str| {
+            let out = dir.path().join(format!("{integrator}-{threads}"));
+            let mut command = court(&out, "8", integrator);
+            assert!(command.env("RAYON_NUM_THREADS", threads).status().unwrap().success());
+            data(&out)
+        };
+        let one = of_threads("1");
+        assert!(one == of_threads("2") && one == of_threads("5"), "{integrator}");
+    }
+    // A target error hands out samples in rounds, by what all threads found.
+    let towards = |threads: &str| {
+        let out = dir.path().join(format!("target-{threads}"));
+        let scene = fixture("court.toml");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
+        command.args([text(&scene), "--hours", "12", "--quiet", "--target-error", "8%", "--out", text(&out)]);
+        assert!(command.env("RAYON_NUM_THREADS", threads).status().unwrap().success());
+        data(&out)
+    };
+    assert!(towards("1") == towards("2"));
+}
+
+/// Runs `bake` on the court with `--json`; it must succeed.
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let scene = fixture("court.toml");
+    let output = bake(&[&[text(&scene), "--json"], arguments].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_target_error_is_reached_and_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let object = json(&["--hours", "12", "--target-error", "2%", "--out", text(&out)]);
+    assert!(object["relative_error"].as_f64().unwrap() <= 0.02, "{object}");
+    assert_eq!(object["out_of_time"], false);
+    let rounds = object["rounds"].as_array().unwrap();
+    assert_eq!(rounds[rounds.len() - 1]["open_cells"], 0);
+    // Texels under the crate's edge, sampled at few points, would never reach it: no samples are spent on waiting for them.
+    assert!(object["samples"].as_u64().unwrap() <= 2048, "{object}");
+    // Cells that were good enough got no more.
+    assert!(object["mean_samples"].as_f64().unwrap() < object["samples"].as_f64().unwrap(), "{object}");
+    // At most so many samples, target or not.
+    let few = dir.path().join("few");
+    let object = json(&["--hours", "12", "--target-error", "0.01%", "--samples", "32", "--out", text(&few)]);
+    assert_eq!(object["samples"], 32);
+    assert!(object["rounds"].as_array().unwrap().last().unwrap()["open_cells"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn a_time_limit_leaves_a_whole_dataset_that_says_its_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let start = Instant::now();
+    let object = json(&["--time-limit", "1s", "--integrator", "path", "--out", text(&out)]);
+    // Loading, the first round and writing come on top; a bake without the limit would take minutes.
+    assert!(start.elapsed() < Duration::from_secs(60));
+    assert_eq!(object["out_of_time"], true);
+    let error = object["relative_error"].as_f64().unwrap();
+    assert!(error > 0.0 && error < 1.0, "{error}");
+    assert!(object["facts"].to_string().contains("time limit"), "{object}");
+    let dataset = dataset::store::Dataset::open(&out).unwrap();
+    let found = dataset.verify(|| {});
+    assert!(found.faults.is_empty(), "{:?}", found.faults);
+    assert!(dataset.config.sets.iter().any(|s| s.relative_error.is_some_and(|e| e > 0.0)));
+    assert!(dataset.noise().unwrap().is_some());
+}
+
+#[test]
+fn a_plan_traces_nothing_and_writes_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = fixture("court.toml");
+    let arguments = [text(&scene), "--plan", "--hours", "0..24"];
+    let run = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
+        let output = command.current_dir(dir.path()).args(arguments).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let words = run(&[]);
+    for expected in ["trace sun at 12:00", "trace sky at 12:00", "trace group \"lamp\"", "left out:"] {
+        assert!(words.contains(expected), "{words}");
+    }
+    let object: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();
+    assert!(object["moments"].as_array().unwrap().len() >= 24, "{object}");
+    assert!(object["layers"].to_string().contains("lamp"), "{object}");
+    assert!(object["left_out"].to_string().contains("cut-outs"), "{object}");
+    assert_eq!(object["integrator"], "cached");
+    assert!(object["warnings"].is_array());
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "a plan wrote something");
+}
+
+#[test]
+fn a_check_tells_the_true_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let object = json(&["--hours", "12", "--samples", "16", "--check", "256", "--out", text(&out)]);
+    let check = &object["check"];
+    assert_eq!((&check["samples"], &check["texels"]), (&256.into(), &512.into()));
+    let set = &check["sets"][0];
+    let number = |key: &str| set[key].as_f64().unwrap_or_else(|| panic!("no {key}: {check}"));
+    // The true error is of the size of the estimate; with a cache, a little more.
+    let (real, estimated) = (number("true_error"), number("estimated_error"));
+    assert!(real > 0.0 && estimated > 0.0 && real < 3.0 * estimated + 0.02, "{check}");
+    assert!(number("mean_difference").abs() < 0.02 && number("reference_error") < 0.2, "{check}");
 }
 
 #[test]
@@ -97,11 +213,16 @@ fn json_is_one_object_with_the_documented_keys() {
         "scene",
         "dataset",
         "up_to_date",
+        "integrator",
         "size",
+        "pages",
         "sets",
         "texels",
         "samples",
+        "mean_samples",
+        "layers",
         "relative_error",
+        "out_of_time",
         "seconds",
         "rays",
         "rounds",
@@ -159,4 +280,36 @@ fn bad_input_is_refused_with_its_place_and_nothing_is_overwritten() {
         &[text(&fixture("court.toml")), "--samples", "3", "--out", text(&out)],
         &["--samples", "power of two"],
     );
+    check(
+        &[text(&fixture("court.toml")), "--time-limit", "30s", "--samples", "5", "--out", text(&out)],
+        &["--samples", "power of two"],
+    );
+    #[cfg(not(feature = "embree"))]
+    check(
+        &[text(&fixture("court.toml")), "--backend", "embree", "--force", "--out", text(&out)],
+        &["embree", "not in this build", "--features embree"],
+    );
+}
+
+#[test]
+fn bad_values_of_flags_are_usage_errors() {
+    let scene = fixture("court.toml");
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    for (flag, values, expected) in [
+        ("--target-error", &["0", "0%", "100%", "2", "-1%", "nan", "inf", "two", "%", ""][..], "such as 2%"),
+        ("--time-limit", &["0s", "5", "-5m", "0.5s", "1d", "nans", "infh", "s", ""][..], "such as 90s"),
+        ("--integrator", &["bdpt", ""][..], "cached"),
+        ("--backend", &["optix", "Embree", ""][..], "expected obvhs or embree"),
+        ("--check", &["1", "0", "-1", "many"][..], "--check"),
+        ("--samples", &["-1", "1.5", "many"][..], "--samples"),
+    ] {
+        for value in values {
+            let output = bake(&[text(&scene), &format!("{flag}={value}"), "--out", text(&out)]);
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{flag} {value}: {message}");
+            assert!(message.contains(expected), "{flag} {value}: {message}");
+        }
+    }
+    assert!(!out.exists());
 }

@@ -3,16 +3,21 @@
 
 use baker::Rgb;
 use baker::geometry::{Geometry, Material};
-use baker::light::lamp::LampSampler;
+use baker::light::group::{GroupSampler, emitters};
+use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
 use baker::light::sun::SunDisc;
-use baker::scene::{Lamp, Sky};
+use baker::scene::{Lamp, Lightmap, Portal, Sampling, Scene, Sky, SkyImage};
 use baker::surface::SurfacePoint;
+use baker::trace::backend::Backend;
+use baker::trace::lights::{GroupLight, Lights, SunLight};
 use baker::trace::rays::Rays;
 use baker::trace::sampler::Sequence;
-use baker::trace::walk::{RayCounts, Transport};
+use baker::trace::walk::{RayCounts, Transport, sun_draw};
+use dataset::image::Image;
 use glam::{DVec3, Vec3, dvec3, vec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Independent scrambles behind every σ.
 const SCRAMBLES: u32 = 32;
@@ -60,39 +65,61 @@ fn room(material_index: u32, material: Material) -> Geometry {
 /// The first triangle's inner point.
 const POINT: SurfacePoint = SurfacePoint { triangle: 0, barycentric: Vec3::new(0.3, 0.45, 0.25) };
 
-struct Lights {
-    suns: Vec<SunDisc>,
-    sky: SkyTable,
-    groups: Vec<Vec<LampSampler>>,
-}
-
-fn lights() -> Lights {
-    Lights { suns: Vec::new(), sky: SkyTable::new(None, None, &[12.0]), groups: Vec::new() }
-}
-
 fn constant_sky(radiance: f64) -> SkyTable {
     SkyTable::new(Some(&Sky::Constant { radiance: DVec3::splat(radiance) }), None, &[12.0])
 }
 
-/// Mean and standard error of layer 0's green channel at POINT.
-fn irradiance(g: &Geometry, lights: &Lights, bounces: Option<u32>, samples: u32) -> (f64, f64) {
-    let rays = Rays::new(g);
-    let layer_of_group: Vec<Option<usize>> = (0..lights.groups.len()).map(Some).collect();
-    let transport = Transport {
-        geometry: g,
-        rays: &rays,
-        suns: &lights.suns,
-        sky: &lights.sky,
-        groups: &lights.groups,
-        layer_of_group: &layer_of_group,
-        bounces,
-    };
+/// Group 0 with these lamps and the geometry's emissive triangles of that group.
+fn group(g: &Geometry, lamps: &[Lamp]) -> Lights {
+    let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.0)).collect();
+    let sampler = GroupSampler::new(lamps, &emitters(g, 0), DVec3::ZERO);
+    let groups = vec![GroupLight { sampler, emission, key: 7 }];
+    Lights { groups, layer_of_group: vec![Some(0)], ..Lights::none() }
+}
+
+fn sun(disc: SunDisc) -> Lights {
+    Lights { suns: vec![SunLight::new(disc)], ..Lights::none() }
+}
+
+fn sky(sky: SkyTable) -> Lights {
+    Lights { sky, ..Lights::none() }
+}
+
+/// Mean and standard error.
+type Measured = (f64, f64);
+
+/// Layer 0's green channel at POINT with the built backends, one after the other.
+fn irradiance(g: &Geometry, lights: &Lights, bounces: Option<u32>, samples: u32) -> Vec<Measured> {
+    let built = Backend::ALL.into_iter().filter(|b| b.is_built());
+    built
+        .map(|backend| {
+            let rays = Rays::with_backend(g, backend).expect("a built backend starts");
+            irradiance_through(&rays, g, lights, bounces, samples)
+        })
+        .collect()
+}
+
+fn irradiance_through(
+    rays: &Rays,
+    geometry: &Geometry,
+    lights: &Lights,
+    bounces: Option<u32>,
+    samples: u32,
+) -> Measured {
+    let transport = Transport { geometry, rays, lights, bounces };
+    let at = transport.receiver(&POINT).expect("a normal");
+    let mut counts = RayCounts::default();
     let mut means = Vec::new();
     for scramble in 0..SCRAMBLES {
         let sequence = Sequence::new(11, 0, scramble, 0);
-        let mut out = vec![Rgb::ZERO; transport.layers()];
+        let mut out = vec![Rgb::ZERO; lights.layers()];
         for index in 0..samples {
-            transport.gather(&POINT, sequence.sample(index), &mut out, &mut RayCounts::default());
+            let sample = sequence.sample(index);
+            for light in 0..lights.sampled() {
+                out[lights.layer_of_sampled(light)] +=
+                    transport.direct(&at, light, sample, &sun_draw(sample), &mut counts);
+            }
+            transport.indirect(&at, sample, |_, _, _, _| false, &mut out, &mut counts);
         }
         assert!(out.iter().all(|v| v.is_finite() && v.min_element() >= 0.0));
         means.push(f64::from(out[0].y) / f64::from(samples));
@@ -104,12 +131,15 @@ fn irradiance(g: &Geometry, lights: &Lights, bounces: Option<u32>, samples: u32)
 }
 
 #[track_caller]
-fn expect((mean, sigma): (f64, f64), closed_form: f64) {
-    let rounding = closed_form * 1e-5;
-    assert!(
-        (mean - closed_form).abs() <= 3.0 * sigma + rounding && (mean / closed_form - 1.0).abs() <= 0.01,
-        "{mean} ± {sigma}, closed form {closed_form}"
-    );
+fn expect(measured: Vec<Measured>, closed_form: f64) {
+    assert!(!measured.is_empty());
+    for (mean, sigma) in measured {
+        let rounding = closed_form * 3e-5;
+        assert!(
+            (mean - closed_form).abs() <= 3.0 * sigma + rounding && (mean / closed_form - 1.0).abs() <= 0.01,
+            "{mean} ± {sigma}, closed form {closed_form}"
+        );
+    }
 }
 
 #[test]
@@ -118,8 +148,7 @@ fn furnace_reaches_the_geometric_series() {
     let mut furnace = material(0.5);
     furnace.emission = Some((Vec3::splat(0.5), 0));
     let g = room(0, furnace);
-    let mut l = lights();
-    l.groups = vec![Vec::new()];
+    let l = group(&g, &[]);
     expect(irradiance(&g, &l, None, 1024), PI);
     // n bounces: Le (1 − ρⁿ⁺¹)/(1 − ρ).
     for n in [0, 1, 2, 5] {
@@ -132,16 +161,15 @@ fn furnace_holds_at_high_albedo() {
     let mut furnace = material(0.9);
     furnace.emission = Some((Vec3::splat(0.1), 0));
     let g = room(0, furnace);
-    let mut l = lights();
-    l.groups = vec![Vec::new()];
-    expect(irradiance(&g, &l, None, 4096), PI);
+    let l = group(&g, &[]);
+    expect(irradiance(&g, &l, None, 1024), PI);
 }
 
 #[test]
 fn open_plane_under_a_uniform_sky_receives_pi_l() {
     let mut g = Geometry { materials: vec![material(0.5)], ..Geometry::default() };
     quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
-    let l = Lights { sky: constant_sky(3.0), ..lights() };
+    let l = sky(constant_sky(3.0));
     expect(irradiance(&g, &l, None, 64), PI * 3.0);
 }
 
@@ -155,7 +183,7 @@ fn a_tilted_plane_sees_its_part_of_the_sky() {
     let v = up.cross(u);
     quad(&mut g, vec3(0.0, 1.0, 0.0) - u * 0.01 - v * 0.01, u * 0.02, v * 0.02, 0);
     quad(&mut g, vec3(-1e4, 0.0, 1e4), vec3(2e4, 0.0, 0.0), vec3(0.0, 0.0, -2e4), 0);
-    let l = Lights { sky: constant_sky(1.0), ..lights() };
+    let l = sky(constant_sky(1.0));
     expect(irradiance(&g, &l, None, 1024), PI * (1.0 + beta.cos()) / 2.0);
 }
 
@@ -166,7 +194,7 @@ fn a_black_wall_takes_its_part_of_the_sky() {
     quad(&mut g, vec3(-0.01, 0.0, 0.01), vec3(0.02, 0.0, 0.0), vec3(0.0, 0.0, -0.02), 0);
     quad(&mut g, vec3(-2e2, -1.0, -2.0), vec3(4e2, 0.0, 0.0), vec3(0.0, 4.0, 0.0), 0);
     let point_z = 0.01 * (1.0 - 2.0 * 0.25);
-    let l = Lights { sky: constant_sky(1.0), ..lights() };
+    let l = sky(constant_sky(1.0));
     let (h, d) = (3.0f64, 2.0 + point_z);
     expect(irradiance(&g, &l, None, 1024), PI * (1.0 + (h / d).atan().cos()) / 2.0);
 }
@@ -177,9 +205,9 @@ fn sun_disc_gives_its_irradiance_times_the_cosine() {
     quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
     for half_angle in [0.0, 0.00465, 0.2] {
         let direction = vec3(0.4, 0.7, -0.2).normalize();
-        let sun = SunDisc { direction, irradiance: Vec3::splat(100.0), half_angle, horizon: false };
+        let disc = SunDisc { direction, irradiance: Vec3::splat(100.0), half_angle, horizon: false };
         // E = π L sin²δ cos θ, with the disc's flux per area ∫ L dω = 2 π L (1 − cos δ).
-        let l = Lights { suns: vec![sun], ..lights() };
+        let l = sun(disc);
         let radiance_times_pi = 100.0 / (2.0 * (1.0 - f64::from(half_angle).cos()));
         let sin2 = f64::from(half_angle).sin().powi(2);
         let perpendicular = if half_angle == 0.0 { 100.0 } else { radiance_times_pi * sin2 };
@@ -199,9 +227,9 @@ fn penumbra_past_a_straight_edge() {
         let x = f64::from(POINT.barycentric.y + POINT.barycentric.z) * 2e-4 - 1e-4;
         let edge = (x + 10.0 * (delta * t).tan()) as f32;
         quad(&mut g, vec3(edge - 1.0, 10.0, 1.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
-        let sun =
+        let disc =
             SunDisc { direction: Vec3::Y, irradiance: Vec3::ONE, half_angle: delta as f32, horizon: false };
-        let l = Lights { suns: vec![sun], ..lights() };
+        let l = sun(disc);
         expect(irradiance(&g, &l, Some(0), 1024), (t.acos() - t * (1.0 - t * t).sqrt()) / PI);
     }
 }
@@ -217,7 +245,7 @@ fn lamps_give_their_closed_forms() {
     let (centre, radius) = (p + dvec3(0.8, 1.5, -0.4), 0.3);
     let to = centre - p;
     let sphere = Lamp::Sphere { centre, radius, radiance: DVec3::splat(7.0) };
-    let l = Lights { groups: vec![vec![LampSampler::new(&sphere, DVec3::ZERO)]], ..lights() };
+    let l = group(&g, &[sphere]);
     let d2 = to.length_squared();
     expect(irradiance(&g, &l, None, 256), PI * 7.0 * radius * radius / d2 * (to.y / d2.sqrt()));
     // Rectangle parallel to the receiver over its corner.
@@ -232,13 +260,10 @@ fn lamps_give_their_closed_forms() {
     let factor = (x / (1.0 + x * x).sqrt() * (y / (1.0 + x * x).sqrt()).atan()
         + y / (1.0 + y * y).sqrt() * (x / (1.0 + y * y).sqrt()).atan())
         / (2.0 * PI);
-    let l = Lights { groups: vec![vec![LampSampler::new(&rectangle, DVec3::ZERO)]], ..lights() };
+    let l = group(&g, &[rectangle]);
     expect(irradiance(&g, &l, None, 256), PI * 2.0 * factor);
     // Two lamps of one group, one chosen per sample: the sum of both.
-    let both = Lights {
-        groups: vec![vec![LampSampler::new(&sphere, DVec3::ZERO), LampSampler::new(&rectangle, DVec3::ZERO)]],
-        ..lights()
-    };
+    let both = group(&g, &[sphere, rectangle]);
     let sum = PI * 7.0 * radius * radius / d2 * (to.y / d2.sqrt()) + PI * 2.0 * factor;
     expect(irradiance(&g, &both, None, 2048), sum);
 }
@@ -279,7 +304,7 @@ fn integrating_sphere_multiplies_by_one_over_one_minus_rho() {
     let (radius, radiance) = (0.05, 100.0);
     let flux = PI * radiance * 4.0 * PI * radius * radius;
     let lamp = Lamp::Sphere { centre: DVec3::ZERO, radius, radiance: DVec3::splat(radiance) };
-    let l = Lights { groups: vec![vec![LampSampler::new(&lamp, DVec3::ZERO)]], ..lights() };
+    let l = group(&g, &[lamp]);
     expect(irradiance(&g, &l, None, 1024), flux / (4.0 * PI * 4.0) / (1.0 - 0.7));
 }
 
@@ -294,7 +319,7 @@ fn a_single_sheet_shades_what_lies_under_it() {
         let mut g = Geometry { materials: vec![material(0.0)], ..Geometry::default() };
         quad(&mut g, vec3(-1e-4, 0.0, 1e-4), vec3(2e-4, 0.0, 0.0), vec3(0.0, 0.0, -2e-4), 0);
         quad(&mut g, vec3(-2.0, 1.0, 2.0), u, v, 0);
-        let l = Lights { sky: constant_sky(1.0), ..lights() };
+        let l = sky(constant_sky(1.0));
         expect(irradiance(&g, &l, None, 4096), PI * (1.0 - factor));
     }
 }
@@ -306,21 +331,209 @@ fn points_inside_a_closed_body_are_left_out() {
     for t in g.triangles[2..].iter_mut() {
         t.swap(1, 2);
     }
-    let rays = Rays::new(&g);
-    let l = Lights { sky: constant_sky(1.0), ..lights() };
-    let transport = Transport {
-        geometry: &g,
-        rays: &rays,
-        suns: &l.suns,
-        sky: &l.sky,
-        groups: &l.groups,
-        layer_of_group: &[],
-        bounces: None,
+    let l = sky(constant_sky(1.0));
+    for backend in Backend::ALL.into_iter().filter(|b| b.is_built()) {
+        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let transport = Transport { geometry: &g, rays: &rays, lights: &l, bounces: None };
+        let at = transport.receiver(&POINT).expect("a normal");
+        let mut counts = RayCounts::default();
+        assert!(transport.is_inside(&at, &mut counts));
+        assert_eq!(counts.inside, 5);
+    }
+}
+
+/// World position of POINT.
+fn point(g: &Geometry) -> DVec3 {
+    let [a, b, c] = g.corners(0).map(|c| c.as_dvec3());
+    let w = POINT.barycentric.as_dvec3();
+    a * w.x + b * w.y + c * w.z
+}
+
+/// Lambert's formula: the irradiance of a polygon of radiance 1, wholly on the front of the receiver's plane,
+/// ½ |Σ θᵢ n·Γᵢ| with θᵢ the angle an edge fills and Γᵢ the unit normal of its triangle with the receiver.
+fn lambert(polygon: &[DVec3], p: DVec3, n: DVec3) -> f64 {
+    let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
+    let sum: f64 = edges
+        .map(|(a, b)| {
+            let (a, b) = ((*a - p).normalize(), (*b - p).normalize());
+            let normal = a.cross(b);
+            normal.length().atan2(a.dot(b)) * n.dot(normal.normalize_or_zero())
+        })
+        .sum();
+    sum.abs() / 2.0
+}
+
+/// A black floor of 2 × 2 m, and a black quad of radiance 3 that belongs to group 0.
+fn floor_and_emitter(corner: Vec3, u: Vec3, v: Vec3) -> Geometry {
+    let mut shining = material(0.0);
+    shining.emission = Some((Vec3::splat(3.0), 0));
+    let mut g = Geometry { materials: vec![material(0.0), shining], ..Geometry::default() };
+    quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
+    quad(&mut g, corner, u, v, 1);
+    g
+}
+
+#[test]
+fn emissive_quads_give_lamberts_polygon() {
+    let p = point(&floor_and_emitter(Vec3::ZERO, Vec3::X, Vec3::Y)).as_vec3();
+    // Facing down from 1 m; from 1 cm, very large; from 60 m, small; upright, touching the floor 1 mm away.
+    for (corner, u, v) in [
+        (p + vec3(-0.3, 1.0, 0.2), vec3(0.8, 0.0, 0.0), vec3(0.0, 0.0, 0.9)),
+        (p + vec3(-0.7, 0.01, -0.4), vec3(1.5, 0.0, 0.0), vec3(0.0, 0.0, 1.1)),
+        (p + vec3(20.0, 60.0, -5.0), vec3(0.5, 0.0, 0.0), vec3(0.0, 0.0, 0.4)),
+        (p + vec3(1e-3, 0.0, -0.5), vec3(0.0, 0.0, 1.0), vec3(0.0, 1.0, 0.0)),
+    ] {
+        // Its front towards the point.
+        let (u, v) = if u.cross(v).dot(p - corner) > 0.0 { (u, v) } else { (v, u) };
+        let g = floor_and_emitter(corner, u, v);
+        let polygon = [corner, corner + u, corner + u + v, corner + v].map(|c| c.as_dvec3());
+        let closed_form = 3.0 * lambert(&polygon, point(&g), DVec3::Y);
+        expect(irradiance(&g, &group(&g, &[]), None, 512), closed_form);
+        // From behind, it gives nothing.
+        let g = floor_and_emitter(corner, v, u);
+        for (mean, _) in irradiance(&g, &group(&g, &[]), None, 64) {
+            assert_eq!(mean, 0.0);
+        }
+    }
+}
+
+#[test]
+fn an_emissive_quad_through_the_floor_gives_what_stands_above() {
+    let p = point(&floor_and_emitter(Vec3::ZERO, Vec3::X, Vec3::Y)).as_vec3();
+    let corner = p + vec3(0.4, -1.0, -0.5);
+    let g = floor_and_emitter(corner, vec3(0.0, 0.0, 1.0), vec3(0.0, 2.0, 0.0));
+    let above = [(1.0, 0.0), (1.0, 1.0), (2.0, 1.0), (2.0, 0.0)];
+    let polygon = above.map(|(y, z)| (corner + vec3(0.0, y, z)).as_dvec3());
+    // Its front is −X.
+    expect(irradiance(&g, &group(&g, &[]), None, 1024), 3.0 * lambert(&polygon, point(&g), DVec3::Y));
+}
+
+#[test]
+fn a_lamp_and_emissive_quads_of_one_group_add_up() {
+    let p = point(&floor_and_emitter(Vec3::ZERO, Vec3::X, Vec3::Y)).as_vec3();
+    let (corner, u, v) = (p + vec3(-0.4, 0.5, -0.4), vec3(0.5, 0.0, 0.0), vec3(0.0, 0.0, 0.4));
+    let g = floor_and_emitter(corner, u, v);
+    let polygon = [corner, corner + u, corner + u + v, corner + v].map(|c| c.as_dvec3());
+    let to = dvec3(0.9, 0.8, 0.5);
+    let lamp = Lamp::Sphere { centre: point(&g) + to, radius: 0.2, radiance: DVec3::splat(5.0) };
+    let ball = PI * 5.0 * 0.04 / to.length_squared() * to.normalize().y;
+    expect(
+        irradiance(&g, &group(&g, &[lamp]), None, 2048),
+        ball + 3.0 * lambert(&polygon, point(&g), DVec3::Y),
+    );
+}
+
+/// A scene that is nothing but a sky and portals.
+fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
+    Scene {
+        name: "skies".to_owned(),
+        description: String::new(),
+        place: None,
+        sun: None,
+        sky: Some(sky),
+        portals,
+        objects: Vec::new(),
+        groups: Vec::new(),
+        lightmap: Lightmap::default(),
+        bake: Sampling::default(),
+    }
+}
+
+/// The lights of such a scene, with its guide and without.
+fn guided_and_not(scene: &Scene) -> [Lights; 2] {
+    let table = || SkyTable::new(scene.sky.as_ref(), None, &[12.0]);
+    let guide = SkyGuide::new(scene, &table(), DVec3::ZERO);
+    assert!(guide.is_some());
+    [Lights { guide, ..sky(table()) }, sky(table())]
+}
+
+/// A room of side 2 with a window of 0.5 × 0.5 m in the wall z = 1, floor first.
+fn room_with_window(albedo: f32) -> Geometry {
+    let mut g = Geometry { materials: vec![material(albedo)], ..Geometry::default() };
+    let mut wall =
+        |corner: [f32; 3], u: [f32; 3], v: [f32; 3]| quad(&mut g, corner.into(), u.into(), v.into(), 0);
+    wall([-1.0, -1.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0]);
+    wall([-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]);
+    wall([-1.0, -1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+    wall([-1.0, -1.0, 1.0], [0.0, 0.0, -2.0], [0.0, 2.0, 0.0]);
+    wall([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]);
+    // Around the window, facing −Z: left, right, below, above.
+    for (x0, x1, y0, y1) in
+        [(-1.0, -0.2, -1.0, 1.0), (0.3, 1.0, -1.0, 1.0), (-0.2, 0.3, -1.0, 0.0), (-0.2, 0.3, 0.5, 1.0)]
+    {
+        wall([x0, y0, 1.0], [0.0, y1 - y0, 0.0], [x1 - x0, 0.0, 0.0]);
+    }
+    g
+}
+
+const WINDOW: [DVec3; 4] =
+    [dvec3(-0.2, 0.0, 1.0), dvec3(0.3, 0.0, 1.0), dvec3(0.3, 0.5, 1.0), dvec3(-0.2, 0.5, 1.0)];
+
+fn window_portal() -> Portal {
+    Portal { corner: WINDOW[0], edge_u: WINDOW[1] - WINDOW[0], edge_v: WINDOW[3] - WINDOW[0] }
+}
+
+#[test]
+fn a_portal_changes_the_noise_and_not_the_light() {
+    let scene = skies(Sky::Constant { radiance: DVec3::splat(2.0) }, vec![window_portal()]);
+    let [guided, plain] = guided_and_not(&scene);
+    // Black walls: the window is Lambert's polygon.
+    let g = room_with_window(0.0);
+    expect(irradiance(&g, &guided, None, 512), 2.0 * lambert(&WINDOW, point(&g), DVec3::Y));
+    // Light walls: the same with portal and without, and less noise with it at a quarter of the samples.
+    let g = room_with_window(0.6);
+    let with = irradiance(&g, &guided, None, 1024);
+    for ((a, sa), (b, sb)) in with.into_iter().zip(irradiance(&g, &plain, None, 4096)) {
+        assert!((a - b).abs() <= 3.0 * sa.hypot(sb), "{a} ± {sa}, {b} ± {sb}");
+        assert!(sb < 0.02 * b && sa < 0.7 * sb, "{a} ± {sa}, {b} ± {sb}");
+    }
+}
+
+#[test]
+fn portals_that_miss_the_opening_or_overlap_change_no_light() {
+    let aside = Portal { corner: dvec3(-0.9, -0.5, 1.0), edge_u: DVec3::X * 0.9, edge_v: DVec3::Y * 0.7 };
+    let scene = skies(
+        Sky::Constant { radiance: DVec3::splat(2.0) },
+        vec![aside, window_portal(), window_portal(), aside],
+    );
+    let [guided, _] = guided_and_not(&scene);
+    let g = room_with_window(0.0);
+    expect(irradiance(&g, &guided, None, 2048), 2.0 * lambert(&WINDOW, point(&g), DVec3::Y));
+}
+
+#[test]
+fn an_image_sky_gives_its_integral_with_its_bright_spot_looked_for() {
+    // 32 × 16 texels, dim but for one.
+    let mut picture = Image::black(32, 16);
+    picture.texels.fill([0.2; 3]);
+    picture.texels[5 * 32 + 9] = [400.0; 3];
+    let image = SkyImage {
+        file: "spot.exr".to_owned(),
+        scale: 1.0,
+        rotation: 40.0,
+        blake3: String::new(),
+        radiance: Arc::new(picture),
     };
-    let sequence = Sequence::new(1, 0, 0, 0);
-    for index in 0..64 {
-        let mut out = vec![Rgb::ZERO; 1];
-        let added = transport.gather(&POINT, sequence.sample(index), &mut out, &mut RayCounts::default());
-        assert!(!added && out[0] == Rgb::ZERO);
+    let mut g = Geometry { materials: vec![material(0.0)], ..Geometry::default() };
+    quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
+    let [guided, plain] = guided_and_not(&skies(Sky::Image(image), Vec::new()));
+    // ∫ L cos θ dω over the upper hemisphere by midpoints: sin² θ and the azimuth are even under the cosine.
+    const N: usize = 1500;
+    let mut sum = 0.0;
+    for i in 0..N {
+        let sin = ((i as f64 + 0.5) / N as f64).sqrt();
+        for j in 0..N {
+            let phi = (j as f64 + 0.5) / N as f64 * 2.0 * PI;
+            let direction = dvec3(sin * phi.cos(), (1.0 - sin * sin).sqrt(), sin * phi.sin());
+            let mut out = [Rgb::ZERO];
+            guided.sky.add(direction.as_vec3(), Rgb::ONE, &mut out);
+            sum += f64::from(out[0].y);
+        }
+    }
+    let integral = PI * sum / (N * N) as f64;
+    let measured = irradiance(&g, &guided, None, 1024);
+    expect(measured.clone(), integral);
+    for ((_, with), (b, without)) in measured.into_iter().zip(irradiance(&g, &plain, None, 1024)) {
+        assert!(with < 0.5 * without && (b - integral).abs() <= 3.5 * without, "{with}, {b} ± {without}");
     }
 }

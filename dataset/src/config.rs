@@ -26,7 +26,7 @@ pub struct Config {
     pub seed: u64,
     /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets.
     pub inputs: String,
-    /// Samples per texel each layer was estimated with.
+    /// Samples per texel each layer was estimated with, at most.
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,
@@ -41,7 +41,7 @@ pub struct Config {
     #[serde(deserialize_with = "Option::deserialize")]
     pub geometry: Option<FileRef>,
     /// Where the lightmaps of the geometry's instances lie, in the order of the nodes of [`Config::geometry`] that have
-    /// lightmap coordinates; empty if the writer does not know.
+    /// lightmap coordinates; empty if the writer does not know. What is too large for one page is several nodes.
     pub instances: Vec<Instance>,
     /// The resolved settings of the writer, for the reader's information.
     pub settings: serde_json::Value,
@@ -65,7 +65,7 @@ pub struct Page {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Instance {
-    /// The name of its node in the geometry; several may have the same.
+    /// The name of its node in the geometry; several may have the same, the parts of one mesh on several pages among them.
     pub name: String,
     /// Index into [`Config::pages`].
     pub page: u32,

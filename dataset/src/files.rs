@@ -50,6 +50,17 @@ pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
     linked.map_err(Error::io(to))
 }
 
+/// Removes a folder with all that is in it; none is fine.
+///
+/// # Errors
+/// `Io` if it is still there.
+pub fn remove_folder(path: &Path) -> Result<()> {
+    match std::fs::remove_dir_all(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(Error::io(path)(e)),
+        _ => Ok(()),
+    }
+}
+
 /// Removes the temporaries that processes which no longer run left in `folder`.
 pub fn remove_stale_temporaries(folder: &Path) -> Result<()> {
     for entry in fs::read_dir(folder).map_err(Error::io(folder))? {

@@ -330,7 +330,7 @@ fn a_report_shows_every_set() {
     report.write(&path).unwrap();
     let html = fs::read_to_string(path).unwrap();
     for text in
-        ["12 h", "21.5 h · page 2 · porch, garden on", "0 h · page 1 · porch on", "18 to 6 h", "kilolux"]
+        ["12 h", "21.5 h · page 1 · porch, garden on", "0 h · page 0 · porch on", "18 to 6 h", "kilolux"]
     {
         assert!(html.contains(text), "{text}");
     }

@@ -5,7 +5,9 @@ use dataset::store::Dataset;
 
 /// The valid texels near a named place of a scene.
 pub struct Probe {
-    /// Their indices on page 0.
+    /// The page they lie on.
+    pub page: usize,
+    /// Their indices on it.
     pub texels: Vec<usize>,
 }
 
@@ -13,12 +15,19 @@ impl Probe {
     /// Texels of surface points within `radius` metres of `at`, on faces whose normal is within 25° of `normal`: found
     /// through the lightmap coordinates of the dataset's own geometry, as a game would.
     pub fn new(dataset: &Dataset, at: [f32; 3], normal: [f32; 3], radius: f32) -> Self {
+        let pages = 0..dataset.config.pages.len();
+        let probes = pages.map(|page| Probe::on_page(dataset, page, at, normal, radius));
+        let found = probes.into_iter().max_by_key(|probe| probe.texels.len());
+        found.filter(|probe| !probe.texels.is_empty()).unwrap_or_else(|| panic!("no texel near {at:?}"))
+    }
+
+    /// The texels on one page, if there are any.
+    fn on_page(dataset: &Dataset, page: usize, at: [f32; 3], normal: [f32; 3], radius: f32) -> Self {
         let file = dataset.path(dataset.config.geometry.as_ref().expect("a baked set has geometry"));
         let glb = gltf::Gltf::from_slice(&std::fs::read(file).expect("readable")).expect("valid glTF");
         let blob = glb.blob.as_deref().expect("a binary chunk");
-        let page = &dataset.config.pages[0];
-        let (width, height) = (page.width as usize, page.height as usize);
-        let mask = dataset.mask(0).expect("a mask");
+        let mask = dataset.mask(page).expect("a mask");
+        let (width, height) = (mask.width, mask.height);
         let root = glb.document.nodes().find(|n| n.name() == Some("scene")).expect("a root node");
         let origin = root.transform().decomposed().0;
         let mut texels = Vec::new();
@@ -26,7 +35,9 @@ impl Probe {
         for node in root.children() {
             let Some(extras) = node.extras() else { continue };
             let extras: serde_json::Value = serde_json::from_str(extras.get()).expect("JSON");
-            assert_eq!(extras["lightmapPage"], 0, "one page");
+            if extras["lightmapPage"] != page {
+                continue;
+            }
             let pair = |key: &str| [0, 1].map(|c| extras[key][c].as_f64().expect("a number") as f32);
             let (scale, offset) = (pair("lightmapScale"), pair("lightmapOffset"));
             let matrix = node.transform().matrix();
@@ -75,8 +86,7 @@ impl Probe {
         }
         texels.sort_unstable();
         texels.dedup();
-        assert!(!texels.is_empty(), "no texel near {at:?}");
-        Probe { texels }
+        Probe { page, texels }
     }
 
     /// Mean over the texels and channels.

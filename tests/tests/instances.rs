@@ -9,18 +9,28 @@ use std::path::Path;
 
 #[test]
 fn each_instance_has_light_of_its_own() {
+    each_has_its_light("crates", 1);
+}
+
+#[test]
+fn so_it_has_on_two_pages() {
+    each_has_its_light("crates-pages", 2);
+}
+
+fn each_has_its_light(name: &str, pages: usize) {
     let dir = tempfile::tempdir().unwrap();
-    let options = Options {
-        hours: parse_hours("12").unwrap(),
-        samples: None,
-        draft: false,
-        out: Some(dir.path().join("crates")),
-        force: false,
-    };
+    let options = Options { out: Some(dir.path().join(name)), ..Options::new(parse_hours("12").unwrap()) };
     let console = Console::new(ConsoleArgs { quiet: true, json: false, threads: None });
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/crates.toml");
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name).with_extension("toml");
     bake(&scene, &options, &console).unwrap();
-    let dataset = Dataset::open(&dir.path().join("crates")).unwrap();
+    let dataset = Dataset::open(&dir.path().join(name)).unwrap();
+
+    assert!(dataset.verify(|| {}).faults.is_empty());
+    assert_eq!(dataset.config.pages.len(), pages);
+    for page in 0..pages {
+        assert!(dataset.config.instances.iter().any(|i| i.page as usize == page));
+        assert!(dataset.mask(page).unwrap().count() > 0);
+    }
 
     // The manifest and the nodes of the geometry say the same.
     let file = dataset.path(dataset.config.geometry.as_ref().unwrap());
@@ -37,8 +47,11 @@ fn each_instance_has_light_of_its_own() {
     }
 
     // The tops see all of the sky and the sun; the side to the south sees half of it, the north side no sun.
-    let noon = dataset.map(0, 0).unwrap();
-    let light = |at, normal| Probe::new(&dataset, at, normal, 0.3).mean(&noon);
+    let noon: Vec<_> = (0..pages).map(|page| dataset.map(0, page).unwrap()).collect();
+    let light = |at, normal| {
+        let probe = Probe::new(&dataset, at, normal, 0.3);
+        probe.mean(&noon[probe.page])
+    };
     let up = [0.0, 1.0, 0.0];
     let tops =
         [[0.0, 1.0, 0.0], [50.0, 1.0, 0.0], [0.0, 2.0, 50.0], [50.0, 3.0, 50.0]].map(|at| light(at, up));

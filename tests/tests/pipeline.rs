@@ -18,13 +18,7 @@ fn quiet() -> Console {
 }
 
 fn options(hours: &str, out: &Path) -> Options {
-    Options {
-        hours: parse_hours(hours).unwrap(),
-        samples: None,
-        draft: false,
-        out: Some(out.to_owned()),
-        force: false,
-    }
+    Options { out: Some(out.to_owned()), ..Options::new(parse_hours(hours).unwrap()) }
 }
 
 /// Everything that breaks a rule of the format.

@@ -2,8 +2,9 @@
 //! moved but not turned.
 
 use super::charts::FlatMesh;
-use super::pack::{BLOCK, Footprint, Place, Turn, first_fit, footprints, last_offset, runs};
-use super::raster::{Bits, TOLERANCE};
+use super::fill::first_fit;
+use super::pack::{BLOCK, Footprint, Pages, Place, Turn, footprints, last_offset, runs};
+use super::raster::Bits;
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -28,21 +29,17 @@ pub fn width(mesh: &FlatMesh, texels_per_metre: f64, padding: usize) -> f64 {
     boxes.sqrt().max(longest)
 }
 
-/// Packs a mesh's charts into a layout that at the largest member's scale fits a page of the given size; `None` if none is found.
-pub fn pack(
-    mesh: &FlatMesh,
-    texels_per_metre: f64,
-    page_width: usize,
-    page_height: usize,
-    padding: usize,
-) -> Option<Vec<Place>> {
+/// Packs a mesh's charts into a layout that at the largest member's scale fits a page; `None` if none is found.
+pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> Option<Vec<Place>> {
+    let padding = pages.padding;
     let largest = largest_scale(mesh);
     let most = |texels: usize| (texels as f64 / largest) as usize;
-    let (widest, height) = (most(page_width), most(page_height));
+    let (widest, height) = (most(pages.width), most(pages.height));
     let square = (width(mesh, texels_per_metre, padding).ceil() as usize).next_multiple_of(BLOCK).min(widest);
     let attempt = |width: usize| {
         let charts = mesh.charts.par_iter();
-        let turns: Vec<_> = charts.map(|c| footprints(c, texels_per_metre, width, height)).collect();
+        let turns: Vec<_> =
+            charts.map(|c| footprints(c, texels_per_metre, &Pages { width, height, ..*pages })).collect();
         if turns.iter().any(|t| t.is_empty()) {
             return None;
         }
@@ -69,17 +66,17 @@ pub fn footprint(
     layout: &[Place],
     texels_per_metre: f64,
     scale: f64,
-    page_width: usize,
-    page_height: usize,
+    pages: &Pages,
 ) -> Option<Footprint> {
+    let tolerance = pages.tolerance();
     let end = end(mesh, layout, texels_per_metre) * scale;
     // Half a texel lies before the layout; `last_offset` leaves that and another half at the far side.
-    let last = last_offset(end - 0.5, page_width, page_height)?;
-    let cells = |length: f64| (length + TOLERANCE) as usize + 1;
+    let last = last_offset(end - 0.5, pages.width, pages.height)?;
+    let cells = |length: f64| (length + tolerance) as usize + 1;
     let mut bits = Bits::new(cells(end.x), cells(end.y));
     for (chart, place) in mesh.charts.iter().zip(layout) {
         for face in &chart.faces {
-            bits.touch(face.corners.map(|c| place.texel(chart, c, texels_per_metre) * scale));
+            bits.touch(face.corners.map(|c| place.texel(chart, c, texels_per_metre) * scale), tolerance);
         }
     }
     let runs = runs(&bits);

@@ -1,23 +1,31 @@
-//! The density that fills a page, or the page that holds a density.
+//! The density that fills the pages, or the pages that hold a density.
 
 use super::block;
 use super::charts::FlatMesh;
-use super::pack::{BLOCK, Packed, PackedMesh, pack};
+use super::pack::{BLOCK, Packed, PackedMesh, Pages, pack};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
+use dataset::tiles::TILE;
 
 /// Longest side of a page in texels.
 const LARGEST: u32 = 16384;
 
+/// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than 1/256 of a texel.
+const MOST_ROWS: u32 = 131_072;
+
 /// Charts closer than this many empty texels would share a texel under bilinear filtering.
 const LEAST_PADDING: u32 = 2;
 
-/// A page with every chart on it.
-pub struct Page {
+/// Pages with every chart on them.
+pub struct Filled {
     /// Texels.
     pub width: u32,
     /// Texels.
     pub height: u32,
+    /// Number of pages, none of them empty.
+    pub pages: u32,
+    /// See [`super::Atlas::stride`].
+    pub stride: u32,
     /// The scale of all charts.
     pub texels_per_metre: f64,
     /// One per mesh.
@@ -27,23 +35,26 @@ pub struct Page {
 }
 
 /// Packs the charts as the settings ask.
-pub fn fit(meshes: &[FlatMesh], lightmap: &Lightmap) -> Result<Page> {
-    let padding = lightmap.padding.max(LEAST_PADDING);
+pub fn fit(meshes: &[FlatMesh], lightmap: &Lightmap) -> Result<Filled> {
+    let (pages, padding) = (lightmap.pages.max(1), lightmap.padding.max(LEAST_PADDING));
     match lightmap.size {
-        LightmapSize::Fixed { width, height } => fill_page(meshes, width, height, padding),
-        LightmapSize::TexelsPerMetre(texels_per_metre) => grow_page(meshes, texels_per_metre, padding),
+        LightmapSize::Fixed { width, height } => fill(meshes, width, height, pages, padding),
+        LightmapSize::TexelsPerMetre(density) => grow(meshes, density, pages, padding, LARGEST),
     }
 }
 
-impl Page {
-    fn new(width: u32, height: u32, texels_per_metre: f64, packed: Packed) -> Self {
-        let utilisation = packed.touched as f64 / (f64::from(width) * f64::from(height));
-        Page { width, height, texels_per_metre, meshes: packed.meshes, utilisation }
+impl Filled {
+    fn new(height: u32, texels_per_metre: f64, packed: Packed, asked: &Pages) -> Self {
+        let (width, pages) = (asked.width as u32, packed.pages as u32);
+        let stride = Pages { count: packed.pages, ..*asked }.stride(height as usize) as u32;
+        let texels = f64::from(width) * f64::from(height) * f64::from(pages);
+        let utilisation = packed.touched as f64 / texels;
+        Filled { width, height, pages, stride, texels_per_metre, meshes: packed.meshes, utilisation }
     }
 }
 
-/// The highest density, to half a percent, whose charts fit a page of the given size.
-fn fill_page(meshes: &[FlatMesh], width: u32, height: u32, padding: u32) -> Result<Page> {
+/// The highest density, to half a percent, whose charts fit pages of the given size.
+fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) -> Result<Filled> {
     let size = format!("size {width} x {height}");
     if width == 0 || height == 0 {
         return Err(Error::invalid("lightmap", format!("{size}: expected at least 1 texel each way")));
@@ -54,9 +65,24 @@ fn fill_page(meshes: &[FlatMesh], width: u32, height: u32, padding: u32) -> Resu
             what: format!("{size}: expected at most {LARGEST} texels each way"),
         });
     }
-    let attempt = |density: f64| pack(meshes, density, width as usize, height as usize, padding as usize);
-    // No density above this one fits: the charts' area is the page's.
-    let limit = (f64::from(width) * f64::from(height) / area(meshes)).sqrt();
+    let sheets = Pages {
+        width: width as usize,
+        height: height as usize,
+        count: pages as usize,
+        padding: padding as usize,
+    };
+    let rows = sheets.stride(sheets.height) * (sheets.count - 1) + sheets.height;
+    if rows > MOST_ROWS as usize {
+        return Err(Error::Unsupported {
+            place: "lightmap".into(),
+            what: format!(
+                "pages = {pages} of {height} texels in height take {rows} rows: expected at most {MOST_ROWS} together"
+            ),
+        });
+    }
+    let attempt = |density: f64| pack(meshes, density, &sheets);
+    // No density above this one fits: the charts' area is the pages'.
+    let limit = (f64::from(width) * f64::from(height) * f64::from(pages) / area(meshes)).sqrt();
     let (mut fails, mut density) = (limit, 0.8 * limit);
     // Down until they fit; a density at which every chart is a point tells early whether any does.
     let mut attempts = 0;
@@ -70,8 +96,10 @@ fn fill_page(meshes: &[FlatMesh], width: u32, height: u32, padding: u32) -> Resu
             return Err(Error::Unsupported {
                 place: "lightmap".into(),
                 what: format!(
-                    "{size}: {} charts with {padding} texels of padding do not fit at any density; use a larger size",
-                    meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>()
+                    "{size}: {} charts with {padding} texels of padding do not fit {} at any density; use a larger size, at least 2 x 2{}",
+                    meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>(),
+                    if pages == 1 { "the page".to_owned() } else { format!("{pages} pages") },
+                    if pages == 1 { ", or more `pages`" } else { "" },
                 ),
             });
         }
@@ -84,56 +112,95 @@ fn fill_page(meshes: &[FlatMesh], width: u32, height: u32, padding: u32) -> Resu
             None => fails = density,
         }
     }
-    Ok(Page::new(width, height, best.0, best.1))
+    Ok(Filled::new(height, best.0, best.1, &sheets))
 }
 
-/// One page, about square, as large as the density needs.
-fn grow_page(meshes: &[FlatMesh], texels_per_metre: f64, padding: u32) -> Result<Page> {
+/// Pages about square, as large as the density needs: one of at most `largest` texels each way, or as few more as it takes up to
+/// `pages`, of one size.
+pub fn grow(
+    meshes: &[FlatMesh],
+    texels_per_metre: f64,
+    pages: u32,
+    padding: u32,
+    largest: u32,
+) -> Result<Filled> {
     if !(texels_per_metre.is_finite() && texels_per_metre > 0.0) {
         let what = format!("texels_per_metre is {texels_per_metre}, expected a positive number");
         return Err(Error::invalid("lightmap", what));
     }
+    let (longest, boxes) = demand(meshes, texels_per_metre, padding, |side| side);
+    let (side, texels) = (f64::from(largest), area(meshes) * texels_per_metre.powi(2));
+    let most = MOST_ROWS / (largest + padding).next_multiple_of(TILE as u32);
+    for count in 1..=pages.min(most) {
+        // Wide enough for the longest, and so that the pages come out about square.
+        let mut width = (boxes / f64::from(count)).sqrt().max(longest);
+        while width <= side && texels <= f64::from(count) * side.powi(2) {
+            let columns = (width.ceil() as u32).next_multiple_of(BLOCK as u32).min(largest);
+            let sheets = Pages {
+                width: columns as usize,
+                height: largest as usize,
+                count: count as usize,
+                padding: padding as usize,
+            };
+            if let Some(packed) = pack(meshes, texels_per_metre, &sheets) {
+                let rows = (packed.height as u32).next_multiple_of(BLOCK as u32);
+                return Ok(Filled::new(rows, texels_per_metre, packed, &sheets));
+            }
+            if columns == largest {
+                break;
+            }
+            width = (width * 1.2).min(side);
+        }
+    }
+    // The remedies: a density at which the boxes, each rounded to whole blocks, leave a quarter of the pages free, or pages
+    // enough to do so.
+    let blocks = |side: f64| (side / BLOCK as f64).ceil() * BLOCK as f64;
+    let pages = pages.min(most);
+    let room = |pages: f64| pages * (0.85 * side).powi(2);
+    let fits = |&density: &f64| {
+        let (longest, boxes) = demand(meshes, density, padding, blocks);
+        longest <= 0.9 * side && boxes <= room(pages.into())
+    };
+    let lower = (1..400).map(|step| texels_per_metre * 0.95f64.powi(step)).find(fits);
+    let enough = (demand(meshes, texels_per_metre, padding, blocks).1 / room(1.0)).ceil();
+    let more = longest <= 0.9 * side && enough > f64::from(pages) && enough <= f64::from(most);
+    let mut remedies = Vec::new();
+    remedies.extend(lower.map(|density| format!("about {density:.2e} would fit")));
+    remedies.extend(more.then(|| format!("`pages = {enough}` would do")));
+    if remedies.is_empty() {
+        remedies.push("expected less padding or fewer charts".to_owned());
+    }
+    let what = if pages == 1 { "a page".to_owned() } else { format!("{pages} pages") };
+    Err(Error::Unsupported {
+        place: "lightmap".into(),
+        what: format!(
+            "texels_per_metre = {texels_per_metre} needs more than {what} of {largest} x {largest} texels; {}",
+            remedies.join(", or ")
+        ),
+    })
+}
+
+/// Texels at a density: the longest thing to be placed, and the area of the boxes of all, with padding and rounded.
+fn demand(
+    meshes: &[FlatMesh],
+    texels_per_metre: f64,
+    padding: u32,
+    round: impl Fn(f64) -> f64,
+) -> (f64, f64) {
     let cells = |length: f64| length * texels_per_metre + 1.0;
-    // Per mesh, the longest thing to be placed and the area of all, with padding.
     let measure = |mesh: &FlatMesh| {
         let padding = f64::from(padding);
         if mesh.is_shared() {
             let square = block::width(mesh, texels_per_metre, padding as usize);
             let sides = mesh.members.iter().map(|m| square * m.scale);
-            (sides.clone().fold(0.0, f64::max), sides.map(|s| (s + padding).powi(2)).sum::<f64>())
+            (sides.clone().fold(0.0, f64::max), sides.map(|s| round(s + padding).powi(2)).sum::<f64>())
         } else {
             let sides = mesh.charts.iter().map(|c| (cells(c.size.x), cells(c.size.y)));
-            let boxes = sides.clone().map(|(x, y)| (x + padding) * (y + padding)).sum::<f64>();
+            let boxes = sides.clone().map(|(x, y)| round(x + padding) * round(y + padding)).sum::<f64>();
             (sides.map(|s| s.0).fold(0.0, f64::max), boxes)
         }
     };
-    // Wide enough for the longest, and so that the page comes out about square.
-    let (longest, boxes) = meshes.iter().map(measure).fold((0.0f64, 0.0), |a, b| (a.0.max(b.0), a.1 + b.1));
-    let mut width = boxes.sqrt().max(longest);
-    while width <= f64::from(LARGEST) && area(meshes) * texels_per_metre.powi(2) <= f64::from(LARGEST).powi(2)
-    {
-        let columns = (width.ceil() as u32).next_multiple_of(BLOCK as u32).min(LARGEST);
-        if let Some(packed) =
-            pack(meshes, texels_per_metre, columns as usize, LARGEST as usize, padding as usize)
-        {
-            let rows = (packed.height as u32).next_multiple_of(BLOCK as u32);
-            return Ok(Page::new(columns, rows, texels_per_metre, packed));
-        }
-        if columns == LARGEST {
-            break;
-        }
-        width = (width * 1.2).min(f64::from(LARGEST));
-    }
-    // Charts and the padding around them take more than the page: shrink both sides alike, with a tenth to spare.
-    let largest = f64::from(LARGEST);
-    let shrink = (largest / longest).min(largest / boxes.sqrt()).min(1.0) * 0.9;
-    Err(Error::Unsupported {
-        place: "lightmap".into(),
-        what: format!(
-            "texels_per_metre = {texels_per_metre} needs a page of more than {LARGEST} x {LARGEST} texels; about {:.2e} would fit",
-            texels_per_metre * shrink
-        ),
-    })
+    meshes.iter().map(measure).fold((0.0f64, 0.0), |a, b| (a.0.max(b.0), a.1 + b.1))
 }
 
 fn area(meshes: &[FlatMesh]) -> f64 {

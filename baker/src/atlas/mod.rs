@@ -1,32 +1,48 @@
-//! Lightmap coordinates: unwrapping into charts and packing them on a page.
+//! Lightmap coordinates: unwrapping into charts and packing them on pages.
 //!
 //! `sharing` says which instances share a layout, `charts` flattens each shape once (authored layout, or xatlas through `ffi`),
-//! `raster` says which texels a chart covers, `page` keeps the free texels, `block` packs the charts of a shared layout, `pack`
-//! places charts and layouts at a given density, `density` searches for the density or the page.
+//! `raster` says which texels a chart covers, `page` keeps the free texels, `fill` fills one page with them, `spread` several,
+//! `block` packs the charts of a shared layout, `pack` places charts and layouts at a given density, `density` searches for the
+//! density or the pages.
 
 mod block;
 mod charts;
 mod density;
 mod ffi;
+mod fill;
 mod pack;
 mod page;
 mod raster;
 mod sharing;
+mod spread;
 #[cfg(test)]
 mod tests;
 
 use crate::geometry::Geometry;
-use crate::scene::Lightmap;
+use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
 use glam::{DVec2, Vec2};
+use pack::Origin;
+use std::ops::Range;
 
-/// The layout of one page of texels over all lightmapped instances.
+/// The layout of the texels over all lightmapped instances: pages of equal size, one below the other on one tall virtual page.
+///
+/// Page p takes the rows `p × stride .. p × stride + page_height` of the virtual page ([`Atlas::page_rows`]); the rows between
+/// pages hold nothing. Everything that works on texels works on the virtual page and need not know of pages.
 #[derive(Clone, Debug)]
 pub struct Atlas {
-    /// Texels.
+    /// Texels of every page, and of the virtual page.
     pub width: u32,
-    /// Texels.
+    /// Texels of the virtual page: `(pages − 1) × stride + page_height`.
     pub height: u32,
+    /// Number of pages, at least 1; every one has texels.
+    pub pages: u32,
+    /// Texels of every page.
+    pub page_height: u32,
+    /// Rows of the virtual page from one page's first row to the next one's. `page_height` where there is one page; else that
+    /// plus the padding, so that no dilation reaches from page to page, rounded up to whole metric tiles (128), so that no tile
+    /// and no block of texels lies on two.
+    pub stride: u32,
     /// Texels per metre reached (at density 1).
     pub texels_per_metre: f64,
     /// One entry per triangle that has texels, ascending by `triangle`.
@@ -35,12 +51,13 @@ pub struct Atlas {
     pub charts: u32,
     /// Triangles that got no texels though their instance is lightmapped (zero area), for the report.
     pub degenerate: usize,
-    /// Fraction of the page's texels that a chart touches, padding excluded.
+    /// Fraction of the pages' texels that a chart touches, padding excluded.
     pub utilisation: f64,
     /// What was done otherwise than asked, one sentence each, for the report.
     pub notes: Vec<String>,
-    /// Per instance of the geometry, its place on the page; `None` where it has no texels.
-    pub placements: Vec<Option<Placement>>,
+    /// Per instance of the geometry, its place on each page that has texels of it, ascending by page: none where it has no
+    /// texels, several only where its charts are too many for one page.
+    pub placements: Vec<Vec<Placement>>,
     /// The layouts that several instances share.
     pub layouts: Vec<Layout>,
 }
@@ -49,6 +66,8 @@ pub struct Atlas {
 /// run from (0, 0), the page's top left corner, to (1, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
+    /// The page, below [`Atlas::pages`].
+    pub page: u32,
     /// (1, 1) where no other instance shares the layout: its coordinates are the page's.
     pub scale: [f32; 2],
     /// (0, 0) where no other instance shares the layout; else on a 4-texel boundary.
@@ -67,12 +86,25 @@ pub struct Layout {
     pub faces: Vec<(u32, [Vec2; 3])>,
 }
 
-/// A triangle's place on the page.
+impl Atlas {
+    /// The rows of the virtual page that are page `page`'s, from its top to its bottom.
+    pub fn page_rows(&self, page: u32) -> Range<u32> {
+        let top = page * self.stride;
+        top..top + self.page_height
+    }
+
+    /// The page a face lies on; no face lies on two.
+    pub fn page_of(&self, face: &Face) -> u32 {
+        face.corners[0].y as u32 / self.stride
+    }
+}
+
+/// A triangle's place on the virtual page.
 #[derive(Clone, Copy, Debug)]
 pub struct Face {
     /// Index into `Geometry::triangles`.
     pub triangle: u32,
-    /// Corner positions in texels: (0, 0) is the page's top left corner, texel (x, y) covers [x, x+1) × [y, y+1).
+    /// Corner positions in texels of the virtual page: (0, 0) is its top left corner, texel (x, y) covers [x, x+1) × [y, y+1).
     pub corners: [Vec2; 3],
     /// Its chart.
     pub chart: u32,
@@ -81,16 +113,20 @@ pub struct Face {
 /// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread count.
 ///
 /// Charts keep their shape (one scale, quarter turns and mirror images only), start on 4-texel boundaries, stay half a texel
-/// inside the page, and the texels that two charts touch are at least `padding` (and never less than 2) empty texels apart, so
+/// inside their page, and the texels that two charts touch are at least `padding` (and never less than 2) empty texels apart, so
 /// that bilinear taps never mix charts.
 ///
 /// Instances of one mesh share one layout, which lies on the page once for each, scaled to its density and moved: see
 /// [`Placement`]. They do when they are of the same shape ([`crate::geometry::Similarity`]) and differ in texels per metre of the
 /// mesh by a factor of 4 at most. Shared layouts start on 4-texel boundaries, their charts too where nothing scales them.
 ///
+/// A mesh's charts lie on one page, and so does every member of a shared layout, unless a mesh that shares with none is so large
+/// that it would fill the emptiest page by a tenth more than its share: then its charts lie on several. Pages that would be
+/// empty are left out.
+///
 /// # Errors
-/// `Invalid` when no triangle is to be lightmapped; `Unsupported` when the charts do not fit the page at any density, or the
-/// density asked for needs a page larger than 16384 texels.
+/// `Invalid` when no triangle is to be lightmapped; `Unsupported` when the charts do not fit the pages at any density, the
+/// density asked for needs pages larger than 16384 texels, or all pages together have more than 131072 rows.
 pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     let flat = charts::flatten(geometry)?;
     let lightmapped = || geometry.instances.iter().filter(|instance| instance.lightmap);
@@ -105,16 +141,26 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         ));
     }
     let page = density::fit(&flat.meshes, lightmap)?;
+    let stride = page.stride;
+    let mut notes = flat.notes;
+    if page.pages < lightmap.pages && matches!(lightmap.size, LightmapSize::Fixed { .. }) {
+        notes.push(format!(
+            "{} of the {} pages hold everything; the others are left out",
+            page.pages, lightmap.pages
+        ));
+    }
     let page_size = DVec2::new(page.width.into(), page.height.into());
     let mut faces: Vec<Face> = Vec::new();
     let mut charts = 0;
-    let mut placements = vec![None; geometry.instances.len()];
+    let mut placements = vec![Vec::new(); geometry.instances.len()];
     let mut layouts = Vec::new();
     for (mesh, packed) in flat.meshes.iter().zip(&page.meshes) {
         let texel = |chart: usize, corner| {
             packed.places[chart].texel(&mesh.charts[chart], corner, page.texels_per_metre)
         };
         let first = &geometry.instances[mesh.members[0].instance];
+        let page_of =
+            |chart: usize, origin: Origin| if mesh.is_shared() { origin.page } else { packed.places[chart].page } as u32;
         // The layout's unit square in texels of the smallest member: whole texels, half a one past the last chart.
         let layout_size = (packed.end + 0.5).ceil();
         for (member, &origin) in mesh.members.iter().zip(&packed.origins) {
@@ -126,21 +172,27 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
                     if charts::is_degenerate(geometry.corners(triangle).map(|p| p.as_dvec3())) {
                         continue;
                     }
+                    let shift = origin.texel + DVec2::Y * f64::from(page_of(c, origin) * stride);
                     let [p, q, r] =
-                        face.corners.map(|corner| (texel(c, corner) * member.scale + origin).as_vec2());
+                        face.corners.map(|corner| (texel(c, corner) * member.scale + shift).as_vec2());
                     let corners = if member.mirrored { [p, r, q] } else { [p, q, r] };
                     faces.push(Face { triangle: triangle as u32, corners, chart: charts + c as u32 });
                 }
             }
             charts += mesh.charts.len() as u32;
-            placements[member.instance] = Some(match mesh.is_shared() {
+            let mut pages: Vec<u32> = (0..mesh.charts.len()).map(|c| page_of(c, origin)).collect();
+            pages.sort_unstable();
+            pages.dedup();
+            let place = |page: u32| match mesh.is_shared() {
                 true => Placement {
+                    page,
                     scale: (layout_size * member.scale / page_size).as_vec2().to_array(),
-                    offset: (origin / page_size).as_vec2().to_array(),
+                    offset: (origin.texel / page_size).as_vec2().to_array(),
                     layout: Some(layouts.len() as u32),
                 },
-                false => Placement { scale: [1.0; 2], offset: [0.0; 2], layout: None },
-            });
+                false => Placement { page, scale: [1.0; 2], offset: [0.0; 2], layout: None },
+            };
+            placements[member.instance] = pages.into_iter().map(place).collect();
         }
         if mesh.is_shared() {
             let mut faces: Vec<(u32, [Vec2; 3])> = Vec::new();
@@ -155,13 +207,16 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     faces.sort_unstable_by_key(|face| face.triangle);
     Ok(Atlas {
         width: page.width,
-        height: page.height,
+        height: stride * (page.pages - 1) + page.height,
+        pages: page.pages,
+        page_height: page.height,
+        stride,
         texels_per_metre: page.texels_per_metre,
         degenerate: triangles - faces.len(),
         faces,
         charts,
         utilisation: page.utilisation,
-        notes: flat.notes,
+        notes,
         placements,
         layouts,
     })

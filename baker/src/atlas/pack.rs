@@ -1,25 +1,55 @@
-//! Places charts and shared layouts on a page at a given density: bottom-left first fit over bit maps of touched texels.
+//! Places charts and shared layouts on pages at a given density.
 
 use super::block;
 use super::charts::{Chart, FlatMesh};
-use super::page::Page;
 use super::raster::{Bits, TOLERANCE};
+use super::spread::spread;
+use dataset::tiles::TILE;
 use glam::{DVec2, Vec2Swizzles};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Charts start on multiples of this many texels, the block of the GPU formats, so that few blocks see two charts.
 pub const BLOCK: usize = 4;
 
+/// The pages to pack, all alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Pages {
+    /// Texels.
+    pub width: usize,
+    /// Texels, at most.
+    pub height: usize,
+    /// How many there are.
+    pub count: usize,
+    /// Empty texels between charts.
+    pub padding: usize,
+}
+
+impl Pages {
+    /// Rows of the virtual page from one page's first row to the next one's, for pages of this height: see
+    /// [`super::Atlas::stride`].
+    pub fn stride(&self, height: usize) -> usize {
+        if self.count > 1 { (height + self.padding).next_multiple_of(TILE) } else { height }
+    }
+
+    /// Texels: what is nearer to a triangle than this counts as touched. Twice the rounding of a corner to `f32` on the virtual
+    /// page of all pages.
+    pub fn tolerance(&self) -> f64 {
+        let rows = self.stride(self.height) * (self.count - 1) + self.height;
+        TOLERANCE.max(rows.max(self.width).next_power_of_two() as f64 / f64::from(1 << 24))
+    }
+}
+
 /// Where a chart lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place {
+    /// The page.
+    pub page: usize,
     /// The texel that holds the lower corner of the chart's bounding box, at its centre.
     pub x: usize,
     /// See `x`.
     pub y: usize,
     /// How it is turned.
-    turn: Turn,
+    pub turn: Turn,
 }
 
 /// A symmetry of the square: swap the axes, then mirror them.
@@ -43,7 +73,7 @@ impl Turn {
 }
 
 impl Place {
-    /// From a chart's metres to texels of the page. The chart's lower corner lies on a texel centre.
+    /// From a chart's metres to texels of its page. The chart's lower corner lies on a texel centre.
     pub fn texel(&self, chart: &Chart, corner: DVec2, texels_per_metre: f64) -> DVec2 {
         let (mut p, mut size) = (corner, chart.size);
         if self.turn.swap {
@@ -84,13 +114,15 @@ pub struct Run {
     pub length: usize,
 }
 
-/// A packed page.
+/// Packed pages.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packed {
     /// One per mesh.
     pub meshes: Vec<PackedMesh>,
-    /// Rows used.
+    /// Rows used, of the page that uses the most.
     pub height: usize,
+    /// Pages used.
+    pub pages: usize,
     /// Texels touched.
     pub touched: usize,
 }
@@ -98,32 +130,35 @@ pub struct Packed {
 /// Where a mesh's charts lie. A point at texel p of the layout lies at texel `p × member.scale + origin` of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
-    /// Per chart, its place in the layout: a block of its own if the mesh is shared, else the page.
+    /// Per chart, its place in the layout: a block of its own if the mesh is shared, else a page.
     pub places: Vec<Place>,
-    /// Per member.
-    pub origins: Vec<DVec2>,
+    /// Per member; of a mesh that is not shared, zero: its charts say where they lie.
+    pub origins: Vec<Origin>,
     /// The highest coordinates of the layout in texels.
     pub end: DVec2,
 }
 
-/// Packs all charts and shared layouts on a page of `width` × at most `height` texels, `padding` empty texels apart; `None` if
-/// they do not fit.
-pub fn pack(
-    meshes: &[FlatMesh],
-    texels_per_metre: f64,
-    width: usize,
-    height: usize,
-    padding: usize,
-) -> Option<Packed> {
-    // Quick exits: a chart larger than the page, or more area than the page has.
-    let fits = |size: DVec2| last_offset(size * texels_per_metre, width, height).is_some();
+/// Where a member's layout lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Origin {
+    /// The page.
+    pub page: usize,
+    /// Texels of the page.
+    pub texel: DVec2,
+}
+
+/// Packs all charts and shared layouts on pages; `None` if they do not fit.
+pub fn pack(meshes: &[FlatMesh], texels_per_metre: f64, pages: &Pages) -> Option<Packed> {
+    // Quick exits: a chart larger than a page, or more area than the pages have.
+    let most = pages.width * pages.height * pages.count;
+    let fits = |size: DVec2| last_offset(size * texels_per_metre, pages.width, pages.height).is_some();
     let texels = meshes.iter().map(FlatMesh::area).sum::<f64>() * texels_per_metre.powi(2);
     let mut charts = meshes.iter().flat_map(|m| &m.charts);
-    if texels > (width * height) as f64 || !charts.all(|c| fits(c.size) || fits(c.size.yx())) {
+    if texels > most as f64 || !charts.all(|c| fits(c.size) || fits(c.size.yx())) {
         return None;
     }
     let layout = |mesh: &FlatMesh| match mesh.is_shared() {
-        true => block::pack(mesh, texels_per_metre, width, height, padding),
+        true => block::pack(mesh, texels_per_metre, pages),
         false => Some(Vec::new()),
     };
     let layouts: Vec<Vec<Place>> = meshes.par_iter().map(layout).collect::<Option<_>>()?;
@@ -149,11 +184,9 @@ pub fn pack(
         }
     }
     let draw = |&(m, outline): &(usize, Outline)| match outline {
-        Outline::Chart(c) => footprints(&meshes[m].charts[c], texels_per_metre, width, height),
+        Outline::Chart(c) => footprints(&meshes[m].charts[c], texels_per_metre, pages),
         Outline::Layout(scale) => {
-            block::footprint(&meshes[m], &layouts[m], texels_per_metre, scale, width, height)
-                .into_iter()
-                .collect()
+            block::footprint(&meshes[m], &layouts[m], texels_per_metre, scale, pages).into_iter().collect()
         }
     };
     let footprints: Vec<Vec<Footprint>> = outlines.par_iter().map(draw).collect();
@@ -161,25 +194,34 @@ pub fn pack(
         return None;
     }
     let touched = items.iter().map(|&(outline, _)| footprints[outline][0].bits.count()).sum();
-    if touched > width * height {
+    if touched > most {
         return None;
     }
     let wanted: Vec<&[Footprint]> = items.iter().map(|&(outline, _)| &footprints[outline][..]).collect();
-    let (placed, used) = first_fit(&wanted, width, height, padding)?;
+    // The charts of a mesh belong together; every layout stands for itself.
+    let mut units = Vec::with_capacity(items.len());
+    for (i, &(outline, index)) in items.iter().enumerate() {
+        let joins = matches!(outlines[outline].1, Outline::Chart(_)) && index > 0;
+        units.push(if joins { units[i - 1] } else { i });
+    }
+    let (placed, height, pages) = spread(&wanted, &units, pages)?;
     let packed = |(mesh, layout): (&FlatMesh, Vec<Place>)| PackedMesh {
         end: block::end(mesh, &layout, texels_per_metre),
         places: layout,
-        origins: vec![DVec2::ZERO; mesh.members.len()],
+        origins: vec![Origin::default(); mesh.members.len()],
     };
     let mut result: Vec<PackedMesh> = meshes.iter().zip(layouts).map(packed).collect();
     for (&(outline, index), place) in items.iter().zip(placed) {
         let (m, kind) = outlines[outline];
         match kind {
             Outline::Chart(_) => result[m].places.push(place),
-            Outline::Layout(_) => result[m].origins[index] = DVec2::new(place.x as f64, place.y as f64),
+            Outline::Layout(_) => {
+                let texel = DVec2::new(place.x as f64, place.y as f64);
+                result[m].origins[index] = Origin { page: place.page, texel };
+            }
         }
     }
-    Some(Packed { meshes: result, height: used, touched })
+    Some(Packed { meshes: result, height, pages, touched })
 }
 
 /// What is placed as one: a chart of a mesh, or its layout at a scale.
@@ -189,65 +231,24 @@ enum Outline {
     Layout(f64),
 }
 
-/// Places one of the turns of every item; gives the places and the rows used, or `None` if they do not fit.
-pub fn first_fit(
-    items: &[&[Footprint]],
-    width: usize,
-    height: usize,
-    padding: usize,
-) -> Option<(Vec<Place>, usize)> {
-    // Large ones first; equal ones in the order of the geometry.
-    let mut order: Vec<usize> = (0..items.len()).collect();
-    let key = |i: usize| {
-        let bits = &items[i][0].bits;
-        (bits.width.max(bits.height), bits.width * bits.height)
-    };
-    order.sort_by_key(|&i| (std::cmp::Reverse(key(i)), i));
-
-    let mut page = Page::new(width, height);
-    let mut places = vec![Place::default(); items.len()];
-    // Texels are only ever taken, so a footprint never fits above the row where the same one was placed or refused before.
-    let mut first_row: BTreeMap<&[u64], BTreeMap<(usize, usize), usize>> = BTreeMap::new();
-    for i in order {
-        let mut best: Option<(usize, usize, usize, usize)> = None;
-        for (t, footprint) in items[i].iter().enumerate() {
-            let bits = &footprint.bits;
-            let from =
-                first_row.entry(&bits.words).or_default().entry((bits.width, bits.height)).or_insert(0);
-            // The lowest end wins, then the lowest and leftmost start, then the first turn.
-            let limit =
-                best.map_or(footprint.last.1, |b| footprint.last.1.min(b.0.saturating_sub(bits.height)));
-            let (row, column) = page.find(footprint, *from, limit);
-            *from = row;
-            if let Some(x) = column {
-                let candidate = (row + bits.height, row, x, t);
-                best = Some(best.map_or(candidate, |b| b.min(candidate)));
-            }
-        }
-        let (_, y, x, t) = best?;
-        page.take(&items[i][t], x, y, padding);
-        places[i] = Place { x, y, turn: items[i][t].turn };
-    }
-    Some((places, page.used()))
-}
-
 /// The largest offsets for a chart of this size in texels, so that it ends half a texel inside the page.
 pub fn last_offset(size: DVec2, width: usize, height: usize) -> Option<(usize, usize)> {
     let room = DVec2::new(width as f64, height as f64) - 1.0 - size;
     (room.min_element() >= 0.0).then(|| (room.x as usize / BLOCK * BLOCK, room.y as usize / BLOCK * BLOCK))
 }
 
-/// The distinct footprints of a chart's turns that fit the page.
-pub fn footprints(chart: &Chart, texels_per_metre: f64, width: usize, height: usize) -> Vec<Footprint> {
+/// The distinct footprints of a chart's turns that fit a page.
+pub fn footprints(chart: &Chart, texels_per_metre: f64, pages: &Pages) -> Vec<Footprint> {
+    let tolerance = pages.tolerance();
     let mut all: Vec<Footprint> = Vec::new();
     for turn in Turn::ALL {
         let size = if turn.swap { chart.size.yx() } else { chart.size } * texels_per_metre;
-        let Some(last) = last_offset(size, width, height) else { continue };
-        let cells = |length: f64| (length + 0.5 + TOLERANCE) as usize + 1;
+        let Some(last) = last_offset(size, pages.width, pages.height) else { continue };
+        let cells = |length: f64| (length + 0.5 + tolerance) as usize + 1;
         let mut bits = Bits::new(cells(size.x), cells(size.y));
-        let place = Place { x: 0, y: 0, turn };
+        let place = Place { turn, ..Place::default() };
         for face in &chart.faces {
-            bits.touch(face.corners.map(|c| place.texel(chart, c, texels_per_metre)));
+            bits.touch(face.corners.map(|c| place.texel(chart, c, texels_per_metre)), tolerance);
         }
         if all.iter().all(|other| other.bits != bits) {
             let runs = runs(&bits);

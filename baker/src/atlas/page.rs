@@ -3,6 +3,7 @@
 use super::pack::{BLOCK, Footprint};
 
 /// The texels further charts may touch.
+#[derive(Clone)]
 pub struct Page {
     width: usize,
     /// Per row, its free intervals `from..to`, ascending.

@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 /// Texels: everything nearer to a triangle than this counts as touched, so that rounding corners to `f32` on pages up to
-/// 16384 texels (half an ulp is 2⁻¹¹) never touches a texel that was not counted.
+/// 16384 texels (half an ulp is 2⁻¹¹) never touches a texel that was not counted. Taller virtual pages need more.
 pub const TOLERANCE: f64 = 1.0 / 1024.0;
 
 /// A bit per texel, rows of 64-bit words, the lowest bit leftmost.
@@ -61,15 +61,15 @@ impl Bits {
         met != 0
     }
 
-    /// Sets every texel whose closed square comes within [`TOLERANCE`] of the triangle; what lies outside is clipped.
-    pub fn touch(&mut self, triangle: [DVec2; 3]) {
+    /// Sets every texel whose closed square comes within `tolerance` of the triangle; what lies outside is clipped.
+    pub fn touch(&mut self, triangle: [DVec2; 3], tolerance: f64) {
         let (low, high) = bounds(triangle);
-        let rows = span(low.y - TOLERANCE, high.y + TOLERANCE, self.height);
+        let rows = span(low.y - tolerance, high.y + tolerance, self.height);
         for y in rows {
             // The triangle within the row's band is convex, so the texels it touches are those its x-interval touches.
-            let band = (y as f64 - TOLERANCE, (y + 1) as f64 + TOLERANCE);
+            let band = (y as f64 - tolerance, (y + 1) as f64 + tolerance);
             if let Some((x0, x1)) = x_interval(triangle, band) {
-                let columns = span(x0 - TOLERANCE, x1 + TOLERANCE, self.width);
+                let columns = span(x0 - tolerance, x1 + tolerance, self.width);
                 if !columns.is_empty() {
                     self.set_span(y, columns.start, columns.end);
                 }

@@ -9,6 +9,7 @@ use crate::scene::{Lightmap, LightmapSize};
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 
 mod instances;
+mod pages;
 
 /// Deterministic noise in [0, 1).
 struct Noise(u64);
@@ -85,7 +86,7 @@ fn boxes(count: usize, scale: f64) -> Geometry {
 }
 
 fn fixed(width: u32, height: u32) -> Lightmap {
-    Lightmap { size: LightmapSize::Fixed { width, height }, padding: 2, pages: 1 }
+    Lightmap { size: LightmapSize::Fixed { width, height }, pages: 1, padding: 2 }
 }
 
 /// Checks every promise by drawing the faces again at sub-texel accuracy, and returns the fraction of texels touched.
@@ -95,10 +96,13 @@ fn check(geometry: &Geometry, atlas: &Atlas, padding: i64) -> f64 {
     assert!(atlas.faces.is_sorted_by(|a, b| a.triangle < b.triangle));
     let wanted: usize = geometry.instances.iter().filter(|i| i.lightmap).map(|i| i.triangles.len()).sum();
     assert_eq!(atlas.faces.len() + atlas.degenerate, wanted);
-    // Inside by half a texel.
-    let high = DVec2::new(width as f64, height as f64) - 0.499;
+    // Inside its page by half a texel.
+    assert_eq!(atlas.height, (atlas.pages - 1) * atlas.stride + atlas.page_height);
     for face in &atlas.faces {
-        assert!(face.corners.iter().all(|c| c.as_dvec2().cmpge(DVec2::splat(0.499)).all()), "{face:?}");
+        let rows = atlas.page_rows(atlas.page_of(face));
+        let low = DVec2::new(0.0, rows.start.into()) + 0.49;
+        let high = DVec2::new(width as f64, rows.end.into()) - 0.49;
+        assert!(face.corners.iter().all(|c| c.as_dvec2().cmpge(low).all()), "{face:?}");
         assert!(face.corners.iter().all(|c| c.as_dvec2().cmple(high).all()), "{face:?}");
         assert!(face.chart < atlas.charts);
     }
@@ -106,10 +110,12 @@ fn check(geometry: &Geometry, atlas: &Atlas, padding: i64) -> f64 {
     let mut starts = vec![Vec2::INFINITY; atlas.charts as usize];
     let placement = |face: &Face| {
         let instance = geometry.instances.partition_point(|i| i.triangles.end <= face.triangle as usize);
-        atlas.placements[instance].unwrap()
+        atlas.placements[instance][0]
     };
     for placement in atlas.placements.iter().flatten() {
-        let blocks = Vec2::from(placement.offset) * Vec2::new(width as f32, height as f32) / BLOCK as f32;
+        assert!(placement.page < atlas.pages);
+        let blocks =
+            Vec2::from(placement.offset) * Vec2::new(width as f32, atlas.page_height as f32) / BLOCK as f32;
         assert!((blocks - blocks.round()).abs().max_element() < 1e-3, "a layout starts at {placement:?}");
     }
     for face in atlas.faces.iter().filter(|f| placement(f).layout.is_none()) {
@@ -157,7 +163,8 @@ fn check(geometry: &Geometry, atlas: &Atlas, padding: i64) -> f64 {
     let mut seen = vec![false; atlas.charts as usize];
     owner.iter().filter(|&&o| o != u32::MAX).for_each(|&o| seen[o as usize] = true);
     assert!(seen.iter().all(|&s| s));
-    owner.iter().filter(|&&o| o != u32::MAX).count() as f64 / (width * height) as f64
+    owner.iter().filter(|&&o| o != u32::MAX).count() as f64
+        / f64::from(width as u32 * atlas.page_height * atlas.pages)
 }
 
 /// Separating axes of a triangle and the unit square at `low`.
@@ -247,13 +254,13 @@ fn any_page_shape_and_padding() {
     let geometry = boxes(20, 1.0);
     for (width, height, padding) in [(129, 200, 2), (200, 129, 3), (512, 64, 5), (61, 300, 2)] {
         let size = LightmapSize::Fixed { width, height };
-        let atlas = build(&geometry, &Lightmap { size, padding, pages: 1 }).unwrap();
+        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding }).unwrap();
         assert_eq!((atlas.width, atlas.height), (width, height));
         check(&geometry, &atlas, padding.into());
     }
     // Less than 2 texels of padding would let bilinear taps mix charts.
     let size = LightmapSize::Fixed { width: 128, height: 128 };
-    check(&geometry, &build(&geometry, &Lightmap { size, padding: 0, pages: 1 }).unwrap(), 2);
+    check(&geometry, &build(&geometry, &Lightmap { size, pages: 1, padding: 0 }).unwrap(), 2);
 }
 
 #[test]
@@ -299,7 +306,7 @@ fn a_density_gets_the_page_it_needs() {
         let mut geometry = Geometry::default();
         add(&mut geometry, &cuboid(DVec3::splat(-0.5 * metres), DVec3::new(metres, metres, 4.0 * metres)));
         let size = LightmapSize::TexelsPerMetre(texels_per_metre);
-        let atlas = build(&geometry, &Lightmap { size, padding: 4, pages: 1 }).unwrap();
+        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding: 4 }).unwrap();
         assert_eq!((atlas.width % 4, atlas.height % 4), (0, 0));
         assert_eq!(atlas.texels_per_metre, texels_per_metre);
         check(&geometry, &atlas, 4);
@@ -320,7 +327,7 @@ fn what_cannot_fit_is_an_error() {
     check(&geometry, &build(&geometry, &fixed(3, 3)).unwrap(), 2);
     assert!(build(&boxes(500, 1.0), &fixed(32, 32)).is_err());
     // The density the message names fits.
-    let size = |d| Lightmap { size: LightmapSize::TexelsPerMetre(d), padding: 2, pages: 1 };
+    let size = |d| Lightmap { size: LightmapSize::TexelsPerMetre(d), pages: 1, padding: 2 };
     let what = build(&geometry, &size(1e6)).unwrap_err().to_string();
     let named = what.split("about ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!(build(&geometry, &size(named)).is_ok(), "{what}");
@@ -361,9 +368,15 @@ fn authored_layout_is_used() {
 #[test]
 fn unusable_authored_layout_is_noted_and_replaced() {
     type Spoil = fn(&mut Geometry);
-    let breaks: [(Spoil, &str); 4] = [
+    let breaks: [(Spoil, &str); 10] = [
         (|g| g.lightmap_uvs[0].x = f32::NAN, "not finite"),
+        (|g| g.lightmap_uvs[5].y = f32::NEG_INFINITY, "not finite"),
         (|g| g.lightmap_uvs[0] = Vec2::new(1.5, 0.0), "leaves [0, 1]"),
+        (|g| g.lightmap_uvs[7].x = -3e38, "leaves [0, 1]"),
+        (|g| g.lightmap_uvs.iter_mut().for_each(|uv| *uv += 10.0), "leaves [0, 1]"),
+        (|g| g.lightmap_uvs.iter_mut().for_each(|uv| *uv = Vec2::splat(0.5)), "no area"),
+        (|g| g.lightmap_uvs.iter_mut().for_each(|uv| uv.y = 0.25), "no area"),
+        (|g| g.lightmap_uvs.iter_mut().for_each(|uv| *uv = Vec2::ZERO), "no area"),
         (|g| g.lightmap_uvs[2] = g.lightmap_uvs[0], "no area"),
         (|g| g.lightmap_uvs.iter_mut().skip(6).for_each(|uv| *uv -= 0.5), "overlap"),
     ];
@@ -373,9 +386,23 @@ fn unusable_authored_layout_is_noted_and_replaced() {
         let atlas = build(&geometry, &fixed(128, 128)).unwrap();
         assert_eq!(atlas.notes.len(), 1);
         assert!(atlas.notes[0].contains(why), "{} / {why}", atlas.notes[0]);
+        assert!(atlas.notes[0].starts_with("test 0: TEXCOORD_1"), "{}", atlas.notes[0]);
         check(&geometry, &atlas, 2);
         let (low, high) = stretch(&geometry, &atlas);
         assert!(low > 0.99 && high < 1.01, "{low} … {high}");
+    }
+}
+
+#[test]
+fn a_tiny_authored_layout_is_as_good_as_a_large_one() {
+    let (large, mut geometry) = (authored(), authored());
+    for scale in [1e-6f32, 1e-18, 1e-36] {
+        for (uv, other) in geometry.lightmap_uvs.iter_mut().zip(&large.lightmap_uvs) {
+            *uv = *other * scale;
+        }
+        let atlas = build(&geometry, &fixed(128, 128)).unwrap();
+        check(&geometry, &atlas, 2);
+        assert_eq!((atlas.charts, atlas.notes.len()), (2, 0), "{:?}", atlas.notes);
     }
 }
 

@@ -1,59 +1,58 @@
-//! From block sums to a dataset: every layer dilated and stored once, every set the float sum of its layers.
+//! From layers to a dataset: layers dilated and stitched, every set the float sum of its layers.
 
-use super::errors::{Errors, is_exposed, is_lit};
+use super::errors::{Errors, Sums};
 use super::json;
+use super::layers::{Layers, Texel};
 use super::plan::Plan;
-use super::post::dilate;
-use super::state::StateFolder;
-use crate::Result;
+use super::post::Dilation;
+use super::seams::{Jump, Seams};
 use crate::atlas::Atlas;
-use crate::surface::{BlockSurface, FaceBins};
-use dataset::config::{FileRef, Map, Noise, Set};
+use crate::geometry::Geometry;
+use crate::{Result, Rgb};
+use dataset::config::{FileRef, Map, Noise, Page, Set};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
 
-/// Reads finished work as images.
+/// Puts the layers of a plan together.
 pub struct Assembler<'a> {
-    /// What was traced.
-    pub plan: &'a Plan,
-    /// The work.
-    pub folder: &'a StateFolder,
-    /// Texels of dilation.
-    pub padding: u32,
-    /// Valid texels.
+    plan: &'a Plan,
+    atlas: &'a Atlas,
+    layers: &'a Layers,
+    /// Per layer of the plan, its digest.
+    digests: &'a [String],
+    texels: Vec<Texel>,
+    /// Valid texels of the virtual page.
     mask: Mask,
-    blocks: Vec<Block>,
+    dilation: Dilation,
+    seams: Seams,
     /// Covered texels that are not valid: inside solids.
     buried_texels: usize,
     /// Covered texels that are not valid: no light reaches them.
     unlit_texels: usize,
 }
 
-/// A block with surface.
-struct Block {
-    index: usize,
-    /// The page texels it covers, in the order of its file, and the samples in each of their halves.
-    texels: Vec<(u32, [u32; 2])>,
-}
-
 /// The stored images of a bake.
 #[derive(Debug)]
 pub struct Stored {
-    /// The mask's file.
-    pub mask: FileRef,
-    /// Per group of the scene; black for those that were not traced.
-    pub groups: Vec<FileRef>,
+    /// The pages with their masks.
+    pub pages: Vec<Page>,
+    /// Per group of the scene, a map per page; black for those that were not traced.
+    pub groups: Vec<Vec<FileRef>>,
     /// The sets, in the order of the plan's moments.
     pub sets: Vec<Set>,
     /// The noise table's file.
     pub noise: FileRef,
+    /// Error and light per tile and set.
+    pub errors: Errors,
     /// Valid texels.
     pub valid_texels: usize,
     /// Texels taken out because they lie inside solids.
     pub buried_texels: usize,
     /// Texels taken out because no light reaches them in any layer.
     pub unlit_texels: usize,
+    /// Number of seam edges, and the jump across them before and after stitching, in the set with most light.
+    pub seams: Option<(usize, Jump, Jump)>,
 }
 
 impl<'a> Assembler<'a> {
@@ -61,123 +60,213 @@ impl<'a> Assembler<'a> {
     /// without any light the last does not count.
     pub fn new(
         plan: &'a Plan,
-        atlas: &Atlas,
-        bins: &FaceBins,
-        folder: &'a StateFolder,
+        geometry: &Geometry,
+        atlas: &'a Atlas,
+        layers: &'a Layers,
+        digests: &'a [String],
+        texels: Vec<Texel>,
         padding: u32,
     ) -> Result<Self> {
         let (width, height) = (atlas.width as usize, atlas.height as usize);
+        let mut lit = vec![false; texels.len()];
+        for digest in digests {
+            for (lit, value) in lit.iter_mut().zip(layers.read(digest)?) {
+                *lit |= value.mean != Rgb::ZERO;
+            }
+        }
+        let exposed = texels.iter().filter(|t| t.exposed == 1).count();
+        let both = texels.iter().zip(&lit).filter(|(t, lit)| t.exposed == 1 && **lit).count();
         let mut mask = Mask { width, height, valid: vec![false; width * height] };
-        let mut blocks = Vec::new();
-        let mut buried_texels = 0;
-        let mut exposed_texels: Vec<usize> = Vec::new();
-        for block in (0..bins.columns * bins.rows).filter(|&b| !bins.faces(b).is_empty()) {
-            let surface = BlockSurface::new(atlas, bins, block);
-            let texels: Vec<u32> = (0..surface.width * surface.height)
-                .filter(|&t| surface.is_covered(t))
-                .map(|t| ((surface.y0 + t / surface.width) * width + surface.x0 + t % surface.width) as u32)
-                .collect();
-            if texels.is_empty() {
-                continue;
-            }
-            let state = folder.read(block, texels.len())?;
-            let sums =
-                state.sums.chunks((2 * plan.layers()).max(1)).map(is_lit).chain(std::iter::repeat(false));
-            for ((&texel, &exposed), lit) in texels.iter().zip(&state.exposed).zip(sums) {
-                let outside = is_exposed(exposed, state.samples);
-                buried_texels += usize::from(!outside);
-                exposed_texels.extend(outside.then_some(texel as usize));
-                mask.valid[texel as usize] = outside && lit;
-            }
-            blocks.push(Block { index: block, texels: texels.into_iter().zip(state.exposed).collect() });
+        for (texel, lit) in texels.iter().zip(&lit) {
+            mask.valid[texel.index as usize] = texel.exposed == 1 && (*lit || both == 0);
         }
-        let mut unlit_texels = exposed_texels.len() - mask.count();
-        if unlit_texels == exposed_texels.len() {
-            exposed_texels.iter().for_each(|&texel| mask.valid[texel] = true);
-            unlit_texels = 0;
-        }
-        Ok(Assembler { plan, folder, padding, mask, blocks, buried_texels, unlit_texels })
+        let unlit_texels = if both == 0 { 0 } else { exposed - both };
+        let buried_texels = texels.len() - exposed;
+        let dilation = Dilation::new(&mask, padding);
+        let seams = Seams::new(geometry, atlas, &mask);
+        Ok(Assembler {
+            plan,
+            atlas,
+            layers,
+            digests,
+            texels,
+            mask,
+            dilation,
+            seams,
+            buried_texels,
+            unlit_texels,
+        })
     }
 
-    /// One layer as a dilated image.
-    fn layer(&self, layer: usize) -> Result<Image> {
+    /// One layer as an image of the virtual page, dilated and, if asked, stitched.
+    fn layer(&self, layer: usize, stitched: bool) -> Result<Image> {
         let mut image = Image::black(self.mask.width, self.mask.height);
-        for block in &self.blocks {
-            let sums = self.folder.read_layer(block.index, block.texels.len(), layer)?;
-            for (&(texel, [in_a, in_b]), [a, b]) in block.texels.iter().zip(sums) {
-                if self.mask.valid[texel as usize] {
-                    image.texels[texel as usize] = ((a / in_a as f32 + b / in_b as f32) * 0.5).to_array();
-                }
+        let scale = self.plan.scale_of(layer);
+        for (texel, value) in self.texels.iter().zip(self.layers.read(&self.digests[layer])?) {
+            if self.mask.valid[texel.index as usize] {
+                image.texels[texel.index as usize] = (value.mean * scale).to_array();
             }
         }
-        dilate(&mut image, &self.mask, self.padding);
+        self.dilation.apply(&mut image);
+        if stitched {
+            self.seams.stitch(&mut image);
+        }
         Ok(image)
     }
 
-    /// Writes all images: mask, groups, and per moment sun, sky and their sum with the lit groups.
-    pub fn store(&self, writer: &mut Writer, errors: &Errors, mut each: impl FnMut()) -> Result<Stored> {
-        let mask = writer.add("mask", "png", &self.mask.to_png())?;
-        let first_group = self.plan.suns.len() + self.plan.sky.lit.len();
-        let mut group_images = Vec::new();
+    /// A page cut out of the virtual page.
+    fn page(&self, image: &Image, page: u32) -> Image {
+        let rows = self.atlas.page_rows(page);
+        let (from, to) = (rows.start as usize * image.width, rows.end as usize * image.width);
+        Image { width: image.width, height: rows.len(), texels: image.texels[from..to].to_vec() }
+    }
+
+    /// Stores an image, one file per page.
+    fn add(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<FileRef>> {
+        (0..self.atlas.pages)
+            .map(|page| {
+                let name = if self.atlas.pages == 1 { stem.to_owned() } else { format!("{stem}-p{page}") };
+                writer.add(&name, "exr", &self.page(image, page).to_exr())
+            })
+            .collect()
+    }
+
+    /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups.
+    pub fn store(&self, writer: &mut Writer, mut each: impl FnMut()) -> Result<Stored> {
+        let pages = self.store_masks(writer)?;
+        let first_group = self.plan.suns.len() + self.plan.skies.len();
         let mut traced = Vec::new();
-        for g in 0..self.plan.lamps.len() {
-            let image = self.layer(first_group + g)?;
-            traced.push(writer.add(&format!("group{g}"), "exr", &image.to_exr())?);
-            group_images.push(image);
+        for g in 0..self.plan.groups.len() {
+            let image = self.layer(first_group + g, true)?;
+            traced.push(self.add(writer, &format!("group{g}"), &image)?);
             each();
         }
         let black = Image::black(self.mask.width, self.mask.height);
         // A group that was not traced gave no light at any moment baked.
-        let group = |layer: &Option<usize>| match layer {
-            Some(layer) => Ok(traced[*layer].clone()),
-            None => writer.add("black", "exr", &black.to_exr()),
-        };
-        let groups = self.plan.layer_of_group.iter().map(group).collect::<Result<Vec<_>>>()?;
+        let mut groups = Vec::new();
+        for layer in &self.plan.layer_of_group {
+            groups.push(match layer {
+                Some(layer) => traced[*layer].clone(),
+                None => self.add(writer, "black", &black)?,
+            });
+        }
         let mut sets = Vec::new();
+        let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.moments.len());
+        // Local light stays the same over many moments.
+        let (mut local, mut local_of): (Image, Vec<usize>) = (black.clone(), Vec::new());
         for (i, moment) in self.plan.moments.iter().enumerate() {
+            self.add_errors(i, &mut errors)?;
             let name = format!("{:07.4}", moment.hour);
-            let mut layer = |index: Option<usize>, kind: &str| -> Result<(Image, Option<FileRef>)> {
-                let Some(index) = index else { return Ok((black.clone(), None)) };
-                let image = self.layer(index)?;
+            let none = vec![None; self.atlas.pages as usize];
+            let mut layer = |index: Option<usize>, kind: &str| -> Result<(Image, Vec<Option<FileRef>>)> {
+                let Some(index) = index else { return Ok((black.clone(), none.clone())) };
+                let image = self.layer(index, true)?;
                 if image == black {
-                    return Ok((image, None));
+                    return Ok((image, none.clone()));
                 }
-                let file = writer.add(&format!("{kind}-{name}"), "exr", &image.to_exr())?;
-                Ok((image, Some(file)))
+                let files = self.add(writer, &format!("{kind}-{name}"), &image)?;
+                Ok((image, files.into_iter().map(Some).collect()))
             };
             let (mut total, sun) = layer(self.plan.sun_of[i], "sun")?;
             let (sky_image, sky) = layer(self.plan.sky_of[i].map(|s| self.plan.suns.len() + s), "sky")?;
             // (sun + sky) + local, local summed from zero in the order of the groups.
-            let mut local = black.clone();
-            for group in self.plan.groups_of(i) {
-                add(&mut local, &group_images[group - first_group]);
+            let on: Vec<usize> = self.plan.groups_of(i).collect();
+            if on != local_of {
+                local = black.clone();
+                for &group in &on {
+                    add(&mut local, &self.layer(group, true)?);
+                }
+                local_of = on;
             }
             add(&mut total, &sky_image);
             add(&mut total, &local);
-            let file = writer.add(&format!("set-{name}"), "exr", &total.to_exr())?;
+            let files = self.add(writer, &format!("set-{name}"), &total)?;
+            let maps = files.into_iter().zip(sun).zip(sky).map(|((file, sun), sky)| Map { file, sun, sky });
             sets.push(Set {
                 hour: moment.hour,
                 groups_on: moment.groups_on.clone(),
                 relative_error: errors.relative_of_set(i),
-                maps: vec![Map { file, sun, sky }],
+                maps: maps.collect(),
             });
             each();
         }
-        let noise = Noise {
-            tile: TILE as u32,
-            mse: errors.tiles.iter().map(|tiles| vec![tiles.iter().map(|t| t.mse()).collect()]).collect(),
-        };
+        let noise = Noise { tile: TILE as u32, mse: self.noise(&errors) };
         let noise = writer.add("noise", "json", &json::bytes(&noise, "noise table")?)?;
-        let valid_texels = self.mask.valid.iter().filter(|v| **v).count();
         Ok(Stored {
-            mask,
+            pages,
             groups,
             sets,
             noise,
-            valid_texels,
+            valid_texels: self.mask.count(),
             buried_texels: self.buried_texels,
             unlit_texels: self.unlit_texels,
+            seams: self.jumps(&errors)?,
+            errors,
         })
+    }
+
+    fn store_masks(&self, writer: &mut Writer) -> Result<Vec<Page>> {
+        (0..self.atlas.pages)
+            .map(|page| {
+                let rows = self.atlas.page_rows(page);
+                let (from, to) = (rows.start as usize * self.mask.width, rows.end as usize * self.mask.width);
+                let valid = self.mask.valid[from..to].to_vec();
+                let mask = Mask { width: self.mask.width, height: rows.len(), valid };
+                let stem = if self.atlas.pages == 1 { "mask".to_owned() } else { format!("mask-p{page}") };
+                let file = writer.add(&stem, "png", &mask.to_png())?;
+                Ok(Page { width: self.atlas.width, height: self.atlas.page_height, mask: file })
+            })
+            .collect()
+    }
+
+    /// The errors of a moment, tile by tile, from those of its layers.
+    fn add_errors(&self, moment: usize, errors: &mut Errors) -> Result<()> {
+        let mut sum = vec![(Rgb::ZERO, Rgb::ZERO); self.texels.len()];
+        for layer in self.plan.layers_of(moment) {
+            let scale = self.plan.scale_of(layer);
+            for (sum, value) in sum.iter_mut().zip(self.layers.read(&self.digests[layer])?) {
+                sum.0 += value.mean * scale;
+                sum.1 += value.error * scale;
+            }
+        }
+        for (texel, (mean, error)) in self.texels.iter().zip(sum) {
+            let index = texel.index as usize;
+            if self.mask.valid[index] {
+                let mut sums = Sums::default();
+                sums.add_texel(mean, error);
+                errors.add(moment, index % self.mask.width, index / self.mask.width, &sums);
+            }
+        }
+        Ok(())
+    }
+
+    /// Mean squared errors `[set][page][tile]`.
+    fn noise(&self, errors: &Errors) -> Vec<Vec<Vec<f64>>> {
+        let of_page = |tiles: &[Sums], page: u32| {
+            let rows = self.atlas.page_rows(page);
+            let (from, to) = (rows.start as usize / TILE, (rows.end as usize).div_ceil(TILE));
+            tiles[from * errors.columns..to * errors.columns].iter().map(Sums::mse).collect()
+        };
+        let set = |tiles: &Vec<Sums>| (0..self.atlas.pages).map(|p| of_page(tiles, p)).collect();
+        errors.tiles.iter().map(set).collect()
+    }
+
+    /// The jump across seams of the set with most light, with its layers dilated only, and stitched.
+    fn jumps(&self, errors: &Errors) -> Result<Option<(usize, Jump, Jump)>> {
+        let light = |i: &usize| errors.set(*i).mean();
+        let brightest = (0..self.plan.moments.len()).max_by(|a, b| light(a).total_cmp(&light(b)));
+        let Some(moment) = brightest.filter(|_| self.seams.edges() > 0) else { return Ok(None) };
+        let mut images = [
+            Image::black(self.mask.width, self.mask.height),
+            Image::black(self.mask.width, self.mask.height),
+        ];
+        for layer in self.plan.layers_of(moment) {
+            for (stitched, image) in images.iter_mut().enumerate() {
+                add(image, &self.layer(layer, stitched == 1)?);
+            }
+        }
+        let jump = |image: &Image| self.seams.jump(image);
+        Ok(jump(&images[0]).zip(jump(&images[1])).map(|(before, after)| (self.seams.edges(), before, after)))
     }
 }
 

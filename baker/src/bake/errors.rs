@@ -3,13 +3,14 @@
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by ((A − B)/2)².
 //! (A running variance of low-discrepancy points would overestimate it.)
 
-use super::plan::Plan;
-use super::state::BlockState;
+use super::state::{BlockState, CELL, CELLS};
 use crate::Rgb;
-use crate::surface::BLOCK;
+use crate::surface::{BLOCK, BlockSurface};
+use crate::trace::lights::Lights;
+use dataset::metrics::relative_error;
 use dataset::tiles::TILE;
 
-/// Error and light of one tile at one set, as sums over valid texels and channels.
+/// Error and light of some texels at one set, as sums over valid texels and channels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sums {
     /// Texels × channels.
@@ -21,10 +22,18 @@ pub struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, other: &Sums) {
+    /// Adds other texels.
+    pub fn add(&mut self, other: &Sums) {
         self.values += other.values;
         self.squared_error += other.squared_error;
         self.light += other.light;
+    }
+
+    /// Adds a texel by its mean and its standard error.
+    pub fn add_texel(&mut self, mean: Rgb, error: Rgb) {
+        self.values += 3;
+        self.squared_error += error.as_dvec3().length_squared();
+        self.light += mean.as_dvec3().element_sum();
     }
 
     /// Mean squared standard error.
@@ -47,42 +56,50 @@ pub struct Errors {
     pub tiles: Vec<Vec<Sums>>,
 }
 
-/// Whether enough of a texel's samples lie outside solids for it to count as surface.
-pub fn is_exposed(exposed: [u32; 2], samples: u32) -> bool {
-    const LEAST_SHARE: u32 = 8;
-    exposed[0] > 0 && exposed[1] > 0 && (exposed[0] + exposed[1]) * LEAST_SHARE >= samples
+/// The layers a set is made of, and what each is multiplied by.
+pub type Parts = Vec<(usize, Rgb)>;
+
+/// Per set, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
+pub fn of_block(
+    sets: &[Parts],
+    lights: &Lights,
+    surface: &BlockSurface,
+    state: &BlockState,
+) -> Vec<[Sums; CELLS]> {
+    let layers = lights.layers();
+    let mut cells = vec![[Sums::default(); CELLS]; sets.len()];
+    let (mut a, mut b) = (vec![Rgb::ZERO; layers], vec![Rgb::ZERO; layers]);
+    for (texel, place) in surface.covered().enumerate() {
+        if !state.is_exposed(texel) {
+            continue;
+        }
+        state.means(texel, 0, lights, &mut a);
+        state.means(texel, 1, lights, &mut b);
+        if a.iter().chain(&b).all(|v| *v == Rgb::ZERO) {
+            continue;
+        }
+        for (parts, cells) in sets.iter().zip(&mut cells) {
+            let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
+            let (a, b) = (sum(&a), sum(&b));
+            cells[cell_of(surface, place)].add_texel((a + b) * 0.5, (a - b) * 0.5);
+        }
+    }
+    cells
 }
 
-/// Whether any light reached a texel in any layer: what lies in the ground or between two bodies gets none.
-pub fn is_lit(sums: &[Rgb]) -> bool {
-    sums.iter().any(|s| *s != Rgb::ZERO)
+/// The cell of a texel (an index within the block, row by row).
+pub fn cell_of(surface: &BlockSurface, texel: usize) -> usize {
+    (texel / surface.width / CELL) * (BLOCK / CELL) + texel % surface.width / CELL
 }
 
-/// The sums of one block for every set: a block lies in one metric tile.
-pub fn of_block(plan: &Plan, state: &BlockState) -> Vec<Sums> {
-    let layers = plan.layers();
-    (0..plan.moments.len())
-        .map(|moment| {
-            let parts = plan.layers_of(moment);
-            let mut sums = Sums::default();
-            for (texel, &exposed) in state.exposed.iter().enumerate() {
-                let sums_of_texel = &state.sums[texel * 2 * layers..(texel + 1) * 2 * layers];
-                if !is_exposed(exposed, state.samples) || !is_lit(sums_of_texel) {
-                    continue;
-                }
-                let half = |h: usize| {
-                    let from = (texel * 2 + h) * layers;
-                    parts.iter().map(|&l| state.sums[from + l].as_dvec3()).sum::<glam::DVec3>()
-                        / f64::from(exposed[h])
-                };
-                let (a, b) = (half(0), half(1));
-                sums.values += 3;
-                sums.squared_error += ((a - b) * 0.5).length_squared();
-                sums.light += ((a + b) * 0.5).element_sum();
-            }
-            sums
-        })
-        .collect()
+/// Cells darker than this part of their set's mean are judged as if they were as bright: by what is seen of their noise.
+const DARK: f64 = 0.1;
+
+/// The greatest relative error of a cell over the sets, by the mean light of each set; the cell's own mean is floored at
+/// a tenth of that.
+pub fn worst_of_cell(cells: &[[Sums; CELLS]], cell: usize, set_means: &[f64]) -> f64 {
+    let relative = cells.iter().zip(set_means).filter(|(_, mean)| **mean > 0.0);
+    relative.map(|(c, &mean)| c[cell].mse().sqrt() / c[cell].mean().max(DARK * mean)).fold(0.0, f64::max)
 }
 
 impl Errors {
@@ -92,13 +109,10 @@ impl Errors {
         Errors { columns, tiles: vec![vec![Sums::default(); columns * height.div_ceil(TILE)]; sets] }
     }
 
-    /// Adds the sums of the block whose top left texel is (x0, y0).
-    pub fn add(&mut self, x0: usize, y0: usize, block: &[Sums]) {
+    /// Adds the sums of the texel or block whose top left texel is (x0, y0).
+    pub fn add(&mut self, set: usize, x0: usize, y0: usize, sums: &Sums) {
         const { assert!(TILE.is_multiple_of(BLOCK)) };
-        let tile = (y0 / TILE) * self.columns + x0 / TILE;
-        for (set, sums) in self.tiles.iter_mut().zip(block) {
-            set[tile].add(sums);
-        }
+        self.tiles[set][(y0 / TILE) * self.columns + x0 / TILE].add(sums);
     }
 
     /// The whole page at one set.
@@ -111,7 +125,7 @@ impl Errors {
     /// Relative error of one set over the whole page; `None` without light.
     pub fn relative_of_set(&self, set: usize) -> Option<f64> {
         let all = self.set(set);
-        (all.light > 0.0).then(|| dataset::metrics::relative_error(all.mse(), all.mean(), all.mean()))
+        (all.light > 0.0).then(|| relative_error(all.mse(), all.mean(), all.mean()))
     }
 
     /// Relative error of every (tile, set) with light, by the project's one definition.
@@ -121,7 +135,7 @@ impl Errors {
             let set_mean = self.set(set).mean();
             if set_mean > 0.0 {
                 let lit = tiles.iter().filter(|t| t.values > 0);
-                all.extend(lit.map(|t| dataset::metrics::relative_error(t.mse(), t.mean(), set_mean)));
+                all.extend(lit.map(|t| relative_error(t.mse(), t.mean(), set_mean)));
             }
         }
         all

@@ -1,11 +1,17 @@
 //! What will be traced: moments, the distinct layers they need, and what was left out and why.
 
+use super::json;
 use crate::geometry::Geometry;
-use crate::light::lamp::LampSampler;
+use crate::light::emitter::emitters;
+use crate::light::group::GroupSampler;
+use crate::light::guide::SkyGuide;
 use crate::light::schedule::{Hours, Moment, moments};
-use crate::light::sky::SkyTable;
+use crate::light::sky::{self, SkyTable};
 use crate::light::sun::{self, SunDisc};
-use crate::scene::{Scene, Sky};
+use crate::scene::{Lamp, Scene, Sky};
+use crate::trace::lights::{GroupLight, Lights, SunLight};
+use crate::{Result, Rgb};
+use glam::{DVec3, Vec3};
 
 /// The layers of a bake and how each moment is made of them.
 #[derive(Debug)]
@@ -16,16 +22,31 @@ pub struct Plan {
     pub suns: Vec<SunDisc>,
     /// Per moment, its sun among `suns`.
     pub sun_of: Vec<Option<usize>>,
-    /// The sky at its distinct moments.
-    pub sky: SkyTable,
-    /// Per moment, its sky among `sky.lit`.
+    /// Distinct skies that are not black: the hour of each (the first of those that share it).
+    pub skies: Vec<f64>,
+    /// Per moment, its sky among `skies`.
     pub sky_of: Vec<Option<usize>>,
-    /// Lamps of the groups that are lit at any moment.
-    pub lamps: Vec<Vec<LampSampler>>,
-    /// Per group of the scene, its place among `lamps`.
+    /// The groups that are lit at any moment.
+    pub groups: Vec<PlannedGroup>,
+    /// Per group of the scene, its place among `groups`.
     pub layer_of_group: Vec<Option<usize>>,
     /// What is not traced, and why, in words.
     pub left_out: Vec<String>,
+}
+
+/// A group to trace, in units of its own brightest light: a change of its colour or intensity changes `scale` alone.
+#[derive(Debug)]
+pub struct PlannedGroup {
+    /// Its name.
+    pub name: String,
+    /// Its place among the groups of the scene.
+    index: u32,
+    /// Per channel, what the traced layer is multiplied by: the greatest light of its lamps and surfaces.
+    pub scale: Rgb,
+    /// Its lamps ÷ `scale`.
+    pub lamps: Vec<Lamp>,
+    /// Per material of the geometry, the radiance it emits for this group ÷ `scale`.
+    pub emission: Vec<Rgb>,
 }
 
 impl Plan {
@@ -33,81 +54,40 @@ impl Plan {
     pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours) -> Self {
         let moments = moments(hours, &scene.groups);
         let mut left_out = Vec::new();
+        let (suns, sun_of) = plan_suns(scene, &moments, &mut left_out);
+        let (skies, sky_of) = plan_skies(scene, &moments, &mut left_out);
 
-        // Suns, the same disc once.
-        let mut suns: Vec<SunDisc> = Vec::new();
-        let sun_of: Vec<Option<usize>> = moments
-            .iter()
-            .map(|m| {
-                let disc = sun::at(scene.sun.as_ref()?, scene.place.as_ref(), m.hour)?;
-                Some(suns.iter().position(|s| *s == disc).unwrap_or_else(|| {
-                    suns.push(disc);
-                    suns.len() - 1
-                }))
-            })
-            .collect();
-        let dark = sun_of.iter().filter(|s| s.is_none()).count();
-        match (&scene.sun, dark) {
-            (None, _) => left_out.push("no sun rays: the scene has no sun".to_owned()),
-            (Some(_), 0) => {}
-            (Some(_), n) => {
-                left_out.push(format!(
-                    "no sun rays at {n} of {} moments: the sun gives no light then",
-                    moments.len()
-                ));
+        // Groups: only those some moment shows, and that shine.
+        let mut groups = Vec::new();
+        let mut layer_of_group = vec![None; scene.groups.len()];
+        for (g, group) in scene.groups.iter().enumerate() {
+            if !moments.iter().any(|m| m.groups_on[g]) {
+                left_out.push(format!("group \"{}\" is not traced: off at every moment baked", group.name));
+                continue;
             }
+            let planned = PlannedGroup::new(group, g, geometry);
+            if planned.scale == Rgb::ZERO {
+                left_out.push(format!("group \"{}\" is not traced: nothing in it shines", group.name));
+                continue;
+            }
+            layer_of_group[g] = Some(groups.len());
+            groups.push(planned);
         }
-
-        // Skies: a constant one is the same at every moment.
-        let hours: Vec<f64> = moments.iter().map(|m| m.hour).collect();
-        let constant = matches!(scene.sky, Some(Sky::Constant { .. }));
-        let asked = if constant { hours.get(..1).unwrap_or(&[]) } else { &hours[..] };
-        let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), asked);
-        let sky_of: Vec<Option<usize>> = (0..moments.len())
-            .map(|i| sky.lit.iter().position(|&hour| hour == if constant { 0 } else { i }))
-            .collect();
-        if scene.sky.is_none() {
-            left_out.push("no sky lookups: the scene has no sky".to_owned());
-        } else if sky.lit.is_empty() {
-            left_out.push("no sky lookups: the sky is black at every moment".to_owned());
-        }
-        let (distinct_suns, distinct_skies) = (suns.len(), sky.lit.len());
-        let with_sun = sun_of.iter().flatten().count();
-        if distinct_suns < with_sun {
-            left_out.push(format!("{with_sun} moments with sun share {distinct_suns} distinct suns"));
-        }
-        if constant && distinct_skies == 1 && moments.len() > 1 {
-            left_out.push(format!("{} moments share one constant sky", moments.len()));
-        }
-
-        // Groups: only those some moment shows.
-        let mut lamps = Vec::new();
-        let layer_of_group = scene
-            .groups
-            .iter()
-            .enumerate()
-            .map(|(g, group)| {
-                if !moments.iter().any(|m| m.groups_on[g]) {
-                    left_out
-                        .push(format!("group \"{}\" is not traced: off at every moment baked", group.name));
-                    return None;
-                }
-                lamps.push(group.lamps.iter().map(|lamp| LampSampler::new(lamp, geometry.origin)).collect());
-                Some(lamps.len() - 1)
-            })
-            .collect();
         if scene.groups.is_empty() {
             left_out.push("no lamp sampler and no switch extras: the scene has no light groups".to_owned());
         }
         if !geometry.materials.iter().any(|m| m.alpha_cutoff.is_some()) {
             left_out.push("no alpha tests: the scene has no cut-outs".to_owned());
         }
-        Plan { moments, suns, sun_of, sky, sky_of, lamps, layer_of_group, left_out }
+        if geometry.textures.is_empty() {
+            left_out.push("no texture lookups: the scene has no textures".to_owned());
+        }
+        Plan { moments, suns, sun_of, skies, sky_of, groups, layer_of_group, left_out }
     }
 
     /// Number of layers: suns, skies, groups, in that order.
     pub fn layers(&self) -> usize {
-        self.suns.len() + self.sky.lit.len() + self.lamps.len()
+        self.suns.len() + self.skies.len() + self.groups.len()
     }
 
     /// The layers whose sum is the light of a moment, ascending.
@@ -118,11 +98,223 @@ impl Plan {
 
     /// The layers of the groups that are lit at a moment.
     pub fn groups_of(&self, moment: usize) -> impl Iterator<Item = usize> + '_ {
-        let first = self.suns.len() + self.sky.lit.len();
+        let first = self.suns.len() + self.skies.len();
         let on = &self.moments[moment].groups_on;
         on.iter()
             .zip(&self.layer_of_group)
             .filter(|(on, _)| **on)
             .filter_map(move |(_, l)| l.map(|l| first + l))
+    }
+
+    /// The group a layer belongs to.
+    pub fn group_of_layer(&self, layer: usize) -> Option<&PlannedGroup> {
+        self.groups.get(layer.checked_sub(self.suns.len() + self.skies.len())?)
+    }
+
+    /// What a layer's values are multiplied by.
+    pub fn scale_of(&self, layer: usize) -> Rgb {
+        self.group_of_layer(layer).map_or(Rgb::ONE, |g| g.scale)
+    }
+
+    /// What a layer shows, in words.
+    pub fn name_of(&self, layer: usize) -> String {
+        let n = self.suns.len();
+        match (layer < n, self.group_of_layer(layer)) {
+            (true, _) => {
+                let moment = self.sun_of.iter().position(|s| *s == Some(layer)).unwrap_or(0);
+                format!("sun at {}", hour(self.moments[moment].hour))
+            }
+            (_, Some(group)) => format!("group \"{}\"", group.name),
+            _ => format!("sky at {}", hour(self.skies[layer - n])),
+        }
+    }
+
+    /// The digest of each layer: of `base` (all that decides a texel but light) and of what shines in it.
+    pub fn digests(&self, scene: &Scene, base: &blake3::Hash) -> Result<Vec<String>> {
+        (0..self.layers())
+            .map(|layer| {
+                let mut hash = blake3::Hasher::new();
+                hash.update(base.as_bytes());
+                if let Some(sun) = self.suns.get(layer) {
+                    hash.update(&json::bytes(&("sun", sun), "sun")?);
+                } else if let Some(group) = self.group_of_layer(layer) {
+                    hash.update(&json::bytes(
+                        &("group", &group.name, &group.lamps, &group.emission),
+                        "group",
+                    )?);
+                } else {
+                    hash.update(&json::bytes(&("sky", &scene.sky, &scene.portals), "sky")?);
+                    let hour = self.skies[layer - self.suns.len()];
+                    hash.update(bytemuck::cast_slice(&signature(scene, hour)));
+                }
+                Ok(hash.finalize().to_hex().to_string())
+            })
+            .collect()
+    }
+
+    /// The light of some layers (ascending), ready for sampling: its layers are these, in this order.
+    pub fn lights(&self, scene: &Scene, geometry: &Geometry, layers: &[usize]) -> Lights {
+        let (n, m) = (self.suns.len(), self.skies.len());
+        let suns = layers.iter().filter_map(|&l| self.suns.get(l).copied().map(SunLight::new)).collect();
+        let hours: Vec<f64> =
+            layers.iter().filter(|&&l| (n..n + m).contains(&l)).map(|&l| self.skies[l - n]).collect();
+        let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &hours);
+        let guide = SkyGuide::new(scene, &sky, geometry.origin);
+        let mut groups = Vec::new();
+        let mut layer_of_group = vec![None; self.layer_of_group.len()];
+        for &layer in layers.iter().filter(|&&l| l >= n + m) {
+            let group = &self.groups[layer - n - m];
+            layer_of_group[group.index as usize] = Some(groups.len());
+            groups.push(group.light(geometry));
+        }
+        Lights { suns, sky, guide, groups, layer_of_group }
+    }
+}
+
+fn hour(hour: f64) -> String {
+    let minutes = (hour * 60.0).round() as i64;
+    format!("{}:{:02}", minutes / 60, minutes % 60)
+}
+
+/// The distinct suns, and which one each moment has.
+fn plan_suns(
+    scene: &Scene,
+    moments: &[Moment],
+    left_out: &mut Vec<String>,
+) -> (Vec<SunDisc>, Vec<Option<usize>>) {
+    let mut suns: Vec<SunDisc> = Vec::new();
+    let sun_of: Vec<Option<usize>> = moments
+        .iter()
+        .map(|m| {
+            let disc = sun::at(scene.sun.as_ref()?, scene.place.as_ref(), m.hour)?;
+            Some(suns.iter().position(|s| *s == disc).unwrap_or_else(|| {
+                suns.push(disc);
+                suns.len() - 1
+            }))
+        })
+        .collect();
+    let with_sun = sun_of.iter().flatten().count();
+    if scene.sun.is_none() {
+        left_out.push("no sun rays: the scene has no sun".to_owned());
+    } else if with_sun < moments.len() {
+        left_out.push(format!(
+            "no sun rays at {} of {} moments: the sun gives no light then",
+            moments.len() - with_sun,
+            moments.len()
+        ));
+    }
+    if suns.len() < with_sun {
+        left_out.push(format!("{with_sun} moments with sun share {} distinct suns", suns.len()));
+    }
+    (suns, sun_of)
+}
+
+/// The distinct skies that are not black (their hours), and which one each moment has.
+fn plan_skies(
+    scene: &Scene,
+    moments: &[Moment],
+    left_out: &mut Vec<String>,
+) -> (Vec<f64>, Vec<Option<usize>>) {
+    let mut skies: Vec<(f64, Vec<Vec3>)> = Vec::new();
+    let mut black = 0;
+    let mut sky_of = vec![None; moments.len()];
+    for (m, sky_of) in moments.iter().zip(&mut sky_of) {
+        let signature = signature(scene, m.hour);
+        if signature.iter().all(|v| *v == Vec3::ZERO) {
+            black += 1;
+            continue;
+        }
+        *sky_of = Some(skies.iter().position(|(_, s)| *s == signature).unwrap_or_else(|| {
+            skies.push((m.hour, signature));
+            skies.len() - 1
+        }));
+    }
+    let lit = moments.len() - black;
+    if scene.sky.is_none() {
+        left_out.push("no sky lookups: the scene has no sky".to_owned());
+    } else if lit == 0 {
+        left_out.push("no sky lookups: the sky is black at every moment".to_owned());
+    } else if black > 0 {
+        left_out.push(format!("no sky at {black} of {} moments: it is black then", moments.len()));
+    }
+    if skies.len() < lit {
+        left_out.push(format!("{lit} moments with light in the sky share {} distinct skies", skies.len()));
+    }
+    (skies.into_iter().map(|(hour, _)| hour).collect(), sky_of)
+}
+
+/// The sky of an hour in a few hundred directions: equal signatures, equal skies (they come from one model).
+fn signature(scene: &Scene, hour: f64) -> Vec<Vec3> {
+    const RINGS: usize = 16;
+    let Some(sky) = &scene.sky else { return Vec::new() };
+    match sky {
+        Sky::Constant { radiance } => return vec![radiance.as_vec3()],
+        Sky::Image(_) => {
+            let is_lit = !SkyTable::new(Some(sky), None, &[hour]).lit.is_empty();
+            return vec![Vec3::splat(f32::from(u8::from(is_lit)))];
+        }
+        Sky::HosekWilkie { .. } => {}
+    }
+    sky::radiances(sky, scene.place.as_ref(), hour, &directions(RINGS))
+}
+
+/// Directions of the upper hemisphere, ring by ring.
+fn directions(rings: usize) -> Vec<Vec3> {
+    (0..rings * rings)
+        .map(|i| {
+            let (y, phi) = (
+                (i / rings) as f32 / rings as f32,
+                (i % rings) as f32 / rings as f32 * std::f32::consts::TAU,
+            );
+            let r = (1.0 - y * y).sqrt();
+            Vec3::new(r * phi.cos(), y, r * phi.sin())
+        })
+        .collect()
+}
+
+impl PlannedGroup {
+    fn new(group: &crate::scene::Group, index: usize, geometry: &Geometry) -> Self {
+        let emission: Vec<DVec3> = geometry
+            .materials
+            .iter()
+            .map(|m| match m.emission {
+                Some((radiance, g)) if g as usize == index => radiance.as_dvec3(),
+                _ => DVec3::ZERO,
+            })
+            .collect();
+        let lights = group.lamps.iter().map(Lamp::light).chain(emission.iter().copied());
+        let scale = lights.fold(DVec3::ZERO, DVec3::max);
+        // Rounded to single precision, in which equal ratios stay equal when all are multiplied.
+        let unit = |light: DVec3| {
+            let ratio = |l: f64, s: f64| if s > 0.0 { f64::from((l / s) as f32) } else { 0.0 };
+            DVec3::new(ratio(light.x, scale.x), ratio(light.y, scale.y), ratio(light.z, scale.z))
+        };
+        PlannedGroup {
+            name: group.name.clone(),
+            index: index as u32,
+            scale: scale.as_vec3(),
+            lamps: group.lamps.iter().map(|lamp| lamp.with_light(unit(lamp.light()))).collect(),
+            emission: emission.into_iter().map(|e| unit(e).as_vec3()).collect(),
+        }
+    }
+
+    fn light(&self, geometry: &Geometry) -> GroupLight {
+        let mut emitters = emitters(geometry, self.index);
+        for emitter in &mut emitters {
+            let material = geometry.material_of[emitter.triangle as usize];
+            emitter.radiance = self.emission[material as usize];
+        }
+        let name = blake3::hash(self.name.as_bytes());
+        let key = u32::from_le_bytes([
+            name.as_bytes()[0],
+            name.as_bytes()[1],
+            name.as_bytes()[2],
+            name.as_bytes()[3],
+        ]);
+        GroupLight {
+            sampler: GroupSampler::new(&self.lamps, &emitters, geometry.origin),
+            emission: self.emission.clone(),
+            key,
+        }
     }
 }

@@ -1,27 +1,40 @@
-//! Tracing in rounds: each doubles the samples of every block, so that an estimate with its error exists early and
+//! Tracing in rounds: each doubles the samples where more are wanted, so that an estimate with its error exists early and
 //! improves to the end.
 
-use super::errors::{Errors, of_block};
+use super::block::{Cache, Worker, sum};
+use super::errors::{Errors, Parts, Sums, cell_of, of_block, worst_of_cell};
 use super::json;
-use super::plan::Plan;
-use super::state::{BlockState, StateFolder};
-use crate::atlas::Atlas;
-use crate::surface::{BlockSurface, FaceBins};
-use crate::trace::sampler::Sequence;
-use crate::trace::walk::{RayCounts, Transport};
-use crate::{Error, Result, Rgb};
-use dataset::console::{Console, interrupted, stop_if_interrupted};
+use super::solve;
+use super::state::{BlockState, CELLS, StateFolder};
+use crate::surface::BlockSurface;
+use crate::trace::walk::RayCounts;
+use crate::{Error, Result};
+use dataset::console::{Console, stop_if_interrupted};
 use dataset::files::write_atomically;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Most samples of indirect light per texel.
+    pub samples: u32,
+    /// Relative error below which a cell of 16×16 texels gets no more samples.
+    pub target_error: Option<f64>,
+    /// When to stop whatever was reached; the first round is always made.
+    pub deadline: Option<Instant>,
+}
 
 /// What a round reached.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Round {
-    /// Samples per texel after it.
+    /// Samples of indirect light per texel, at most.
     pub samples: u32,
+    /// The same, on average over the texels.
+    pub mean_samples: f64,
     /// Seconds of tracing up to its end, over all runs of this bake.
     pub seconds: f64,
     /// Median relative error over (tile, set).
@@ -30,178 +43,309 @@ pub struct Round {
     pub p95_error: f64,
     /// The largest.
     pub worst_error: f64,
-    /// Relative error of every set over the whole page.
+    /// Relative error of every set over the whole page, of the layers this run traces.
     pub set_errors: Vec<Option<f64>>,
+    /// Mean light of every set over the whole page, of the layers this run traces.
+    pub set_means: Vec<f64>,
+    /// Cells that have not reached the target; 0 without one.
+    pub open_cells: usize,
 }
 
 /// The result of tracing.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Traced {
     /// One entry per round.
     pub rounds: Vec<Round>,
-    /// The last round's error table.
-    pub errors: Errors,
     /// Rays traced by this run (not by earlier runs it continued).
     pub rays: RayCounts,
-    /// Samples per texel this run found done.
-    pub resumed_samples: u32,
+    /// Rounds this run found done.
+    pub resumed: usize,
+    /// What should be known about the way to the result, in words.
+    pub notes: Vec<String>,
+    /// Whether the time ran out.
+    pub out_of_time: bool,
 }
 
-/// The sample counts after each round: up to six doublings that end at `samples`.
-pub fn schedule(samples: u32) -> Vec<u32> {
-    (0..6).rev().map(|k| samples >> k).filter(|&n| n >= 2).collect()
+/// Samples of the first round towards a target error.
+const FIRST: u32 = 16;
+
+/// The samples per texel after each round: up to four that double and end at `samples`; towards a target, doublings from
+/// 16.
+pub fn schedule(limits: &Limits) -> Vec<u32> {
+    let most = limits.samples;
+    if limits.target_error.is_none() && limits.deadline.is_none() {
+        return (0..4).rev().map(|k| most >> k).filter(|&n| n >= 2).collect();
+    }
+    let doublings = std::iter::successors(Some(FIRST), |n| n.checked_mul(2)).take_while(|&n| n < most);
+    doublings.chain([most]).collect()
 }
 
-/// What a round's tracing works with.
+/// Samples of direct light in each half that every texel and light gets.
+const FIRST_DIRECT: u16 = 4;
+
+/// Samples of direct light in each half, where they differ, when there are `samples` of indirect light per texel.
+fn direct_samples(samples: u32) -> u16 {
+    samples.clamp(u32::from(FIRST_DIRECT), 1 << 14) as u16
+}
+
+/// What rounds are traced with.
 pub struct Tracer<'a> {
-    /// Light and geometry.
-    pub transport: Transport<'a>,
-    /// What is traced.
-    pub plan: &'a Plan,
-    /// Where texels lie.
-    pub atlas: &'a Atlas,
-    /// The faces of each block.
-    pub bins: &'a FaceBins,
+    /// Light, geometry and texels.
+    pub worker: Worker<'a>,
+    /// Per set, the layers being traced that it is made of.
+    pub sets: Vec<Parts>,
     /// Work so far.
     pub folder: &'a StateFolder,
-    /// Seed of all randomness.
-    pub seed: u64,
+    /// Whether walks end in the cache.
+    pub cached: bool,
+    /// Layers of the whole bake, traced now or not.
+    pub layers: usize,
 }
 
 impl Tracer<'_> {
-    /// Traces until every texel has `samples` samples.
-    pub fn run(&self, samples: u32, console: &Console) -> Result<Traced> {
-        let blocks: Vec<usize> =
-            (0..self.bins.columns * self.bins.rows).filter(|&b| !self.bins.faces(b).is_empty()).collect();
+    /// Traces until a limit is reached.
+    pub fn run(&self, limits: &Limits, console: &Console) -> Result<Traced> {
+        let blocks = self.worker.blocks();
         let log_path = self.folder.root().join("rounds.json");
-        let mut rounds: Vec<Round> =
+        let rounds: Vec<Round> =
             std::fs::read(&log_path).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
-        rounds.retain(|r| r.samples < samples);
         let before = rounds.last().map_or(0.0, |r| r.seconds);
-        let resumed_samples = rounds.last().map_or(0, |r| r.samples);
+        let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
         let start = Instant::now();
-        let total = u64::from(samples - resumed_samples.min(samples)) * blocks.len() as u64;
-        let progress = console.progress("tracing", total);
-        let mut rays = RayCounts::default();
-        let mut errors = None;
-        for target in schedule(samples) {
-            if target <= resumed_samples && target < samples {
+        let schedule = schedule(limits);
+        traced.rays += self.direct_pass(&blocks, console)?;
+        let cache = self.cache(&blocks, console, &mut traced)?;
+        // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
+        let is_open = limits.target_error.is_some() || limits.deadline.is_some();
+        let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
+        let mut progress =
+            console.progress("tracing", work(if is_open { schedule[0] } else { total_of(&schedule) }));
+        if traced.resumed > 0 {
+            console.say(format!("continuing after {} rounds of an earlier run", traced.resumed));
+        }
+        for (round, &target) in schedule.iter().enumerate() {
+            let previous = if round == 0 { 0 } else { schedule[round - 1] };
+            if round < traced.resumed {
+                progress.advance(work(target - previous));
                 continue;
             }
-            let previous = rounds.last().map_or(0, |r| r.samples);
+            if limits.target_error.is_some() && traced.rounds.last().is_some_and(|r| r.open_cells == 0) {
+                break;
+            }
+            if round > 0 && limits.deadline.is_some_and(|d| Instant::now() >= d) {
+                traced.out_of_time = true;
+                break;
+            }
+            if is_open && round > 0 {
+                progress = console.progress(&format!("round of {target} samples"), work(target - previous));
+                if let Some(last) = traced.rounds.last() {
+                    progress.note(&note(last, limits));
+                }
+            }
+            let deadline = limits.deadline.filter(|_| round > 0);
+            let step = Step { round: round as u32 + 1, target, limits, deadline, last: traced.rounds.last() };
+            let late = AtomicBool::new(false);
             let counted = Mutex::new(RayCounts::default());
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
-            let sums: Vec<_> = blocks
+            let done: Vec<Done> = blocks
                 .par_iter()
                 .map(|&block| {
-                    let result = self.block(block, target, samples)?;
-                    *counted.lock().unwrap_or_else(|e| e.into_inner()) += result.1;
+                    let done = self.block(block, &step, cache.as_ref(), &late)?;
+                    *counted.lock().unwrap_or_else(|e| e.into_inner()) += done.rays;
                     progress.advance(u64::from(target - previous));
-                    Ok((block, result.0))
+                    Ok(done)
                 })
                 .collect::<Result<_>>()?;
-            let (width, height) = (self.atlas.width as usize, self.atlas.height as usize);
-            let mut table = Errors::new(width, height, self.plan.moments.len());
-            for (block, sums) in &sums {
-                let (x0, y0) = self.corner(*block);
-                table.add(x0, y0, sums);
+            traced.rays += counted.into_inner().unwrap_or_else(|e| e.into_inner());
+            if traced.rays.endless > 0 {
+                return Err(endless());
             }
-            rays += counted.into_inner().unwrap_or_else(|e| e.into_inner());
-            let round = summarise(&table, target, before + start.elapsed().as_secs_f64());
-            progress.note(&format!("error {:.2} % at {target} samples", round.median_error * 100.0));
-            rounds.push(round);
-            write_atomically(&log_path, &json::bytes(&rounds, "rounds")?)?;
-            errors = Some(table);
-        }
-        let Some(errors) = errors else {
-            return Err(Error::invalid("bake", "needs at least 2 samples per texel"));
-        };
-        Ok(Traced { rounds, errors, rays, resumed_samples })
-    }
-
-    fn corner(&self, block: usize) -> (usize, usize) {
-        use crate::surface::BLOCK;
-        ((block % self.bins.columns) * BLOCK, (block / self.bins.columns) * BLOCK)
-    }
-
-    /// Brings one block to at least `target` samples and gives its error sums. An earlier run that asked for more than
-    /// `most` left too many: the block starts again, so that the texels never depend on what stood there.
-    fn block(&self, block: usize, target: u32, most: u32) -> Result<(Vec<super::errors::Sums>, RayCounts)> {
-        let surface = BlockSurface::new(self.atlas, self.bins, block);
-        let covered: Vec<usize> =
-            (0..surface.width * surface.height).filter(|&t| surface.is_covered(t)).collect();
-        let layers = self.plan.layers();
-        let mut state = self.folder.read(block, covered.len())?;
-        if state.samples > most {
-            state = BlockState::empty(covered.len(), layers);
-        }
-        let mut counts = RayCounts::default();
-        if state.samples < target && !covered.is_empty() {
-            let range = state.samples / 2..target / 2;
-            let traced: Vec<RayCounts> = state
-                .sums
-                .par_chunks_mut((2 * layers).max(1))
-                .zip(&mut state.exposed)
-                .zip(&covered)
-                .with_min_len(64)
-                .map(|((sums, exposed), &texel)| self.texel(&surface, texel, range.clone(), sums, exposed))
-                .collect();
-            stop_if_interrupted()?;
-            traced.into_iter().for_each(|c| counts += c);
-            state.samples = target;
-            self.folder.write(block, &state)?;
-        }
-        Ok((of_block(self.plan, &state), counts))
-    }
-
-    /// Adds samples to one texel: the same points in both halves' numbering, independently scrambled.
-    fn texel(
-        &self,
-        surface: &BlockSurface,
-        texel: usize,
-        samples: std::ops::Range<u32>,
-        sums: &mut [Rgb],
-        exposed: &mut [u32; 2],
-    ) -> RayCounts {
-        let mut counts = RayCounts::default();
-        if interrupted() {
-            return counts;
-        }
-        let (x, y) = (surface.x0 + texel % surface.width, surface.y0 + texel / surface.width);
-        let index = y as u32 * self.atlas.width + x as u32;
-        let layers = self.plan.layers();
-        for half in 0..2 {
-            let sequence = Sequence::new(self.seed, 0, index, half as u32);
-            let out = &mut sums[half * layers..(half + 1) * layers];
-            for sample in samples.clone().map(|index| sequence.sample(index)) {
-                let point = surface.sample(self.atlas, texel, sample.pair(0));
-                exposed[half] += u32::from(self.transport.gather(&point, sample, out, &mut counts));
+            let round = self.summarise(&done, target, before + start.elapsed().as_secs_f64(), limits);
+            progress.note(&note(&round, limits));
+            traced.rounds.push(round);
+            write_atomically(&log_path, &json::bytes(&traced.rounds, "rounds")?)?;
+            if late.load(Ordering::Relaxed) {
+                traced.out_of_time = true;
+                break;
             }
         }
-        counts
+        Ok(traced)
+    }
+
+    /// The first direct samples of all texels: what the cache is solved from.
+    fn direct_pass(&self, blocks: &[usize], console: &Console) -> Result<RayCounts> {
+        let progress = console.progress("direct light", blocks.len() as u64);
+        let counts = blocks
+            .par_iter()
+            .map(|&block| {
+                stop_if_interrupted()?;
+                let surface = self.worker.surface(block);
+                let mut state = self.folder.read(block, surface.covered().count())?;
+                let mut counts = RayCounts::default();
+                if state.outside.is_empty() && !state.taken.is_empty() {
+                    counts += self.worker.probe(&surface, &mut state);
+                    counts += self.worker.direct(&surface, &mut state, FIRST_DIRECT, FIRST_DIRECT);
+                    stop_if_interrupted()?;
+                    self.folder.write(block, &state)?;
+                }
+                progress.advance(1);
+                Ok(counts)
+            })
+            .collect::<Result<Vec<_>>>()?;
+        Ok(sum(counts))
+    }
+
+    fn cache(&self, blocks: &[usize], console: &Console, traced: &mut Traced) -> Result<Option<Cache<'_>>> {
+        if !self.cached || self.worker.transport.lights.layers() == 0 {
+            return Ok(None);
+        }
+        let path = self.folder.root().join("cache.bin");
+        let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
+        traced.rays += counts;
+        if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
+            return Ok(Some(Cache { map, halves }));
+        }
+        let (cache, solution, counts) = solve::fill(&self.worker, self.folder, map, blocks, console)?;
+        traced.rays += counts;
+        if !solution.settled {
+            let passes = solution.passes;
+            traced.notes.push(format!(
+                "the cache had not settled after {passes} passes (light fades too slowly): walks were traced to their end"
+            ));
+            return Ok(None);
+        }
+        solve::store(&path, &cache.halves)?;
+        Ok(Some(cache))
+    }
+
+    /// Brings one block through one round and gives its error sums.
+    fn block(&self, block: usize, step: &Step, cache: Option<&Cache>, late: &AtomicBool) -> Result<Done> {
+        stop_if_interrupted()?;
+        let surface = self.worker.surface(block);
+        let mut state = self.folder.read(block, surface.covered().count())?;
+        let mut rays = RayCounts::default();
+        if state.round < step.round {
+            if step.deadline.is_some_and(|d| Instant::now() >= d) {
+                late.store(true, Ordering::Relaxed);
+            } else {
+                let active = self.active(&surface, &state, step);
+                if active.contains(&true) {
+                    rays +=
+                        self.worker.direct(&surface, &mut state, FIRST_DIRECT, direct_samples(step.target));
+                    rays += self.worker.indirect(&surface, &mut state, &active, step.target / 2, cache);
+                }
+                stop_if_interrupted()?;
+                state.round = step.round;
+                self.folder.write(block, &state)?;
+            }
+        }
+        let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
+        let mut texels = [0u32; CELLS];
+        surface.covered().for_each(|t| texels[cell_of(&surface, t)] += 1);
+        let samples = texels.iter().zip(&state.drawn).map(|(n, d)| u64::from(*n) * 2 * u64::from(*d)).sum();
+        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels: texels.iter().sum(), samples, rays })
+    }
+
+    /// The cells that get samples in a round: all in the first, later those that miss the target.
+    fn active(&self, surface: &BlockSurface, state: &BlockState, step: &Step) -> [bool; CELLS] {
+        let (Some(target), Some(last)) = (step.limits.target_error, step.last) else { return [true; CELLS] };
+        let cells = of_block(&self.sets, self.worker.transport.lights, surface, state);
+        std::array::from_fn(|cell| worst_of_cell(&cells, cell, &last.set_means) > target)
+    }
+
+    fn summarise(&self, done: &[Done], samples: u32, seconds: f64, limits: &Limits) -> Round {
+        let atlas = self.worker.atlas;
+        let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, self.sets.len());
+        for block in done {
+            for (set, cells) in block.cells.iter().enumerate() {
+                let mut all = Sums::default();
+                cells.iter().for_each(|c| all.add(c));
+                errors.add(set, block.x0, block.y0, &all);
+            }
+        }
+        let set_means: Vec<f64> = (0..self.sets.len()).map(|s| errors.set(s).mean()).collect();
+        let open_cells = limits.target_error.map_or(0, |target| {
+            let open =
+                |b: &Done| (0..CELLS).filter(|&c| worst_of_cell(&b.cells, c, &set_means) > target).count();
+            done.iter().map(open).sum()
+        });
+        let mut relative = errors.relative();
+        relative.sort_by(f64::total_cmp);
+        let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+        let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
+        let drawn: u64 = done.iter().map(|d| d.samples).sum();
+        Round {
+            samples,
+            mean_samples: drawn as f64 / texels.max(1) as f64,
+            seconds,
+            median_error: at(0.5),
+            p95_error: at(0.95),
+            worst_error: at(1.0),
+            set_errors: (0..self.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
+            set_means,
+            open_cells,
+        }
     }
 }
 
-fn summarise(errors: &Errors, samples: u32, seconds: f64) -> Round {
-    let mut relative = errors.relative();
-    relative.sort_by(f64::total_cmp);
-    let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-    Round {
-        samples,
-        seconds,
-        median_error: at(0.5),
-        p95_error: at(0.95),
-        worst_error: at(1.0),
-        set_errors: (0..errors.tiles.len()).map(|s| errors.relative_of_set(s)).collect(),
-    }
+/// The samples of the last round.
+fn total_of(schedule: &[u32]) -> u32 {
+    schedule.last().copied().unwrap_or(0)
+}
+
+/// What a progress bar tells of a round.
+fn note(round: &Round, limits: &Limits) -> String {
+    let open = match limits.target_error {
+        Some(_) => format!(", {} cells of 16×16 texels above the target", round.open_cells),
+        None => String::new(),
+    };
+    format!("median error {:.2} % at {} samples{open}", round.median_error * 100.0, round.samples)
+}
+
+/// The error of light that nothing absorbs.
+pub fn endless() -> Error {
+    Error::invalid(
+        "scene",
+        "light grows without end: walks go on for thousands of bounces with hardly any absorption (albedo 1, or nearly, in a closed \
+         space)",
+    )
+}
+
+/// One round, as a block sees it.
+struct Step<'a> {
+    /// Counted from 1.
+    round: u32,
+    /// Samples per texel, both halves together.
+    target: u32,
+    limits: &'a Limits,
+    deadline: Option<Instant>,
+    /// The round before.
+    last: Option<&'a Round>,
+}
+
+/// A block after a round.
+struct Done {
+    x0: usize,
+    y0: usize,
+    cells: Vec<[Sums; CELLS]>,
+    texels: u32,
+    /// Samples of indirect light over all texels.
+    samples: u64,
+    rays: RayCounts,
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
     #[test]
     fn rounds_double_and_end_at_the_samples_asked_for() {
-        assert_eq!(super::schedule(64), [2, 4, 8, 16, 32, 64]);
-        assert_eq!(super::schedule(2), [2]);
-        assert_eq!(super::schedule(1024), [32, 64, 128, 256, 512, 1024]);
+        let fixed = |samples| schedule(&Limits { samples, target_error: None, deadline: None });
+        assert_eq!(fixed(64), [8, 16, 32, 64]);
+        assert_eq!(fixed(2), [2]);
+        assert_eq!(fixed(4), [2, 4]);
+        let target = |samples| schedule(&Limits { samples, target_error: Some(0.01), deadline: None });
+        assert_eq!(target(128), [16, 32, 64, 128]);
+        assert_eq!(target(8), [8]);
     }
 }

@@ -1,42 +1,85 @@
 //! A bake from end to end.
 
 use super::assemble::{Assembler, Stored};
+use super::block::Worker;
+use super::check::{Check, check};
+use super::errors::Parts;
 use super::json;
+use super::layers::{Layers, Texel};
 use super::plan::Plan;
-use super::rounds::{Round, Tracer};
+use super::rounds::{Limits, Round, Traced, Tracer};
 use super::state::StateFolder;
-use crate::atlas::{self, Atlas};
+use crate::atlas::{self, Atlas, Placement};
 use crate::geometry::{self, Geometry};
 use crate::light::schedule::Hours;
 use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
 use crate::surface::FaceBins;
+use crate::trace::backend::Backend;
 use crate::trace::rays::Rays;
 use crate::trace::walk::{RayCounts, Transport};
 use crate::{Error, Result};
-use dataset::config::{Config, FORMAT, FileRef, Group, Instance, Page, VERSION};
+use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
 use dataset::console::Console;
 use dataset::files::write_atomically;
 use dataset::store::{Dataset, Writer};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-3";
+const METHOD: &str = "walks-7";
 
 /// What to bake, apart from the scene.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The moments.
     pub hours: Hours,
-    /// Samples per texel; `None`: the scene's.
+    /// Samples of indirect light per texel; `None`: the scene's, or as many as a target error needs.
     pub samples: Option<u32>,
+    /// Relative error at which 16×16 texels get no more samples.
+    pub target_error: Option<f64>,
+    /// Tracing stops after this time, whatever was reached.
+    pub time_limit: Option<Duration>,
+    /// How light is followed past the first surface.
+    pub integrator: Integrator,
+    /// What finds the hits of rays.
+    pub backend: Backend,
+    /// Check some texels against so many walks each that are followed to their end.
+    pub check: Option<u32>,
     /// Half the lightmap's side, a quarter of the samples.
     pub draft: bool,
     /// The dataset's folder; `None`: `dataset/<scene>` in the working folder.
     pub out: Option<PathBuf>,
     /// Forget earlier work on this dataset.
     pub force: bool,
+}
+
+impl Options {
+    /// The defaults, for these moments.
+    pub fn new(hours: Hours) -> Self {
+        Options {
+            hours,
+            samples: None,
+            target_error: None,
+            time_limit: None,
+            integrator: Integrator::Cached,
+            backend: Backend::default(),
+            check: None,
+            draft: false,
+            out: None,
+            force: false,
+        }
+    }
+}
+
+/// How light is followed past the first surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Integrator {
+    /// Walks end at the first lightmapped surface, where the light of the whole day has been solved for beforehand.
+    Cached,
+    /// Walks go on to their end: unbiased.
+    Path,
 }
 
 /// What a bake gave.
@@ -46,24 +89,40 @@ pub struct Outcome {
     pub scene: String,
     /// The dataset's folder.
     pub dataset: PathBuf,
+    /// The digest of all that decides the dataset, as in its manifest.
+    pub inputs: String,
     /// True when the folder held this very bake already and nothing was traced.
     pub up_to_date: bool,
-    /// Width and height of the page in texels.
+    /// How light was followed.
+    pub integrator: Integrator,
+    /// Width and height of a page in texels.
     pub size: [u32; 2],
+    /// Pages.
+    pub pages: u32,
     /// Sets written.
     pub sets: usize,
+    /// Their hours.
+    pub hours: Vec<f64>,
     /// Valid texels.
     pub texels: usize,
-    /// Samples per texel.
+    /// Samples of indirect light per texel, at most.
     pub samples: u32,
+    /// The same, on average.
+    pub mean_samples: f64,
+    /// Layers of light traced by this run, and those taken from an earlier one.
+    pub layers: LayerCount,
     /// Median estimated relative error over (tile, set).
     pub relative_error: f64,
+    /// Whether a time limit ended the tracing.
+    pub out_of_time: bool,
     /// Wall-clock seconds of this run, from scene file to dataset.
     pub seconds: f64,
     /// Rays traced by this run, by purpose.
     pub rays: RayCounts,
     /// Error against time, round by round.
     pub rounds: Vec<Round>,
+    /// The true error of some texels, if it was asked for.
+    pub check: Option<Check>,
     /// Facts about geometry and page, in words.
     pub facts: Vec<String>,
     /// What was left out and why.
@@ -72,11 +131,43 @@ pub struct Outcome {
     pub warnings: Vec<String>,
 }
 
-/// Bakes a scene into a dataset.
+/// Where the layers of a bake came from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LayerCount {
+    /// Traced by this run.
+    pub traced: usize,
+    /// Kept from an earlier one.
+    pub reused: usize,
+}
+
+/// A scene read and planned: what a bake would do.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The scene, with what the command line overrides.
+    pub scene: Scene,
+    /// Its triangles.
+    pub geometry: Geometry,
+    /// The layers.
+    pub plan: Plan,
+    /// How light will be followed.
+    pub integrator: Integrator,
+    /// What will find the hits of rays.
+    pub backend: Backend,
+    /// When to stop.
+    pub limits: Limits,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Digest of all that decides a texel but light.
+    base: blake3::Hash,
+    /// Per layer, its digest.
+    digests: Vec<String>,
+}
+
+/// Reads a scene and plans its bake.
 ///
 /// # Errors
-/// Bad input, a full disk, or [`Error::Interrupted`]; finished blocks are kept and the next call continues with them.
-pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<Outcome> {
+/// Bad input.
+pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Result<Prepared> {
     let start = Instant::now();
     let (mut scene, mut warnings) = crate::scene::load(scene_file)?;
     apply(&mut scene, options)?;
@@ -88,14 +179,46 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let (geometry, geometry_warnings) = geometry::load(&scene)?;
     geometry_warnings.iter().for_each(|w| console.warn(w));
     warnings.extend(geometry_warnings);
-    let out = options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
-    let plan = Plan::new(&scene, &geometry, &options.hours);
-    let settings = settings(&scene, &options.hours)?;
-    let (work, inputs) = digests(&scene, &geometry, &plan, &settings)?;
+    let mut plan = Plan::new(&scene, &geometry, &options.hours);
+    let integrator = match (options.integrator, scene.bake.bounces) {
+        (Integrator::Cached, Some(most)) => {
+            let why = "the cache holds all bounces";
+            plan.left_out.push(format!("no cache: at most {most} bounces are asked for, {why}"));
+            Integrator::Path
+        }
+        (Integrator::Path, _) => {
+            plan.left_out.push("no cache: --integrator path".to_owned());
+            Integrator::Path
+        }
+        (integrator, None) => integrator,
+    };
+    let limits = Limits {
+        samples: scene.bake.samples,
+        target_error: options.target_error,
+        deadline: options.time_limit.map(|limit| start + limit),
+    };
+    let base = base_digest(&scene, &geometry, integrator, options)?;
+    let digests = plan.digests(&scene, &base)?;
+    let backend = options.backend;
+    Ok(Prepared { scene, geometry, plan, integrator, backend, limits, warnings, base, digests })
+}
 
+/// Bakes a scene into a dataset.
+///
+/// # Errors
+/// Bad input, a full disk, or [`Error::Interrupted`]; finished blocks are kept and the next call continues with them.
+pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<Outcome> {
+    let start = Instant::now();
+    let prepared = prepare(scene_file, options, console)?;
+    let Prepared { scene, geometry, plan, limits, digests, .. } = &prepared;
+    let out = options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
+    let settings = settings(scene, &options.hours)?;
+    let inputs = inputs_digest(&prepared, &settings)?;
+    let layers = Layers::new(&out);
     if options.force {
-        StateFolder::clear(&out);
-    } else if let Some(outcome) = up_to_date(&out, &inputs, start) {
+        StateFolder::clear(&out)?;
+        layers.clear()?;
+    } else if let Some(outcome) = up_to_date(&out, &inputs, options, start) {
         console.say(format!("{} already holds this bake (--force bakes it again)", out.display()));
         return Ok(outcome);
     }
@@ -109,87 +232,174 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 
     let atlas = {
         let progress = console.progress("unwrapping", 1);
-        let atlas = atlas::build(&geometry, &scene.lightmap)?;
+        let atlas = atlas::build(geometry, &scene.lightmap)?;
         progress.advance(1);
         atlas
     };
     let mut writer = Writer::create(&out)?;
-    let folder = StateFolder::open(&out, &work, plan.layers())?;
-    let bins = FaceBins::new(&atlas);
-    let rays = Rays::new(&geometry);
-    let transport = Transport {
-        geometry: &geometry,
-        rays: &rays,
-        suns: &plan.suns,
-        sky: &plan.sky,
-        groups: &plan.lamps,
-        layer_of_group: &plan.layer_of_group,
-        bounces: scene.bake.bounces,
+    let (traced, count) = trace_missing(&prepared, &atlas, &out, &layers, console)?;
+    let base = prepared.base.to_hex().to_string();
+    let Some(texels) = layers.texels(&base) else {
+        return Err(Error::invalid(
+            out.display(),
+            "the layers just traced cannot be read: was the folder changed?",
+        ));
     };
-    let seed = scene.bake.seed;
-    let tracer = Tracer { transport, plan: &plan, atlas: &atlas, bins: &bins, folder: &folder, seed };
-    let traced = tracer.run(scene.bake.samples, console)?;
 
-    let assembler = Assembler::new(&plan, &atlas, &bins, &folder, scene.lightmap.padding)?;
-    let progress = console.progress("writing", (plan.lamps.len() + plan.moments.len()) as u64);
-    let stored = assembler.store(&mut writer, &traced.errors, || progress.advance(1))?;
+    let check = match options.check {
+        Some(samples) => Some(check_layers(&prepared, &atlas, &layers, &texels, samples, console)?),
+        None => None,
+    };
+    let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
+    let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
+    let stored = assembler.store(&mut writer, || progress.advance(1))?;
     drop(progress);
-    let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(&geometry, &atlas)?)?;
+    let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
     writer.alias(&glb, "scene.glb");
-    let facts = facts(&geometry, &atlas, &plan, &stored, traced.resumed_samples);
+    let facts = facts(geometry, &atlas, plan, &stored, &traced, count);
     let texels = stored.valid_texels;
+    let mut relative = stored.errors.relative();
+    relative.sort_by(f64::total_cmp);
+    let last = traced.rounds.last();
     let config = Config {
         format: FORMAT.to_owned(),
         version: VERSION,
         scene: scene.name.clone(),
         generator: concat!("bake ", env!("CARGO_PKG_VERSION")).to_owned(),
         unit: "irradiance in kilolux, linear Rec. 709".to_owned(),
-        seed,
-        inputs,
-        samples: scene.bake.samples,
-        pages: vec![Page { width: atlas.width, height: atlas.height, mask: stored.mask }],
+        seed: scene.bake.seed,
+        inputs: inputs.clone(),
+        samples: last.map_or(limits.samples, |r| r.samples),
+        pages: stored.pages,
         groups: scene.groups.iter().zip(stored.groups).map(group).collect(),
         sets: stored.sets,
         noise: Some(stored.noise),
         geometry: Some(glb),
-        instances: instances(&geometry, &atlas),
+        instances: instances(geometry, &atlas),
         settings,
     };
     writer.commit(&config)?;
+    layers.keep_only(&base, digests);
 
     let outcome = Outcome {
         scene: scene.name.clone(),
         dataset: out.clone(),
+        inputs,
         up_to_date: false,
-        size: [atlas.width, atlas.height],
+        integrator: prepared.integrator,
+        size: [atlas.width, atlas.page_height],
+        pages: atlas.pages,
         sets: plan.moments.len(),
+        hours: plan.moments.iter().map(|m| m.hour).collect(),
         texels,
-        samples: scene.bake.samples,
-        relative_error: traced.rounds.last().map_or(0.0, |r| r.median_error),
+        samples: last.map_or(limits.samples, |r| r.samples),
+        mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),
+        layers: count,
+        relative_error: relative.get(relative.len() / 2).copied().unwrap_or(0.0),
+        out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
         rays: traced.rays,
         facts,
         rounds: traced.rounds,
-        left_out: plan.left_out,
-        warnings,
+        check,
+        left_out: prepared.plan.left_out,
+        warnings: prepared.warnings,
     };
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
-    StateFolder::clear(&out);
+    StateFolder::clear(&out)?;
     Ok(outcome)
+}
+
+/// Traces the layers that no earlier bake left, and keeps them.
+fn trace_missing(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    out: &Path,
+    layers: &Layers,
+    console: &Console,
+) -> Result<(Traced, LayerCount)> {
+    let Prepared { scene, geometry, plan, digests, .. } = prepared;
+    let base = prepared.base.to_hex().to_string();
+    let texels = layers.texels(&base);
+    let is_missing = |digest: &String| texels.as_ref().is_none_or(|t| !layers.has(digest, t.len()));
+    let missing: Vec<usize> = (0..digests.len()).filter(|&l| is_missing(&digests[l])).collect();
+    let count = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
+    if missing.is_empty() && texels.is_some() {
+        console.say(format!("no rays: all {} layers are kept from an earlier bake", digests.len()));
+        let rounds = layers.rounds(&base).unwrap_or_default();
+        return Ok((Traced { rounds, ..Traced::default() }, count));
+    }
+    if count.reused > 0 {
+        let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
+        console.say(format!(
+            "{} layers are kept from an earlier bake; tracing {}",
+            count.reused,
+            names.join(", ")
+        ));
+    }
+    let lights = plan.lights(scene, geometry, &missing);
+    let bins = FaceBins::new(atlas);
+    let rays = Rays::with_backend(geometry, prepared.backend)?;
+    let transport = Transport { geometry, rays: &rays, lights: &lights, bounces: scene.bake.bounces };
+    let worker = Worker { transport, atlas, bins: &bins, seed: scene.bake.seed };
+    let wanted: Vec<String> = missing.iter().map(|&l| digests[l].clone()).collect();
+    let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
+    let folder = StateFolder::open(out, &work, lights.layers(), lights.sampled())?;
+    let sets: Vec<Parts> = (0..plan.moments.len())
+        .map(|moment| {
+            let parts = plan.layers_of(moment).into_iter();
+            parts.filter_map(|l| Some((missing.binary_search(&l).ok()?, plan.scale_of(l)))).collect()
+        })
+        .collect();
+    let cached = prepared.integrator == Integrator::Cached;
+    let layers_of_plan = plan.layers();
+    let tracer = Tracer { worker, sets, folder: &folder, cached, layers: layers_of_plan };
+    let traced = tracer.run(&prepared.limits, console)?;
+    layers.write(&tracer.worker, &folder, &base, &wanted, &traced.rounds, console)?;
+    Ok((traced, count))
+}
+
+/// Checks all layers, however they came to be.
+fn check_layers(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    layers: &Layers,
+    texels: &[Texel],
+    samples: u32,
+    console: &Console,
+) -> Result<Check> {
+    let Prepared { scene, geometry, plan, digests, .. } = prepared;
+    let all: Vec<usize> = (0..plan.layers()).collect();
+    let lights = plan.lights(scene, geometry, &all);
+    let bins = FaceBins::new(atlas);
+    let rays = Rays::with_backend(geometry, prepared.backend)?;
+    let transport = Transport { geometry, rays: &rays, lights: &lights, bounces: scene.bake.bounces };
+    let worker = Worker { transport, atlas, bins: &bins, seed: scene.bake.seed };
+    let values = digests.iter().map(|d| layers.read(d)).collect::<Result<Vec<_>>>()?;
+    let part = |l: usize| (l, plan.scale_of(l));
+    let sets: Vec<Parts> =
+        (0..plan.moments.len()).map(|m| plan.layers_of(m).into_iter().map(part).collect()).collect();
+    check(&worker, texels, &values, &sets, samples, console)
 }
 
 /// The outcome of a run, beside the manifest.
 const RUN: &str = "run.json";
 
-fn group((group, layer): (&crate::scene::Group, FileRef)) -> Group {
-    Group { name: group.name.clone(), on: group.on.clone(), layers: vec![layer] }
+fn group((group, layers): (&crate::scene::Group, Vec<FileRef>)) -> Group {
+    Group { name: group.name.clone(), on: group.on.clone(), layers }
 }
 
 /// The places of all instances that have texels.
 fn instances(geometry: &Geometry, atlas: &Atlas) -> Vec<Instance> {
     let instances = geometry.instances.iter().zip(&atlas.placements);
-    let placed = instances.filter_map(|(instance, placement)| {
-        placement.map(|p| Instance { name: instance.name.clone(), page: 0, scale: p.scale, offset: p.offset })
+    let placed = instances.flat_map(|(instance, placements)| {
+        let place = |p: &Placement| Instance {
+            name: instance.name.clone(),
+            page: p.page,
+            scale: p.scale,
+            offset: p.offset,
+        };
+        placements.iter().map(place)
     });
     placed.collect()
 }
@@ -205,6 +415,11 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
         };
         scene.bake.samples = (scene.bake.samples / 4).max(2);
     }
+    /// What a target error or a time limit may use when no number of samples is given.
+    const PLENTY: u32 = 1 << 16;
+    if (options.target_error.is_some() || options.time_limit.is_some()) && options.samples.is_none() {
+        scene.bake.samples = PLENTY;
+    }
     if let Some(samples) = options.samples {
         if !(2..=MAX_SAMPLES).contains(&samples) || !samples.is_power_of_two() {
             let expected = format!("expected a power of two from 2 to {MAX_SAMPLES}");
@@ -212,40 +427,51 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
         }
         scene.bake.samples = samples;
     }
+    if let Some(target) = options.target_error.filter(|t| !(1e-4..1.0).contains(t)) {
+        return Err(Error::invalid(
+            "--target-error",
+            format!("{target}: expected 0.01 % to less than 100 %"),
+        ));
+    }
     Ok(())
 }
 
-/// Digest of what decides every sample, and of what decides the dataset: the number of samples and all that the manifest
-/// tells besides.
-fn digests(
+/// Digest of all that decides a texel but light.
+fn base_digest(
     scene: &Scene,
     geometry: &Geometry,
-    plan: &Plan,
-    settings: &serde_json::Value,
-) -> Result<(String, String)> {
+    integrator: Integrator,
+    options: &Options,
+) -> Result<blake3::Hash> {
     let mut hash = blake3::Hasher::new();
     hash.update(METHOD.as_bytes());
-    let hours: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
-    let light = (
-        &scene.name,
-        &scene.place,
-        &scene.sun,
-        &scene.sky,
-        &scene.groups,
+    let decisive = (
         &scene.lightmap,
-        scene.bake.bounces,
-        scene.bake.seed,
-        hours,
+        &scene.bake,
+        integrator,
+        options.backend.to_string(),
+        options.target_error,
+        options.time_limit.map(|limit| limit.as_nanos()),
     );
-    hash.update(&json::bytes(&light, "scene")?);
+    hash.update(&json::bytes(&decisive, "scene")?);
     geometry.update_digest(&mut hash);
-    let work = hash.finalize().to_hex().to_string();
-    hash.update(&scene.bake.samples.to_le_bytes());
-    hash.update(&json::bytes(settings, "settings")?);
-    geometry.instances.iter().for_each(|i| {
+    Ok(hash.finalize())
+}
+
+/// Digest of all that decides the dataset.
+fn inputs_digest(prepared: &Prepared, settings: &serde_json::Value) -> Result<String> {
+    let mut hash = blake3::Hasher::new();
+    hash.update(prepared.base.as_bytes());
+    prepared.digests.iter().for_each(|d| {
+        hash.update(d.as_bytes());
+    });
+    let plan = &prepared.plan;
+    let moments: Vec<(f64, &[bool])> = plan.moments.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
+    hash.update(&json::bytes(&(moments, settings), "settings")?);
+    prepared.geometry.instances.iter().for_each(|i| {
         hash.update(i.name.as_bytes()).update(&[0]);
     });
-    Ok((work, hash.finalize().to_hex().to_string()))
+    Ok(hash.finalize().to_hex().to_string())
 }
 
 /// The settings as they go into the manifest: no path of the machine that baked.
@@ -267,18 +493,31 @@ fn settings(scene: &Scene, hours: &Hours) -> Result<serde_json::Value> {
 }
 
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
-fn up_to_date(out: &Path, inputs: &str, start: Instant) -> Option<Outcome> {
+fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
     let dataset = Dataset::open(out).ok()?;
     if dataset.config.inputs != inputs {
         return None;
     }
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
+    if run.inputs != inputs {
+        return None;
+    }
+    if options.check.is_some() && options.check != run.check.as_ref().map(|c| c.samples) {
+        return None;
+    }
     let seconds = start.elapsed().as_secs_f64();
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
 }
 
-fn facts(geometry: &Geometry, atlas: &Atlas, plan: &Plan, stored: &Stored, resumed: u32) -> Vec<String> {
-    let page = f64::from(atlas.width) * f64::from(atlas.height);
+fn facts(
+    geometry: &Geometry,
+    atlas: &Atlas,
+    plan: &Plan,
+    stored: &Stored,
+    traced: &Traced,
+    layers: LayerCount,
+) -> Vec<String> {
+    let page = f64::from(atlas.width) * f64::from(atlas.page_height) * f64::from(atlas.pages);
     let extras = plan.moments.iter().filter(|m| m.extra).count();
     let lit = geometry.instances.iter().filter(|i| i.lightmap).count();
     let mut facts = vec![
@@ -290,9 +529,10 @@ fn facts(geometry: &Geometry, atlas: &Atlas, plan: &Plan, stored: &Stored, resum
             geometry.textures.len()
         ),
         format!(
-            "page {} × {} texels, {} charts, {:.1} texels per metre; charts touch {:.1} % of the texels, {:.1} % are valid",
+            "{} {} × {} texels, {} charts, {:.1} texels per metre; charts touch {:.1} % of the texels, {:.1} % are valid",
+            if atlas.pages == 1 { "page".to_owned() } else { format!("{} pages of", atlas.pages) },
             atlas.width,
-            atlas.height,
+            atlas.page_height,
             atlas.charts,
             atlas.texels_per_metre,
             atlas.utilisation * 100.0,
@@ -310,8 +550,26 @@ fn facts(geometry: &Geometry, atlas: &Atlas, plan: &Plan, stored: &Stored, resum
     if atlas.degenerate > 0 {
         facts.push(format!("{} triangles without area got no texels", atlas.degenerate));
     }
-    if resumed > 0 {
-        facts.push(format!("continued an earlier run that had reached {resumed} samples per texel"));
+    if let Some((edges, before, after)) = &stored.seams {
+        facts.push(format!(
+            "{edges} edges where charts of one surface meet: mean jump {:.2} % of the light there, {:.2} % after stitching (in the \
+             brightest set)",
+            before.mean * 100.0,
+            after.mean * 100.0
+        ));
+    }
+    facts.push(format!(
+        "{} layers of light traced, {} kept from an earlier bake",
+        layers.traced, layers.reused
+    ));
+    facts.extend(traced.notes.iter().cloned());
+    if traced.out_of_time {
+        facts.push(
+            "the time limit ended the tracing: other machines, or other days, give other samples".to_owned(),
+        );
+    }
+    if traced.resumed > 0 {
+        facts.push(format!("continued an earlier run that had finished {} rounds", traced.resumed));
     }
     facts
 }

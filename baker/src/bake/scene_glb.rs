@@ -1,6 +1,6 @@
 //! The baked geometry with its lightmap coordinates, as glTF binary: what a viewer or a game needs beside the maps.
 
-use crate::atlas::{Atlas, Placement};
+use crate::atlas::{Atlas, Face, Placement};
 use crate::geometry::{Geometry, Instance, Wrap};
 use crate::{Error, Result};
 use glam::{DAffine3, DMat4, Vec2, Vec3};
@@ -11,11 +11,11 @@ use std::collections::BTreeMap;
 ///
 /// Instances that share a layout share a mesh: it holds the first one's positions, and the other nodes the matrices from there.
 /// TEXCOORD_1 holds layout coordinates (v down, as glTF), and a node that has texels says in its `extras` where they lie: page
-/// coordinates = `lightmapScale` × TEXCOORD_1 + `lightmapOffset`, on page `lightmapPage`. Instances without texels share
-/// a mesh when they have the same shape; they have neither TEXCOORD_1 nor `extras`.
+/// coordinates = `lightmapScale` × TEXCOORD_1 + `lightmapOffset`, on page `lightmapPage`. An instance that is too large for one
+/// page is several nodes of its name, one for the triangles on each page. Instances without texels share a mesh when they have
+/// the same shape; they have neither TEXCOORD_1 nor `extras`.
 pub fn to_glb(geometry: &Geometry, atlas: &Atlas) -> Result<Vec<u8>> {
     let mut out = Glb::default();
-    let page = Vec2::new(atlas.width as f32, atlas.height as f32);
     let mut nodes = Vec::new();
     let mut meshes = Vec::new();
     // Per layout of the atlas, the mesh that holds it.
@@ -26,43 +26,55 @@ pub fn to_glb(geometry: &Geometry, atlas: &Atlas) -> Result<Vec<u8>> {
         if instance.triangles.is_empty() {
             continue;
         }
-        let placement = atlas.placements[i];
-        let mut node = json!({ "name": instance.name });
-        if let Some(Placement { scale, offset, .. }) = placement {
-            node["extras"] = json!({ "lightmapScale": scale, "lightmapOffset": offset, "lightmapPage": 0 });
-        }
-        // The mesh that is there already, and the map from the instance whose positions it holds.
-        let layout = placement.and_then(|p| p.layout).map(|l| l as usize);
-        let map_from = |(mesh, first): (usize, usize)| {
-            let similarity = geometry.instances[first].similarity(instance, geometry.origin)?;
-            Some((mesh, similarity.map))
-        };
-        let known = match layout {
-            Some(l) => {
-                mesh_of_layout[l].and_then(|mesh| map_from((mesh, atlas.layouts[l].instance as usize)))
+        let placements = &atlas.placements[i];
+        // A node for every page that has texels of it; one where none has.
+        for part in 0..placements.len().max(1) {
+            let placement = placements.get(part);
+            let mut node = json!({ "name": instance.name });
+            if let Some(Placement { page, scale, offset, .. }) = placement {
+                node["extras"] =
+                    json!({ "lightmapScale": scale, "lightmapOffset": offset, "lightmapPage": page });
             }
-            None if placement.is_some() => None,
-            None => plain.get(&instance.mesh).into_iter().flatten().copied().find_map(map_from),
-        };
-        if let Some((mesh, map)) = known {
-            node["mesh"] = json!(mesh);
-            if map != DAffine3::IDENTITY {
-                node["matrix"] = json!(DMat4::from(map).as_mat4().to_cols_array());
-            }
-        } else {
-            node["mesh"] = json!(meshes.len());
-            let number = meshes.len();
-            meshes.push(if let Some(l) = layout {
-                mesh_of_layout[l] = Some(number);
-                mesh(geometry, instance, Some(&atlas.layouts[l].faces), &mut out)
-            } else if placement.is_some() {
-                mesh(geometry, instance, Some(&own_layout(atlas, instance, page)), &mut out)
+            // The mesh that is there already, and the map from the instance whose positions it holds.
+            let layout = placement.and_then(|p| p.layout).map(|l| l as usize);
+            let map_from = |(mesh, first): (usize, usize)| {
+                let similarity = geometry.instances[first].similarity(instance, geometry.origin)?;
+                Some((mesh, similarity.map))
+            };
+            let known = match layout {
+                Some(l) => {
+                    mesh_of_layout[l].and_then(|mesh| map_from((mesh, atlas.layouts[l].instance as usize)))
+                }
+                None if placement.is_some() => None,
+                None => plain.get(&instance.mesh).into_iter().flatten().copied().find_map(map_from),
+            };
+            if let Some((mesh, map)) = known {
+                node["mesh"] = json!(mesh);
+                if map != DAffine3::IDENTITY {
+                    node["matrix"] = json!(DMat4::from(map).as_mat4().to_cols_array());
+                }
             } else {
-                plain.entry(instance.mesh).or_default().push((number, i));
-                mesh(geometry, instance, None, &mut out)
-            });
+                let number = meshes.len();
+                node["mesh"] = json!(number);
+                let all = instance.triangles.clone();
+                meshes.push(if let Some(l) = layout {
+                    mesh_of_layout[l] = Some(number);
+                    mesh(geometry, all, Some(&atlas.layouts[l].faces), &mut out)
+                } else if let Some(&Placement { page, .. }) = placement {
+                    let faces = own_layout(atlas, instance, page);
+                    if placements.len() == 1 {
+                        mesh(geometry, all, Some(&faces), &mut out)
+                    } else {
+                        let part = part_on_page(atlas, instance, page, part == 0);
+                        mesh(geometry, part.into_iter(), Some(&faces), &mut out)
+                    }
+                } else {
+                    plain.entry(instance.mesh).or_default().push((number, i));
+                    mesh(geometry, all, None, &mut out)
+                });
+            }
+            nodes.push(node);
         }
-        nodes.push(node);
     }
     let children: Vec<usize> = (0..nodes.len()).collect();
     nodes.push(json!({ "name": "scene", "translation": geometry.origin.to_array(), "children": children }));
@@ -84,19 +96,35 @@ pub fn to_glb(geometry: &Geometry, atlas: &Atlas) -> Result<Vec<u8>> {
     out.finish(&without_empty(root))
 }
 
-/// The places of an instance's faces on the page, which is its layout.
-fn own_layout(atlas: &Atlas, instance: &Instance, page: Vec2) -> Vec<(u32, [Vec2; 3])> {
-    let first = atlas.faces.partition_point(|face| (face.triangle as usize) < instance.triangles.start);
-    let faces =
-        atlas.faces[first..].iter().take_while(|face| (face.triangle as usize) < instance.triangles.end);
-    faces.map(|face| (face.triangle, face.corners.map(|corner| corner / page))).collect()
+/// An instance's faces, ascending by triangle.
+fn faces<'a>(atlas: &'a Atlas, instance: &Instance) -> &'a [Face] {
+    let below = |end: usize| atlas.faces.partition_point(|face| (face.triangle as usize) < end);
+    &atlas.faces[below(instance.triangles.start)..below(instance.triangles.end)]
 }
 
-/// Writes an instance's triangles as they stand. `layout` holds lightmap coordinates per triangle, ascending; triangles it leaves
-/// out have (0, 0).
+/// The places of an instance's faces on a page, which is its layout, in page coordinates.
+fn own_layout(atlas: &Atlas, instance: &Instance, page: u32) -> Vec<(u32, [Vec2; 3])> {
+    let top = Vec2::new(0.0, atlas.page_rows(page).start as f32);
+    let size = Vec2::new(atlas.width as f32, atlas.page_height as f32);
+    let faces = faces(atlas, instance).iter().filter(|face| atlas.page_of(face) == page);
+    faces.map(|face| (face.triangle, face.corners.map(|corner| (corner - top) / size))).collect()
+}
+
+/// The triangles of an instance on a page, ascending, and those without texels if asked for.
+fn part_on_page(atlas: &Atlas, instance: &Instance, page: u32, with_degenerate: bool) -> Vec<usize> {
+    let mut faces = faces(atlas, instance).iter().peekable();
+    let is_here = |triangle: &usize| match faces.next_if(|face| face.triangle as usize == *triangle) {
+        Some(face) => atlas.page_of(face) == page,
+        None => with_degenerate,
+    };
+    instance.triangles.clone().filter(is_here).collect()
+}
+
+/// Writes triangles of one instance as they stand, ascending. `layout` holds lightmap coordinates per triangle, ascending;
+/// triangles it leaves out have (0, 0).
 fn mesh(
     geometry: &Geometry,
-    instance: &Instance,
+    triangles: impl Iterator<Item = usize> + Clone,
     layout: Option<&[(u32, [Vec2; 3])]>,
     out: &mut Glb,
 ) -> Value {
@@ -104,7 +132,7 @@ fn mesh(
     let mut known = BTreeMap::new();
     let mut indices: Vec<u32> = Vec::new();
     let mut faces = layout.unwrap_or_default().iter().peekable();
-    for triangle in instance.triangles.clone() {
+    for triangle in triangles.clone() {
         let face = faces.next_if(|face| face.0 as usize == triangle);
         for k in 0..3 {
             let vertex = geometry.triangles[triangle][k];
@@ -139,7 +167,7 @@ fn mesh(
     }
     let index = out.accessor(bytemuck::cast_slice(&indices), indices.len(), 5125, "SCALAR", 34963);
     let index = out.push(index);
-    let material = geometry.material_of[instance.triangles.start];
+    let material = triangles.clone().next().map(|first| geometry.material_of[first]);
     json!({ "primitives": [{ "attributes": attributes, "indices": index, "material": material }] })
 }
 
@@ -275,7 +303,7 @@ mod tests {
              [[object.part]]\nname = \"plate\"\nlightmap = false\n",
         );
         let size = scene::LightmapSize::Fixed { width: 256, height: 200 };
-        let atlas = atlas::build(&geometry, &Lightmap { size, padding: 2, pages: 1 }).unwrap();
+        let atlas = atlas::build(&geometry, &Lightmap { size, pages: 1, padding: 2 }).unwrap();
         let glb = gltf::Gltf::from_slice(&to_glb(&geometry, &atlas).unwrap()).unwrap();
         let blob = glb.blob.as_deref().unwrap();
         // The cubes and the plates: one shape four times, one stretched otherwise.
@@ -285,7 +313,8 @@ mod tests {
         let translation = DVec3::from(root.transform().decomposed().0.map(f64::from));
         assert!((translation - geometry.origin).length() < 1e-2);
         let mut mirrored = 0;
-        for ((node, instance), placement) in root.children().zip(&geometry.instances).zip(&atlas.placements) {
+        for ((node, instance), placements) in root.children().zip(&geometry.instances).zip(&atlas.placements)
+        {
             assert_eq!(node.name(), Some(&instance.name[..]));
             let matrix = Mat4::from_cols_array_2d(&node.transform().matrix());
             let primitive = node.mesh().unwrap().primitives().next().unwrap();
@@ -303,7 +332,7 @@ mod tests {
             let uvs: Option<Vec<Vec2>> =
                 reader.read_tex_coords(1).map(|uvs| uvs.into_f32().map(Vec2::from).collect());
             assert_eq!((place.is_some(), uvs.is_some()), (instance.lightmap, instance.lightmap));
-            assert_eq!(placement.is_some(), instance.lightmap);
+            assert_eq!(placements.len(), usize::from(instance.lightmap));
             // A negative determinant turns the winding round (glTF 2.0, 3.7.4).
             let flip = matrix.determinant() < 0.0;
             mirrored += usize::from(flip);
@@ -326,5 +355,55 @@ mod tests {
         }
         // Two instances of both meshes.
         assert_eq!(mirrored, 4);
+    }
+
+    #[test]
+    fn a_mesh_on_two_pages_is_two_nodes() {
+        let geometry = load(
+            "[[object]]\nfile = \"things.obj\"\n[[object.part]]\nname = \"plate\"\ndensity = 0.5\n\
+             [[object]]\nfile = \"things.obj\"\ntranslate = [9, 0, 0]\nlightmap = false\n",
+        );
+        let size = scene::LightmapSize::Fixed { width: 60, height: 50 };
+        let atlas = atlas::build(&geometry, &Lightmap { size, pages: 2, padding: 2 }).unwrap();
+        assert_eq!((atlas.pages, atlas.page_height, atlas.stride, atlas.height), (2, 50, 128, 178));
+        let pages: Vec<Vec<u32>> =
+            atlas.placements.iter().map(|p| p.iter().map(|p| p.page).collect()).collect();
+        assert_eq!(pages[0], [0, 1]);
+        let glb = gltf::Gltf::from_slice(&to_glb(&geometry, &atlas).unwrap()).unwrap();
+        let root = glb.default_scene().unwrap().nodes().next().unwrap();
+        let mut nodes = root.children();
+        let mut seen = Vec::new();
+        for (instance, placements) in geometry.instances.iter().zip(&atlas.placements) {
+            for placement in placements {
+                let node = nodes.next().unwrap();
+                assert_eq!(node.name(), Some(&instance.name[..]));
+                let extras: Value = serde_json::from_str(node.extras().as_ref().unwrap().get()).unwrap();
+                assert_eq!(extras["lightmapPage"], placement.page);
+                let primitive = node.mesh().unwrap().primitives().next().unwrap();
+                let reader = primitive.reader(|_| glb.blob.as_deref());
+                let positions: Vec<Vec3> = reader.read_positions().unwrap().map(Vec3::from).collect();
+                let uvs: Vec<Vec2> = reader.read_tex_coords(1).unwrap().into_f32().map(Vec2::from).collect();
+                let indices: Vec<usize> =
+                    reader.read_indices().unwrap().into_u32().map(|i| i as usize).collect();
+                // Every triangle is one of the instance's on this page, and lies there where the atlas says.
+                for corners in indices.chunks_exact(3) {
+                    let is_it = |face: &&Face| {
+                        let wanted = geometry.triangles[face.triangle as usize];
+                        (0..3).all(|k| positions[corners[k]] == geometry.positions[wanted[k] as usize])
+                    };
+                    let face = atlas.faces.iter().find(is_it).unwrap();
+                    assert!(instance.triangles.contains(&(face.triangle as usize)));
+                    assert_eq!(atlas.page_of(face), placement.page);
+                    let top = Vec2::new(0.0, atlas.page_rows(placement.page).start as f32);
+                    for k in 0..3 {
+                        let texel = uvs[corners[k]] * Vec2::new(60.0, 50.0) + top;
+                        assert!(texel.distance(face.corners[k]) < 1e-3, "{texel} {:?}", face.corners[k]);
+                    }
+                    seen.push(face.triangle);
+                }
+            }
+        }
+        seen.sort_unstable();
+        assert!(seen.iter().copied().eq(atlas.faces.iter().map(|face| face.triangle)), "{seen:?}");
     }
 }

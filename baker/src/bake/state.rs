@@ -1,44 +1,138 @@
-//! The work done so far, one file per block of texels: sums of samples, readable layer by layer.
+//! The work done so far, one file per block of texels: sums of samples.
 //!
 //! Memory holds the blocks being worked on, never the page; a killed bake continues with what was written.
 
+use crate::surface::BLOCK;
 use crate::{Error, Result, Rgb};
-use dataset::files::write_atomically;
-use std::fs::File;
-use std::os::unix::fs::FileExt;
+use bytemuck::{Pod, Zeroable};
 use std::path::{Path, PathBuf};
+
+/// Side of a cell: the texels that are given samples together.
+pub const CELL: usize = 16;
+/// Cells of a block.
+pub const CELLS: usize = (BLOCK / CELL) * (BLOCK / CELL);
+/// Points of a texel that are probed for lying inside a solid.
+pub const PROBES: u32 = 16;
+/// All of them outside.
+pub const ALL_OUTSIDE: u16 = u16::MAX;
+
+/// Samples of one sampled light straight at one half of a texel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Direct {
+    /// Sum of irradiances.
+    pub sum: Rgb,
+    /// Sum of the squares of the irradiances' channel sums.
+    pub squares: f32,
+    /// Samples drawn.
+    pub drawn: u16,
+    /// Those that had a point to start from: what the sum is divided by.
+    pub taken: u16,
+}
+
+impl Direct {
+    /// Adds a sample.
+    pub fn add(&mut self, irradiance: Rgb) {
+        self.sum += irradiance;
+        self.squares += irradiance.element_sum().powi(2);
+        self.drawn += 1;
+        self.taken += 1;
+    }
+
+    /// Mean irradiance.
+    pub fn mean(&self) -> Rgb {
+        if self.taken == 0 { Rgb::ZERO } else { self.sum / f32::from(self.taken) }
+    }
+
+    /// Whether its samples differ by so much that more of them are worth their rays (none so far: yes).
+    pub fn varies(&self) -> bool {
+        /// Standard deviation of a sample, relative to the mean, that is let be.
+        const TOLERATED: f32 = 0.05;
+        let n = f32::from(self.taken);
+        let mean = self.sum.element_sum() / n;
+        self.drawn == 0 || (self.taken > 0 && self.squares / n - mean * mean > (TOLERATED * mean).powi(2))
+    }
+
+    /// Whether it differs so much from its neighbour that the texels between may be partly lit.
+    pub fn differs_from(&self, neighbour: &Direct) -> bool {
+        /// Of the greater of the two.
+        const TOLERATED: f32 = 0.5;
+        let (a, b) = (self.mean().element_sum(), neighbour.mean().element_sum());
+        self.taken > 0 && neighbour.taken > 0 && (a - b).abs() > TOLERATED * a.max(b)
+    }
+}
 
 /// Sums over the samples of one block, for its covered texels only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockState {
-    /// Samples per texel so far, both halves together.
-    pub samples: u32,
-    /// Per covered texel and half, the samples that lay outside solids: what the sums are divided by.
-    pub exposed: Vec<[u32; 2]>,
-    /// `[texel][half][layer]`: sums of irradiance samples, half of `samples` in each half.
+    /// Rounds completed.
+    pub round: u32,
+    /// Per cell of the block, the samples of indirect light drawn in each half of its texels.
+    pub drawn: [u32; CELLS],
+    /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and in the largest group of
+    /// points that see each other. Empty before they were probed.
+    pub outside: Vec<u16>,
+    /// `[texel][half][sampled light]`.
+    pub direct: Vec<Direct>,
+    /// As `direct`: 1 where more than the first samples are drawn, decided once; empty before that.
+    pub more_direct: Vec<u8>,
+    /// Per texel and half, the samples of indirect light that had a point to start from: what the sums are divided by.
+    pub taken: Vec<[u32; 2]>,
+    /// `[texel][half][layer]`: sums of irradiance samples.
     pub sums: Vec<Rgb>,
 }
 
 impl BlockState {
     /// No samples yet.
-    pub fn empty(texels: usize, layers: usize) -> Self {
-        BlockState { samples: 0, exposed: vec![[0; 2]; texels], sums: vec![Rgb::ZERO; texels * 2 * layers] }
+    pub fn empty(texels: usize, layers: usize, sampled: usize) -> Self {
+        BlockState {
+            round: 0,
+            drawn: [0; CELLS],
+            outside: Vec::new(),
+            direct: vec![Direct::default(); texels * 2 * sampled],
+            more_direct: Vec::new(),
+            taken: vec![[0; 2]; texels],
+            sums: vec![Rgb::ZERO; texels * 2 * layers],
+        }
+    }
+
+    /// Whether enough of a texel lies outside solids for it to count as surface.
+    pub fn is_exposed(&self, texel: usize) -> bool {
+        const LEAST: u32 = PROBES / 8;
+        let outside = self.outside.get(texel).copied().unwrap_or(0);
+        outside.count_ones() >= LEAST
+    }
+
+    /// The estimate of each layer at a texel by one half; `sampled` maps sampled lights to layers.
+    pub fn means(&self, texel: usize, half: usize, lights: &crate::trace::lights::Lights, out: &mut [Rgb]) {
+        let layers = lights.layers();
+        let from = (texel * 2 + half) * layers;
+        let scale = 1.0 / (self.taken[texel][half].max(1) as f32);
+        for (out, sum) in out.iter_mut().zip(&self.sums[from..from + layers]) {
+            *out = *sum * scale;
+        }
+        let from = (texel * 2 + half) * lights.sampled();
+        for (light, direct) in self.direct[from..from + lights.sampled()].iter().enumerate() {
+            out[lights.layer_of_sampled(light)] += direct.mean();
+        }
     }
 }
 
-/// The folder of block files of one bake.
+/// The folder of block files of one piece of work.
 #[derive(Debug)]
 pub struct StateFolder {
     root: PathBuf,
     layers: usize,
+    sampled: usize,
 }
 
-const MAGIC: &[u8; 8] = b"TLMBLOCK";
-const HEADER: usize = 24;
+const MAGIC: &[u8; 8] = b"TLMBLK04";
+/// Magic, round, texels, layers, sampled lights, whether probed (1) and decided (2); then the cells.
+const HEADER: usize = 8 + 5 * 4 + CELLS * 4;
 
 impl StateFolder {
-    /// Opens or creates the folder of the bake with this digest below `dataset`, and removes those of other bakes.
-    pub fn open(dataset: &Path, digest: &str, layers: usize) -> Result<Self> {
+    /// Opens or creates the folder of the work with this digest below `dataset`, and removes those of other work.
+    pub fn open(dataset: &Path, digest: &str, layers: usize, sampled: usize) -> Result<Self> {
         let parent = dataset.join(FOLDER);
         let root = parent.join(&digest[..16]);
         if let Ok(entries) = std::fs::read_dir(&parent) {
@@ -47,15 +141,15 @@ impl StateFolder {
             }
         }
         std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
-        Ok(StateFolder { root, layers })
+        Ok(StateFolder { root, layers, sampled })
     }
 
     /// Forgets all work below `dataset`.
-    pub fn clear(dataset: &Path) {
-        let _ = std::fs::remove_dir_all(dataset.join(FOLDER));
+    pub fn clear(dataset: &Path) -> Result<()> {
+        dataset::files::remove_folder(&dataset.join(FOLDER))
     }
 
-    /// The folder, for small files that belong to the work.
+    /// The folder, for files that belong to the work.
     pub fn root(&self) -> &Path {
         &self.root
     }
@@ -67,81 +161,65 @@ impl StateFolder {
     /// Reads a block, or gives an empty one if nothing fitting was written yet.
     pub fn read(&self, block: usize, texels: usize) -> Result<BlockState> {
         let path = self.path(block);
-        let bytes = match std::fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(BlockState::empty(texels, self.layers));
-            }
-            Err(e) => return Err(Error::io(&path)(e)),
-        };
-        let per_texel = 8 + self.layers * 2 * 12;
-        if bytes.len() != HEADER + texels * per_texel || &bytes[..8] != MAGIC {
-            return Ok(BlockState::empty(texels, self.layers));
+        let empty = || BlockState::empty(texels, self.layers, self.sampled);
+        match std::fs::read(&path) {
+            Ok(bytes) => Ok(self.parse(&bytes, empty()).unwrap_or_else(empty)),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(empty()),
+            Err(e) => Err(Error::io(&path)(e)),
         }
-        let word = |i: usize| u32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]);
-        let mut state = BlockState::empty(texels, self.layers);
-        state.samples = word(8);
-        for (i, e) in state.exposed.iter_mut().enumerate() {
-            *e = [word(HEADER + 8 * i), word(HEADER + 8 * i + 4)];
-        }
-        // On disk [layer][half][texel], in memory [texel][half][layer].
-        let values: &[u8] = &bytes[HEADER + 8 * texels..];
-        let at = |i: usize| f32::from_le_bytes([values[i], values[i + 1], values[i + 2], values[i + 3]]);
-        for layer in 0..self.layers {
-            for half in 0..2 {
-                for texel in 0..texels {
-                    let from = ((layer * 2 + half) * texels + texel) * 12;
-                    state.sums[(texel * 2 + half) * self.layers + layer] =
-                        Rgb::new(at(from), at(from + 4), at(from + 8));
-                }
-            }
-        }
-        Ok(state)
     }
 
-    /// Writes a block, replacing what was there.
+    /// `None` where the bytes are not those of such a block.
+    fn parse(&self, bytes: &[u8], mut state: BlockState) -> Option<BlockState> {
+        let (header, mut rest) = bytes.split_at_checked(HEADER)?;
+        let word = |i: usize| {
+            let at = 8 + 4 * i;
+            Some(u32::from_le_bytes(header.get(at..at + 4)?.try_into().ok()?))
+        };
+        let texels = state.taken.len();
+        let fits = header.starts_with(MAGIC)
+            && [word(1)?, word(2)?, word(3)?] == [texels as u32, self.layers as u32, self.sampled as u32];
+        state.outside = vec![0; if word(4)? & 1 == 1 { texels } else { 0 }];
+        state.more_direct = vec![0; if word(4)? & 2 == 2 { state.direct.len() } else { 0 }];
+        state.round = word(0)?;
+        for (i, drawn) in state.drawn.iter_mut().enumerate() {
+            *drawn = word(5 + i)?;
+        }
+        let mut fill = |values: &mut [u8]| -> Option<()> {
+            let (head, tail) = rest.split_at_checked(values.len())?;
+            values.copy_from_slice(head);
+            rest = tail;
+            Some(())
+        };
+        fill(bytemuck::cast_slice_mut(&mut state.outside))?;
+        fill(bytemuck::cast_slice_mut(&mut state.direct))?;
+        fill(&mut state.more_direct)?;
+        fill(bytemuck::cast_slice_mut(&mut state.taken))?;
+        fill(bytemuck::cast_slice_mut(&mut state.sums))?;
+        (fits && rest.is_empty()).then_some(state)
+    }
+
+    /// Writes a block, replacing what was there. (In the byte order of the machine: work in progress does not travel.)
     pub fn write(&self, block: usize, state: &BlockState) -> Result<()> {
-        let texels = state.exposed.len();
-        let mut bytes = Vec::with_capacity(HEADER + texels * (8 + self.layers * 24));
+        let mut bytes = Vec::with_capacity(HEADER + state.sums.len() * 12 + state.direct.len() * 20);
         bytes.extend_from_slice(MAGIC);
-        bytes.extend_from_slice(&state.samples.to_le_bytes());
-        bytes.extend_from_slice(&(texels as u32).to_le_bytes());
-        bytes.extend_from_slice(&(self.layers as u32).to_le_bytes());
-        bytes.resize(HEADER, 0);
-        for b in state.exposed.as_flattened() {
-            bytes.extend_from_slice(&b.to_le_bytes());
+        let known = u32::from(!state.outside.is_empty()) | u32::from(!state.more_direct.is_empty()) << 1;
+        let texels = state.taken.len() as u32;
+        for word in [state.round, texels, self.layers as u32, self.sampled as u32, known] {
+            bytes.extend_from_slice(&word.to_le_bytes());
         }
-        for layer in 0..self.layers {
-            for half in 0..2 {
-                for texel in 0..texels {
-                    for v in state.sums[(texel * 2 + half) * self.layers + layer].to_array() {
-                        bytes.extend_from_slice(&v.to_le_bytes());
-                    }
-                }
-            }
-        }
-        write_atomically(&self.path(block), &bytes)
-    }
-
-    /// Reads one layer of a block: per texel the sums of both halves.
-    pub fn read_layer(&self, block: usize, texels: usize, layer: usize) -> Result<Vec<[Rgb; 2]>> {
+        state.drawn.iter().for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.outside));
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.direct));
+        bytes.extend_from_slice(&state.more_direct);
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.taken));
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.sums));
+        // Whole or absent for a run that is killed; not synced, since after a power failure the work may start again.
         let path = self.path(block);
-        let mut bytes = vec![0; texels * 24];
-        read_at(&path, &mut bytes, (HEADER + 8 * texels + layer * texels * 24) as u64)?;
-        let rgb = |i: usize| {
-            let v = |k: usize| {
-                let o = i * 12 + k * 4;
-                f32::from_le_bytes([bytes[o], bytes[o + 1], bytes[o + 2], bytes[o + 3]])
-            };
-            Rgb::new(v(0), v(1), v(2))
-        };
-        Ok((0..texels).map(|t| [rgb(t), rgb(texels + t)]).collect())
+        let temporary = path.with_extension("partial");
+        std::fs::write(&temporary, &bytes).map_err(Error::io(&temporary))?;
+        std::fs::rename(&temporary, &path).map_err(Error::io(&path))
     }
-}
-
-fn read_at(path: &Path, bytes: &mut [u8], offset: u64) -> Result<()> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    file.read_exact_at(bytes, offset).map_err(Error::io(path))
 }
 
 /// Name of the folder of work in progress inside a dataset.
@@ -152,24 +230,43 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_block_reads_back_whole_and_by_layer() {
+    fn a_block_reads_back_whole() {
         let dir = tempfile::tempdir().unwrap();
         let digest = "0123456789abcdef0123";
-        let folder = StateFolder::open(dir.path(), digest, 3).unwrap();
-        assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3));
-        let mut state = BlockState::empty(4, 3);
-        state.samples = 8;
-        state.exposed = vec![[1, 2], [3, 4], [5, 6], [7, 8]];
+        let folder = StateFolder::open(dir.path(), digest, 3, 2).unwrap();
+        assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3, 2));
+        let mut state = BlockState::empty(4, 3, 2);
+        state.round = 2;
+        state.drawn[3] = 8;
+        state.outside = vec![1, 2, 3, 16];
+        state.more_direct = vec![1; 16];
+        state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];
+        state.direct[7].add(Rgb::new(1.0, 2.0, 3.0));
         for (i, s) in state.sums.iter_mut().enumerate() {
             *s = Rgb::new(i as f32, 0.5 * i as f32, -1.0);
         }
         folder.write(5, &state).unwrap();
         assert_eq!(folder.read(5, 4).unwrap(), state);
-        let layer = folder.read_layer(5, 4, 2).unwrap();
-        assert_eq!(layer[3], [state.sums[3 * 6 + 2], state.sums[3 * 6 + 3 + 2]]);
-        // Another bake's work is removed; a block of another size is not taken for this one's.
-        assert_eq!(folder.read(5, 3).unwrap(), BlockState::empty(3, 3));
-        StateFolder::open(dir.path(), "fedcba9876543210fedc", 3).unwrap();
+        // Another bake's work is removed; a block of another size, or cut short, is not taken for this one's.
+        assert_eq!(folder.read(5, 3).unwrap(), BlockState::empty(3, 3, 2));
+        let path = folder.path(5);
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
+        assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3, 2));
+        StateFolder::open(dir.path(), "fedcba9876543210fedc", 3, 2).unwrap();
         assert!(!folder.root().exists());
+    }
+
+    #[test]
+    fn only_what_varies_is_worth_more_samples() {
+        let mut d = Direct::default();
+        assert!(d.varies());
+        (0..4).for_each(|_| d.add(Rgb::splat(2.0)));
+        assert!(!d.varies());
+        d.add(Rgb::ZERO);
+        assert!(d.varies());
+        let mut dark = Direct::default();
+        (0..4).for_each(|_| dark.add(Rgb::ZERO));
+        assert!(!dark.varies());
     }
 }

@@ -3,7 +3,7 @@
 use super::{Geometry, Wrap};
 
 impl Geometry {
-    /// Feeds everything that a bake depends on into a hash: equal digests, equal texels. Names do not count.
+    /// Feeds everything but light that a bake depends on into a hash. Neither names nor what materials emit count.
     pub fn update_digest(&self, hash: &mut blake3::Hasher) {
         hash.update(bytemuck::cast_slice(&self.origin.to_array()));
         hash.update(bytemuck::cast_slice(&self.positions));
@@ -26,10 +26,7 @@ impl Geometry {
             hash.update(&m.alpha.to_le_bytes());
             hash.update(&m.texture.map_or(u32::MAX, |t| t).to_le_bytes());
             hash.update(&m.alpha_cutoff.unwrap_or(-1.0).to_le_bytes());
-            hash.update(&[u8::from(m.two_sided), u8::from(m.emission.is_some())]);
-            let (radiance, group) = m.emission.unwrap_or_default();
-            hash.update(bytemuck::bytes_of(&radiance));
-            hash.update(&group.to_le_bytes());
+            hash.update(&[u8::from(m.two_sided)]);
         }
         let wrap = |w: Wrap| match w {
             Wrap::Repeat => 0u8,

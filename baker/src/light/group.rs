@@ -57,10 +57,11 @@ impl GroupSampler {
         !self.emitters.is_empty()
     }
 
-    /// Samples one of the lights as seen from `point` with unit `normal`. `choice` in [0, 1) chooses the light, `u` in [0, 1)²
+    /// Samples one of the lights as seen from `point` with unit `normal`. `choice` in [0, 1) and `u` in [0, 1)² choose the light and
     /// the point of it. The irradiance is already divided by the probability of the choice. `None`: this sample is 0.
     pub fn sample(&self, point: Vec3, normal: Vec3, choice: f32, u: Vec2) -> Option<LampSample> {
-        let (light, probability) = self.choose(point, normal, choice)?;
+        let (light, probability, left) = self.choose(point, normal, choice, u.x)?;
+        let u = Vec2::new(left, u.y);
         let sample = match self.lamps.get(light as usize) {
             Some(lamp) => {
                 let sample = lamp.sample(point, normal, u)?;
@@ -105,13 +106,14 @@ impl GroupSampler {
         (seen.pdf(f64::from(distance)) * f64::from(probability)) as f32
     }
 
-    /// One light, and the probability of that choice.
-    fn choose(&self, point: Vec3, normal: Vec3, choice: f32) -> Option<(u32, f32)> {
+    /// One light, the probability of that choice, and what is left of `u` for the point of it (few lights are chosen by `u`, whose
+    /// numbers are spread evenly over the samples; the tree by `choice`).
+    fn choose(&self, point: Vec3, normal: Vec3, choice: f32, u: f32) -> Option<(u32, f32, f32)> {
         match &self.tree {
             None => {
                 let shares = Shares::new(self, point, normal);
-                let light = shares.choose(choice)?;
-                Some((light as u32, shares.probability(light)))
+                let (light, left) = shares.choose(u)?;
+                Some((light as u32, shares.probability(light), left))
             }
             Some(tree) => {
                 let n = self.len() as f32;
@@ -122,7 +124,7 @@ impl GroupSampler {
                 } else {
                     tree.choose(point, normal, (choice - EVEN) / (1.0 - EVEN), importance)?
                 };
-                Some((light, (1.0 - EVEN) * by_tree + EVEN / n))
+                Some((light, (1.0 - EVEN) * by_tree + EVEN / n, u))
             }
         }
     }
@@ -187,13 +189,14 @@ impl Shares {
         }
     }
 
-    fn choose(&self, u: f32) -> Option<usize> {
+    /// A light, and what is left of `u`, even in [0, 1) again.
+    fn choose(&self, u: f32) -> Option<(usize, f32)> {
         let mut left = u;
         let mut chosen = None;
         for light in 0..self.len {
             let probability = self.probability(light);
             if probability > 0.0 {
-                chosen = Some(light);
+                chosen = Some((light, (left / probability).min(1.0 - f32::EPSILON)));
                 if left < probability {
                     break;
                 }

@@ -148,7 +148,7 @@ fn the_choice_follows_its_probabilities() {
             let mut counts = vec![0u32; group.len()];
             for i in 0..grid {
                 let choice = (f64::from(i) + 0.5) / f64::from(grid);
-                if let Some((light, probability)) = group.choose(p, n, choice as f32) {
+                if let Some((light, probability, _)) = group.choose(p, n, choice as f32, choice as f32) {
                     counts[light as usize] += 1;
                     let again = group.probability(p, n, light);
                     assert!((again / probability - 1.0).abs() < 1e-5, "group {k}: {again} {probability}");
@@ -348,7 +348,8 @@ fn faint_lamps_are_not_starved() {
         }
         let mut faint = 0;
         for i in 0..10_000 {
-            let s = group.sample(Vec3::ZERO, Vec3::Y, i as f32 / 10_000.0, Vec2::splat(0.5)).unwrap();
+            let u = i as f32 / 10_000.0;
+            let s = group.sample(Vec3::ZERO, Vec3::Y, u, Vec2::new(u, 0.5)).unwrap();
             assert!(s.irradiance.is_finite());
             faint += usize::from(s.direction.x.abs() > 0.45 + 0.05 * lamps.len().min(3) as f32 - 0.1);
         }

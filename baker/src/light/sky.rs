@@ -7,7 +7,7 @@ use crate::scene::{Place, Sky};
 use glam::{Vec3, Vec3Swizzles, Vec4};
 use std::f32::consts::FRAC_PI_4;
 
-pub use super::sky_model::radiance;
+pub use super::sky_model::{radiance, radiances};
 
 /// Sky radiance of several hours over the sphere of directions, stored so that one lookup reads all hours from
 /// neighbouring memory. A constant sky and a picture are what they are; others are bilinear in a map of the upper hemisphere that is equal-area in

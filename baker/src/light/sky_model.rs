@@ -17,6 +17,12 @@ pub fn radiance(sky: &Sky, place: Option<&Place>, hour: f64, direction: Vec3) ->
     SkyAt::new(sky, place, hour).radiance(direction)
 }
 
+/// [`radiance`] in several directions.
+pub fn radiances(sky: &Sky, place: Option<&Place>, hour: f64, directions: &[Vec3]) -> Vec<Rgb> {
+    let at = SkyAt::new(sky, place, hour);
+    directions.iter().map(|&direction| at.radiance(direction)).collect()
+}
+
 /// From the model's unit to kcd/m². The RGB data are colour-matched spectral radiances in W m⁻² sr⁻¹ nm⁻¹ summed over
 /// wavelength, so luminance is their Rec. 709 luminance × 683 lm/W; checked, not fitted: see the tests for its distance
 /// from published clear-sky illuminances.

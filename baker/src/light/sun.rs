@@ -7,7 +7,7 @@ use solar_positioning::{Location, SolarPositions, delta_t, time::JulianDate};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The sun's disc at one moment, as far as it stands above the horizon (authored suns have no horizon).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SunDisc {
     /// Unit vector towards its centre.
     pub direction: Vec3,

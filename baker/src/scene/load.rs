@@ -15,7 +15,7 @@ const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"]
 const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
 const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
-const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "padding", "pages"];
+const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding"];
 const BAKE: &[&str] = &["samples", "bounces", "seed"];
 
 /// Full angle of the solar disc in degrees, mean over the year.
@@ -210,9 +210,9 @@ fn lightmap(table: &Table) -> Result<Lightmap> {
         v.integer("texels from 0 to 64", |x| (0..=64).contains(&x))
     })?;
     let pages = table.get("pages").map_or(Ok(i64::from(Lightmap::default().pages)), |v| {
-        v.integer("pages from 1 to 16", |x| (1..=16).contains(&x))
+        v.integer("a number of pages from 1 to 64", |x| (1..=64).contains(&x))
     })?;
-    Ok(Lightmap { size, padding: padding as u32, pages: pages as u32 })
+    Ok(Lightmap { size, pages: pages as u32, padding: padding as u32 })
 }
 
 fn bake(table: &Table) -> Result<Sampling> {

@@ -247,34 +247,57 @@ pub enum Lamp {
     },
 }
 
+impl Lamp {
+    /// Its light: radiance, or a spot's on-axis intensity.
+    pub fn light(&self) -> DVec3 {
+        let (Lamp::Sphere { radiance: light, .. }
+        | Lamp::Disc { radiance: light, .. }
+        | Lamp::Point { intensity: light, .. }
+        | Lamp::Rectangle { radiance: light, .. }
+        | Lamp::Spot { intensity: light, .. }) = self;
+        *light
+    }
+
+    /// The same lamp with another light.
+    pub fn with_light(mut self, new: DVec3) -> Self {
+        let (Lamp::Sphere { radiance: light, .. }
+        | Lamp::Disc { radiance: light, .. }
+        | Lamp::Point { intensity: light, .. }
+        | Lamp::Rectangle { radiance: light, .. }
+        | Lamp::Spot { intensity: light, .. }) = &mut self;
+        *light = new;
+        self
+    }
+}
+
 /// Lightmap layout.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Lightmap {
-    /// How large the page is.
+    /// How large the pages are.
     pub size: LightmapSize,
+    /// Most pages, all of one size, at least 1.
+    pub pages: u32,
     /// Texels left between charts, and filled by dilation.
     pub padding: u32,
-    /// Pages of this size that the charts are spread over, 1 … 16.
-    pub pages: u32,
 }
 
 impl Default for Lightmap {
     fn default() -> Self {
-        Self { size: LightmapSize::Fixed { width: 512, height: 512 }, padding: 4, pages: 1 }
+        Self { size: LightmapSize::Fixed { width: 512, height: 512 }, pages: 1, padding: 4 }
     }
 }
 
 /// Page size, or texel density.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub enum LightmapSize {
-    /// One page of this size; the density follows.
+    /// Pages of this size; the density follows.
     Fixed {
         /// Texels.
         width: u32,
         /// Texels.
         height: u32,
     },
-    /// This density; one page as large as needed, multiples of 4, at most 16384.
+    /// This density; one page as large as needed, multiples of 4, at most 16384; more than one only where that is too small.
     TexelsPerMetre(f64),
 }
 

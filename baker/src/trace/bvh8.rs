@@ -39,7 +39,7 @@ pub const CUT_OUT: u32 = 1 << 31;
 /// The stack the kernels have; a built hierarchy never needs more.
 pub(super) const STACK: usize = 192;
 
-/// The hierarchy. Built by [`Bvh8::new`](super::bvh8_build).
+/// The hierarchy. Built by [`Bvh8::new`].
 #[derive(Clone, Debug)]
 pub struct Bvh8 {
     /// The root first; empty without triangles.

@@ -51,7 +51,7 @@ impl Bvh8 {
             // Deeper than the kernels' stack: the same order of triangles, halved again and again.
             let binary = balanced(geometry, &binary);
             let fits = bvh.merge(geometry, &binary);
-            debug_assert!(fits, "a balanced hierarchy is shallow");
+            assert!(fits, "a balanced hierarchy is shallow");
         }
         bvh.nodes.shrink_to_fit();
         bvh.packets.shrink_to_fit();

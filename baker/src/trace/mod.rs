@@ -1,4 +1,4 @@
-//! Light transport: rays, random numbers, and the walk that gathers every layer of a texel at once.
+//! Light transport: rays, random numbers, and the samples of every layer of a texel at once.
 
 pub mod sampler;
 pub mod triangle;
@@ -12,4 +12,6 @@ pub mod backend;
 #[cfg(feature = "embree")]
 mod embree;
 pub mod rays;
+pub mod lights;
 pub mod walk;
+pub mod cache;

@@ -84,9 +84,9 @@ fn random_ray(i: u32) -> (Vec3, Vec3) {
     let (origin, target) = (point(0) * 6.0, point(1) * 3.0);
     let mut direction = (target - origin).normalize();
     // Every eighth along an axis plane, every sixty-fourth along an axis.
-    if i % 8 == 0 {
+    if i.is_multiple_of(8) {
         direction[i as usize / 8 % 3] = 0.0;
-        if i % 64 == 0 {
+        if i.is_multiple_of(64) {
             direction[(i as usize / 8 + 1) % 3] = -0.0;
         }
         direction = direction.normalize();
@@ -236,9 +236,11 @@ fn edges_on_the_coordinate_planes_do_not_leak() {
 #[test]
 fn copies_and_empty_triangles_are_harmless() {
     // Fifty thousand copies of one triangle, as many coplanar ones and points: built in time, the first copy found.
-    let mut g = Geometry::default();
-    g.positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, vec3(2.0, 0.0, 0.0), vec3(0.0, 2.0, 0.0)];
-    g.triangles = [[0, 0, 1], [0, 1, 3], [2, 2, 2]].repeat(10_000);
+    let mut g = Geometry {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, vec3(2.0, 0.0, 0.0), vec3(0.0, 2.0, 0.0)],
+        triangles: [[0, 0, 1], [0, 1, 3], [2, 2, 2]].repeat(10_000),
+        ..Geometry::default()
+    };
     g.triangles.extend([[0, 1, 2]; 50_000]);
     g.triangles.extend([[0, 3, 4]; 20_000]);
     let g = finish(g);

@@ -41,10 +41,12 @@ impl Sample {
         vec2(unit(x), unit(y))
     }
 
-    /// A uniform number in [0, 1) that is independent of the pairs and of other samples' numbers: for single decisions.
+    /// A uniform number in [0, 1), shuffled against the pairs and other numbers: for single decisions. Over the samples it is a
+    /// (0, 1)-sequence of its own.
     #[inline]
     pub fn number(self, purpose: u32) -> f32 {
-        unit(hash(self.key ^ hash(self.index ^ hash(purpose ^ 0xc2b2_ae35))))
+        let key = hash(self.key ^ hash(purpose ^ 0xc2b2_ae35));
+        unit(owen_scramble(sobol0(owen_scramble(self.index, key)), hash(key ^ 0x68bc_21eb)))
     }
 }
 

@@ -1,4 +1,5 @@
 //! A small dataset with known light, written through the dataset crate.
+#![allow(dead_code, reason = "each test file uses its part")]
 
 use dataset::config::{Config, FORMAT, Group, Map, Noise, Page, Set, VERSION};
 use dataset::image::{Image, Mask};

@@ -132,7 +132,7 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
 }
 
 fn page_name(config: &Config, page: usize) -> String {
-    if config.pages.len() == 1 { "Page".to_owned() } else { format!("Page {}", page + 1) }
+    if config.pages.len() == 1 { "Page".to_owned() } else { format!("Page {page}") }
 }
 
 /// Such as `18.1 h · porch, garden on`.
@@ -142,7 +142,7 @@ fn caption(config: &Config, set: usize, page: usize) -> String {
     let on: Vec<&str> = on.collect();
     let mut caption = format!("{} h", hour(*at));
     if config.pages.len() > 1 {
-        caption.push_str(&format!(" · page {}", page + 1));
+        caption.push_str(&format!(" · page {page}"));
     }
     if !on.is_empty() {
         caption.push_str(&format!(" · {} on", on.join(", ")));

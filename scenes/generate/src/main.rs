@@ -1,13 +1,17 @@
-//! `generate yard` writes `yard.glb` beside the scene files and prints what it holds.
+//! `generate NAME` writes `NAME.glb` beside the scene files and prints what it holds.
 //!
 //! Geometry is authored in code, in metres, +Y up, south towards +Z; the same source writes the same bytes everywhere.
 
+#[cfg(test)]
+mod checks;
 mod glb;
 mod mesh;
 mod model;
 mod random;
 mod relief;
+mod room;
 mod shapes;
+mod soft;
 mod textures;
 mod yard;
 
@@ -22,13 +26,14 @@ fn scenes_folder() -> PathBuf {
 fn main() -> ExitCode {
     let names: Vec<String> = std::env::args().skip(1).collect();
     let [name] = names.as_slice() else {
-        eprintln!("usage: generate yard\nWrites the geometry of a scene to scenes/NAME.glb.");
+        eprintln!("usage: generate yard|room\nWrites the geometry of a scene to scenes/NAME.glb.");
         return ExitCode::from(2);
     };
     let model = match name.as_str() {
+        "room" => room::model(),
         "yard" => yard::model(),
         _ => {
-            eprintln!("generate: no scene `{name}`, expected `yard`");
+            eprintln!("generate: no scene `{name}`, expected `room` or `yard`");
             return ExitCode::from(2);
         }
     };

@@ -4,9 +4,10 @@ use crate::model::Texture;
 use crate::random::{cell, noise};
 
 /// A colour of sRGB components 0 … 255.
-type Colour = [f64; 3];
+pub type Colour = [f64; 3];
 
-fn texture(name: &'static str, size: u32, texel: impl Fn(f64, f64) -> (Colour, bool)) -> Texture {
+/// A square texture from its texel function: (x, y) in (0, 1), y down, to a colour and whether it is solid.
+pub fn texture(name: &'static str, size: u32, texel: impl Fn(f64, f64) -> (Colour, bool)) -> Texture {
     let mut rgba = Vec::with_capacity((size * size) as usize);
     for y in 0..size {
         for x in 0..size {
@@ -19,16 +20,18 @@ fn texture(name: &'static str, size: u32, texel: impl Fn(f64, f64) -> (Colour, b
     Texture { name, size, rgba }
 }
 
-fn mix(a: Colour, b: Colour, t: f64) -> Colour {
+/// Linear blend.
+pub fn mix(a: Colour, b: Colour, t: f64) -> Colour {
     [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t)
 }
 
-fn scaled(a: Colour, t: f64) -> Colour {
+/// All components times a factor.
+pub fn scaled(a: Colour, t: f64) -> Colour {
     a.map(|c| c * t)
 }
 
 /// Three octaves of noise in [0, 1), `cells` per texture in the coarsest.
-fn fractal(x: f64, y: f64, cells: i64, seed: u64) -> f64 {
+pub fn fractal(x: f64, y: f64, cells: i64, seed: u64) -> f64 {
     let octave = |k: i64| noise(x * (cells * k) as f64, y * (cells * k) as f64, cells * k, seed + k as u64);
     (octave(1) * 4.0 + octave(2) * 2.0 + octave(4)) / 7.0
 }

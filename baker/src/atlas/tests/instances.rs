@@ -31,7 +31,7 @@ fn turn(x: f64, y: f64, z: f64) -> DMat3 {
 }
 
 /// A floor, four chairs of one shape, one that is wider, and a box.
-fn room() -> Geometry {
+pub fn room() -> Geometry {
     let mut geometry = Geometry::default();
     let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
     let wide = DMat3::from_diagonal(DVec3::new(1.5, 1.0, 1.0));
@@ -47,11 +47,12 @@ fn room() -> Geometry {
 }
 
 /// Every face's corners are the placement applied to the layout, mirrored ones in their order.
-fn check_placements(geometry: &Geometry, atlas: &Atlas) {
-    let page = Vec2::new(atlas.width as f32, atlas.height as f32);
+pub fn check_placements(geometry: &Geometry, atlas: &Atlas) {
+    let page = Vec2::new(atlas.width as f32, atlas.page_height as f32);
     assert_eq!(atlas.placements.len(), geometry.instances.len());
     for (instance, placement) in geometry.instances.iter().zip(&atlas.placements) {
-        let placement = placement.unwrap();
+        let [placement] = placement[..] else { panic!("{placement:?}") };
+        let top = Vec2::new(0.0, atlas.page_rows(placement.page).start as f32);
         let Some(layout) = placement.layout.map(|l| &atlas.layouts[l as usize]) else {
             assert_eq!((placement.scale, placement.offset), ([1.0; 2], [0.0; 2]));
             continue;
@@ -68,7 +69,9 @@ fn check_placements(geometry: &Geometry, atlas: &Atlas) {
             assert!(uvs.iter().all(|uv| uv.min_element() > 0.0 && uv.max_element() < 1.0));
             for k in 0..3 {
                 let uv = Vec2::from(placement.scale) * uvs[order[k]] + Vec2::from(placement.offset);
-                assert!((uv * page).distance(face.corners[k]) < 1e-3 * page.max_element() / 1024.0 + 1e-4);
+                assert!(
+                    (uv * page + top).distance(face.corners[k]) < 1e-3 * page.max_element() / 1024.0 + 1e-4
+                );
             }
             count += 1;
         }
@@ -81,16 +84,16 @@ fn chairs_share_a_layout() {
     let geometry = room();
     let sizes = [fixed(512, 512).size, fixed(900, 300).size, LightmapSize::TexelsPerMetre(60.0)];
     for (size, padding) in sizes.into_iter().flat_map(|s| [(s, 2), (s, 5)]) {
-        let atlas = build(&geometry, &Lightmap { size, padding, pages: 1 }).unwrap();
+        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding }).unwrap();
         check(&geometry, &atlas, padding.into());
         check_placements(&geometry, &atlas);
         // The wide one has a layout of its own, that is, none that it shares.
-        let layouts: Vec<_> = atlas.placements.iter().map(|p| p.unwrap().layout).collect();
+        let layouts: Vec<_> = atlas.placements.iter().map(|p| p[0].layout).collect();
         assert_eq!(layouts, [None, Some(0), Some(0), Some(0), None, Some(0), None]);
         // One density for all, whatever their scale; the layout's scales go with the chairs'.
         let (low, high) = stretch(&geometry, &atlas);
         assert!(low > 0.999 && high < 1.001, "{low} … {high}");
-        let scale = |i: usize| f64::from(atlas.placements[i].unwrap().scale[0]);
+        let scale = |i: usize| f64::from(atlas.placements[i][0].scale[0]);
         for (i, expected) in [(2, 1.0), (3, 0.5), (5, 2.0)] {
             assert!((scale(i) / scale(1) / expected - 1.0).abs() < 1e-5);
         }
@@ -104,15 +107,15 @@ fn density_scales_the_layout_too() {
     let atlas = build(&geometry, &fixed(512, 512)).unwrap();
     check(&geometry, &atlas, 2);
     check_placements(&geometry, &atlas);
-    let scale = |i: usize| atlas.placements[i].unwrap().scale;
+    let scale = |i: usize| atlas.placements[i][0].scale;
     assert!((scale(2)[1] / scale(1)[1] - 1.5).abs() < 1e-5);
     // A hundredfold scale would waste the page on padding: it shares with none.
     geometry.instances[5].density = 100.0;
     let atlas = build(&geometry, &fixed(512, 512)).unwrap();
     check(&geometry, &atlas, 2);
     check_placements(&geometry, &atlas);
-    assert_eq!(atlas.placements[5].unwrap().layout, None);
-    assert_eq!(atlas.placements[2].unwrap().layout, Some(0));
+    assert_eq!(atlas.placements[5][0].layout, None);
+    assert_eq!(atlas.placements[2][0].layout, Some(0));
 }
 
 #[test]

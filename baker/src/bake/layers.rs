@@ -1,0 +1,195 @@
+//! The layers of a bake, kept beside the dataset: what a later bake of the same scene under other schedules, colours or
+//! intensities is put together from, without a ray.
+//!
+//! One file per layer, named by its digest: per covered texel, in the order of the blocks, the mean irradiance (3 × f32) and
+//! half the difference of the two halves (3 × bf16), which is an independent estimate of the standard error; both ÷ the scale of
+//! the layer's group. One file per page layout says which texels these are. Byte order: the machine's.
+
+use super::block::Worker;
+use super::json;
+use super::rounds::Round;
+use super::state::StateFolder;
+use crate::{Error, Result, Rgb};
+use bytemuck::{Pod, Zeroable};
+use dataset::console::{Console, stop_if_interrupted};
+use half::bf16;
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Name of the folder inside a dataset.
+const FOLDER: &str = ".layers";
+
+/// A covered texel of the page.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Texel {
+    /// Its index on the page, row by row.
+    pub index: u32,
+    /// 1 where enough of it lies outside solids, else 0.
+    pub exposed: u32,
+}
+
+/// A layer at one texel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Value {
+    /// Mean irradiance.
+    pub mean: Rgb,
+    /// An estimate of its standard error, with a sign.
+    pub error: Rgb,
+}
+
+/// As stored.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Stored {
+    mean: [f32; 3],
+    error: [bf16; 3],
+    zero: u16,
+}
+
+/// The folder of layers of a dataset.
+#[derive(Debug)]
+pub struct Layers {
+    root: PathBuf,
+}
+
+impl Layers {
+    /// The folder below `dataset`.
+    pub fn new(dataset: &Path) -> Self {
+        Layers { root: dataset.join(FOLDER) }
+    }
+
+    fn path(&self, digest: &str) -> PathBuf {
+        self.root.join(format!("{}.layer", &digest[..32]))
+    }
+
+    fn rounds_path(&self, base: &str) -> PathBuf {
+        self.root.join(format!("{}.rounds", &base[..32]))
+    }
+
+    /// How the last tracing of layers of this page went.
+    pub fn rounds(&self, base: &str) -> Option<Vec<Round>> {
+        serde_json::from_slice(&std::fs::read(self.rounds_path(base)).ok()?).ok()
+    }
+
+    fn texels_path(&self, base: &str) -> PathBuf {
+        self.root.join(format!("{}.texels", &base[..32]))
+    }
+
+    /// Whether a layer is there, for `texels` texels.
+    pub fn has(&self, digest: &str, texels: usize) -> bool {
+        let length = (texels * size_of::<Stored>()) as u64;
+        std::fs::metadata(self.path(digest)).is_ok_and(|m| m.len() == length)
+    }
+
+    /// The covered texels of the page that `base` describes, if a bake left them.
+    pub fn texels(&self, base: &str) -> Option<Vec<Texel>> {
+        let bytes = std::fs::read(self.texels_path(base)).ok()?;
+        bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
+    }
+
+    /// A layer's values, in the order of the texels.
+    pub fn read(&self, digest: &str) -> Result<Vec<Value>> {
+        let path = self.path(digest);
+        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
+        if !bytes.len().is_multiple_of(size_of::<Stored>()) {
+            return Err(Error::invalid(
+                path.display(),
+                "cut short: expected whole texels (--force bakes anew)",
+            ));
+        }
+        let stored: Vec<Stored> = bytemuck::pod_collect_to_vec(&bytes);
+        let value = |s: Stored| Value {
+            mean: Rgb::from_array(s.mean),
+            error: Rgb::from_array(s.error.map(bf16::to_f32)),
+        };
+        Ok(stored.into_iter().map(value).collect())
+    }
+
+    /// Writes the layers a worker traced, `digests` in their order, and the page's texels.
+    pub fn write(
+        &self,
+        worker: &Worker,
+        folder: &StateFolder,
+        base: &str,
+        digests: &[String],
+        rounds: &[Round],
+        console: &Console,
+    ) -> Result<()> {
+        std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))?;
+        dataset::files::remove_stale_temporaries(&self.root)?;
+        let lights = worker.transport.lights;
+        let blocks = worker.blocks();
+        let progress = console.progress("keeping layers", blocks.len() as u64);
+        let mut files = digests.iter().map(|d| Partial::create(self.path(d))).collect::<Result<Vec<_>>>()?;
+        let mut texels: Vec<Texel> = Vec::new();
+        let (mut a, mut b) = (vec![Rgb::ZERO; lights.layers()], vec![Rgb::ZERO; lights.layers()]);
+        for block in blocks {
+            stop_if_interrupted()?;
+            let surface = worker.surface(block);
+            let covered: Vec<usize> = surface.covered().collect();
+            let state = folder.read(block, covered.len())?;
+            let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); digests.len()];
+            for (i, &texel) in covered.iter().enumerate() {
+                let (x, y) = (surface.x0 + texel % surface.width, surface.y0 + texel / surface.width);
+                let index = (y * worker.atlas.width as usize + x) as u32;
+                texels.push(Texel { index, exposed: u32::from(state.is_exposed(i)) });
+                state.means(i, 0, lights, &mut a);
+                state.means(i, 1, lights, &mut b);
+                for ((stored, a), b) in stored.iter_mut().zip(&a).zip(&b) {
+                    let error = ((*a - *b) * 0.5).to_array().map(bf16::from_f32);
+                    stored.push(Stored { mean: ((*a + *b) * 0.5).to_array(), error, zero: 0 });
+                }
+            }
+            for (file, stored) in files.iter_mut().zip(&stored) {
+                file.write(bytemuck::cast_slice(stored))?;
+            }
+            progress.advance(1);
+        }
+        dataset::files::write_atomically(&self.texels_path(base), bytemuck::cast_slice(&texels))?;
+        dataset::files::write_atomically(&self.rounds_path(base), &json::bytes(&rounds, "rounds")?)?;
+        files.into_iter().try_for_each(Partial::finish)
+    }
+
+    /// Removes all files but those of these layers and this page.
+    pub fn keep_only(&self, base: &str, digests: &[String]) {
+        let mut keep: BTreeSet<PathBuf> = digests.iter().map(|d| self.path(d)).collect();
+        keep.extend([self.texels_path(base), self.rounds_path(base)]);
+        let Ok(entries) = std::fs::read_dir(&self.root) else { return };
+        for entry in entries.flatten().filter(|e| !keep.contains(&e.path())) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+
+    /// Forgets all layers.
+    pub fn clear(&self) -> Result<()> {
+        dataset::files::remove_folder(&self.root)
+    }
+}
+
+/// A file that gets its name when it is whole.
+struct Partial {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: std::io::BufWriter<File>,
+}
+
+impl Partial {
+    fn create(path: PathBuf) -> Result<Self> {
+        let temporary = path.with_extension("partial");
+        let file = File::create(&temporary).map_err(Error::io(&temporary))?;
+        Ok(Partial { path, temporary, file: std::io::BufWriter::new(file) })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file.write_all(bytes).map_err(Error::io(&self.temporary))
+    }
+
+    fn finish(self) -> Result<()> {
+        let file = self.file.into_inner().map_err(|e| Error::io(&self.temporary)(e.into_error()))?;
+        file.sync_all().map_err(Error::io(&self.temporary))?;
+        std::fs::rename(&self.temporary, &self.path).map_err(Error::io(&self.path))
+    }
+}

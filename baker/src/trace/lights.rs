@@ -1,0 +1,116 @@
+//! The light a bake traces: the distinct suns, the lit skies and the traced groups, one layer each, in that order.
+
+use crate::Rgb;
+use crate::light::group::GroupSampler;
+use crate::light::guide::SkyGuide;
+use crate::light::sky::SkyTable;
+use crate::light::sun::SunDisc;
+use glam::{Vec2, Vec3};
+
+/// Everything that shines, as layers: suns, then the lit hours of the sky, then groups as if always on.
+pub struct Lights {
+    /// The distinct suns.
+    pub suns: Vec<SunLight>,
+    /// The sky; its layers are `sky.lit`.
+    pub sky: SkyTable,
+    /// Where to look for the sky beyond what a diffuse walk meets: portals, bright parts of an image.
+    pub guide: Option<SkyGuide>,
+    /// The traced groups.
+    pub groups: Vec<GroupLight>,
+    /// Per group of the scene, its place among `groups`; `None`: not traced.
+    pub layer_of_group: Vec<Option<usize>>,
+}
+
+/// A sun, ready for sampling.
+#[derive(Clone, Copy, Debug)]
+pub struct SunLight {
+    disc: SunDisc,
+    /// Two axes across the disc, as long as its radius at distance 1, where it is whole and small.
+    across: Option<[Vec3; 2]>,
+}
+
+impl SunLight {
+    /// Prepares a sun.
+    pub fn new(disc: SunDisc) -> Self {
+        /// Up to this half angle a uniform point of the flat disc is a uniform direction, to 2 parts in 10⁴.
+        const SMALL: f32 = 0.01;
+        let is_whole = !disc.horizon || disc.direction.y > disc.half_angle.sin();
+        let (x, y) = disc.direction.any_orthonormal_pair();
+        let radius = disc.half_angle.tan();
+        let across = (is_whole && disc.half_angle <= SMALL).then(|| [x * radius, y * radius]);
+        SunLight { disc, across }
+    }
+
+    /// Perpendicular irradiance.
+    pub fn irradiance(&self) -> Rgb {
+        self.disc.irradiance
+    }
+
+    /// A direction towards the disc; `draw` is the same for all suns of a sample.
+    #[inline]
+    pub fn sample(&self, draw: &SunDraw) -> Vec3 {
+        match self.across {
+            Some([x, y]) => (self.disc.direction + x * draw.on_disc.x + y * draw.on_disc.y).normalize(),
+            None => self.disc.sample(draw.u),
+        }
+    }
+}
+
+/// What the suns of one sample share: a point of the unit square, and the point of the unit disc it stands for.
+#[derive(Clone, Copy, Debug)]
+pub struct SunDraw {
+    u: Vec2,
+    on_disc: Vec2,
+}
+
+impl SunDraw {
+    /// From a point of the unit square.
+    pub fn new(u: Vec2) -> Self {
+        let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
+        SunDraw { u, on_disc: Vec2::new(cos, sin) * u.x.sqrt() }
+    }
+}
+
+/// The light of one group, in units of its scale (see [`crate::bake::plan`]).
+pub struct GroupLight {
+    /// Its lamps and emissive triangles.
+    pub sampler: GroupSampler,
+    /// Per material of the geometry, the radiance it emits into this group's layer.
+    pub emission: Vec<Rgb>,
+    /// Decides the random numbers of the group's samples: a function of its name, so that they stay the same whichever other
+    /// groups are traced with it.
+    pub key: u32,
+}
+
+impl Lights {
+    /// No light.
+    pub fn none() -> Self {
+        let sky = SkyTable::new(None, None, &[]);
+        Lights { suns: Vec::new(), sky, guide: None, groups: Vec::new(), layer_of_group: Vec::new() }
+    }
+
+    /// Number of layers.
+    pub fn layers(&self) -> usize {
+        self.suns.len() + self.sky.lit.len() + self.groups.len()
+    }
+
+    /// The layers of the sky.
+    pub fn sky_layers(&self) -> std::ops::Range<usize> {
+        self.suns.len()..self.suns.len() + self.sky.lit.len()
+    }
+
+    /// The layer of a traced group.
+    pub fn group_layer(&self, group: usize) -> usize {
+        self.suns.len() + self.sky.lit.len() + group
+    }
+
+    /// Number of lights that are sampled from a point: suns and groups.
+    pub fn sampled(&self) -> usize {
+        self.suns.len() + self.groups.len()
+    }
+
+    /// The layer of a sampled light.
+    pub fn layer_of_sampled(&self, light: usize) -> usize {
+        if light < self.suns.len() { light } else { self.sky.lit.len() + light }
+    }
+}

@@ -1,0 +1,42 @@
+//! Bakes towards a target error: the rule that hands out samples must not show in the light.
+
+use crate::golden::HONEST;
+use crate::scenes::{Case, outdoors, room};
+use crate::statistics::bakes;
+use baker::bake::run::Integrator;
+
+const TARGET: f64 = 0.06;
+
+#[track_caller]
+fn adaptive(case: &Case, name: &str) {
+    let reference = bakes(case, 1, 64, |o| o.integrator = Integrator::Path);
+    let adaptive = bakes(case, 401, 64, |o| {
+        o.integrator = Integrator::Path;
+        o.target_error = Some(TARGET);
+    });
+    adaptive.expect_texels_of(&reference, name);
+    adaptive.expect_mean_of(&reference, name);
+    // Samples went where they were wanted, and no cell was left above the target.
+    for outcome in &adaptive.outcomes {
+        let last = outcome.rounds.last().expect("a round");
+        assert_eq!(last.open_cells, 0);
+        assert!(outcome.relative_error <= TARGET, "{}", outcome.relative_error);
+        assert!(!outcome.out_of_time);
+    }
+    let spread = |o: &&baker::bake::run::Outcome| o.mean_samples < f64::from(o.samples);
+    assert!(adaptive.outcomes.iter().any(|o| spread(&o)), "{name}: every cell got all samples");
+    // Who stops at low estimates tells too low an error.
+    let told = adaptive.honesty();
+    println!("{name}: told ÷ true variance {told:.3}, samples {}", adaptive.outcomes[0].mean_samples);
+    assert!(HONEST.contains(&told), "{name}: told ÷ true variance {told}");
+}
+
+#[test]
+fn outdoors_towards_a_target() {
+    adaptive(&outdoors(), "outdoors");
+}
+
+#[test]
+fn a_room_towards_a_target() {
+    adaptive(&room(), "room");
+}

@@ -1,0 +1,79 @@
+//! The integrators against each other, texel by texel, over seeds; and the error they tell against the error they have.
+
+use crate::scenes::{Case, furnace, instances, outdoors, room};
+use crate::statistics::{Bakes, bakes};
+use baker::bake::run::Integrator;
+use baker::trace::backend::Backend;
+use std::f64::consts::PI;
+
+/// Samples of the reference.
+const REFERENCE: u32 = 64;
+
+/// Bounds of (mean squared standard error told) ÷ (variance over seeds). Sixteen seeds, and a variance that stands in few
+/// texels (shadow edges), leave some 10 % of chance; stitching, which the estimate does not know of, evens out a little more.
+pub const HONEST: std::ops::Range<f64> = 0.8..1.25;
+
+fn path(case: &Case, first: u64, samples: u32) -> Bakes {
+    bakes(case, first, samples, |o| o.integrator = Integrator::Path)
+}
+
+#[track_caller]
+fn golden(case: &Case, name: &str) {
+    let reference = path(case, 1, REFERENCE);
+    let precision = reference.relative_error_of_mean();
+    assert!(precision < 0.005, "{name}: the reference is no test: {precision}");
+    // Fewer samples have more variance and the same mean.
+    let few = path(case, 101, REFERENCE / 4);
+    few.expect_texels_of(&reference, name);
+    few.expect_mean_of(&reference, name);
+    // The other backend, where it is built.
+    if Backend::Embree.is_built() {
+        let embree = bakes(case, 201, REFERENCE / 4, |o| {
+            o.integrator = Integrator::Path;
+            o.backend = Backend::Embree;
+        });
+        embree.expect_texels_of(&reference, name);
+        embree.expect_mean_of(&reference, name);
+    }
+    // The cache is wrong by the size of its texels: by less than 1 % of the page's light.
+    let cached = bakes(case, 301, REFERENCE / 4, |_| {});
+    let bias = cached.mean() / reference.mean() - 1.0;
+    println!(
+        "{name}: bias of the cache {:.3} %, told ÷ true variance: reference {:.3}, few {:.3}, cached {:.3}",
+        bias * 100.0,
+        reference.honesty(),
+        few.honesty(),
+        cached.honesty()
+    );
+    assert!(bias.abs() < 0.01, "{name}: the cache is wrong by {bias}");
+    for (bakes, what) in [(&reference, "reference"), (&few, "few samples"), (&cached, "cached")] {
+        let told = bakes.honesty();
+        assert!(HONEST.contains(&told), "{name}, {what}: told ÷ true variance {told}");
+    }
+}
+
+#[test]
+fn outdoors_with_sun_and_sky() {
+    golden(&outdoors(), "outdoors");
+}
+
+#[test]
+fn a_room_with_window_and_lamp() {
+    golden(&room(), "room");
+}
+
+#[test]
+fn instances_and_cut_outs() {
+    golden(&instances(), "instances");
+}
+
+#[test]
+fn where_all_texels_are_alike_the_cache_has_no_bias() {
+    let case = furnace();
+    let reference = path(&case, 1, 16);
+    let cached = bakes(&case, 301, 16, |_| {});
+    reference.expect_everywhere(PI, "path");
+    cached.expect_everywhere(PI, "cached");
+    cached.expect_texels_of(&reference, "cached");
+    cached.expect_mean_of(&reference, "cached");
+}

@@ -1,0 +1,63 @@
+//! Several pages from end to end.
+
+use crate::scenes::Obj;
+use crate::{Stage, assert_same};
+use baker::bake::run::Integrator;
+
+/// Blocks that one page of this size is too small for, at the density of two.
+fn case() -> (Stage, String) {
+    let block = Obj::default().mesh("block").block([-0.5, 0.0, -0.5], [1.0, 1.0, 1.0]).bytes();
+    let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 6.0, 4.0).bytes();
+    let text = "[sun]\ntrack = [{ hour = 12, direction = [0.3, 1, 0.2], irradiance = [50, 48, 45] }]\n\
+        [sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n[[object]]\nfile = \"ground.obj\"\nalbedo = 0.5\n\
+        [[object]]\nfile = \"block.obj\"\nalbedo = 0.5\ninstances = [{ translate = [-1, 0, 0] }, { translate = [1, 0, 0] }, { translate = [3, 0, 0] }]\n\
+        [[group]]\nname = \"lamp\"\non = [[18, 6]]\n[[group.sphere]]\ncentre = [0, 0.8, 0.3]\nradius = 0.1\nradiance = [8, 6, 4]\n\
+        [lightmap]\nsize = [48, 40]\npages = 2\npadding = 2\n[bake]\nsamples = 8\n";
+    (Stage::new(&[("block.obj", block), ("ground.obj", ground)]), text.to_owned())
+}
+
+#[test]
+fn two_pages_are_baked_opened_and_verified() {
+    let (stage, text) = case();
+    for integrator in [Integrator::Cached, Integrator::Path] {
+        let set = format!("{integrator:?}");
+        let (outcome, dataset) = stage.bake(&text, &set, "12,21", |o| o.integrator = integrator);
+        assert_eq!((outcome.pages, outcome.size), (2, [48, 40]));
+        let config = &dataset.config;
+        assert_eq!(config.pages.len(), 2);
+        // Every page holds surface, light in every set, and the group's light.
+        let mut texels = 0;
+        for page in 0..2 {
+            let mask = dataset.mask(page).expect("a mask");
+            assert_eq!((mask.width, mask.height), (48, 40));
+            texels += mask.count();
+            let lit = |image: &dataset::image::Image| {
+                let both = image.texels.iter().zip(&mask.valid);
+                both.filter(|(texel, valid)| **valid && texel[1] > 0.0).count()
+            };
+            for set in 0..config.sets.len() {
+                let lit = lit(&dataset.map(set, page).expect("a map"));
+                assert!(lit * 2 > mask.count(), "page {page}, set {set}: {lit} lit");
+            }
+            assert!(lit(&dataset.image(&config.groups[0].layers[page], page).expect("a layer")) > 0);
+            assert!(config.instances.iter().any(|i| i.page == page as u32), "no instance on page {page}");
+        }
+        assert_eq!(texels, outcome.texels);
+        // Every checksum, finite light, and each set the sum of its parts bit for bit.
+        let found = dataset.verify(|| {});
+        assert!(found.faults.is_empty(), "{:?}", found.faults);
+        assert_eq!(found.dead_texels, [Some(0), Some(0)]);
+    }
+}
+
+#[test]
+fn two_pages_are_lit_again_without_a_ray() {
+    let (stage, text) = case();
+    stage.bake(&text, "set", "12,21", |_| {});
+    let text = text.replace("[8, 6, 4]", "[1, 2, 3]").replace("[[18, 6]]", "[[19, 5]]");
+    let (outcome, dataset) = stage.bake(&text, "set", "12,21", |_| {});
+    assert_eq!((outcome.layers.traced, outcome.rays.rays()), (0, 0));
+    let (_, fresh) = stage.bake(&text, "fresh", "12,21", |_| {});
+    assert_same(&dataset, &fresh);
+    assert!(dataset.verify(|| {}).faults.is_empty());
+}

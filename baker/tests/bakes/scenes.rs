@@ -1,0 +1,139 @@
+//! Three small scenes: outdoors, a room, instances with cut-outs.
+
+use crate::Stage;
+use image::{ImageFormat, Rgba, RgbaImage};
+use std::fmt::Write;
+use std::io::Cursor;
+
+/// An OBJ file under construction.
+#[derive(Default)]
+pub struct Obj {
+    text: String,
+    vertices: usize,
+}
+
+impl Obj {
+    /// Begins a mesh.
+    pub fn mesh(mut self, name: &str) -> Self {
+        writeln!(self.text, "o {name}").expect("written");
+        self
+    }
+
+    /// A parallelogram whose front is on the side of `u × v`; `vt` runs along both edges.
+    pub fn quad(mut self, corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Self {
+        let first = self.vertices + 1;
+        for (a, b) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            let at = |i: usize| corner[i] + a * u[i] + b * v[i];
+            writeln!(self.text, "v {} {} {}\nvt {a} {b}", at(0), at(1), at(2)).expect("written");
+        }
+        self.vertices += 4;
+        let corners: String = (first..first + 4).map(|i| format!(" {i}/{i}")).collect();
+        writeln!(self.text, "f{corners}").expect("written");
+        self
+    }
+
+    /// A box without its bottom, seen from outside.
+    pub fn block(self, [x, y, z]: [f64; 3], [w, h, d]: [f64; 3]) -> Self {
+        self.quad([x, y, z + d], [w, 0.0, 0.0], [0.0, h, 0.0])
+            .quad([x + w, y, z], [-w, 0.0, 0.0], [0.0, h, 0.0])
+            .quad([x, y, z], [0.0, 0.0, d], [0.0, h, 0.0])
+            .quad([x + w, y, z + d], [0.0, 0.0, -d], [0.0, h, 0.0])
+            .quad([x, y + h, z + d], [w, 0.0, 0.0], [0.0, 0.0, -d])
+    }
+
+    /// A level quad that looks up.
+    pub fn floor(self, [x, y, z]: [f64; 3], w: f64, d: f64) -> Self {
+        self.quad([x, y, z + d], [w, 0.0, 0.0], [0.0, 0.0, -d])
+    }
+
+    /// The file.
+    pub fn bytes(self) -> Vec<u8> {
+        self.text.into_bytes()
+    }
+
+    fn line(mut self, line: &str) -> Self {
+        writeln!(self.text, "{line}").expect("written");
+        self
+    }
+}
+
+/// A scene with its files; `[bake]` is left to the test.
+pub struct Case {
+    pub stage: Stage,
+    pub text: String,
+    pub hours: &'static str,
+}
+
+/// A crate on the ground under sun and sky.
+pub fn outdoors() -> Case {
+    let obj = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
+    let obj = obj.mesh("crate").block([-0.5, -0.05, -0.5], [1.0, 1.05, 1.0]);
+    let text = "[place]\nlatitude = 48.0\nlongitude = 16.0\nutc_offset = 1.0\ndate = 2026-06-21\n[sun]\n\
+        [sky]\nmodel = \"hosek-wilkie\"\n[[object]]\nfile = \"a.obj\"\nalbedo = [0.6, 0.5, 0.3]\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "8,12" }
+}
+
+/// A room of 2 × 2 × 2 m with a window and a lamp.
+pub fn room() -> Case {
+    let obj = Obj::default()
+        .mesh("room")
+        .quad([-1.0, 0.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0])
+        .quad([-1.0, 2.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0])
+        .quad([-1.0, 0.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
+        .quad([-1.0, 0.0, 1.0], [0.0, 0.0, -2.0], [0.0, 2.0, 0.0])
+        .quad([1.0, 0.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0])
+        .quad([-1.0, 0.0, 1.0], [0.0, 2.0, 0.0], [0.5, 0.0, 0.0])
+        .quad([0.5, 0.0, 1.0], [0.0, 2.0, 0.0], [0.5, 0.0, 0.0])
+        .quad([-0.5, 0.0, 1.0], [0.0, 0.7, 0.0], [1.0, 0.0, 0.0])
+        .quad([-0.5, 1.6, 1.0], [0.0, 0.4, 0.0], [1.0, 0.0, 0.0]);
+    let text = "[sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
+        [[portal]]\ncorner = [-0.5, 0.7, 1]\nedge_u = [1, 0, 0]\nedge_v = [0, 0.9, 0]\n\
+        [[object]]\nfile = \"a.obj\"\nalbedo = [0.7, 0.6, 0.5]\n\
+        [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.3, 1.5, -0.4]\nradius = 0.1\nradiance = [40, 30, 20]\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
+}
+
+/// Three blocks of one mesh, turned and mirrored, under a sheet with holes.
+pub fn instances() -> Case {
+    let block = Obj::default().mesh("block").block([-0.3, 0.0, -0.3], [0.6, 0.5, 0.4]).bytes();
+    let ground = Obj::default().mesh("ground").floor([-1.5, 0.0, -1.5], 3.0, 3.0).bytes();
+    let sheet = Obj::default().line("mtllib sheet.mtl").mesh("sheet").line("usemtl holed");
+    let sheet = sheet.quad([-1.0, 1.2, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0]).bytes();
+    let texel = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [60, 160, 60, 255] } else { [0, 0, 0, 0] };
+    let mut png = Cursor::new(Vec::new());
+    RgbaImage::from_fn(8, 8, |x, y| Rgba(texel(x, y))).write_to(&mut png, ImageFormat::Png).expect("a PNG");
+    let mtl = b"newmtl holed\nKd 1 1 1\nmap_Kd holed.png\nmap_d holed.png\n".to_vec();
+    let text = "[sun]\ndisc_angle = 2\ntrack = [{ hour = 12, direction = [0.3, 1, 0.2], irradiance = [50, 48, 45] }]\n\
+        [sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
+        [[object]]\nfile = \"ground.obj\"\nalbedo = 0.5\n\
+        [[object]]\nfile = \"sheet.obj\"\nlightmap = false\ntwo_sided = true\n\
+        [[object]]\nfile = \"block.obj\"\nalbedo = 0.6\ninstances = [\n\
+        { translate = [-0.8, 0, 0] },\n{ translate = [0.6, 0, 0.5], rotate = [0, 30, 0], scale = [-1, 1, 1] },\n\
+        { translate = [0.4, 0, -0.7], scale = [1, 2, 1] },\n]\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    let files = [
+        ("block.obj", block),
+        ("ground.obj", ground),
+        ("sheet.obj", sheet),
+        ("sheet.mtl", mtl),
+        ("holed.png", png.into_inner()),
+    ];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
+/// A closed box of reflectance ½ that emits ½ kcd/m² everywhere: every texel has an irradiance of π.
+pub fn furnace() -> Case {
+    let obj = Obj::default()
+        .mesh("furnace")
+        .quad([-1.0, 0.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0])
+        .quad([-1.0, 2.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0])
+        .quad([-1.0, 0.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
+        .quad([1.0, 0.0, 1.0], [-2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
+        .quad([-1.0, 0.0, 1.0], [0.0, 0.0, -2.0], [0.0, 2.0, 0.0])
+        .quad([1.0, 0.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]);
+    let text = "[[object]]\nfile = \"a.obj\"\nalbedo = 0.5\nemission = [0.5, 0.5, 0.5]\ngroup = \"walls\"\n\
+        [[group]]\nname = \"walls\"\n[lightmap]\nsize = 40\npadding = 2\n";
+    Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
+}

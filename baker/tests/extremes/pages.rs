@@ -1,0 +1,175 @@
+//! Pages of extreme shapes, and lightmap layouts that cannot be used.
+
+use crate::common::mesh::{Obj, gltf};
+use crate::common::{Stage, assert_sane, green, mean};
+use dataset::store::Dataset;
+use glam::{DVec3, dvec3};
+use std::f64::consts::PI;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+const SKY: &str = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
+
+fn bake(stage: &Stage, lightmap: &str) -> crate::common::Baked {
+    stage.bake("12", 16, &format!("{SKY}[[object]]\nfile = \"a.obj\"\n[lightmap]\n{lightmap}\n"))
+}
+
+#[test]
+fn one_triangle_on_the_smallest_page() {
+    // A chart needs two texels each way, for it stays half a texel inside the page: one texel is refused by name.
+    let triangle = Obj::default().mesh("floor").polygon(&[DVec3::ZERO, DVec3::Z, DVec3::X]);
+    let stage = Stage::new(&[("a.obj", triangle.text())]);
+    for lightmap in
+        ["size = 5", "size = 4", "size = 3", "size = 2", "size = [2, 7]", "size = 2\npadding = 64"]
+    {
+        let baked = bake(&stage, lightmap);
+        assert!(baked.mask.count() >= 1, "{lightmap}");
+        let image = baked.first();
+        for (texel, _) in image.texels.iter().zip(&baked.mask.valid).filter(|(_, valid)| **valid) {
+            assert!((f64::from(texel[1]) / PI - 1.0).abs() < 1e-5, "{lightmap}: {texel:?}");
+        }
+    }
+    let message = stage.refusal("12", &format!("{SKY}[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = 1\n"));
+    assert!(message.contains("size 1 x 1") && message.contains("use a larger size"), "{message}");
+}
+
+#[test]
+fn two_charts_that_no_page_of_one_texel_holds_are_refused() {
+    let obj = Obj::default().mesh("block").block(DVec3::ZERO, DVec3::ONE);
+    let stage = Stage::new(&[("a.obj", obj.text())]);
+    let message = stage.refusal("12", &format!("{SKY}[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = 1\n"));
+    assert!(message.contains("size 1 x 1") && message.contains("do not fit"), "{message}");
+}
+
+#[test]
+fn pages_of_odd_width() {
+    let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0);
+    let stage = Stage::new(&[("a.obj", obj.text())]);
+    for (width, height) in [(13, 7), (33, 17), (129, 3), (3, 129), (65, 64), (127, 131)] {
+        let baked = bake(&stage, &format!("size = [{width}, {height}]"));
+        assert_eq!(baked.outcome.size, [width, height]);
+        let image = baked.first();
+        assert!(baked.mask.count() > 0);
+        for (texel, valid) in image.texels.iter().zip(&baked.mask.valid) {
+            assert!(!valid || (f64::from(texel[1]) / PI - 1.0).abs() < 1e-5, "{width} x {height}: {texel:?}");
+        }
+    }
+}
+
+#[test]
+fn an_all_but_empty_page_of_16384_by_256() {
+    // One square fills 1.5 % of it. Time and memory are those of the command as a user runs it.
+    let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0);
+    let stage = Stage::new(&[("a.obj", obj.text())]);
+    let scene = format!(
+        "{SKY}[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = [16384, 256]\n[bake]\nsamples = 2\nbounces = 0\n"
+    );
+    stage.write("wide.toml", scene.as_bytes());
+    let out = stage.path("wide");
+    let (seconds, bytes) = run_and_watch(
+        Command::new(env!("CARGO_BIN_EXE_bake"))
+            .arg(stage.path("wide.toml"))
+            .args(["--hours", "12", "--quiet", "--out"])
+            .arg(&out),
+    );
+    println!("16384 x 256: {seconds:.1} s, {:.0} MiB", bytes as f64 / f64::from(1 << 20));
+    let dataset = Dataset::open(&out).unwrap();
+    let mask = dataset.mask(0).unwrap();
+    assert_eq!((mask.width, mask.height), (16384, 256));
+    assert!(mask.count() > 60_000 && mask.count() < 67_000, "{}", mask.count());
+    assert_sane(&dataset);
+    let image = dataset.map(0, 0).unwrap();
+    let lit = image.texels.iter().zip(&mask.valid).filter(|(_, valid)| **valid);
+    assert!(lit.map(|(t, _)| t[1]).all(|v| (f64::from(v) / PI - 1.0).abs() < 1e-5));
+    // An image of it is 48 MiB.
+    assert!(bytes < 1 << 30 && seconds < 60.0, "{seconds} s, {bytes} bytes");
+}
+
+/// Wall seconds of a command, which must succeed, and the most memory it had resident, in bytes.
+pub fn run_and_watch(command: &mut Command) -> (f64, u64) {
+    let start = Instant::now();
+    let mut child = command.spawn().expect("started");
+    let status = format!("/proc/{}/status", child.id());
+    let mut most = 0;
+    loop {
+        if let Ok(text) = std::fs::read_to_string(&status) {
+            let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+            let kib = line.and_then(|l| l.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok());
+            most = most.max(kib.unwrap_or(0) * 1024);
+        }
+        if let Some(exit) = child.try_wait().expect("waited for") {
+            assert!(exit.success(), "{exit}");
+            return (start.elapsed().as_secs_f64(), most);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Two squares with an authored layout.
+fn layout(uvs: &[[f64; 2]; 8]) -> Stage {
+    let square = |x: f64| {
+        let at = |dx: f64, z: f64| dvec3(x + dx, 0.0, z);
+        [at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0), at(0.0, 0.0)]
+    };
+    let obj =
+        Obj::default().mesh("floor").textured(&square(0.0), &uvs[..4]).textured(&square(2.0), &uvs[4..]);
+    Stage::new(&[("a.obj", obj.text())])
+}
+
+const OBJECT: &str = "[[object]]\nfile = \"a.obj\"\nvt = \"lightmap\"\n[lightmap]\nsize = 32\n";
+const LEFT: [[f64; 2]; 4] = [[0.0, 0.0], [0.4, 0.0], [0.4, 0.4], [0.0, 0.4]];
+
+fn both(right: [[f64; 2]; 4]) -> [[f64; 2]; 8] {
+    let mut all = [[0.0; 2]; 8];
+    all[..4].copy_from_slice(&LEFT);
+    all[4..].copy_from_slice(&right);
+    all
+}
+
+#[test]
+fn unusable_layouts_are_replaced_and_that_is_said() {
+    let moved = |x: f64, y: f64| LEFT.map(|[u, v]| [u + x, v + y]);
+    let cases: [(_, Option<&str>); 5] = [
+        (moved(0.5, 0.5), None),
+        (moved(0.9, 0.0), Some("it leaves [0, 1]")),
+        (moved(0.0, -0.5), Some("it leaves [0, 1]")),
+        (moved(0.2, 0.2), Some("triangles overlap")),
+        ([[0.5, 0.5]; 4], Some("a triangle has no area there")),
+    ];
+    for (right, note) in cases {
+        let baked = layout(&both(right)).bake("12", 16, &format!("{SKY}{OBJECT}"));
+        let notes: Vec<&String> =
+            baked.outcome.facts.iter().filter(|f| f.contains("not used as lightmap layout")).collect();
+        match note {
+            None => assert!(notes.is_empty(), "{notes:?}"),
+            Some(why) => assert!(notes.len() == 1 && notes[0].contains(why), "{notes:?}, expected {why}"),
+        }
+        // Whatever the layout, both squares have the open sky's light.
+        let image = baked.first();
+        for texel in baked.texels.iter().filter(|t| t.valid) {
+            assert!((green(&image, texel) / PI - 1.0).abs() < 1e-5, "{texel:?}");
+        }
+        assert!(
+            baked.on("floor").iter().any(|t| t.centre().x > 2.0) && mean(&image, &baked.on("floor")) > 3.0
+        );
+    }
+}
+
+#[test]
+fn a_layout_with_nan_names_file_and_vertex() {
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut right = LEFT.map(|[u, v]| [u + 0.5, v + 0.5]);
+        right[2][0] = bad;
+        let message = layout(&both(right)).refusal("12", &format!("{SKY}{OBJECT}"));
+        let told = ["a.obj", "floor", "vertex", "coordinate", "expected finite numbers"];
+        assert!(told.iter().all(|word| message.contains(word)), "{message}");
+    }
+    let positions = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+    let text = gltf(&positions, &[[0, 1, 2]], Some(&[[0.0, 0.0], [0.5, f32::NAN], [0.5, 0.5]]), "{}");
+    let stage = Stage::new(&[("a.gltf", text)]);
+    let message = stage.refusal("12", &format!("{SKY}[[object]]\nfile = \"a.gltf\"\n[lightmap]\nsize = 8\n"));
+    assert!(
+        message.contains("a.gltf") && message.contains("lightmap coordinate") && message.contains("NaN"),
+        "{message}"
+    );
+}
