@@ -23,6 +23,11 @@ impl Backend {
         self == Backend::Obvhs || cfg!(feature = "embree")
     }
 
+    /// Those that this build has.
+    pub fn built() -> impl Iterator<Item = Backend> {
+        Self::ALL.into_iter().filter(|b| b.is_built())
+    }
+
     /// The error of choosing it where it is not built.
     #[cfg(not(feature = "embree"))]
     pub(super) fn missing(self) -> Error {

@@ -94,9 +94,18 @@ fn random_ray(i: u32) -> (Vec3, Vec3) {
     (origin, direction)
 }
 
-/// Rays from inside a closed mesh around `centre`, aimed at its vertices and edges: (aimed, missed by either query).
-fn leaks(g: &Geometry, rays: &Rays, centre: Vec3, at_most: usize) -> (usize, usize) {
-    let (mut aimed, mut missed) = (0, 0);
+/// Rays aimed at places of a closed mesh from inside, and those of them that either query let pass.
+#[derive(Debug, Default, PartialEq)]
+struct Leaks {
+    at_edges: usize,
+    at_vertices: usize,
+    past_edges: usize,
+    past_vertices: usize,
+}
+
+/// Aims at vertices and edges of a closed mesh around `centre`.
+fn leaks(g: &Geometry, rays: &Rays, centre: Vec3, at_most: usize) -> Leaks {
+    let mut found = Leaks::default();
     let sequence = Sequence::new(1, 0, 0, 0);
     let kinds = 6;
     let step = (g.triangles.len() * kinds).div_ceil(at_most).max(1);
@@ -112,32 +121,62 @@ fn leaks(g: &Geometry, rays: &Rays, centre: Vec3, at_most: usize) -> (usize, usi
             };
             let origin = centre + (vec3(u.y, u.x, 1.0 - u.y) - 0.5) * 0.6;
             let direction = (target - origin).normalize_or(Vec3::X);
-            aimed += 1;
-            missed += usize::from(
+            let missed = usize::from(
                 rays.nearest(origin, direction, u32::MAX).is_none()
                     || !rays.occluded(origin, direction, f32::INFINITY, u32::MAX),
             );
+            if c.contains(&target) {
+                found.at_vertices += 1;
+                found.past_vertices += missed;
+            } else {
+                found.at_edges += 1;
+                found.past_edges += missed;
+            }
         }
     }
-    (aimed, missed)
+    found
+}
+
+/// No ray may pass an edge, and none a vertex but with Embree: of those, one in fifty may.
+///
+/// Embree's robust mode takes the sign of single-precision edge functions (kernels/geometry/triangle_intersector_pluecker.h)
+/// with a slack of 2⁻²³ of the triangle's area, less than their rounding where triangles are small for their distance.
+/// Both triangles at an edge see the same number, so edges are closed. Round a vertex the signs may be such that every
+/// triangle refuses the ray: 2352 of 188,341 rays at the vertices of the fine sphere, and the formula redone in Rust refuses
+/// the same ones. Neither filter nor near end matters: as many pass without the one and with the other below zero. (Embree's
+/// issues 181, 188 and 381 say the same of vertices.)
+#[track_caller]
+fn expect_closed(backend: Backend, found: &Leaks) {
+    let past_vertices = if backend == Backend::Embree { found.at_vertices / 50 } else { 0 };
+    assert!(found.past_edges == 0 && found.past_vertices <= past_vertices, "{backend}: {found:?}");
 }
 
 #[test]
 fn no_ray_leaves_a_closed_sphere_through_its_edges() {
     for centre in [Vec3::ZERO, vec3(37.0, -12.0, 91.0)] {
         let g = sphere(48, centre);
-        let (aimed, missed) = leaks(&g, &Rays::new(&g), centre, 60_000);
-        assert!(aimed > 50_000 && missed == 0, "{missed} of {aimed} rays leaked");
+        for backend in Backend::built() {
+            let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+            let found = leaks(&g, &rays, centre, 60_000);
+            assert!(found.at_edges + found.at_vertices > 50_000, "{found:?}");
+            expect_closed(backend, &found);
+        }
     }
 }
 
 #[test]
 fn no_ray_leaves_a_finely_tessellated_sphere() {
     // 192k triangles, 577k rays; fewer where the code is not optimised.
-    let g = sphere(219, vec3(0.0, 3.0, 0.0));
+    let centre = vec3(0.0, 3.0, 0.0);
+    let g = sphere(219, centre);
     let at_most = if cfg!(debug_assertions) { 50_000 } else { 600_000 };
-    let (aimed, missed) = leaks(&g, &Rays::new(&g), vec3(0.0, 3.0, 0.0), at_most);
-    assert!(g.triangles.len() > 190_000 && missed == 0, "{missed} of {aimed} rays leaked");
+    assert!(g.triangles.len() > 190_000);
+    for backend in Backend::built() {
+        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let found = leaks(&g, &rays, centre, at_most);
+        println!("{backend}: {found:?}");
+        expect_closed(backend, &found);
+    }
 }
 
 /// The nearest of all triangles; of equally near ones the first.
@@ -255,12 +294,20 @@ fn copies_and_empty_triangles_are_harmless() {
 #[test]
 fn a_ray_that_is_no_ray_hits_nothing() {
     let g = sphere(6, Vec3::ZERO);
-    let rays = Rays::new(&g);
-    for (origin, direction) in
-        [(Vec3::ZERO, Vec3::ZERO), (Vec3::NAN, Vec3::X), (Vec3::ZERO, Vec3::NAN), (Vec3::INFINITY, Vec3::X)]
-    {
-        assert!(rays.nearest(origin, direction, u32::MAX).is_none());
-        assert!(!rays.occluded(origin, direction, f32::INFINITY, u32::MAX));
+    for backend in Backend::built() {
+        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        for (origin, direction) in [
+            (Vec3::ZERO, Vec3::ZERO),
+            (Vec3::NAN, Vec3::X),
+            (Vec3::ZERO, Vec3::NAN),
+            (Vec3::INFINITY, Vec3::X),
+        ] {
+            assert!(rays.nearest(origin, direction, u32::MAX).is_none(), "{backend} {origin} {direction}");
+            assert!(
+                !rays.occluded(origin, direction, f32::INFINITY, u32::MAX),
+                "{backend} {origin} {direction}"
+            );
+        }
     }
 }
 
@@ -268,13 +315,15 @@ fn a_ray_that_is_no_ray_hits_nothing() {
 fn offset_points_do_not_meet_their_own_plane() {
     // From a point on one tile of a wall, along the wall's normal and grazing, nothing of the wall stands in the way.
     let g = wall(50.0);
-    let rays = Rays::new(&g);
-    for i in 0..2000 {
-        let u: Vec2 = Sequence::new(2, 0, 0, 0).sample(i).pair(0);
-        let b = vec3(1.0 - u.x.max(u.y), (u.x - u.y).abs(), u.x.min(u.y));
-        let origin = offset_point(&g.corners(0), b, Vec3::Z);
-        let direction = vec3(u.y - 0.5, u.x - 0.5, 1e-3).normalize();
-        assert!(!rays.occluded(origin, direction, f32::INFINITY, 0));
+    for backend in Backend::built() {
+        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        for i in 0..2000 {
+            let u: Vec2 = Sequence::new(2, 0, 0, 0).sample(i).pair(0);
+            let b = vec3(1.0 - u.x.max(u.y), (u.x - u.y).abs(), u.x.min(u.y));
+            let origin = offset_point(&g.corners(0), b, Vec3::Z);
+            let direction = vec3(u.y - 0.5, u.x - 0.5, 1e-3).normalize();
+            assert!(!rays.occluded(origin, direction, f32::INFINITY, 0), "{backend} {origin} {direction}");
+        }
     }
 }
 
@@ -307,15 +356,6 @@ mod embree {
             hits > n / 2 && apart <= n / 10_000 && shadows_apart <= n / 10_000,
             "{apart} {shadows_apart}"
         );
-    }
-
-    #[test]
-    fn a_closed_sphere_leaks_no_more_than_embree_does() {
-        let g = sphere(219, Vec3::ZERO);
-        let embree = leaks(&g, &Rays::with_backend(&g, Backend::Embree).unwrap(), Vec3::ZERO, 600_000);
-        let own = leaks(&g, &Rays::new(&g), Vec3::ZERO, 600_000);
-        println!("missed of {}: embree {}, own {}", own.0, embree.1, own.1);
-        assert!(own.1 == 0 && embree.1 < embree.0 / 100);
     }
 }
 

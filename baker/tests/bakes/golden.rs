@@ -1,4 +1,4 @@
-//! The integrators against each other, texel by texel, over seeds; and the error they tell against the error they have.
+//! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
 
 use crate::scenes::{Case, furnace, instances, outdoors, room};
 use crate::statistics::{Bakes, bakes};
@@ -26,17 +26,18 @@ fn golden(case: &Case, name: &str) {
     let few = path(case, 101, REFERENCE / 4);
     few.expect_texels_of(&reference, name);
     few.expect_mean_of(&reference, name);
-    // The other backend, where it is built.
-    if Backend::Embree.is_built() {
-        let embree = bakes(case, 201, REFERENCE / 4, |o| {
-            o.integrator = Integrator::Path;
-            o.backend = Backend::Embree;
-        });
-        embree.expect_texels_of(&reference, name);
-        embree.expect_mean_of(&reference, name);
-    }
     // The cache is wrong by the size of its texels: by less than 1 % of the page's light.
     let cached = bakes(case, 301, REFERENCE / 4, |_| {});
+    // The other backends that are built: the same light, with the same bias of the cache.
+    for backend in Backend::built().filter(|b| *b != Backend::default()) {
+        for (integrator, ours) in [(Integrator::Path, &reference), (Integrator::Cached, &cached)] {
+            let theirs =
+                bakes(case, 201, REFERENCE / 4, |o| (o.integrator, o.backend) = (integrator, backend));
+            let what = format!("{name}, {integrator:?}, {backend}");
+            theirs.expect_texels_of(ours, &what);
+            theirs.expect_mean_of(ours, &what);
+        }
+    }
     let bias = cached.mean() / reference.mean() - 1.0;
     println!(
         "{name}: bias of the cache {:.3} %, told ÷ true variance: reference {:.3}, few {:.3}, cached {:.3}",
@@ -70,10 +71,15 @@ fn instances_and_cut_outs() {
 #[test]
 fn where_all_texels_are_alike_the_cache_has_no_bias() {
     let case = furnace();
-    let reference = path(&case, 1, 16);
-    let cached = bakes(&case, 301, 16, |_| {});
-    reference.expect_everywhere(PI, "path");
-    cached.expect_everywhere(PI, "cached");
-    cached.expect_texels_of(&reference, "cached");
-    cached.expect_mean_of(&reference, "cached");
+    for backend in Backend::built() {
+        let by = |integrator, first| {
+            bakes(&case, first, 16, |o| (o.integrator, o.backend) = (integrator, backend))
+        };
+        let (path, cached) = (by(Integrator::Path, 1), by(Integrator::Cached, 301));
+        for (bakes, what) in [(&path, "path"), (&cached, "cached")] {
+            bakes.expect_everywhere(PI, &format!("{what}, {backend}"));
+        }
+        cached.expect_texels_of(&path, &format!("cached, {backend}"));
+        cached.expect_mean_of(&path, &format!("cached, {backend}"));
+    }
 }
