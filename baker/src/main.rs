@@ -75,7 +75,7 @@ Examples:
 
 With --json, one object on stdout: scene, dataset, up_to_date, integrator, size, pages, sets, texels, samples (at most),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
-against seconds), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
+against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, layers, left_out, warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
@@ -208,11 +208,13 @@ fn say(outcome: &Outcome, console: &Console) {
         if let Some(worst) = worst {
             let hour = outcome.hours.get(worst.set).copied().unwrap_or_default();
             console.say(format!(
-                "  check of {} texels: true error at most {:.2} % (at {hour:.2} h, where {:.2} % was estimated); all sets: report",
+                "  check of {} texels: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated); all \
+                 sets: report",
                 check.texels,
                 worst.true_error * 100.0,
                 worst.estimated_error * 100.0
             ));
+            console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
         }
     }
     for reason in &outcome.left_out {

@@ -25,24 +25,39 @@ fn error_plot(outcome: &Outcome) -> Plot {
     }
 }
 
+/// Where light was lost or gained beyond chance, by the light of the texels concerned, in words.
+pub fn worst_eighth(outcome: &Outcome, check: &Check) -> String {
+    match check.worst_eighth() {
+        Some((set, eighth)) => {
+            let hour = outcome.hours.get(set).copied().unwrap_or_default();
+            format!("by brightness, relative to the light there: {} (at {hour:.2} h)", eighth.words())
+        }
+        None => "by brightness, no eighth of the texels lost or gained light beyond chance".to_owned(),
+    }
+}
+
 /// The true error of the checked texels, set by set.
 fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
+    section.subheading("Checked against unbiased walks");
     section.paragraph(&format!(
         "{} texels were traced again by {} unbiased walks each. True error: root mean square of the difference, the noise of the \
-         second tracing taken out. Bias: what of it the estimated error does not explain. All relative to the mean light of \
-         these texels.",
+         second tracing taken out; the estimated error is that of the same texels. Bias: what of the true error the estimated one \
+         does not explain. These are relative to the mean light of the checked texels, so dark regions weigh little in them. Own \
+         error: the median of |difference| ÷ the texel's own light, dark texels counting as much as bright ones; of it, the second \
+         tracing's own noise accounts for what stands in brackets.",
         check.texels, check.samples
     ));
     let percent = |v: f64| format!("{:.2}", v * 100.0);
+    let hour = |set: usize| format!("{:.2}", outcome.hours.get(set).copied().unwrap_or_default());
     let row = |s: &SetCheck| {
-        let hour = outcome.hours.get(s.set).copied().unwrap_or_default();
         vec![
-            format!("{hour:.2}"),
+            hour(s.set),
             percent(s.true_error),
             percent(s.estimated_error),
             percent(s.bias),
             percent(s.mean_difference),
             percent(s.reference_error),
+            format!("{} ({})", percent(s.own_error), percent(s.own_reference_error)),
         ]
     };
     let rows: Vec<Vec<String>> = check.sets.iter().map(row).collect();
@@ -54,9 +69,29 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
             "bias, %",
             "mean difference, %",
             "second tracing's noise, %",
+            "own error (noise), %",
         ],
         &rows,
     );
+    section.paragraph(&format!(
+        "Light lost (−) or gained (+) by brightness: the checked texels sorted into eighths, the difference summed over each ÷ the \
+         light there, in %, ± its standard error. {}.",
+        capitalised(&worst_eighth(outcome, check))
+    ));
+    let row = |s: &SetCheck| {
+        let cell = |place| match s.eighths.iter().find(|e| e.place == place) {
+            Some(e) => format!("{:+.1} ± {:.1}", e.difference * 100.0, e.standard_error * 100.0),
+            None => "–".to_owned(),
+        };
+        std::iter::once(hour(s.set)).chain((0..8).map(cell)).collect()
+    };
+    let rows: Vec<Vec<String>> = check.sets.iter().map(row).collect();
+    section.table(&["hour", "darkest", "2", "3", "4", "5", "6", "7", "brightest"], &rows);
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// The section of a bake.

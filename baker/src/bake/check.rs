@@ -2,6 +2,9 @@
 //!
 //! Walks to the end have no bias; their own noise is known from two independent halves and taken out of the difference. What is
 //! left of the difference beyond the noise that the bake itself reports is its bias.
+//!
+//! Measured by the mean light of the page, a dim room beside a bright yard may lose most of its light unseen. The difference is
+//! therefore also measured by each texel's own light, and summed over eighths of the texels from the darkest to the brightest.
 
 use super::block::{Stream, Worker};
 use super::errors::Parts;
@@ -10,6 +13,7 @@ use super::rounds::endless;
 use crate::Rgb;
 use crate::trace::walk::{RayCounts, sun_draw};
 use dataset::console::{Console, stop_if_interrupted};
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -27,8 +31,8 @@ pub struct Check {
     pub sets: Vec<SetCheck>,
 }
 
-/// A set, over the checked texels; all numbers relative to their mean light.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+/// A set, over the checked texels; numbers are relative to their mean light where nothing else is said.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SetCheck {
     /// Which set.
     pub set: usize,
@@ -42,16 +46,70 @@ pub struct SetCheck {
     pub mean_difference: f64,
     /// Root mean square of the reference's own standard error.
     pub reference_error: f64,
+    /// Median over the texels of |difference| ÷ the texel's own reference light; the noise of the reference is in it.
+    pub own_error: f64,
+    /// Median over the texels of the reference's own standard error ÷ the texel's own reference light.
+    pub own_reference_error: f64,
+    /// The texels by eighths, the darkest first; those in which the reference finds no light are left out.
+    pub eighths: Vec<Eighth>,
+}
+
+/// An eighth of the checked texels: those of like brightness.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Eighth {
+    /// 0 the darkest, 7 the brightest.
+    pub place: usize,
+    /// Mean reference light.
+    pub light: f64,
+    /// Mean difference ÷ mean reference light: light lost or gained.
+    pub difference: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+}
+
+/// Standard errors from which on a difference is taken for real: of 24 sets, eighth by eighth, chance alone passes them once in
+/// thirty bakes or so (Student's t for 64 texels).
+const SIGNIFICANT: f64 = 4.0;
+/// Parts that the texels are sorted into by brightness.
+const EIGHTHS: usize = 8;
+
+impl Eighth {
+    /// What of the difference is beyond chance.
+    fn beyond_chance(&self) -> f64 {
+        self.difference.abs() - SIGNIFICANT * self.standard_error
+    }
+
+    /// Such as `darkest eighth: −3.1 ± 0.4 %`.
+    pub fn words(&self) -> String {
+        let name = match self.place {
+            0 => "darkest eighth".to_owned(),
+            7 => "brightest eighth".to_owned(),
+            place => format!("eighth {} of 8 from the darkest", place + 1),
+        };
+        let sign = if self.difference < 0.0 { "−" } else { "+" };
+        let percent = |v: f64| v.abs() * 100.0;
+        format!("{name}: {sign}{:.1} ± {:.1} %", percent(self.difference), percent(self.standard_error))
+    }
+}
+
+impl Check {
+    /// The set and eighth that lost or gained most, of those where chance does not explain it.
+    pub fn worst_eighth(&self) -> Option<(usize, &Eighth)> {
+        let all = self.sets.iter().flat_map(|s| s.eighths.iter().map(move |e| (s.set, e)));
+        let real = all.filter(|(_, e)| e.beyond_chance() > 0.0);
+        real.max_by(|a, b| a.1.beyond_chance().total_cmp(&b.1.beyond_chance()))
+    }
 }
 
 /// One checked texel at one set.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    light: f64,
-    difference: f64,
-    difference2: f64,
-    estimated2: f64,
-    reference2: f64,
+#[derive(Clone, Copy)]
+struct Checked {
+    /// Its light as baked.
+    baked: DVec3,
+    /// The error that the bake estimates for it.
+    estimated: DVec3,
+    /// Both halves of the reference, independent of each other.
+    halves: [DVec3; 2],
 }
 
 /// Checks [`TEXELS`] of the valid texels, chosen by the seed. `layers` holds each layer's values in the order of `texels`;
@@ -74,7 +132,7 @@ pub fn check(
     chosen.sort_unstable_by(|a, b| a.0.as_bytes().cmp(b.0.as_bytes()));
     chosen.truncate(TEXELS);
     let progress = console.progress("checking", chosen.len() as u64);
-    let checked: Vec<Vec<Sums>> = chosen
+    let checked: Vec<Vec<Checked>> = chosen
         .par_iter()
         .map(|&(_, i)| {
             stop_if_interrupted()?;
@@ -84,35 +142,102 @@ pub fn check(
                 let sum = |value: &dyn Fn(usize) -> Rgb| {
                     parts.iter().map(|&(l, s)| value(l) * s).sum::<Rgb>().as_dvec3()
                 };
-                let (a, b) = (sum(&|l| a[l]), sum(&|l| b[l]));
-                let difference = sum(&|l| layers[l][i].mean) - (a + b) * 0.5;
-                Sums {
-                    light: (a + b).element_sum() * 0.5,
-                    difference: difference.element_sum(),
-                    difference2: difference.length_squared(),
-                    estimated2: sum(&|l| layers[l][i].error).length_squared(),
-                    reference2: ((a - b) * 0.5).length_squared(),
+                Checked {
+                    baked: sum(&|l| layers[l][i].mean),
+                    estimated: sum(&|l| layers[l][i].error),
+                    halves: [sum(&|l| a[l]), sum(&|l| b[l])],
                 }
             };
             Ok(sets.iter().map(of_set).collect())
         })
         .collect::<crate::Result<_>>()?;
-    let n = (3 * checked.len().max(1)) as f64;
     let summary = (0..sets.len()).filter_map(|set| {
-        let total = |f: fn(&Sums) -> f64| checked.iter().map(|c| f(&c[set])).sum::<f64>() / n;
-        let mean = total(|s| s.light);
-        let (true2, estimated2) =
-            (total(|s| s.difference2) - total(|s| s.reference2), total(|s| s.estimated2));
-        (mean > 0.0).then(|| SetCheck {
-            set,
-            true_error: true2.max(0.0).sqrt() / mean,
-            estimated_error: estimated2.sqrt() / mean,
-            bias: (true2 - estimated2).max(0.0).sqrt() / mean,
-            mean_difference: total(|s| s.difference) / mean,
-            reference_error: total(|s| s.reference2).sqrt() / mean,
-        })
+        let texels: Vec<Checked> = checked.iter().map(|sets| sets[set]).collect();
+        summary(set, &texels)
     });
     Ok(Check { texels: checked.len(), samples, sets: summary.collect() })
+}
+
+/// Sums up the checked texels of a set; `None` without light.
+fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
+    let n = (3 * texels.len().max(1)) as f64;
+    let total = |f: &dyn Fn(&Checked) -> f64| texels.iter().map(f).sum::<f64>() / n;
+    let light = |t: &Checked| (t.halves[0] + t.halves[1]) * 0.5;
+    let noise = |t: &Checked| (t.halves[0] - t.halves[1]) * 0.5;
+    let difference = |t: &Checked| t.baked - light(t);
+    let mean = total(&|t| light(t).element_sum());
+    if mean <= 0.0 {
+        return None;
+    }
+    let reference2 = total(&|t| noise(t).length_squared());
+    let true2 = total(&|t| difference(t).length_squared()) - reference2;
+    let estimated2 = total(&|t| t.estimated.length_squared());
+    // (Where the reference is black, anything else is wrong by the whole.)
+    let own = |f: &dyn Fn(&Checked) -> DVec3| {
+        let ratio = |t: &Checked| match (f(t).length(), light(t).length()) {
+            (value, 0.0) => f64::from(u8::from(value > 0.0)),
+            (value, light) => value / light,
+        };
+        median(texels.iter().map(ratio).collect())
+    };
+    Some(SetCheck {
+        set,
+        true_error: true2.max(0.0).sqrt() / mean,
+        estimated_error: estimated2.sqrt() / mean,
+        bias: (true2 - estimated2).max(0.0).sqrt() / mean,
+        mean_difference: total(&|t| difference(t).element_sum()) / mean,
+        reference_error: reference2.sqrt() / mean,
+        own_error: own(&difference),
+        own_reference_error: own(&noise),
+        eighths: eighths(texels),
+    })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The texels sorted by brightness and cut into eighths. Sorted and compared by the same noisy light, the darkest would be those
+/// whose reference came out too dark; so one half of the reference sorts and the other compares, and the other way round.
+fn eighths(texels: &[Checked]) -> Vec<Eighth> {
+    let sorted = [0, 1].map(|half: usize| {
+        let mut sorted: Vec<&Checked> = texels.iter().collect();
+        let brightness = |t: &Checked| t.halves[half].element_sum();
+        sorted.sort_by(|a, b| brightness(a).total_cmp(&brightness(b)));
+        sorted
+    });
+    let bounds = |place: usize| place * texels.len() / EIGHTHS..(place + 1) * texels.len() / EIGHTHS;
+    let eighth = |place: usize| {
+        let [a, b] = [0, 1].map(|half: usize| {
+            let pairs = sorted[half][bounds(place)].iter();
+            ratio(pairs.map(|t| (t.baked.element_sum() / 3.0, t.halves[1 - half].element_sum() / 3.0)))
+        });
+        let ((light_a, a, error_a), (light_b, b, error_b)) = (a?, b?);
+        Some(Eighth {
+            place,
+            light: (light_a + light_b) / 2.0,
+            difference: (a + b) / 2.0,
+            // (Both hold much the same texels: taken as if they were the same.)
+            standard_error: ((error_a * error_a + error_b * error_b) / 2.0).sqrt(),
+        })
+    };
+    (0..EIGHTHS).filter_map(eighth).collect()
+}
+
+/// Of pairs (baked, reference): the mean reference light, Σ baked ÷ Σ reference − 1, and the standard error of that, from the
+/// scatter about it (the ratio estimator of sampling theory). `None` without light or scatter to judge by.
+fn ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<(f64, f64, f64)> {
+    let (mut n, mut baked, mut light) = (0.0, 0.0, 0.0);
+    for (b, l) in pairs.clone() {
+        (n, baked, light) = (n + 1.0, baked + b, light + l);
+    }
+    if n < 2.0 || light <= 0.0 {
+        return None;
+    }
+    let ratio = baked / light;
+    let scatter: f64 = pairs.map(|(b, l)| (b - ratio * l).powi(2)).sum();
+    Some((light / n, ratio - 1.0, (scatter * n / (n - 1.0)).sqrt() / light))
 }
 
 /// Both halves of a texel's light in every layer, by walks to their end.
@@ -143,4 +268,108 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
         sums
     });
     if counts.endless > 0 { Err(endless()) } else { Ok(halves) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::sampler::Sequence;
+
+    /// Numbers of mean 0 and variance 1, about normal: the sum of twelve even ones less 6.
+    struct Noise {
+        seed: u64,
+        drawn: u32,
+    }
+
+    impl Noise {
+        fn next(&mut self) -> f64 {
+            self.drawn += 1;
+            let sample = Sequence::new(self.seed, 0, self.drawn, 0).sample(0);
+            (0..12).map(|d| f64::from(sample.number(d))).sum::<f64>() - 6.0
+        }
+    }
+
+    /// A bake of 512 texels: three quarters a yard of light about 100, the rest a room of light about 1, of which the bake found
+    /// the part `kept`. A tenth of noise in the bake, a fifth in each half of the reference.
+    fn bake(seed: u64, kept: f64, room: f64) -> Vec<Checked> {
+        let mut noise = Noise { seed, drawn: 0 };
+        let texel = |i: usize| {
+            let is_room = i.is_multiple_of(4);
+            let light = if is_room { room } else { 100.0 } * (1.0 + (i % 7) as f64 * 0.05);
+            let kept = if is_room { kept } else { 1.0 };
+            let half = |n: f64| DVec3::splat(light * (1.0 + 0.2 * n));
+            Checked {
+                baked: DVec3::splat(light * kept * (1.0 + 0.1 * noise.next())),
+                estimated: DVec3::splat(light * kept * 0.1),
+                halves: [half(noise.next()), half(noise.next())],
+            }
+        };
+        (0..TEXELS).map(texel).collect()
+    }
+
+    fn check_of(texels: &[Checked]) -> Check {
+        Check { texels: texels.len(), samples: 2, sets: summary(0, texels).into_iter().collect() }
+    }
+
+    #[test]
+    fn a_damaged_dim_room_is_seen_though_the_page_hardly_changes() {
+        let (whole, damaged) = (check_of(&bake(1, 1.0, 1.0)), check_of(&bake(1, 0.5, 1.0)));
+        // Relative to the page, half the room's light is nothing.
+        assert!((damaged.sets[0].true_error - whole.sets[0].true_error).abs() < 0.002);
+        assert!(damaged.sets[0].mean_difference.abs() < 0.02);
+        // The two darkest eighths are the room.
+        for eighth in &damaged.sets[0].eighths[..2] {
+            assert!((eighth.difference + 0.5).abs() < 4.0 * eighth.standard_error, "{eighth:?}");
+            assert!(eighth.standard_error < 0.03 && (eighth.light / 1.15 - 1.0).abs() < 0.2, "{eighth:?}");
+        }
+        let (set, worst) = damaged.worst_eighth().expect("a worst eighth");
+        assert!(set == 0 && worst.place < 2, "{worst:?}");
+    }
+
+    #[test]
+    fn a_sound_bake_has_no_worst_eighth() {
+        // Also where all texels are alike, so that their noise alone sorts the reference's halves.
+        for seed in 1..=20 {
+            for room in [1.0, 100.0] {
+                let check = check_of(&bake(seed, 1.0, room));
+                assert_eq!(check.worst_eighth(), None, "{:?}", check.sets[0].eighths);
+            }
+        }
+    }
+
+    #[test]
+    fn a_texels_own_error_is_a_part_of_its_own_light() {
+        // Medians of |normal| are 0.674 of its deviation: difference √(0.1² + 0.2² ÷ 2), reference 0.2 ÷ √2.
+        let set = &check_of(&bake(1, 1.0, 1.0)).sets[0];
+        assert!((set.own_error / (0.674 * 0.03f64.sqrt()) - 1.0).abs() < 0.15, "{}", set.own_error);
+        let noise = set.own_reference_error / (0.674 * 0.02f64.sqrt());
+        assert!((noise - 1.0).abs() < 0.15, "{noise}");
+        // All light lost everywhere: wrong by the whole of it.
+        let mut black = bake(1, 1.0, 1.0);
+        black.iter_mut().for_each(|t| t.baked = DVec3::ZERO);
+        let set = &check_of(&black).sets[0];
+        assert_eq!(set.own_error, 1.0);
+        assert!(set.eighths.iter().all(|e| e.difference == -1.0));
+    }
+
+    #[test]
+    fn without_light_or_texels_there_is_nothing_to_sum_up() {
+        assert!(summary(0, &[]).is_none());
+        let black = Checked { baked: DVec3::ONE, estimated: DVec3::ZERO, halves: [DVec3::ZERO; 2] };
+        assert!(summary(0, &[black; 16]).is_none());
+        // Three texels of sixteen have light: eighths without are left out, and every number is finite.
+        let mut texels = [black; 16];
+        texels[..3].iter_mut().for_each(|t| t.halves = [DVec3::ONE; 2]);
+        let set = summary(0, &texels).expect("light");
+        assert!(set.own_error.is_finite() && set.eighths.iter().all(|e| e.place >= 6), "{set:?}");
+        serde_json::to_string(&set).unwrap();
+    }
+
+    #[test]
+    fn words() {
+        let eighth = |place, difference| Eighth { place, light: 1.0, difference, standard_error: 0.004 };
+        assert_eq!(eighth(0, -0.031).words(), "darkest eighth: −3.1 ± 0.4 %");
+        assert_eq!(eighth(7, 0.02).words(), "brightest eighth: +2.0 ± 0.4 %");
+        assert_eq!(eighth(2, 0.02).words(), "eighth 3 of 8 from the darkest: +2.0 ± 0.4 %");
+    }
 }
