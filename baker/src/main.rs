@@ -6,7 +6,7 @@ use baker::trace::backend::Backend;
 use clap::Parser;
 use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options as CompressOptions};
 use compressor::run::compress_and_judge;
-use dataset::console::{self, Console, ConsoleArgs};
+use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{Report, preview};
 use dataset::store::Dataset;
 use dataset::{Error, Result};
@@ -134,7 +134,7 @@ fn run(args: &Args) -> Result<()> {
     let mut report = Report::new(&format!("{}: temporal lightmaps", outcome.scene));
     report.push(preview::section(&set)?);
     report.push(baker::report::section(&outcome));
-    say(&outcome, &console);
+    say(&outcome, args.check.is_some(), &console);
 
     let mut result = serde_json::to_value(&outcome).map_err(|e| Error::invalid("result", e))?;
     if args.compress {
@@ -186,22 +186,28 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     }))
 }
 
-fn say(outcome: &Outcome, console: &Console) {
+/// The run in a few lines; `is_checked`: a check was asked for.
+fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
     console.say(format!(
-        "{}: {} sets of {}{} × {} texels in {:.1} s, estimated relative error {:.2} % (median over tiles and sets)",
+        "{}{}: {} of {}{} × {} texels{}, estimated relative error {:.2} % (median over tiles and sets)",
         outcome.dataset.display(),
-        outcome.sets,
+        if outcome.up_to_date { " already holds this bake (--force bakes it again)" } else { "" },
+        count(outcome.sets, "set"),
         if outcome.pages > 1 { format!("{} pages of ", outcome.pages) } else { String::new() },
         outcome.size[0],
         outcome.size[1],
-        outcome.seconds,
+        if outcome.up_to_date { String::new() } else { format!(" in {:.1} s", outcome.seconds) },
         outcome.relative_error * 100.0
     ));
+    // What was said when it was baked need not be said again; a check that was asked for is an answer.
+    if outcome.up_to_date && !is_checked {
+        return;
+    }
     if outcome.out_of_time {
         console.say("  the time limit ended the tracing");
     }
     if let Some(open) = outcome.rounds.last().map(|r| r.open_cells).filter(|&open| open > 0) {
-        console.say(format!("  {open} cells of 16×16 texels are above the target error"));
+        console.say(format!("  above the target error: {} of 16×16 texels", count(open, "cell")));
     }
     if let Some(check) = &outcome.check {
         let worst = check.sets.iter().max_by(|a, b| a.true_error.total_cmp(&b.true_error));
@@ -217,7 +223,7 @@ fn say(outcome: &Outcome, console: &Console) {
             console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
         }
     }
-    for reason in &outcome.left_out {
+    for reason in outcome.left_out.iter().filter(|_| !outcome.up_to_date) {
         console.say(format!("  left out: {reason}"));
     }
 }

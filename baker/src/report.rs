@@ -32,7 +32,7 @@ pub fn worst_eighth(outcome: &Outcome, check: &Check) -> String {
             let hour = outcome.hours.get(set).copied().unwrap_or_default();
             format!("by brightness, relative to the light there: {} (at {hour:.2} h)", eighth.words())
         }
-        None => "by brightness, no eighth of the texels lost or gained light beyond chance".to_owned(),
+        None => "by brightness, no eighth of the texels lost or gained light beyond their scatter".to_owned(),
     }
 }
 
@@ -75,7 +75,8 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
     );
     section.paragraph(&format!(
         "Light lost (−) or gained (+) by brightness: the checked texels sorted into eighths, the difference summed over each ÷ the \
-         light there, in %, ± its standard error. {}.",
+         light there, in %, ± its standard error, from the scatter of the texels (too small where a few of them hold most of the \
+         light). {}.",
         capitalised(&worst_eighth(outcome, check))
     ));
     let row = |s: &SetCheck| {

@@ -292,6 +292,47 @@ fn bad_input_is_refused_with_its_place_and_nothing_is_overwritten() {
 }
 
 #[test]
+fn a_folder_that_cannot_be_written_is_refused_before_the_bake() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("file");
+    std::fs::write(&file, b"mine").unwrap();
+    let below = file.join("court");
+    for out in [&file, &below, Path::new("/proc/none/court")] {
+        for more in [&[][..], &["--force"]] {
+            let scene = fixture("court.toml");
+            let output = bake(&[&[text(&scene), "--hours", "12", "--out", text(out)], more].concat());
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{message}");
+            let expected = format!("error: {}: ", out.display());
+            assert!(message.contains(&expected) && message.contains("expected a folder"), "{message}");
+            assert!(!message.contains("triangles"), "{message}");
+        }
+    }
+    assert_eq!(std::fs::read(&file).unwrap(), b"mine");
+    // Missing parents are made.
+    let deep = dir.path().join("a/b/court");
+    assert!(court(&deep, "2", "path").status().unwrap().success());
+}
+
+#[test]
+fn a_second_run_says_in_a_line_that_nothing_is_to_do() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let run = || {
+        let scene = fixture("court.toml");
+        let output = bake(&[text(&scene), "--hours", "12", "--samples", "2", "--out", text(&out)]);
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let first = run();
+    assert!(first.contains("1 set,") && first.contains("1 set of") && first.contains("left out"), "{first}");
+    let second = run();
+    assert!(second.contains("already holds this bake (--force bakes it again): 1 set of"), "{second}");
+    let said = second.lines().filter(|line| !line.starts_with("warning"));
+    assert_eq!(said.count(), 2, "{second}");
+}
+
+#[test]
 fn bad_values_of_flags_are_usage_errors() {
     let scene = fixture("court.toml");
     let dir = tempfile::tempdir().unwrap();

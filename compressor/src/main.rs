@@ -72,8 +72,8 @@ enum Command {
     Decode {
         /// The bundle.
         bundle: PathBuf,
-        /// The moment, in hours; 24 is 0.
-        #[arg(long, allow_negative_numbers = true)]
+        /// The moment: hours from 0 to below 24, such as 18.05, or 18:03.
+        #[arg(long, allow_hyphen_values = true, value_parser = parse_hour)]
         hour: f64,
         /// The image to write.
         #[arg(long)]
@@ -147,6 +147,21 @@ fn parse_profile(name: &str) -> Result<Profile, String> {
     let known = || PROFILES.map(|profile| profile.name).join(", ");
     let found = PROFILES.into_iter().find(|profile| profile.name.eq_ignore_ascii_case(name));
     found.ok_or_else(|| format!("expected one of {}", known()))
+}
+
+/// `18.05` or `18:03`, in [0, 24).
+fn parse_hour(text: &str) -> Result<f64, String> {
+    let hour = match text.split_once(':') {
+        None => text.parse::<f64>().ok(),
+        Some((hours, minutes)) => {
+            let number =
+                |text: &str| text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse::<u8>().ok())?;
+            let minutes = number(minutes).filter(|m| *m < 60 && text.len() - hours.len() == 3);
+            number(hours).zip(minutes).map(|(h, m)| f64::from(h) + f64::from(m) / 60.0)
+        }
+    };
+    hour.filter(|hour| (0.0..24.0).contains(hour))
+        .ok_or_else(|| "expected an hour from 0 to below 24, such as 18.05 or 18:03".to_owned())
 }
 
 fn main() -> ExitCode {
@@ -232,9 +247,6 @@ fn expect_extension(path: &Path, extension: &str, option: &str) -> Result<()> {
 }
 
 fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
-    if !hour.is_finite() {
-        return Err(Error::invalid("--hour", format!("{hour}; expected a finite number of hours")));
-    }
     expect_extension(&out, "exr", "--out")?;
     let start = Instant::now();
     let image = Decoder::open(&bundle)?.decode_page(page, hour)?;

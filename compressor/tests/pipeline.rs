@@ -318,13 +318,23 @@ fn the_command_line_answers_and_refuses() {
     let image = Image::read_exr(&folder.path().join("x.exr")).unwrap();
     let decoder = Decoder::open(&folder.path().join("isles/isles.ndgi")).unwrap();
     assert_eq!(image, decoder.decode_page(0, 18.1).unwrap());
+    let output = run(&["decode", "isles/isles.ndgi", "--hour", "18:03", "--out", "x.exr"], folder.path());
+    assert!(output.status.success() && Image::read_exr(&folder.path().join("x.exr")).unwrap() == image);
+    for wrong in ["24", "30", "-1", "nan", "12:60", "12:5", "24:00", "+1:00", ""] {
+        let output =
+            run(&["decode", "isles/isles.ndgi", &format!("--hour={wrong}"), "--out", "y.exr"], folder.path());
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && message.contains("from 0 to below 24"), "{wrong}: {message}");
+    }
+    let output = run(&["decode", "isles/isles.ndgi", "--hour", "3", "--out", "none/y.exr"], folder.path());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && message.contains("none/y.exr: none does not exist"), "{message}");
     assert_eq!(json(&run(&["info", "isles/isles.ndgi", "--json"], folder.path()))["profile"], "L");
 
     for wrong in [
         &["missing"][..],
         &["isles", "--profile", "XL"],
         &["isles", "--iterations", "0"],
-        &["decode", "isles/isles.ndgi", "--hour", "nan", "--out", "y.exr"],
         &["decode", "isles/isles.ndgi", "--hour", "3", "--out", "y.exr", "--page", "1"],
         &["decode", "isles/config.json", "--hour", "3", "--out", "y.exr"],
         &["evaluate", "isles", "--bundle", "missing.ndgi"],

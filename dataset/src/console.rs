@@ -21,6 +21,11 @@ pub struct ConsoleArgs {
     pub threads: Option<std::num::NonZeroUsize>,
 }
 
+/// A number of things: `1 set`, `2 sets`.
+pub fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
 /// Where messages and progress go: stderr; nothing of it under `--quiet`.
 #[derive(Clone, Copy, Debug)]
 pub struct Console {
@@ -255,6 +260,11 @@ mod tests {
         progress.next_line = Some(Mutex::new(now));
         progress.advance(1);
         assert!(due(&progress) >= now + LINE_INTERVAL);
+    }
+
+    #[test]
+    fn one_is_no_plural() {
+        assert_eq!([0, 1, 2].map(|n| count(n, "set")), ["0 sets", "1 set", "2 sets"]);
     }
 
     #[test]

@@ -27,6 +27,11 @@ pub fn write_atomically_with(path: &Path, write: impl FnOnce(&mut File) -> io::R
     })();
     if let Err(source) = written {
         let _ = fs::remove_file(&temporary);
+        if let Some(folder) = folder_of(path).filter(|folder| !folder.is_dir()) {
+            let there = if folder.exists() { "is no folder" } else { "does not exist" };
+            let what = format!("{} {there}: expected a file name in an existing folder", folder.display());
+            return Err(Error::invalid(path.display(), what));
+        }
         return Err(Error::Io { path: path.to_owned(), source });
     }
     // The rename itself reaches the disk with the folder; not every system lets a folder be synced.
@@ -141,8 +146,12 @@ mod tests {
         let path = folder.path().join("a");
         fs::create_dir_all(path.join("inside")).unwrap();
         write_atomically(&path, b"x").unwrap_err();
-        write_atomically(&folder.path().join("missing/a"), b"x").unwrap_err();
+        let error = write_atomically(&folder.path().join("missing/a"), b"x").unwrap_err().to_string();
+        assert!(error.contains("missing/a") && error.contains("does not exist: expected"), "{error}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        fs::write(folder.path().join("file"), b"x").unwrap();
+        let error = write_atomically(&folder.path().join("file/a"), b"x").unwrap_err().to_string();
+        assert!(error.contains("file/a") && error.contains("file is no folder"), "{error}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use dataset::config::Config;
-use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
+use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
 use dataset::store::Dataset;
 use dataset::{Error, Result};
 use serde_json::json;
@@ -88,7 +88,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             set.relative_error.map_or(String::new(), |error| format!("  error {:.2} %", 100.0 * error));
         console.print(format!("  set    {:>7} h  {on}{error}", set.hour));
     }
-    console.print(format!("  {files} files, {:.1} MB; unit: {}", bytes as f64 / 1e6, config.unit));
+    console.print(format!("  {}, {:.1} MB; unit: {}", count(files, "file"), bytes as f64 / 1e6, config.unit));
 
     let sets = config.sets.iter().map(|set| {
         json!({ "hour": set.hour, "on": names_on(config, &set.groups_on), "relative_error": set.relative_error })
@@ -139,20 +139,21 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     }
     for (page, dead) in verification.dead_texels.iter().enumerate() {
         if let Some(dead @ 1..) = dead {
-            console.say(format!("page {page}: {dead} texels on surfaces are black in every set"));
+            console.say(format!(
+                "page {page}: black in every set though on a surface: {}",
+                count(*dead, "texel")
+            ));
         }
     }
     let (files, bytes) = opened.as_ref().map_or((0, 0), extent);
     let sets = opened.as_ref().map_or(0, |dataset| dataset.config.sets.len());
     let faults: Vec<String> = verification.faults.iter().map(ToString::to_string).collect();
     let ok = faults.is_empty();
-    let count = faults.len();
-    match ok {
-        true => console.say(format!("{}: {sets} sets, {files} files: no fault", folder.display())),
-        false => {
-            console.say(format!("{}: {count} fault{}", folder.display(), if count == 1 { "" } else { "s" }))
-        }
-    }
+    let found = match ok {
+        true => format!("{}, {}: no fault", count(sets, "set"), count(files, "file")),
+        false => count(faults.len(), "fault"),
+    };
+    console.say(format!("{}: {found}", folder.display()));
     console.result(&json!({
         "ok": ok,
         "faults": faults,

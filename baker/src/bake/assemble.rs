@@ -144,7 +144,7 @@ impl<'a> Assembler<'a> {
         let black = Image::black(self.mask.width, self.mask.height);
         // A group that was not traced gave no light at any moment baked.
         let mut groups = Vec::new();
-        for layer in &self.plan.layer_of_group {
+        for layer in &self.plan.place_of_group {
             groups.push(match layer {
                 Some(layer) => traced[*layer].clone(),
                 None => self.add(writer, "black", &black)?,
@@ -170,7 +170,7 @@ impl<'a> Assembler<'a> {
             let (mut total, sun) = layer(self.plan.sun_of[i], "sun")?;
             let (sky_image, sky) = layer(self.plan.sky_of[i].map(|s| self.plan.suns.len() + s), "sky")?;
             // (sun + sky) + local, local summed from zero in the order of the groups.
-            let on: Vec<usize> = self.plan.groups_of(i).collect();
+            let on: Vec<usize> = self.plan.group_layers_of(i).collect();
             if on != local_of {
                 local = black.clone();
                 for &group in &on {

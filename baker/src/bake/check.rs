@@ -226,7 +226,7 @@ fn eighths(texels: &[Checked]) -> Vec<Eighth> {
 }
 
 /// Of pairs (baked, reference): the mean reference light, Σ baked ÷ Σ reference − 1, and the standard error of that, from the
-/// scatter about it (the ratio estimator of sampling theory). `None` without light or scatter to judge by.
+/// scatter about it (the ratio estimator of sampling theory); too small where few texels hold most of the light. `None` without light or scatter to judge by.
 fn ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<(f64, f64, f64)> {
     let (mut n, mut baked, mut light) = (0.0, 0.0, 0.0);
     for (b, l) in pairs.clone() {

@@ -13,4 +13,6 @@ pub mod post;
 pub mod seams;
 pub mod assemble;
 pub mod scene_glb;
+pub mod options;
+pub mod prepare;
 pub mod run;

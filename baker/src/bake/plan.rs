@@ -11,6 +11,7 @@ use crate::light::sun::{self, SunDisc};
 use crate::scene::{Lamp, Scene, Sky};
 use crate::trace::lights::{GroupLight, Lights, SunLight};
 use crate::{Result, Rgb};
+use dataset::console::count;
 use glam::{DVec3, Vec3};
 
 /// The layers of a bake and how each moment is made of them.
@@ -29,7 +30,7 @@ pub struct Plan {
     /// The groups that are lit at any moment.
     pub groups: Vec<PlannedGroup>,
     /// Per group of the scene, its place among `groups`.
-    pub layer_of_group: Vec<Option<usize>>,
+    pub place_of_group: Vec<Option<usize>>,
     /// What is not traced, and why, in words.
     pub left_out: Vec<String>,
 }
@@ -59,7 +60,7 @@ impl Plan {
 
         // Groups: only those some moment shows, and that shine.
         let mut groups = Vec::new();
-        let mut layer_of_group = vec![None; scene.groups.len()];
+        let mut place_of_group = vec![None; scene.groups.len()];
         for (g, group) in scene.groups.iter().enumerate() {
             if !moments.iter().any(|m| m.groups_on[g]) {
                 left_out.push(format!("group \"{}\" is not traced: off at every moment baked", group.name));
@@ -70,7 +71,7 @@ impl Plan {
                 left_out.push(format!("group \"{}\" is not traced: nothing in it shines", group.name));
                 continue;
             }
-            layer_of_group[g] = Some(groups.len());
+            place_of_group[g] = Some(groups.len());
             groups.push(planned);
         }
         if scene.groups.is_empty() {
@@ -82,7 +83,7 @@ impl Plan {
         if geometry.textures.is_empty() {
             left_out.push("no texture lookups: the scene has no textures".to_owned());
         }
-        Plan { moments, suns, sun_of, skies, sky_of, groups, layer_of_group, left_out }
+        Plan { moments, suns, sun_of, skies, sky_of, groups, place_of_group, left_out }
     }
 
     /// Number of layers: suns, skies, groups, in that order.
@@ -93,15 +94,15 @@ impl Plan {
     /// The layers whose sum is the light of a moment, ascending.
     pub fn layers_of(&self, moment: usize) -> Vec<usize> {
         let sky = self.sky_of[moment].map(|s| self.suns.len() + s);
-        self.sun_of[moment].into_iter().chain(sky).chain(self.groups_of(moment)).collect()
+        self.sun_of[moment].into_iter().chain(sky).chain(self.group_layers_of(moment)).collect()
     }
 
     /// The layers of the groups that are lit at a moment.
-    pub fn groups_of(&self, moment: usize) -> impl Iterator<Item = usize> + '_ {
+    pub fn group_layers_of(&self, moment: usize) -> impl Iterator<Item = usize> + '_ {
         let first = self.suns.len() + self.skies.len();
         let on = &self.moments[moment].groups_on;
         on.iter()
-            .zip(&self.layer_of_group)
+            .zip(&self.place_of_group)
             .filter(|(on, _)| **on)
             .filter_map(move |(_, l)| l.map(|l| first + l))
     }
@@ -161,13 +162,13 @@ impl Plan {
         let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &hours);
         let guide = SkyGuide::new(scene, &sky, geometry.origin);
         let mut groups = Vec::new();
-        let mut layer_of_group = vec![None; self.layer_of_group.len()];
+        let mut place_of_group = vec![None; self.place_of_group.len()];
         for &layer in layers.iter().filter(|&&l| l >= n + m) {
             let group = &self.groups[layer - n - m];
-            layer_of_group[group.index as usize] = Some(groups.len());
+            place_of_group[group.index as usize] = Some(groups.len());
             groups.push(group.light(geometry));
         }
-        Lights { suns, sky, guide, groups, layer_of_group }
+        Lights { suns, sky, guide, groups, place_of_group }
     }
 }
 
@@ -198,13 +199,13 @@ fn plan_suns(
         left_out.push("no sun rays: the scene has no sun".to_owned());
     } else if with_sun < moments.len() {
         left_out.push(format!(
-            "no sun rays at {} of {} moments: the sun gives no light then",
+            "no sun rays at {} of {}: the sun gives no light then",
             moments.len() - with_sun,
-            moments.len()
+            count(moments.len(), "moment")
         ));
     }
     if suns.len() < with_sun {
-        left_out.push(format!("{with_sun} moments with sun share {} distinct suns", suns.len()));
+        left_out.push(format!("{with_sun} moments with sun share {}", count(suns.len(), "distinct sun")));
     }
     (suns, sun_of)
 }
@@ -235,10 +236,13 @@ fn plan_skies(
     } else if lit == 0 {
         left_out.push("no sky lookups: the sky is black at every moment".to_owned());
     } else if black > 0 {
-        left_out.push(format!("no sky at {black} of {} moments: it is black then", moments.len()));
+        left_out.push(format!("no sky at {black} of {}: it is black then", count(moments.len(), "moment")));
     }
     if skies.len() < lit {
-        left_out.push(format!("{lit} moments with light in the sky share {} distinct skies", skies.len()));
+        left_out.push(format!(
+            "{lit} moments with light in the sky share {}",
+            if skies.len() == 1 { "one".to_owned() } else { format!("{} distinct skies", skies.len()) }
+        ));
     }
     (skies.into_iter().map(|(hour, _)| hour).collect(), sky_of)
 }

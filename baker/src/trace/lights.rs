@@ -18,7 +18,7 @@ pub struct Lights {
     /// The traced groups.
     pub groups: Vec<GroupLight>,
     /// Per group of the scene, its place among `groups`; `None`: not traced.
-    pub layer_of_group: Vec<Option<usize>>,
+    pub place_of_group: Vec<Option<usize>>,
 }
 
 /// A sun, ready for sampling.
@@ -86,7 +86,7 @@ impl Lights {
     /// No light.
     pub fn none() -> Self {
         let sky = SkyTable::new(None, None, &[]);
-        Lights { suns: Vec::new(), sky, guide: None, groups: Vec::new(), layer_of_group: Vec::new() }
+        Lights { suns: Vec::new(), sky, guide: None, groups: Vec::new(), place_of_group: Vec::new() }
     }
 
     /// Number of layers.

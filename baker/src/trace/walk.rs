@@ -291,7 +291,7 @@ impl Transport<'_> {
                 return;
             }
             if let Some((_, group)) = material.emission
-                && let Some(g) = lights.layer_of_group[group as usize]
+                && let Some(g) = lights.place_of_group[group as usize]
             {
                 let group = &lights.groups[g];
                 let radiance = group.emission[self.geometry.material_of[triangle] as usize];

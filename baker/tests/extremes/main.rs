@@ -19,3 +19,4 @@ mod schedules;
 mod size;
 mod sun;
 mod surfaces;
+mod window;

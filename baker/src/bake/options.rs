@@ -1,0 +1,121 @@
+//! What a bake is asked for, and what it tells when done.
+
+use super::check::Check;
+use super::rounds::Round;
+use crate::light::schedule::Hours;
+use crate::trace::backend::Backend;
+use crate::trace::walk::RayCounts;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What to bake, apart from the scene.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The moments.
+    pub hours: Hours,
+    /// Samples of indirect light per texel; `None`: the scene's, or as many as a target error needs.
+    pub samples: Option<u32>,
+    /// Relative error at which 16×16 texels get no more samples.
+    pub target_error: Option<f64>,
+    /// Tracing stops after this time, whatever was reached.
+    pub time_limit: Option<Duration>,
+    /// How light is followed past the first surface.
+    pub integrator: Integrator,
+    /// What finds the hits of rays.
+    pub backend: Backend,
+    /// Check some texels against so many walks each that are followed to their end.
+    pub check: Option<u32>,
+    /// Half the lightmap's side, a quarter of the samples.
+    pub draft: bool,
+    /// The dataset's folder; `None`: `dataset/<scene>` in the working folder.
+    pub out: Option<PathBuf>,
+    /// Forget earlier work on this dataset.
+    pub force: bool,
+}
+
+impl Options {
+    /// The defaults, for these moments.
+    pub fn new(hours: Hours) -> Self {
+        Options {
+            hours,
+            samples: None,
+            target_error: None,
+            time_limit: None,
+            integrator: Integrator::Cached,
+            backend: Backend::default(),
+            check: None,
+            draft: false,
+            out: None,
+            force: false,
+        }
+    }
+}
+
+/// How light is followed past the first surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Integrator {
+    /// Walks end at the first lightmapped surface, where the light of the whole day has been solved for beforehand.
+    Cached,
+    /// Walks go on to their end: unbiased.
+    Path,
+}
+
+/// What a bake gave.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The scene's name.
+    pub scene: String,
+    /// The dataset's folder.
+    pub dataset: PathBuf,
+    /// The digest of all that decides the dataset, as in its manifest.
+    pub inputs: String,
+    /// True when the folder held this very bake already and nothing was traced.
+    pub up_to_date: bool,
+    /// How light was followed.
+    pub integrator: Integrator,
+    /// Width and height of a page in texels.
+    pub size: [u32; 2],
+    /// Pages.
+    pub pages: u32,
+    /// Sets written.
+    pub sets: usize,
+    /// Their hours.
+    pub hours: Vec<f64>,
+    /// Valid texels.
+    pub texels: usize,
+    /// Samples of indirect light per texel, at most.
+    pub samples: u32,
+    /// The same, on average.
+    pub mean_samples: f64,
+    /// Layers of light traced by this run, and those taken from an earlier one.
+    pub layers: LayerCount,
+    /// Median estimated relative error over (tile, set).
+    pub relative_error: f64,
+    /// Whether a time limit ended the tracing.
+    pub out_of_time: bool,
+    /// Wall-clock seconds of this run, from scene file to dataset.
+    pub seconds: f64,
+    /// Rays traced by this run, by purpose.
+    pub rays: RayCounts,
+    /// Error against time, round by round.
+    pub rounds: Vec<Round>,
+    /// The true error of some texels, if it was asked for.
+    pub check: Option<Check>,
+    /// Facts about geometry and page, in words.
+    pub facts: Vec<String>,
+    /// What was left out and why.
+    pub left_out: Vec<String>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Where the layers of a bake came from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LayerCount {
+    /// Traced by this run.
+    pub traced: usize,
+    /// Kept from an earlier one.
+    pub reused: usize,
+}

@@ -1,0 +1,186 @@
+//! A scene read and planned, and the digests by which its layers and its dataset are known again.
+
+use super::errors::Parts;
+use super::json;
+use super::options::{Integrator, Options};
+use super::plan::Plan;
+use super::rounds::Limits;
+use crate::geometry::{self, Geometry};
+use crate::light::schedule::Hours;
+use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
+use crate::trace::backend::Backend;
+use crate::{Error, Result};
+use dataset::console::Console;
+use std::path::Path;
+use std::time::Instant;
+
+/// Changes whenever the same scene would give other texels.
+const METHOD: &str = "walks-7";
+
+/// A scene read and planned: what a bake would do.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The scene, with what the command line overrides.
+    pub scene: Scene,
+    /// Its triangles.
+    pub geometry: Geometry,
+    /// The layers.
+    pub plan: Plan,
+    /// How light will be followed.
+    pub integrator: Integrator,
+    /// What will find the hits of rays.
+    pub backend: Backend,
+    /// When to stop.
+    pub limits: Limits,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Digest of all that decides a texel but light.
+    base: blake3::Hash,
+    /// Per layer, its digest.
+    pub digests: Vec<String>,
+}
+
+impl Prepared {
+    /// The digest of all that decides a texel but light, in hexadecimal.
+    pub fn base(&self) -> String {
+        self.base.to_hex().to_string()
+    }
+
+    /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each is multiplied by.
+    pub fn sets(&self, layers: &[usize]) -> Vec<Parts> {
+        let of_moment = |moment| {
+            let parts = self.plan.layers_of(moment).into_iter();
+            parts.filter_map(|l| Some((layers.binary_search(&l).ok()?, self.plan.scale_of(l)))).collect()
+        };
+        (0..self.plan.moments.len()).map(of_moment).collect()
+    }
+
+    /// The settings as they go into the manifest, and the digest of all that decides the dataset.
+    pub fn manifest(&self, hours: &Hours) -> Result<(serde_json::Value, String)> {
+        let settings = settings(&self.scene, hours)?;
+        let mut hash = blake3::Hasher::new();
+        hash.update(self.base.as_bytes());
+        self.digests.iter().for_each(|d| {
+            hash.update(d.as_bytes());
+        });
+        let moments: Vec<(f64, &[bool])> =
+            self.plan.moments.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
+        hash.update(&json::bytes(&(moments, &settings), "settings")?);
+        self.geometry.instances.iter().for_each(|i| {
+            hash.update(i.name.as_bytes()).update(&[0]);
+        });
+        Ok((settings, hash.finalize().to_hex().to_string()))
+    }
+}
+
+/// Reads a scene and plans its bake.
+///
+/// # Errors
+/// Bad input.
+pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Result<Prepared> {
+    let start = Instant::now();
+    let (mut scene, mut warnings) = crate::scene::load(scene_file)?;
+    apply(&mut scene, options)?;
+    if let Some(place) = &scene.place {
+        let place = crate::light::sun::check(place);
+        place.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
+    }
+    warnings.iter().for_each(|w| console.warn(w));
+    let (geometry, geometry_warnings) = geometry::load(&scene)?;
+    geometry_warnings.iter().for_each(|w| console.warn(w));
+    warnings.extend(geometry_warnings);
+    let mut plan = Plan::new(&scene, &geometry, &options.hours);
+    let integrator = match (options.integrator, scene.bake.bounces) {
+        (Integrator::Cached, Some(most)) => {
+            let why = "the cache holds all bounces";
+            plan.left_out.push(format!("no cache: at most {most} bounces are asked for, {why}"));
+            Integrator::Path
+        }
+        (Integrator::Path, _) => {
+            plan.left_out.push("no cache: --integrator path".to_owned());
+            Integrator::Path
+        }
+        (integrator, None) => integrator,
+    };
+    let limits = Limits {
+        samples: scene.bake.samples,
+        target_error: options.target_error,
+        deadline: options.time_limit.map(|limit| start + limit),
+    };
+    let base = base_digest(&scene, &geometry, integrator, options)?;
+    let digests = plan.digests(&scene, &base)?;
+    let backend = options.backend;
+    Ok(Prepared { scene, geometry, plan, integrator, backend, limits, warnings, base, digests })
+}
+
+/// Overrides what the command line overrides.
+fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
+    if options.draft {
+        scene.lightmap.size = match scene.lightmap.size {
+            LightmapSize::Fixed { width, height } => {
+                LightmapSize::Fixed { width: (width / 2).max(1), height: (height / 2).max(1) }
+            }
+            LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d / 2.0),
+        };
+        scene.bake.samples = (scene.bake.samples / 4).max(2);
+    }
+    /// What a target error or a time limit may use when no number of samples is given.
+    const PLENTY: u32 = 1 << 16;
+    if (options.target_error.is_some() || options.time_limit.is_some()) && options.samples.is_none() {
+        scene.bake.samples = PLENTY;
+    }
+    if let Some(samples) = options.samples {
+        if !(2..=MAX_SAMPLES).contains(&samples) || !samples.is_power_of_two() {
+            let expected = format!("expected a power of two from 2 to {MAX_SAMPLES}");
+            return Err(Error::invalid("--samples", format!("{samples}: {expected}")));
+        }
+        scene.bake.samples = samples;
+    }
+    if let Some(target) = options.target_error.filter(|t| !(1e-4..1.0).contains(t)) {
+        return Err(Error::invalid(
+            "--target-error",
+            format!("{target}: expected 0.01 % to less than 100 %"),
+        ));
+    }
+    Ok(())
+}
+
+/// Digest of all that decides a texel but light.
+fn base_digest(
+    scene: &Scene,
+    geometry: &Geometry,
+    integrator: Integrator,
+    options: &Options,
+) -> Result<blake3::Hash> {
+    let mut hash = blake3::Hasher::new();
+    hash.update(METHOD.as_bytes());
+    let decisive = (
+        &scene.lightmap,
+        &scene.bake,
+        integrator,
+        options.backend.to_string(),
+        options.target_error,
+        options.time_limit.map(|limit| limit.as_nanos()),
+    );
+    hash.update(&json::bytes(&decisive, "scene")?);
+    geometry.update_digest(&mut hash);
+    Ok(hash.finalize())
+}
+
+/// The settings as they go into the manifest: no path of the machine that baked.
+fn settings(scene: &Scene, hours: &Hours) -> Result<serde_json::Value> {
+    let mut settings = serde_json::to_value(scene).map_err(|e| Error::invalid("scene", e))?;
+    if let Some(objects) = settings["objects"].as_array_mut() {
+        for object in objects.iter_mut().filter_map(|o| o.as_object_mut()) {
+            object.remove("place");
+            let name = object["file"]
+                .as_str()
+                .and_then(|f| Path::new(f).file_name()?.to_str())
+                .unwrap_or("")
+                .to_owned();
+            object.insert("file".to_owned(), name.into());
+        }
+    }
+    settings["hours"] = serde_json::json!(hours.list);
+    Ok(settings)
+}
