@@ -1,5 +1,6 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
+use baker::bake::forecast::{Forecast, PROBES, forecast};
 use baker::bake::run::{Integrator, Options, Outcome, bake, prepare};
 use baker::light::schedule::parse_hours;
 use baker::trace::backend::Backend;
@@ -50,7 +51,7 @@ struct Args {
     /// Trace 512 texels again, by so many walks each that are followed to their end, and report the true error.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
     check: Option<u32>,
-    /// Print what would be traced, what is left out and why; trace nothing.
+    /// Print what would be traced, what is left out and why, and about what disk and memory it takes; bake nothing.
     #[arg(long)]
     plan: bool,
     /// Folder of the dataset [default: dataset/<scene>].
@@ -76,7 +77,9 @@ Examples:
 With --json, one object on stdout: scene, dataset, up_to_date, integrator, size, pages, sets, texels, samples (at most),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
-`compress --json`. With --plan: scene, integrator, moments, layers, left_out, warnings.
+`compress --json`. With --plan: scene, integrator, moments, layers, left_out,
+forecast (size, pages, texels covered, texels_per_metre, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
+rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, only what depends on it is traced.";
@@ -162,17 +165,20 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let plan = &prepared.plan;
     let layers: Vec<String> = (0..plan.layers()).map(|layer| plan.name_of(layer)).collect();
     console.print(format!(
-        "{}: {} triangles, {} moments of {} layers, at most {} samples per texel, integrator {}",
+        "{}: {}, {} of {}, at most {} samples per texel, integrator {}",
         prepared.scene.name,
-        prepared.geometry.triangles.len(),
-        plan.moments.len(),
-        layers.len(),
+        count(prepared.geometry.triangles.len(), "triangle"),
+        count(plan.moments.len(), "moment"),
+        count(layers.len(), "layer"),
         prepared.limits.samples,
         match prepared.integrator {
             Integrator::Cached => "cached",
             Integrator::Path => "path",
         }
     ));
+    let atlas = baker::atlas::build(&prepared.geometry, &prepared.scene.lightmap)?;
+    let forecast = forecast(&prepared, &atlas)?;
+    say_forecast(&forecast, console);
     layers.iter().for_each(|name| console.print(format!("  trace {name}")));
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
     let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
@@ -182,8 +188,44 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "moments": moments,
         "layers": layers,
         "left_out": plan.left_out,
+        "forecast": forecast,
         "warnings": prepared.warnings,
     }))
+}
+
+/// What a bake would take, in words.
+fn say_forecast(forecast: &Forecast, console: &Console) {
+    let [width, height] = forecast.size;
+    console.print(format!(
+        "  {} of {width} × {height} texels, {} covered, {:.1} texels per metre",
+        count(forecast.pages as usize, "page"),
+        forecast.texels,
+        forecast.texels_per_metre
+    ));
+    console.print(format!(
+        "  disk: dataset at most {}, kept layers {}, and {} while all of them are traced; memory about {}",
+        bytes(forecast.dataset_bytes),
+        bytes(forecast.layers_bytes),
+        bytes(forecast.work_bytes),
+        bytes(forecast.memory_bytes)
+    ));
+    if forecast.open == Some(0) {
+        console.print(format!(
+            "  closed? none of {PROBES} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \
+             a small opening may have been missed (a room known to be closed needs no [sun] and no [sky])"
+        ));
+    }
+}
+
+/// Such as `1.3 GB`, to two digits.
+fn bytes(bytes: u64) -> String {
+    let (unit, name) = match bytes {
+        0..1_000_000 => (1e3, "kB"),
+        1_000_000..1_000_000_000 => (1e6, "MB"),
+        _ => (1e9, "GB"),
+    };
+    let value = bytes as f64 / unit;
+    if value < 9.95 { format!("{value:.1} {name}") } else { format!("{value:.0} {name}") }
 }
 
 /// The run in a few lines; `is_checked`: a check was asked for.

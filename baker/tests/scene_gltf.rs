@@ -269,7 +269,7 @@ fn what_cannot_be_baked_is_warned_about() {
     for expected in [
         "1 primitives of points or lines",
         "vertex colours",
-        "1 meshes without a defined material get albedo 0.5",
+        "albedo 0.5 for want of a defined material: 1 mesh",
     ] {
         assert!(warnings.iter().any(|w| w.contains(expected)), "{expected}: {warnings:?}");
     }

@@ -15,4 +15,5 @@ pub mod assemble;
 pub mod scene_glb;
 pub mod options;
 pub mod prepare;
+pub mod forecast;
 pub mod run;

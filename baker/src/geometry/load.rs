@@ -121,7 +121,8 @@ fn place<'a>(
     if undefined > 0 {
         let file = object.file.display();
         warnings.push(format!(
-            "{file}: {undefined} meshes without a defined material get albedo {DEFAULT_ALBEDO}"
+            "{file}: albedo {DEFAULT_ALBEDO} for want of a defined material: {}",
+            if undefined == 1 { "1 mesh".to_owned() } else { format!("{undefined} meshes") }
         ));
     }
     if !white.is_empty() {

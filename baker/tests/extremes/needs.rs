@@ -2,8 +2,11 @@
 
 use crate::common::mesh::Obj;
 use crate::common::{Baked, INTEGRATORS, Stage};
-use baker::bake::run::Integrator;
+use baker::bake::forecast::forecast;
+use baker::bake::run::{Integrator, Options, prepare};
+use baker::light::schedule::parse_hours;
 use baker::trace::walk::RayCounts;
+use dataset::console::Console;
 use glam::{DVec3, dvec3};
 
 const PLACE: &str = "[place]\nlatitude = 48\nlongitude = 11\ndate = \"2026-03-21\"\nutc_offset = 1\n";
@@ -84,5 +87,31 @@ fn without_light_only_probes_are_traced() {
     for integrator in INTEGRATORS {
         let (_, none) = row("no light", &yard(integrator), "0..24", OBJECT);
         assert!(none.walk + none.sun + none.lamp + none.sky == 0, "{none:?}");
+    }
+}
+
+#[test]
+fn a_plan_tells_what_the_bake_will_take_and_whether_the_scene_is_open() {
+    for (stage, is_open) in [(yard(Integrator::Path), true), (closed_room(Integrator::Path), false)] {
+        let scene = format!("{PLACE}{SUN_AND_SKY}{OBJECT}{LAMP}[lightmap]\nsize = 64\n");
+        let baked = stage.bake("6,12,22", 4, &scene);
+        let options =
+            Options { integrator: Integrator::Path, ..Options::new(parse_hours("6,12,22").expect("hours")) };
+        let prepared =
+            prepare(&stage.path("case.toml"), &options, &Console::silent()).expect("what was baked");
+        let atlas = baker::atlas::build(&prepared.geometry, &prepared.scene.lightmap).expect("an atlas");
+        let forecast = forecast(&prepared, &atlas).expect("a forecast");
+        assert_eq!((forecast.size, forecast.pages), (baked.outcome.size, baked.outcome.pages));
+        assert_eq!(forecast.open.map(|n| n > 0), Some(is_open), "{forecast:?}");
+        let bytes = |folder: &str, extension: &str| -> u64 {
+            let files = std::fs::read_dir(stage.path("set-1").join(folder)).expect("a folder").flatten();
+            let files = files.filter(|f| f.path().extension().is_some_and(|e| e == extension));
+            files.map(|f| f.metadata().expect("metadata").len()).sum()
+        };
+        let kept = bytes(".layers", "layer") + bytes(".layers", "texels");
+        assert_eq!(forecast.layers_bytes, kept, "{forecast:?}");
+        // Headers of small files are not counted.
+        let images = bytes("data", "exr");
+        assert!(images > 0 && images <= forecast.dataset_bytes + (1 << 16), "{images} {forecast:?}");
     }
 }

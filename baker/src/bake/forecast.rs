@@ -1,0 +1,130 @@
+//! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how far rays go, and on
+//! the machine.)
+
+use super::options::Integrator;
+use super::prepare::Prepared;
+use super::solve;
+use crate::Rgb;
+use crate::atlas::Atlas;
+use crate::scene::Sky;
+use crate::surface::{BlockSurface, FaceBins};
+use crate::trace::cache::CacheHalf;
+use crate::trace::lights::Lights;
+use crate::trace::rays::Rays;
+use crate::trace::sampler::Sequence;
+use crate::trace::walk::{RayCounts, Transport, point_pair};
+use crate::{Result, light::sky::SkyTable};
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// What a bake would take.
+#[derive(Clone, Debug, Serialize)]
+pub struct Forecast {
+    /// Width and height of a page in texels.
+    pub size: [u32; 2],
+    /// Pages.
+    pub pages: u32,
+    /// Texels that surface covers.
+    pub texels: usize,
+    /// Texels per metre at density 1.
+    pub texels_per_metre: f64,
+    /// Most bytes of the dataset's images.
+    pub dataset_bytes: u64,
+    /// Bytes of the layers kept beside the dataset, once all of them are traced.
+    pub layers_bytes: u64,
+    /// Bytes of the sums on disk while all layers are traced.
+    pub work_bytes: u64,
+    /// About the most memory that is held at once, in bytes.
+    pub memory_bytes: u64,
+    /// Of [`PROBES`] rays from covered texels, those that leave the scene; `None` where there is neither sun nor sky.
+    pub open: Option<usize>,
+}
+
+/// Rays that are sent out to see whether a scene is open.
+pub const PROBES: usize = 4096;
+
+/// Bytes of a texel of an image.
+const IMAGE: u64 = 12;
+/// Bytes per triangle of geometry, hierarchy and charts, as measured at ten million of them.
+const TRIANGLE: u64 = 500;
+
+/// Estimates for the layers of a plan, none of them traced yet.
+pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
+    let plan = &prepared.plan;
+    let bins = FaceBins::new(atlas);
+    let blocks: Vec<usize> = (0..bins.columns * bins.rows).filter(|&b| !bins.faces(b).is_empty()).collect();
+    let covered: Vec<usize> =
+        blocks.par_iter().map(|&b| BlockSurface::new(atlas, &bins, b).covered().count()).collect();
+    let texels: usize = covered.iter().sum();
+    let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
+    let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
+    let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
+    let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
+    // While sets are put together: five images, a layer as it is read, the sums of light and error.
+    let assembling = 5 * IMAGE * virtual_page + 2 * 20 * n + 24 * n + 32 * n;
+    let cache = match prepared.integrator {
+        Integrator::Cached => cache_bytes(texels, plan.layers()),
+        Integrator::Path => 0,
+    };
+    let has_sky = !plan.suns.is_empty() || !plan.skies.is_empty();
+    Ok(Forecast {
+        size: [atlas.width, atlas.page_height],
+        pages: atlas.pages,
+        texels,
+        texels_per_metre: atlas.texels_per_metre,
+        dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
+        layers_bytes: n * (8 + 20 * layers),
+        work_bytes: n * (24 * layers + 40 * sampled),
+        memory_bytes: TRIANGLE * triangles + assembling.max(cache),
+        open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
+    })
+}
+
+/// Memory of the cache and its solution, about; of patches nothing is known before they are laid.
+fn cache_bytes(texels: usize, layers: usize) -> u64 {
+    let entries = texels >> (2 * solve::shift(texels, layers));
+    // Both halves, and what the passes hold: see `solve`.
+    (entries * (5 * CacheHalf::bytes_per_entry(layers) + 12 * layers + 16 * solve::PILOT)) as u64
+}
+
+/// How many of [`PROBES`] rays from points spread over the covered texels leave the scene.
+fn open(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    bins: &FaceBins,
+    blocks: &[usize],
+    covered: &[usize],
+) -> Result<usize> {
+    let geometry = &prepared.geometry;
+    let rays = Rays::with_backend(geometry, prepared.backend)?;
+    // A white sky: what sees it, sees out.
+    let white = Sky::Constant { radiance: DVec3::ONE };
+    let lights = Lights { sky: SkyTable::new(Some(&white), None, &[12.0]), ..Lights::none() };
+    let transport = Transport { geometry, rays: &rays, lights: &lights, bounces: Some(0) };
+    let starts: Vec<usize> = std::iter::once(0)
+        .chain(covered.iter().scan(0, |sum, n| {
+            *sum += n;
+            Some(*sum)
+        }))
+        .collect();
+    let texels = starts[covered.len()];
+    let of_block = |(i, &block): (usize, &usize)| {
+        let surface = BlockSurface::new(atlas, bins, block);
+        let places: Vec<usize> = surface.covered().collect();
+        // The rays that begin at the first, second … texel of all, evenly spread.
+        let first = |texel: usize| (texel * PROBES).div_ceil(texels.max(1));
+        let leaves = |probe: &usize| {
+            let sample = Sequence::new(prepared.scene.bake.seed, 2, *probe as u32, 0).sample(0);
+            let texel = places[probe * texels / PROBES - starts[i]];
+            let at = transport.receiver(&surface.sample(atlas, texel, point_pair(sample)));
+            let mut out = [Rgb::ZERO];
+            if let Some(at) = at {
+                transport.indirect(&at, sample, |_, _, _, _| false, &mut out, &mut RayCounts::default());
+            }
+            out[0] != Rgb::ZERO
+        };
+        (first(starts[i])..first(starts[i + 1])).filter(leaves).count()
+    };
+    Ok(blocks.par_iter().enumerate().map(of_block).sum())
+}
