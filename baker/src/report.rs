@@ -12,7 +12,7 @@ fn error_plot(outcome: &Outcome) -> Plot {
         (name.to_owned(), outcome.rounds.iter().map(|r| (r.seconds, value(r) * 100.0)).collect())
     };
     Plot {
-        title: "Estimated error against run time".to_owned(),
+        title: "Estimated error of tiles against run time".to_owned(),
         x: "seconds of tracing".to_owned(),
         y: "relative error, %".to_owned(),
         log_x: true,
@@ -106,8 +106,9 @@ pub fn section(outcome: &Outcome) -> Section {
         Integrator::Path => "Walks were followed to their end (integrator path: unbiased).",
     };
     section.paragraph(&format!(
-        "{:.0} samples per texel on average, at most {}, in {:.1} s of tracing; estimated relative error (median over tiles \
-         and sets) {:.2} %. Relative error: root of the mean squared standard error over a tile's valid texels ÷ their mean. {how}",
+        "{:.0} samples per texel on average, at most {}, in {:.1} s of tracing. {how} The estimated error of tiles is as that \
+         of sets above, but over each tile of 128×128 texels and relative to the tile's own mean light: its median over tiles and \
+         sets is {:.2} %.",
         outcome.mean_samples,
         outcome.samples,
         outcome.rounds.last().map_or(0.0, |r| r.seconds),

@@ -157,6 +157,11 @@ impl BlockSurface {
         (0..self.width * self.height).filter(|&texel| self.is_covered(texel))
     }
 
+    /// The index of a texel of the block on the virtual page, row by row.
+    pub fn page_index(&self, atlas: &Atlas, texel: usize) -> usize {
+        (self.y0 + texel / self.width) * atlas.width as usize + self.x0 + texel % self.width
+    }
+
     /// A point uniformly distributed over the texel's surface, by area on the page. The texel must be covered.
     pub fn sample(&self, atlas: &Atlas, texel: usize, u: Vec2) -> SurfacePoint {
         let fragments = &self.fragments[self.starts[texel] as usize..self.starts[texel + 1] as usize];
@@ -248,21 +253,7 @@ mod tests {
             .enumerate()
             .map(|(i, &corners)| Face { triangle: i as u32, corners, chart: 0 })
             .collect();
-        Atlas {
-            width,
-            height,
-            pages: 1,
-            page_height: height,
-            stride: height,
-            texels_per_metre: 1.0,
-            faces,
-            charts: 1,
-            degenerate: 0,
-            utilisation: 1.0,
-            notes: Vec::new(),
-            placements: Vec::new(),
-            layouts: Vec::new(),
-        }
+        Atlas::for_tests(width, height, faces)
     }
 
     #[test]

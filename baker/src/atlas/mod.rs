@@ -93,6 +93,26 @@ impl Atlas {
         top..top + self.page_height
     }
 
+    /// One page with these faces, one chart, one texel per metre.
+    #[cfg(test)]
+    pub fn for_tests(width: u32, height: u32, faces: Vec<Face>) -> Self {
+        Atlas {
+            width,
+            height,
+            pages: 1,
+            page_height: height,
+            stride: height,
+            texels_per_metre: 1.0,
+            faces,
+            charts: 1,
+            degenerate: 0,
+            utilisation: 1.0,
+            notes: Vec::new(),
+            placements: Vec::new(),
+            layouts: Vec::new(),
+        }
+    }
+
     /// The page a face lies on; no face lies on two.
     pub fn page_of(&self, face: &Face) -> u32 {
         face.corners[0].y as u32 / self.stride

@@ -60,9 +60,8 @@ impl Worker<'_> {
 
     /// A texel's samples for one purpose and half. `texel` counts within the block, row by row.
     pub fn sequence(&self, surface: &BlockSurface, texel: usize, stream: Stream, half: usize) -> Sequence {
-        let (x, y) = (surface.x0 + texel % surface.width, surface.y0 + texel / surface.width);
-        let index = y as u32 * self.atlas.width + x as u32;
-        Sequence::new(self.seed, 0, index, stream as u32 + half as u32)
+        let index = surface.page_index(self.atlas, texel);
+        Sequence::new(self.seed, 0, index as u32, stream as u32 + half as u32)
     }
 
     /// The point of a sample. Where only some of the texel's probed points are its surface (`outside` says which), it lies

@@ -4,11 +4,12 @@
 use super::options::Integrator;
 use super::prepare::Prepared;
 use super::solve;
+use super::state::Direct;
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::scene::Sky;
 use crate::surface::{BlockSurface, FaceBins};
-use crate::trace::cache::CacheHalf;
+use crate::trace::cache::{CacheHalf, CacheMap};
 use crate::trace::lights::Lights;
 use crate::trace::rays::Rays;
 use crate::trace::sampler::Sequence;
@@ -46,6 +47,8 @@ pub const PROBES: usize = 4096;
 
 /// Bytes of a texel of an image.
 const IMAGE: u64 = 12;
+/// Bytes of the program itself.
+const PROGRAM: u64 = 10 << 20;
 /// Bytes per triangle of geometry, hierarchy and charts, as measured at ten million of them.
 const TRIANGLE: u64 = 500;
 
@@ -54,8 +57,12 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
     let plan = &prepared.plan;
     let bins = FaceBins::new(atlas);
     let blocks: Vec<usize> = (0..bins.columns * bins.rows).filter(|&b| !bins.faces(b).is_empty()).collect();
-    let covered: Vec<usize> =
-        blocks.par_iter().map(|&b| BlockSurface::new(atlas, &bins, b).covered().count()).collect();
+    let of_block = |&block: &usize| {
+        let surface = BlockSurface::new(atlas, &bins, block);
+        surface.covered().map(|texel| surface.page_index(atlas, texel)).collect()
+    };
+    let places: Vec<Vec<usize>> = blocks.par_iter().map(of_block).collect();
+    let covered: Vec<usize> = places.iter().map(Vec::len).collect();
     let texels: usize = covered.iter().sum();
     let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
@@ -64,7 +71,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
     // While sets are put together: five images, a layer as it is read, the sums of light and error.
     let assembling = 5 * IMAGE * virtual_page + 2 * 20 * n + 24 * n + 32 * n;
     let cache = match prepared.integrator {
-        Integrator::Cached => cache_bytes(texels, plan.layers()),
+        Integrator::Cached => cache_bytes(prepared, atlas, places.into_iter().flatten(), texels),
         Integrator::Path => 0,
     };
     let has_sky = !plan.suns.is_empty() || !plan.skies.is_empty();
@@ -75,15 +82,22 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
         texels_per_metre: atlas.texels_per_metre,
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
         layers_bytes: n * (8 + 20 * layers),
-        work_bytes: n * (24 * layers + 40 * sampled),
-        memory_bytes: TRIANGLE * triangles + assembling.max(cache),
+        work_bytes: n * (10 + 24 * layers + 2 * (size_of::<Direct>() as u64 + 1) * sampled),
+        memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
     })
 }
 
-/// Memory of the cache and its solution, about; of patches nothing is known before they are laid.
-fn cache_bytes(texels: usize, layers: usize) -> u64 {
-    let entries = texels >> (2 * solve::shift(texels, layers));
+/// Memory of the cache and its solution, about.
+fn cache_bytes(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    places: impl Iterator<Item = usize>,
+    texels: usize,
+) -> u64 {
+    let layers = prepared.plan.layers();
+    let shift = solve::shift(texels, layers);
+    let entries = CacheMap::new(atlas, &prepared.geometry, shift, places).entries();
     // Both halves, and what the passes hold: see `solve`.
     (entries * (5 * CacheHalf::bytes_per_entry(layers) + 12 * layers + 16 * solve::PILOT)) as u64
 }

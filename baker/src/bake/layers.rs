@@ -133,8 +133,7 @@ impl Layers {
             let state = folder.read(block, covered.len())?;
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); digests.len()];
             for (i, &texel) in covered.iter().enumerate() {
-                let (x, y) = (surface.x0 + texel % surface.width, surface.y0 + texel / surface.width);
-                let index = (y * worker.atlas.width as usize + x) as u32;
+                let index = surface.page_index(worker.atlas, texel) as u32;
                 texels.push(Texel { index, exposed: u32::from(state.is_exposed(i)) });
                 state.means(i, 0, lights, &mut a);
                 state.means(i, 1, lights, &mut b);

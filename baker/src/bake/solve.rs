@@ -82,7 +82,7 @@ pub fn map<'a>(
         let covered: Vec<usize> = surface.covered().collect();
         let outside = folder.read(block, covered.len())?.outside;
         let mut counts = RayCounts::default();
-        let place = |t: usize| page_texel(worker, &surface, t);
+        let place = |t: usize| surface.page_index(worker.atlas, t);
         let split = covered.iter().zip(&outside).filter(|(t, outside)| {
             **outside != ALL_OUTSIDE
                 && (**outside == 0 || worker.is_split(&surface, **t, **outside, &mut counts))
@@ -97,10 +97,6 @@ pub fn map<'a>(
     let mut map = CacheMap::new(worker.atlas, worker.transport.geometry, shift, covered);
     found.iter().flat_map(|(_, split, _)| split).for_each(|&texel| map.leave_out(texel));
     Ok((map, super::block::sum(found.iter().map(|f| f.2))))
-}
-
-fn page_texel(worker: &Worker, surface: &crate::surface::BlockSurface, texel: usize) -> usize {
-    (surface.y0 + texel / surface.width) * worker.atlas.width as usize + surface.x0 + texel % surface.width
 }
 
 /// Fills both halves from the direct light found so far.
@@ -325,7 +321,7 @@ fn trace_block(
         .iter()
         .enumerate()
         .filter(|&(i, _)| state.is_exposed(i))
-        .filter_map(|(i, &t)| Some((map.of_texel(page_texel(worker, &surface, t))?, i)))
+        .filter_map(|(i, &t)| Some((map.of_texel(surface.page_index(worker.atlas, t))?, i)))
         .collect();
     texels.sort_unstable();
     let groups: Vec<&[(u32, usize)]> = texels.chunk_by(|a, b| a.0 == b.0).collect();

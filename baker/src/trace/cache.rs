@@ -407,21 +407,7 @@ mod tests {
     fn a_point_of_a_patch_is_found_there() {
         for along in [1u32, 2, 5, 16] {
             let piece = Piece { triangle: 0, is_back: true, along, first: 7 };
-            let atlas = Atlas {
-                width: 1,
-                height: 1,
-                pages: 1,
-                page_height: 1,
-                stride: 1,
-                texels_per_metre: 1.0,
-                faces: Vec::new(),
-                charts: 0,
-                degenerate: 0,
-                utilisation: 0.0,
-                notes: Vec::new(),
-                placements: Vec::new(),
-                layouts: Vec::new(),
-            };
+            let atlas = Atlas::for_tests(1, 1, Vec::new());
             let map = CacheMap {
                 atlas: &atlas,
                 face_of: vec![NONE],

@@ -95,7 +95,7 @@ impl Section {
         self
     }
 
-    /// A table; cells that parse as numbers are right-aligned.
+    /// A table; under a header, cells that parse as numbers are right-aligned.
     pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) -> &mut Self {
         self.html.push_str("<div class=\"wide\"><table>\n");
         if !header.is_empty() {
@@ -109,7 +109,8 @@ impl Section {
         for row in rows {
             self.html.push_str("<tr>");
             for cell in row {
-                let class = if cell.trim().parse::<f64>().is_ok() { " class=\"number\"" } else { "" };
+                let is_number = !header.is_empty() && cell.trim().parse::<f64>().is_ok();
+                let class = if is_number { " class=\"number\"" } else { "" };
                 let _ = write!(self.html, "<td{class}>{}</td>", escape(cell));
             }
             self.html.push_str("</tr>\n");

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 /// Largest side of a picture in the section, in pixels; half of it where there are many pages.
 const PREVIEW_SIDE: usize = 256;
-/// A set is shown brightened as well once its own exposure is this many times the common one.
-const MUCH_DARKER: f32 = 3.0;
+/// A set gets another exposure than brighter ones once its own is this many times theirs.
+const MUCH_DARKER: f32 = 6.0;
 /// Colour of texels on no surface.
 const INVALID: [u8; 3] = [44, 46, 52];
 
@@ -60,43 +60,55 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
     let reduced = pairs.par_iter().map(|&(set, page)| reduce(dataset, &masks[page], set, page, side));
     let reduced: Vec<(Image, Mask)> = reduced.collect::<Result<_>>()?;
 
-    // One exposure for all, from the brightest; much darker sets are shown brightened as well.
-    let is_lit = |image: &Image| image.texels.iter().any(|texel| luminance(*texel) > 0.0);
-    let own: Vec<Option<f32>> =
-        reduced.iter().map(|(image, mask)| is_lit(image).then(|| exposure(image, mask))).collect();
-    let common = own.iter().flatten().copied().fold(f32::INFINITY, f32::min);
-    let common = if common.is_finite() { common } else { 1.0 };
-
     section.subheading(if masks.len() == 1 { "Mask" } else { "Masks" });
     let pictures =
         masks.iter().enumerate().map(|(page, mask)| (page_name(config, page), mask_png(mask, side)));
     section.pictures(&pictures.collect::<Vec<_>>());
 
-    section.subheading("By hour, all at the exposure of the brightest");
-    let at_common = pairs.par_iter().zip(&reduced);
-    let at_common = at_common
-        .map(|(&(set, page), (image, mask))| (caption(config, set, page), encode(image, mask, common)));
-    section.pictures(&at_common.collect::<Vec<_>>());
-
-    let dark: Vec<(usize, f32)> = own
-        .iter()
-        .enumerate()
-        .filter_map(|(index, own)| own.filter(|own| *own >= MUCH_DARKER * common).map(|own| (index, own)))
-        .collect();
-    if !dark.is_empty() {
-        section.subheading("The dark ones again, each at its own exposure");
-        let brightened = dark.par_iter().map(|&(index, own)| {
-            let ((set, page), (image, mask)) = (pairs[index], &reduced[index]);
-            let caption = format!(
-                "{} · exposure ×{}",
-                caption(config, set, page),
-                short(f64::from(own) / f64::from(common))
-            );
-            (caption, encode(image, mask, own))
+    // Day, twilight and night differ by factors of thousands: each group of like brightness has its exposure.
+    let is_lit = |image: &Image| image.texels.iter().any(|texel| luminance(*texel) > 0.0);
+    let own = |(image, mask): &(Image, Mask)| is_lit(image).then(|| exposure(image, mask));
+    let of_set = |pages: &[(Image, Mask)]| pages.iter().filter_map(own).min_by(f32::total_cmp);
+    let groups = group_by_exposure(&reduced.chunks(masks.len().max(1)).map(of_set).collect::<Vec<_>>());
+    if groups.len() > 1 {
+        section.paragraph(
+            "Pictures under one heading share an exposure and can be compared with each other; ×N: N times that of the brightest.",
+        );
+    }
+    let brightest = groups.first().map_or(1.0, |(exposure, _)| *exposure);
+    for (i, (exposure, sets)) in groups.iter().enumerate() {
+        section.subheading(&match (i, exposure.is_finite()) {
+            (_, false) => "Sets without light".to_owned(),
+            (0, _) if groups.len() == 1 => "By hour, at one exposure".to_owned(),
+            (0, _) => "By hour, the brightest sets".to_owned(),
+            _ => format!("Darker sets, exposure ×{}", short(f64::from(*exposure) / f64::from(brightest))),
         });
-        section.pictures(&brightened.collect::<Vec<_>>());
+        let exposure = if exposure.is_finite() { *exposure } else { 1.0 };
+        let indices: Vec<usize> = (0..pairs.len()).filter(|&i| sets.contains(&pairs[i].0)).collect();
+        let pictures = indices.par_iter().map(|&i| {
+            let ((set, page), (image, mask)) = (pairs[i], &reduced[i]);
+            (caption(config, set, page), encode(image, mask, exposure))
+        });
+        section.pictures(&pictures.collect::<Vec<_>>());
     }
     Ok(section)
+}
+
+/// Sets of like brightness, the brightest first: the exposure of each group's brightest, and which sets are in it, ascending. Those
+/// without light come last, at an infinite exposure.
+fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
+    let mut sets: Vec<(f32, usize)> =
+        own.iter().enumerate().map(|(set, own)| (own.unwrap_or(f32::INFINITY), set)).collect();
+    sets.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut groups: Vec<(f32, Vec<usize>)> = Vec::new();
+    for (exposure, set) in sets {
+        match groups.last_mut() {
+            Some((first, sets)) if exposure < MUCH_DARKER * *first || !first.is_finite() => sets.push(set),
+            _ => groups.push((exposure, vec![set])),
+        }
+    }
+    groups.iter_mut().for_each(|(_, sets)| sets.sort_unstable());
+    groups
 }
 
 /// What the set is, as rows of a table.
@@ -124,8 +136,12 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
     let errors = config.sets.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
     if let Some((error, at)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         rows.push(row(
-            "Estimated relative error",
-            format!("at most {:.2} % (at {} h)", 100.0 * error, hour(at)),
+            "Estimated error of a set",
+            format!(
+                "at most {:.2} % (at {} h): the sampling's standard error, root mean square over the page, ÷ the page's mean light",
+                100.0 * error,
+                hour(at)
+            ),
         ));
     }
     rows
@@ -283,6 +299,16 @@ mod tests {
         // sRGB of 0.5 is 188.
         assert_eq!(picture.get_pixel(0, 0).0, [188; 3]);
         assert_eq!(picture.get_pixel(1, 0).0, INVALID);
+    }
+
+    #[test]
+    fn sets_of_like_brightness_share_an_exposure() {
+        let day = [Some(1000.0), Some(2.0), Some(1.0), Some(5.9), None, Some(6.0), Some(900.0), None];
+        let groups = group_by_exposure(&day);
+        let expected =
+            [(1.0, vec![1, 2, 3]), (6.0, vec![5]), (900.0, vec![0, 6]), (f32::INFINITY, vec![4, 7])];
+        assert_eq!(groups, expected);
+        assert!(group_by_exposure(&[]).is_empty());
     }
 
     #[test]
