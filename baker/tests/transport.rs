@@ -74,7 +74,7 @@ fn group(g: &Geometry, lamps: &[Lamp]) -> Lights {
     let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.0)).collect();
     let sampler = GroupSampler::new(lamps, &emitters(g, 0), DVec3::ZERO);
     let groups = vec![GroupLight { sampler, emission, key: 7 }];
-    Lights { groups, layer_of_group: vec![Some(0)], ..Lights::none() }
+    Lights { groups, place_of_group: vec![Some(0)], ..Lights::none() }
 }
 
 fn sun(disc: SunDisc) -> Lights {
