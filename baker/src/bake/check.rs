@@ -74,11 +74,6 @@ const SIGNIFICANT: f64 = 4.0;
 const EIGHTHS: usize = 8;
 
 impl Eighth {
-    /// What of the difference is beyond chance.
-    fn beyond_chance(&self) -> f64 {
-        self.difference.abs() - SIGNIFICANT * self.standard_error
-    }
-
     /// Such as `darkest eighth: −3.1 ± 0.4 %`.
     pub fn words(&self) -> String {
         let name = match self.place {
@@ -95,10 +90,19 @@ impl Eighth {
 impl Check {
     /// The set and eighth that lost or gained most, of those where chance does not explain it.
     pub fn worst_eighth(&self) -> Option<(usize, &Eighth)> {
-        let all = self.sets.iter().flat_map(|s| s.eighths.iter().map(move |e| (s.set, e)));
-        let real = all.filter(|(_, e)| e.beyond_chance() > 0.0);
-        real.max_by(|a, b| a.1.beyond_chance().total_cmp(&b.1.beyond_chance()))
+        let beyond_chance = |s: &SetCheck, e: &Eighth| (s.set, beyond_chance(e, &s.eighths));
+        let all = self.sets.iter().flat_map(|s| s.eighths.iter().map(move |e| (beyond_chance(s, e), e)));
+        let worst = all.filter(|((_, beyond), _)| *beyond > 0.0).max_by(|(a, _), (b, _)| a.1.total_cmp(&b.1));
+        worst.map(|((set, _), eighth)| (set, eighth))
     }
+}
+
+/// What of an eighth's difference is beyond chance. Texels of like brightness are alike noisy: an eighth that happens to miss the
+/// few texels that hold most of the light scatters too little, so the scatter of those beside it counts too.
+fn beyond_chance(eighth: &Eighth, all: &[Eighth]) -> f64 {
+    let beside = all.iter().filter(|other| other.place.abs_diff(eighth.place) <= 1);
+    let noise = beside.map(|other| other.standard_error).fold(0.0, f64::max);
+    eighth.difference.abs() - SIGNIFICANT * noise
 }
 
 /// One checked texel at one set.
@@ -363,6 +367,21 @@ mod tests {
         let set = summary(0, &texels).expect("light");
         assert!(set.own_error.is_finite() && set.eighths.iter().all(|e| e.place >= 6), "{set:?}");
         serde_json::to_string(&set).unwrap();
+    }
+
+    #[test]
+    fn noise_that_a_few_texels_hold_is_no_loss() {
+        // One texel of the room in 32 holds 32 times its light, the others none: right on average. By its own scatter alone an
+        // eighth would be called dark in a tenth of such bakes.
+        let false_alarms = (1..=100).filter(|&seed| {
+            let mut texels = bake(seed, 1.0, 1.0);
+            for (i, texel) in texels.iter_mut().enumerate().filter(|(i, _)| i.is_multiple_of(4)) {
+                let sample = Sequence::new(seed, 1, i as u32, 0).sample(0);
+                texel.baked *= if sample.number(0) < 1.0 / 32.0 { 32.0 } else { 0.0 };
+            }
+            check_of(&texels).worst_eighth().is_some()
+        });
+        assert!(false_alarms.count() <= 4);
     }
 
     #[test]
