@@ -256,11 +256,12 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
         if let Some(worst) = worst {
             let hour = outcome.hours.get(worst.set).copied().unwrap_or_default();
             console.say(format!(
-                "  check of {} texels: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated); all \
-                 sets: report",
+                "  check of {} texels: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated, and \
+                 the check's own noise was {:.2} %); all sets: report",
                 check.texels,
                 worst.true_error * 100.0,
-                worst.estimated_error * 100.0
+                worst.estimated_error * 100.0,
+                worst.reference_error * 100.0
             ));
             console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
         }

@@ -138,7 +138,8 @@ pub fn section(outcome: &Outcome) -> Section {
                 row("shadow rays to the sun", rays.sun),
                 row("shadow rays to lamps", rays.lamp),
                 row("shadow rays to the sky", rays.sky),
-                row("tests for points inside solids", rays.inside),
+                row("shadow rays to bright surfaces", rays.reflector),
+                row("tests for points inside solids or behind walls", rays.inside),
             ],
         );
     }

@@ -105,7 +105,7 @@ fn irradiance_through(
     bounces: Option<u32>,
     samples: u32,
 ) -> Measured {
-    let transport = Transport { geometry, rays, lights, bounces };
+    let transport = Transport::new(geometry, rays, lights, bounces);
     let at = transport.receiver(&POINT).expect("a normal");
     let mut counts = RayCounts::default();
     let mut means = Vec::new();
@@ -118,7 +118,7 @@ fn irradiance_through(
                 out[lights.layer_of_sampled(light)] +=
                     transport.direct(&at, light, sample, &sun_draw(sample), &mut counts);
             }
-            transport.indirect(&at, sample, |_, _, _, _| false, &mut out, &mut counts);
+            transport.indirect(&at, sample, |_, _, _| false, &mut out, &mut counts);
         }
         assert!(out.iter().all(|v| v.is_finite() && v.min_element() >= 0.0));
         means.push(f64::from(out[0].y) / f64::from(samples));
@@ -333,7 +333,7 @@ fn points_inside_a_closed_body_are_left_out() {
     let l = sky(constant_sky(1.0));
     for backend in Backend::built() {
         let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
-        let transport = Transport { geometry: &g, rays: &rays, lights: &l, bounces: None };
+        let transport = Transport::new(&g, &rays, &l, None);
         let at = transport.receiver(&POINT).expect("a normal");
         let mut counts = RayCounts::default();
         assert!(transport.is_inside(&at, &mut counts));

@@ -96,7 +96,7 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
             return Err(Error::Unsupported {
                 place: "lightmap".into(),
                 what: format!(
-                    "{size}: {} charts with {padding} texels of padding do not fit {} at any density; use a larger size, at least 2 x 2{}",
+                    "{size}: {} charts with {padding} texels of padding do not fit {} at any density; use a larger size (at least 2 x 2) or less padding{}",
                     meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>(),
                     if pages == 1 { "the page".to_owned() } else { format!("{pages} pages") },
                     if pages == 1 { ", or more `pages`" } else { "" },

@@ -1,14 +1,10 @@
-//! One block of texels at work: its samples of direct and of indirect light.
+//! What works on blocks of texels: the points of a texel that are its surface. (What light they get: `direct`, `indirect`.)
 
-use super::errors::cell_of;
-use super::state::{ALL_OUTSIDE, BlockState, CELLS, Direct, PROBES};
-use crate::Rgb;
+use super::state::{ALL_OUTSIDE, BlockState, PROBES};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
-use crate::trace::cache::{CacheHalf, CacheMap};
 use crate::trace::sampler::{Sample, Sequence};
-use crate::trace::walk::{RayCounts, Receiver, Transport, point_pair, sun_draw};
-use dataset::console::interrupted;
+use crate::trace::walk::{RayCounts, Receiver, Transport, point_pair};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -25,14 +21,8 @@ pub enum Stream {
     Pilot = 6,
     /// The reference texels are checked against.
     Check = 8,
-}
-
-/// A filled cache: where its entries are, and its two halves.
-pub struct Cache<'a> {
-    /// Where entries are.
-    pub map: CacheMap<'a>,
-    /// One per half of the samples.
-    pub halves: [CacheHalf; 2],
+    /// What bright surfaces are seen.
+    View = 10,
 }
 
 /// What blocks are worked on with.
@@ -142,6 +132,14 @@ impl Worker<'_> {
         })
     }
 
+    /// A few of the probed points that are a texel's surface.
+    pub fn witnesses(&self, surface: &BlockSurface, texel: usize, outside: u16) -> Vec<Receiver> {
+        const MOST: usize = 4;
+        let probes: Vec<u32> = (0..PROBES).filter(|&probe| outside >> probe & 1 == 1).collect();
+        let some = probes.iter().step_by(probes.len().div_ceil(MOST).max(1));
+        some.filter_map(|&probe| self.transport.receiver(&self.probe_point(surface, texel, probe))).collect()
+    }
+
     fn probe_point(&self, surface: &BlockSurface, texel: usize, probe: u32) -> SurfacePoint {
         let sequence = self.sequence(surface, texel, Stream::Probe, 0);
         surface.sample(self.atlas, texel, point_pair(sequence.sample(probe)))
@@ -164,163 +162,6 @@ impl Worker<'_> {
         state.outside = probed.iter().map(|p| p.0).collect();
         sum(probed.into_iter().map(|p| p.1))
     }
-
-    /// Brings the direct light of each texel and light to `target` samples a half, or leaves it at its `first` samples where
-    /// those of the *other* half hardly differ: from each other, and from those of the texels beside. This is decided once.
-    /// (A half that decided on its own samples would stop at the lucky ones and be biased. So it would if it decided again:
-    /// the other half's later samples exist because of its own first ones.)
-    pub fn direct(
-        &self,
-        surface: &BlockSurface,
-        state: &mut BlockState,
-        first: u16,
-        target: u16,
-    ) -> RayCounts {
-        let lights = self.transport.lights.sampled();
-        if lights == 0 {
-            return RayCounts::default();
-        }
-        let covered: Vec<usize> = surface.covered().collect();
-        if target > first && state.more_direct.is_empty() {
-            state.more_direct = wants_more(surface, &covered, state, lights);
-        }
-        let active = if target > first { state.more_direct.clone() } else { vec![1; state.direct.len()] };
-        // The edge of a sun's shadow falls to a small error quickly, and its rays cost little: groups get half as many.
-        let suns = self.transport.lights.suns.len();
-        let goal = |light: usize| if light < suns { target } else { (target / 2).max(first).min(target) };
-        let texels = state
-            .direct
-            .par_chunks_mut(2 * lights)
-            .zip(active.par_chunks(2 * lights))
-            .zip(&state.outside)
-            .zip(&covered)
-            .with_min_len(64);
-        let counts = texels.map(|(((direct, active), &outside), &texel)| {
-            let mut counts = RayCounts::default();
-            if outside == 0 || interrupted() {
-                return counts;
-            }
-            for (half, (direct, active)) in direct.chunks_mut(lights).zip(active.chunks(lights)).enumerate() {
-                let sequence = self.sequence(surface, texel, Stream::Direct, half);
-                let wants =
-                    |light: usize, d: &Direct, i: u16| active[light] == 1 && d.drawn <= i && i < goal(light);
-                let open = direct.iter().enumerate().filter(|(light, d)| wants(*light, d, d.drawn));
-                let first = open.map(|(_, d)| d.drawn).min();
-                for i in first.unwrap_or(target)..target {
-                    let sample = sequence.sample(u32::from(i));
-                    let at = self.receiver(surface, texel, sample, outside, &mut counts);
-                    let draw = sun_draw(sample);
-                    for (light, d) in direct.iter_mut().enumerate().filter(|(light, d)| wants(*light, d, i)) {
-                        match &at {
-                            Some(at) => d.add(self.transport.direct(at, light, sample, &draw, &mut counts)),
-                            None => d.drawn += 1,
-                        }
-                    }
-                }
-            }
-            counts
-        });
-        sum(counts.collect::<Vec<_>>())
-    }
-
-    /// Brings the indirect light of the texels of the `active` cells to `target` samples a half.
-    pub fn indirect(
-        &self,
-        surface: &BlockSurface,
-        state: &mut BlockState,
-        active: &[bool; CELLS],
-        target: u32,
-        cache: Option<&Cache>,
-    ) -> RayCounts {
-        let layers = self.transport.lights.layers();
-        let covered: Vec<usize> = surface.covered().collect();
-        let drawn = state.drawn;
-        let texels = state
-            .sums
-            .par_chunks_mut((2 * layers).max(1))
-            .zip(&mut state.taken)
-            .zip(&state.outside)
-            .zip(&covered)
-            .with_min_len(64);
-        let counts = texels.map(|(((sums, taken), &outside), &texel)| {
-            let mut counts = RayCounts::default();
-            let cell = cell_of(surface, texel);
-            if outside == 0 || !active[cell] || interrupted() {
-                return counts;
-            }
-            for half in 0..2 {
-                let sequence = self.sequence(surface, texel, Stream::Indirect, half);
-                let out = &mut sums[half * layers..(half + 1) * layers];
-                for i in drawn[cell]..target {
-                    let sample = sequence.sample(i);
-                    let at = self.receiver(surface, texel, sample, outside, &mut counts);
-                    let Some(at) = at else { continue };
-                    taken[half] += 1;
-                    self.walk(&at, sample, cache.map(|c| (&c.map, &c.halves[half])), out, &mut counts);
-                }
-            }
-            counts
-        });
-        let counts = sum(counts.collect::<Vec<_>>());
-        for (drawn, active) in state.drawn.iter_mut().zip(active) {
-            if *active {
-                *drawn = (*drawn).max(target);
-            }
-        }
-        counts
-    }
-
-    /// One walk, ended where the cache knows the light.
-    pub fn walk(
-        &self,
-        at: &Receiver,
-        sample: Sample,
-        cache: Option<(&CacheMap, &CacheHalf)>,
-        out: &mut [Rgb],
-        counts: &mut RayCounts,
-    ) {
-        match cache {
-            None => self.transport.indirect(at, sample, |_, _, _, _| false, out, counts),
-            Some((map, half)) => {
-                let land = |hit: &_, is_back, weight, out: &mut [Rgb]| match map.of_hit(hit, is_back) {
-                    Some(entry) => {
-                        half.add(entry, weight, out);
-                        true
-                    }
-                    None => false,
-                };
-                self.transport.indirect(at, sample, land, out, counts);
-            }
-        }
-    }
-}
-
-/// Per texel, half and light, 1 where the other half asks for more samples: see [`Worker::direct`].
-fn wants_more(surface: &BlockSurface, covered: &[usize], state: &BlockState, lights: usize) -> Vec<u8> {
-    // The place of each texel of the block among the covered ones.
-    let mut place = vec![None; surface.width * surface.height];
-    covered.iter().enumerate().for_each(|(i, &texel)| place[texel] = Some(i));
-    let record = |i: usize, half: usize, light: usize| &state.direct[(i * 2 + half) * lights + light];
-    let mut active = vec![0; state.direct.len()];
-    for (i, &texel) in covered.iter().enumerate() {
-        let (x, y) = (texel % surface.width, texel / surface.width);
-        let beside = [
-            (x > 0).then(|| texel - 1),
-            (x + 1 < surface.width).then(|| texel + 1),
-            (y > 0).then(|| texel - surface.width),
-            (y + 1 < surface.height).then(|| texel + surface.width),
-        ];
-        let beside = beside.map(|t| t.and_then(|t| place[t]));
-        for half in 0..2 {
-            for light in 0..lights {
-                let other = record(i, 1 - half, light);
-                let edge =
-                    || beside.iter().flatten().any(|&n| other.differs_from(record(n, 1 - half, light)));
-                active[(i * 2 + half) * lights + light] = u8::from(other.varies() || edge());
-            }
-        }
-    }
-    active
 }
 
 /// The sum of counts.

@@ -266,7 +266,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
                 sums[lights.layer_of_sampled(light)] +=
                     worker.transport.direct(&at, light, sample, &draw, &mut counts);
             }
-            worker.walk(&at, sample, None, &mut sums, &mut counts);
+            worker.walk(&at, sample, None, &[], &mut sums, &mut counts);
         }
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);
         sums

@@ -115,7 +115,7 @@ fn open(
     // A white sky: what sees it, sees out.
     let white = Sky::Constant { radiance: DVec3::ONE };
     let lights = Lights { sky: SkyTable::new(Some(&white), None, &[12.0]), ..Lights::none() };
-    let transport = Transport { geometry, rays: &rays, lights: &lights, bounces: Some(0) };
+    let transport = Transport::new(geometry, &rays, &lights, Some(0));
     let starts: Vec<usize> = std::iter::once(0)
         .chain(covered.iter().scan(0, |sum, n| {
             *sum += n;
@@ -134,7 +134,7 @@ fn open(
             let at = transport.receiver(&surface.sample(atlas, texel, point_pair(sample)));
             let mut out = [Rgb::ZERO];
             if let Some(at) = at {
-                transport.indirect(&at, sample, |_, _, _, _| false, &mut out, &mut RayCounts::default());
+                transport.indirect(&at, sample, |_, _, _| false, &mut out, &mut RayCounts::default());
             }
             out[0] != Rgb::ZERO
         };

@@ -7,7 +7,7 @@
 
 use super::block::Worker;
 use super::json;
-use super::rounds::Round;
+use super::rounds::Traced;
 use super::state::StateFolder;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
@@ -70,7 +70,7 @@ impl Layers {
     }
 
     /// How the last tracing of layers of this page went.
-    pub fn rounds(&self, base: &str) -> Option<Vec<Round>> {
+    pub fn traced(&self, base: &str) -> Option<Traced> {
         serde_json::from_slice(&std::fs::read(self.rounds_path(base)).ok()?).ok()
     }
 
@@ -115,7 +115,7 @@ impl Layers {
         folder: &StateFolder,
         base: &str,
         digests: &[String],
-        rounds: &[Round],
+        traced: &Traced,
         console: &Console,
     ) -> Result<()> {
         std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))?;
@@ -148,18 +148,18 @@ impl Layers {
             progress.advance(1);
         }
         dataset::files::write_atomically(&self.texels_path(base), bytemuck::cast_slice(&texels))?;
-        dataset::files::write_atomically(&self.rounds_path(base), &json::bytes(&rounds, "rounds")?)?;
+        dataset::files::write_atomically(&self.rounds_path(base), &json::bytes(traced, "rounds")?)?;
         files.into_iter().try_for_each(Partial::finish)
     }
 
-    /// Removes all files but those of these layers and this page.
-    pub fn keep_only(&self, base: &str, digests: &[String]) {
+    /// Removes all files but those of these layers and this page, and tells how many layers that were.
+    pub fn keep_only(&self, base: &str, digests: &[String]) -> usize {
         let mut keep: BTreeSet<PathBuf> = digests.iter().map(|d| self.path(d)).collect();
         keep.extend([self.texels_path(base), self.rounds_path(base)]);
-        let Ok(entries) = std::fs::read_dir(&self.root) else { return };
-        for entry in entries.flatten().filter(|e| !keep.contains(&e.path())) {
-            let _ = std::fs::remove_file(entry.path());
-        }
+        let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
+        let others = entries.flatten().map(|e| e.path()).filter(|path| !keep.contains(path));
+        let removed = others.filter(|path| std::fs::remove_file(path).is_ok());
+        removed.filter(|path| path.extension().is_some_and(|e| e == "layer")).count()
     }
 
     /// Forgets all layers.

@@ -5,6 +5,8 @@ pub mod plan;
 pub mod state;
 pub mod errors;
 pub mod block;
+pub mod direct;
+pub mod indirect;
 pub mod solve;
 pub mod rounds;
 pub mod layers;

@@ -6,7 +6,6 @@ use super::options::{Integrator, Options};
 use super::plan::Plan;
 use super::rounds::Limits;
 use crate::geometry::{self, Geometry};
-use crate::light::schedule::Hours;
 use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
 use crate::{Error, Result};
@@ -15,7 +14,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-7";
+const METHOD: &str = "walks-9";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
@@ -56,8 +55,8 @@ impl Prepared {
     }
 
     /// The settings as they go into the manifest, and the digest of all that decides the dataset.
-    pub fn manifest(&self, hours: &Hours) -> Result<(serde_json::Value, String)> {
-        let settings = settings(&self.scene, hours)?;
+    pub fn manifest(&self, options: &Options) -> Result<(serde_json::Value, String)> {
+        let settings = settings(&self.scene, options)?;
         let mut hash = blake3::Hasher::new();
         hash.update(self.base.as_bytes());
         self.digests.iter().for_each(|d| {
@@ -78,6 +77,7 @@ impl Prepared {
 /// # Errors
 /// Bad input.
 pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Result<Prepared> {
+    options.backend.expect_built()?;
     let start = Instant::now();
     let (mut scene, mut warnings) = crate::scene::load(scene_file)?;
     apply(&mut scene, options)?;
@@ -168,7 +168,8 @@ fn base_digest(
 }
 
 /// The settings as they go into the manifest: no path of the machine that baked.
-fn settings(scene: &Scene, hours: &Hours) -> Result<serde_json::Value> {
+fn settings(scene: &Scene, options: &Options) -> Result<serde_json::Value> {
+    let hours = &options.hours;
     let mut settings = serde_json::to_value(scene).map_err(|e| Error::invalid("scene", e))?;
     if let Some(objects) = settings["objects"].as_array_mut() {
         for object in objects.iter_mut().filter_map(|o| o.as_object_mut()) {
@@ -182,5 +183,12 @@ fn settings(scene: &Scene, hours: &Hours) -> Result<serde_json::Value> {
         }
     }
     settings["hours"] = serde_json::json!(hours.list);
+    settings["baked_with"] = serde_json::json!({
+        "method": METHOD,
+        "integrator": options.integrator,
+        "backend": options.backend.to_string(),
+        "target_error": options.target_error,
+        "time_limit_secs": options.time_limit.map(|limit| limit.as_secs_f64()),
+    });
     Ok(settings)
 }

@@ -1,8 +1,9 @@
 //! Tracing in rounds: each doubles the samples where more are wanted, so that an estimate with its error exists early and
 //! improves to the end.
 
-use super::block::{Cache, Worker, sum};
+use super::block::Worker;
 use super::errors::{Errors, Parts, Sums, cell_of, of_block, worst_of_cell};
+use super::indirect::Cache;
 use super::json;
 use super::solve;
 use super::state::{BlockState, CELLS, StateFolder};
@@ -51,19 +52,23 @@ pub struct Round {
     pub open_cells: usize,
 }
 
-/// The result of tracing.
-#[derive(Debug, Default)]
+/// The result of tracing; kept with the layers, but for what is of one run alone.
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Traced {
     /// One entry per round.
     pub rounds: Vec<Round>,
     /// Rays traced by this run (not by earlier runs it continued).
+    #[serde(skip)]
     pub rays: RayCounts,
     /// Rounds this run found done.
+    #[serde(skip)]
     pub resumed: usize,
     /// What should be known about the way to the result, in words.
     pub notes: Vec<String>,
     /// Whether the time ran out.
     pub out_of_time: bool,
+    /// Whether the cache did not settle, and walks were traced to their end instead.
+    pub is_unsettled: bool,
 }
 
 /// Samples of the first round towards a target error.
@@ -82,11 +87,6 @@ pub fn schedule(limits: &Limits) -> Vec<u32> {
 
 /// Samples of direct light in each half that every texel and light gets.
 const FIRST_DIRECT: u16 = 4;
-
-/// Samples of direct light in each half, where they differ, when there are `samples` of indirect light per texel.
-fn direct_samples(samples: u32) -> u16 {
-    samples.clamp(u32::from(FIRST_DIRECT), 1 << 14) as u16
-}
 
 /// What rounds are traced with.
 pub struct Tracer<'a> {
@@ -113,7 +113,8 @@ impl Tracer<'_> {
         let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
         let start = Instant::now();
         let schedule = schedule(limits);
-        traced.rays += self.direct_pass(&blocks, console)?;
+        let (direct_means, rays) = self.direct_pass(&blocks, console)?;
+        traced.rays += rays;
         let cache = self.cache(&blocks, console, &mut traced)?;
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
         let is_open = limits.target_error.is_some() || limits.deadline.is_some();
@@ -143,7 +144,8 @@ impl Tracer<'_> {
                 }
             }
             let deadline = limits.deadline.filter(|_| round > 0);
-            let step = Step { round: round as u32 + 1, target, limits, deadline, last: traced.rounds.last() };
+            let (round, last) = (round as u32 + 1, traced.rounds.last());
+            let step = Step { round, target, limits, deadline, last, direct_means: &direct_means };
             let late = AtomicBool::new(false);
             let counted = Mutex::new(RayCounts::default());
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
@@ -172,27 +174,42 @@ impl Tracer<'_> {
         Ok(traced)
     }
 
-    /// The first direct samples of all texels: what the cache is solved from.
-    fn direct_pass(&self, blocks: &[usize], console: &Console) -> Result<RayCounts> {
+    /// The first direct samples of all texels, what the cache is solved from; and the mean of each half and light over them, in
+    /// the sum of its channels.
+    fn direct_pass(&self, blocks: &[usize], console: &Console) -> Result<(Vec<f32>, RayCounts)> {
         let progress = console.progress("direct light", blocks.len() as u64);
-        let counts = blocks
-            .par_iter()
-            .map(|&block| {
+        let lights = self.worker.transport.lights.sampled();
+        let of_block = |&block: &usize| {
+            stop_if_interrupted()?;
+            let surface = self.worker.surface(block);
+            let mut state = self.folder.read(block, surface.covered().count())?;
+            let mut counts = RayCounts::default();
+            if state.outside.is_empty() && !state.taken.is_empty() {
+                counts += self.worker.probe(&surface, &mut state);
+                counts += self.worker.first_direct(&surface, &mut state, FIRST_DIRECT);
                 stop_if_interrupted()?;
-                let surface = self.worker.surface(block);
-                let mut state = self.folder.read(block, surface.covered().count())?;
-                let mut counts = RayCounts::default();
-                if state.outside.is_empty() && !state.taken.is_empty() {
-                    counts += self.worker.probe(&surface, &mut state);
-                    counts += self.worker.direct(&surface, &mut state, FIRST_DIRECT, FIRST_DIRECT);
-                    stop_if_interrupted()?;
-                    self.folder.write(block, &state)?;
-                }
-                progress.advance(1);
-                Ok(counts)
-            })
-            .collect::<Result<Vec<_>>>()?;
-        Ok(sum(counts))
+                self.folder.write(block, &state)?;
+            }
+            progress.advance(1);
+            Ok((state.direct_sums(lights), counts))
+        };
+        let (mut means, mut values, mut counts) = (vec![0.0; 2 * lights], 0.0, RayCounts::default());
+        for ((sums, n), c) in blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()? {
+            means.iter_mut().zip(sums).for_each(|(m, s)| *m += s);
+            (values, counts) = (values + n, counts + c);
+        }
+        // A run that continues finds more samples in the blocks: what was decided by stays what it was.
+        let path = self.folder.root().join("direct.json");
+        let kept = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice::<Vec<f32>>(&b).ok());
+        let means = match kept {
+            Some(kept) if kept.len() == 2 * lights => kept,
+            _ => {
+                let means = means.iter().map(|m| (m / f64::max(values, 1.0)) as f32).collect();
+                write_atomically(&path, &json::bytes(&means, "direct")?)?;
+                means
+            }
+        };
+        Ok((means, counts))
     }
 
     fn cache(&self, blocks: &[usize], console: &Console, traced: &mut Traced) -> Result<Option<Cache<'_>>> {
@@ -203,12 +220,13 @@ impl Tracer<'_> {
         let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
         traced.rays += counts;
         if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
-            return Ok(Some(Cache { map, halves }));
+            return Ok(Some(Cache::new(&self.worker, map, halves)));
         }
         let (cache, solution, counts) = solve::fill(&self.worker, self.folder, map, blocks, console)?;
         traced.rays += counts;
         if !solution.settled {
             let passes = solution.passes;
+            traced.is_unsettled = true;
             traced.notes.push(format!(
                 "the cache had not settled after {passes} passes (light fades too slowly): walks were traced to their end"
             ));
@@ -230,9 +248,17 @@ impl Tracer<'_> {
             } else {
                 let active = self.active(&surface, &state, step);
                 if active.contains(&true) {
+                    let means = step.direct_means;
+                    rays += self.worker.more_direct(
+                        &surface,
+                        &mut state,
+                        &active,
+                        FIRST_DIRECT,
+                        step.target,
+                        means,
+                    );
                     rays +=
-                        self.worker.direct(&surface, &mut state, FIRST_DIRECT, direct_samples(step.target));
-                    rays += self.worker.indirect(&surface, &mut state, &active, step.target / 2, cache);
+                        self.worker.indirect(block, &surface, &mut state, &active, step.target / 2, cache);
                 }
                 stop_if_interrupted()?;
                 state.round = step.round;
@@ -319,6 +345,8 @@ struct Step<'a> {
     target: u32,
     limits: &'a Limits,
     deadline: Option<Instant>,
+    /// The mean of each half's direct light of each light.
+    direct_means: &'a [f32],
     /// The round before.
     last: Option<&'a Round>,
 }

@@ -33,16 +33,13 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let prepared = prepare(scene_file, options, console)?;
     let Prepared { scene, geometry, plan, limits, digests, .. } = &prepared;
     let out = options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
-    let (settings, inputs) = prepared.manifest(&options.hours)?;
+    let (settings, inputs) = prepared.manifest(options)?;
     let layers = Layers::new(&out);
     if let Some(outcome) = up_to_date(&out, &inputs, options, start) {
         return Ok(outcome);
     }
     expect_folder(&out)?;
-    if options.force {
-        StateFolder::clear(&out)?;
-        layers.clear()?;
-    }
+    let _lock = lock(&out)?;
     console.say(format!(
         "{}: {}, {}, {}",
         scene.name,
@@ -57,6 +54,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         progress.advance(1);
         atlas
     };
+    if options.force {
+        StateFolder::clear(&out)?;
+        layers.clear()?;
+    }
     let mut writer = Writer::create(&out)?;
     let (traced, origin) = trace_missing(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
@@ -78,6 +79,11 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
     writer.alias(&glb, "scene.glb");
     let facts = facts(geometry, &atlas, plan, &stored, &traced, origin);
+    let mut warnings = prepared.warnings.clone();
+    if let Some(warning) = mostly_invalid(plan, &stored) {
+        console.warn(&warning);
+        warnings.push(warning);
+    }
     let texels = stored.valid_texels;
     let mut relative = stored.errors.relative();
     relative.sort_by(f64::total_cmp);
@@ -100,14 +106,17 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         settings,
     };
     writer.commit(&config)?;
-    layers.keep_only(&base, digests);
+    let forgotten = layers.keep_only(&base, digests);
+    if forgotten > 0 {
+        console.say(format!("no longer kept, as this bake does not use them: {}", count(forgotten, "layer")));
+    }
 
     let outcome = Outcome {
         scene: scene.name.clone(),
         dataset: out.clone(),
         inputs,
         up_to_date: false,
-        integrator: prepared.integrator,
+        integrator: if traced.is_unsettled { Integrator::Path } else { prepared.integrator },
         size: [atlas.width, atlas.page_height],
         pages: atlas.pages,
         sets: plan.moments.len(),
@@ -124,11 +133,37 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         rounds: traced.rounds,
         check,
         left_out: prepared.plan.left_out,
-        warnings: prepared.warnings,
+        warnings,
     };
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
     StateFolder::clear(&out)?;
     Ok(outcome)
+}
+
+/// What may be wrong with a scene most of whose texels are of no use.
+fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
+    let of = |texels: usize| {
+        100.0 * texels as f64 / (stored.valid_texels + stored.unlit_texels + stored.buried_texels) as f64
+    };
+    if plan.layers() == 0 {
+        Some(
+            "no light: neither sun nor sky nor a lamp shines at any of these moments; all sets are black"
+                .to_owned(),
+        )
+    } else if of(stored.unlit_texels) > 50.0 {
+        Some(format!(
+            "no light arrives at {:.0} % of the texels: do their front sides (counter-clockwise) face away from it? `two_sided` or \
+             turned faces may help",
+            of(stored.unlit_texels)
+        ))
+    } else if of(stored.buried_texels) > 50.0 {
+        Some(format!(
+            "{:.0} % of the texels lie inside solids: all around them are the backs of one-sided faces. Are faces turned inside out?",
+            of(stored.buried_texels)
+        ))
+    } else {
+        None
+    }
 }
 
 /// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
@@ -144,6 +179,20 @@ fn expect_folder(out: &Path) -> Result<()> {
     let probe = out.join(format!(".probe-{}", std::process::id()));
     let probed = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
     probed.map_err(|e| refused("cannot be written to", e))
+}
+
+/// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
+fn lock(out: &Path) -> Result<std::fs::File> {
+    let path = out.join(".lock");
+    let file = std::fs::File::create(&path).map_err(Error::io(&path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(std::fs::TryLockError::WouldBlock) => Err(Error::invalid(
+            out.display(),
+            "another bake is writing here; wait for it, or choose another --out",
+        )),
+        Err(std::fs::TryLockError::Error(e)) => Err(Error::io(&path)(e)),
+    }
 }
 
 /// Traces the layers that no earlier bake left, and keeps them.
@@ -162,8 +211,7 @@ fn trace_missing(
     let origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
     if missing.is_empty() && texels.is_some() {
         console.say(format!("no rays: kept from an earlier bake: {}", count(digests.len(), "layer")));
-        let rounds = layers.rounds(&base).unwrap_or_default();
-        return Ok((Traced { rounds, ..Traced::default() }, origin));
+        return Ok((layers.traced(&base).unwrap_or_default(), origin));
     }
     if origin.reused > 0 {
         let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
@@ -182,7 +230,7 @@ fn trace_missing(
         let sets = prepared.sets(&missing);
         let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };
         let traced = tracer.run(&prepared.limits, console)?;
-        layers.write(&tracer.worker, &folder, &base, &wanted, &traced.rounds, console)?;
+        layers.write(&tracer.worker, &folder, &base, &wanted, &traced, console)?;
         Ok(traced)
     })?;
     Ok((traced, origin))
@@ -215,7 +263,7 @@ fn with_worker<T>(
     let lights = plan.lights(scene, geometry, layers);
     let bins = FaceBins::new(atlas);
     let rays = Rays::with_backend(geometry, prepared.backend)?;
-    let transport = Transport { geometry, rays: &rays, lights: &lights, bounces: scene.bake.bounces };
+    let transport = Transport::new(geometry, &rays, &lights, scene.bake.bounces);
     work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed })
 }
 

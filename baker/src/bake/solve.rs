@@ -5,12 +5,13 @@
 //! goes one bounce further. Where surfaces are bright, that is slow; each layer and channel is therefore also rescaled as a
 //! whole, so that what all entries send out agrees with what they get (a one-group rebalance, known from neutron transport).
 
-use super::block::{Cache, Stream, Worker};
+use super::block::{Stream, Worker};
+use super::indirect::Cache;
 use super::state::{ALL_OUTSIDE, StateFolder};
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheHalf, CacheMap, Patch};
 use crate::trace::sampler::{Sample, Sequence};
-use crate::trace::walk::{RayCounts, Receiver, point_pair, sun_draw};
+use crate::trace::walk::{Arrival, RayCounts, Receiver, point_pair, sun_draw};
 use crate::{Error, Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::files::write_atomically_with;
@@ -22,7 +23,7 @@ use std::sync::Mutex;
 /// Walks per entry and half.
 pub const PILOT: usize = 16;
 /// Samples of direct light per patch and half.
-const PATCH_DIRECT: u32 = 2;
+const PATCH_DIRECT: u32 = 4;
 /// Most passes.
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.
@@ -32,6 +33,8 @@ const SETTLED: f64 = 1e-3;
 const STILL: f64 = 5e-4;
 /// Part of a layer's greatest light below which changes are judged by that.
 const FAINT: f32 = 1e-6;
+/// Turns of the rescaling after which it is given up.
+const TURNS: u32 = 3;
 /// Entries of a run.
 const RUN: usize = 4096;
 /// Light of all bounces, as a multiple of that before the first, from which on it is taken to grow without end where surfaces
@@ -67,8 +70,18 @@ pub fn shift(covered: usize, layers: usize) -> u32 {
     (0..2).find(|shift| ((covered >> (2 * shift)) * per_entry) as u64 <= MEMORY).unwrap_or(2)
 }
 
-/// The map of the cache for the covered texels of all blocks, which were probed. Those that reach across a wall are not cached:
-/// a walk that lands on their other side would carry light through the wall. `layers` are all of the bake, traced now or not: they
+/// What is found out about a block before the cache is laid out.
+#[derive(Default)]
+struct Covered {
+    /// Its covered texels, as places on the page.
+    texels: Vec<usize>,
+    /// Those among them that a wall divides, and points of the side they stand for.
+    split: Vec<(usize, Vec<Receiver>)>,
+    counts: RayCounts,
+}
+
+/// The map of the cache for the covered texels of all blocks, which were probed. Those that reach across a wall stand for one
+/// side of it: a walk that lands on the other must not carry its light through the wall. `layers` are all of the bake, traced now or not: they
 /// decide the size of an entry.
 pub fn map<'a>(
     worker: &Worker<'a>,
@@ -76,27 +89,26 @@ pub fn map<'a>(
     blocks: &[usize],
     layers: usize,
 ) -> Result<(CacheMap<'a>, RayCounts)> {
-    // Per block, its covered texels (places on the page), those among them that are split, and the rays to find out.
-    let of_block = |&block: &usize| -> Result<(Vec<usize>, Vec<usize>, RayCounts)> {
+    let of_block = |&block: &usize| -> Result<Covered> {
         let surface = worker.surface(block);
-        let covered: Vec<usize> = surface.covered().collect();
-        let outside = folder.read(block, covered.len())?.outside;
-        let mut counts = RayCounts::default();
+        let texels: Vec<usize> = surface.covered().collect();
+        let outside = folder.read(block, texels.len())?.outside;
         let place = |t: usize| surface.page_index(worker.atlas, t);
-        let split = covered.iter().zip(&outside).filter(|(t, outside)| {
-            **outside != ALL_OUTSIDE
-                && (**outside == 0 || worker.is_split(&surface, **t, **outside, &mut counts))
-        });
-        let split = split.map(|(t, _)| place(*t)).collect();
-        Ok((covered.iter().map(|&t| place(t)).collect(), split, counts))
+        let mut found = Covered { texels: texels.iter().map(|&t| place(t)).collect(), ..Covered::default() };
+        for (&texel, &outside) in texels.iter().zip(&outside).filter(|(_, o)| **o != ALL_OUTSIDE) {
+            if outside == 0 || worker.is_split(&surface, texel, outside, &mut found.counts) {
+                found.split.push((place(texel), worker.witnesses(&surface, texel, outside)));
+            }
+        }
+        Ok(found)
     };
     let found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
-    let count = found.iter().map(|(covered, ..)| covered.len()).sum();
-    let shift = shift(count, layers);
-    let covered = found.iter().flat_map(|(covered, ..)| covered.iter().copied());
+    let shift = shift(found.iter().map(|f| f.texels.len()).sum(), layers);
+    let covered = found.iter().flat_map(|f| f.texels.iter().copied());
     let mut map = CacheMap::new(worker.atlas, worker.transport.geometry, shift, covered);
-    found.iter().flat_map(|(_, split, _)| split).for_each(|&texel| map.leave_out(texel));
-    Ok((map, super::block::sum(found.iter().map(|f| f.2))))
+    let counts = super::block::sum(found.iter().map(|f| f.counts));
+    found.into_iter().flat_map(|f| f.split).for_each(|(texel, witnesses)| map.split(texel, witnesses));
+    Ok((map, counts))
 }
 
 /// Fills both halves from the direct light found so far.
@@ -118,7 +130,7 @@ pub fn fill<'a>(
         Ok(values)
     };
     let halves = [solved(0)?, solved(1)?];
-    Ok((Cache { map, halves }, solution, counts))
+    Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
 /// E = source + T E.
@@ -199,6 +211,8 @@ impl System {
         let mut taken = vec![false; self.layers];
         // What of the light of each layer and channel arrives again after a bounce.
         let (mut total, mut passes) = (source.clone(), 0);
+        // The last rescaling of each, and how often it turned from growing to shrinking or back.
+        let (mut last, mut turns) = (vec![1.0f64; values], vec![0u32; values]);
         loop {
             stop_if_interrupted()?;
             passes += 1;
@@ -226,9 +240,18 @@ impl System {
                         "light grows without end: nothing absorbs it (albedo 1 in a closed space, with light inside)",
                     ));
                 }
-                let factor = if r < 1.0 { (source[i] / (1.0 - r) / again[i]).clamp(0.25, 8.0) } else { 8.0 };
+                let mut factor =
+                    if r < 1.0 { (source[i] / (1.0 - r) / again[i]).clamp(0.25, 8.0) } else { 8.0 };
+                turns[i] += u32::from((factor > 1.1 && last[i] < 0.9) || (factor < 0.9 && last[i] > 1.1));
+                last[i] = factor;
+                // Where few entries exchange light with many, one number for all may swing for ever: passes alone settle there.
+                let swings = turns[i] >= TURNS;
+                if swings {
+                    factor = 1.0;
+                }
                 factors[i] = factor as f32;
-                settled[i / 3] &= (factor - 1.0).abs() < SETTLED && change[i] < STILL;
+                let still = if swings { 0.1 * STILL } else { STILL };
+                settled[i / 3] &= (factor - 1.0).abs() < SETTLED && change[i] < still;
                 total[i] = again[i] * factor;
             }
             next.scale_by(&factors);
@@ -398,12 +421,10 @@ fn pilot(
     for i in 0..PILOT {
         let Some((at, sample)) = start(i, &mut counts) else { continue };
         walks += 1;
-        let land = |hit: &_, is_back, weight: Rgb, _: &mut [Rgb]| match map.of_hit(hit, is_back) {
-            Some(entry) => {
-                landings.push(Landing { entry, weight: weight.to_array() });
-                true
-            }
-            None => false,
+        let land = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
+            let entry = map.entry(&worker.transport, &at.hit, at.is_back, counts);
+            landings.extend(entry.map(|entry| Landing { entry, weight: at.weight.to_array() }));
+            entry.is_some()
         };
         worker.transport.indirect(&at, sample, land, &mut met, &mut counts);
     }

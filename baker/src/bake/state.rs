@@ -44,13 +44,21 @@ impl Direct {
         if self.taken == 0 { Rgb::ZERO } else { self.sum / f32::from(self.taken) }
     }
 
+    /// Standard deviation of a sample, in the sum of its channels.
+    pub fn deviation(&self) -> f32 {
+        if self.taken == 0 {
+            return 0.0;
+        }
+        let n = f32::from(self.taken);
+        let mean = self.sum.element_sum() / n;
+        (self.squares / n - mean * mean).max(0.0).sqrt()
+    }
+
     /// Whether its samples differ by so much that more of them are worth their rays (none so far: yes).
     pub fn varies(&self) -> bool {
         /// Standard deviation of a sample, relative to the mean, that is let be.
         const TOLERATED: f32 = 0.05;
-        let n = f32::from(self.taken);
-        let mean = self.sum.element_sum() / n;
-        self.drawn == 0 || (self.taken > 0 && self.squares / n - mean * mean > (TOLERATED * mean).powi(2))
+        self.drawn == 0 || self.deviation() > TOLERATED * self.mean().element_sum()
     }
 
     /// Whether it differs so much from its neighbour that the texels between may be partly lit.
@@ -74,7 +82,7 @@ pub struct BlockState {
     pub outside: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
-    /// As `direct`: 1 where more than the first samples are drawn, decided once; empty before that.
+    /// As `direct`: how many samples are wanted, decided once (see `direct`); empty before that.
     pub more_direct: Vec<u8>,
     /// Per texel and half, the samples of indirect light that had a point to start from: what the sums are divided by.
     pub taken: Vec<[u32; 2]>,
@@ -101,6 +109,17 @@ impl BlockState {
         const LEAST: u32 = PROBES / 8;
         let outside = self.outside.get(texel).copied().unwrap_or(0);
         outside.count_ones() >= LEAST
+    }
+
+    /// Sums of the mean direct light of each half and light over the exposed texels, and how many those are.
+    pub fn direct_sums(&self, lights: usize) -> (Vec<f64>, f64) {
+        let mut sums = vec![0.0; 2 * lights];
+        let exposed: Vec<usize> = (0..self.taken.len()).filter(|&t| self.is_exposed(t)).collect();
+        for &texel in &exposed {
+            let means = self.direct[texel * 2 * lights..][..2 * lights].iter();
+            sums.iter_mut().zip(means).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
+        }
+        (sums, exposed.len() as f64)
     }
 
     /// The estimate of each layer at a texel by one half; `sampled` maps sampled lights to layers.

@@ -50,21 +50,22 @@ impl SkyGuide {
         let direction = if choice < shares.picture {
             self.picture.as_ref()?.sample(u)
         } else {
-            // One portal, in proportion to importance.
-            let mut left = (choice - shares.picture) / (1.0 - shares.picture) * shares.total;
+            // One portal, in proportion to importance, by the first number: what is left of it chooses the point, so that
+            // the points on every portal are spread evenly.
+            let mut left = u.x * shares.total;
             let mut chosen = None;
-            for opening in &self.portals {
-                let share = opening.importance(p, n);
+            for (i, opening) in self.portals.iter().enumerate() {
+                let share = shares.of(self, i, p, n);
                 if share > 0.0 {
-                    chosen = Some(opening);
+                    chosen = Some((opening, (left / share).min(1.0)));
                     if left < share {
                         break;
                     }
                     left -= share;
                 }
             }
-            let offset = chosen?.seen_from(p)?.sample(u);
-            offset.normalize()
+            let (opening, left) = chosen?;
+            opening.seen_from(p)?.sample(DVec2::new(left, u.y)).normalize()
         };
         let direction = direction.as_vec3();
         let pdf = self.density(&shares, p, n, direction.as_dvec3());
@@ -85,33 +86,53 @@ impl SkyGuide {
         let picture = self.picture.as_ref().map_or(0.0, |picture| picture.pdf(direction));
         let mut through = 0.0;
         if shares.total > 0.0 {
-            for opening in &self.portals {
-                if let Some(seen) = opening.seen_from(p)
+            for (i, opening) in self.portals.iter().enumerate() {
+                if opening.is_met(p, direction)
+                    && let Some(seen) = opening.seen_from(p)
                     && let Some(offset) = seen.hit(direction)
                 {
-                    through += opening.importance(p, n) / shares.total * seen.pdf(offset);
+                    through += shares.of(self, i, p, n) / shares.total * seen.pdf(offset);
                 }
             }
         }
         (shares.picture * picture + (1.0 - shares.picture) * through) as f32
     }
 
-    /// The part of samples that looks at the picture, and the sum of the portals' importances. Even, where there are both.
+    /// The part of samples that looks at the picture, and the portals' importances. Even, where there are both.
     fn shares(&self, p: DVec3, n: DVec3) -> Option<ShareOf> {
-        let total: f64 = self.portals.iter().map(|opening| opening.importance(p, n)).sum();
+        let (mut total, mut first) = (0.0, [0.0; KNOWN]);
+        for (i, opening) in self.portals.iter().enumerate() {
+            let importance = opening.importance(p, n);
+            total += importance;
+            if let Some(known) = first.get_mut(i) {
+                *known = importance;
+            }
+        }
         let picture = match (self.picture.is_some(), total > 0.0) {
             (true, true) => 0.5,
             (true, false) => 1.0,
             (false, true) => 0.0,
             (false, false) => return None,
         };
-        Some(ShareOf { picture, total })
+        Some(ShareOf { picture, total, first })
     }
 }
+
+/// Portals whose importance is kept while a direction is chosen; that of others is computed again.
+const KNOWN: usize = 8;
 
 struct ShareOf {
     picture: f64,
     total: f64,
+    /// Importances of the first portals.
+    first: [f64; KNOWN],
+}
+
+impl ShareOf {
+    /// The importance of a portal.
+    fn of(&self, guide: &SkyGuide, portal: usize, p: DVec3, n: DVec3) -> f64 {
+        self.first.get(portal).copied().unwrap_or_else(|| guide.portals[portal].importance(p, n))
+    }
 }
 
 impl Opening {
@@ -127,6 +148,15 @@ impl Opening {
     /// `None` from its plane.
     fn seen_from(&self, p: DVec3) -> Option<super::rectangle::Seen<'_>> {
         self.sides[0].seen_from(p).or_else(|| self.sides[1].seen_from(p))
+    }
+
+    /// Whether a direction meets the ball around it: only then may it meet the portal.
+    fn is_met(&self, p: DVec3, direction: DVec3) -> bool {
+        let to_middle = self.middle - p;
+        let along = to_middle.dot(direction);
+        // (A little more, for what rounding a direction moves the point by.)
+        let distance2 = to_middle.length_squared();
+        distance2 - along * along.abs() <= self.radius2 * (1.0 + 1e-3) + 1e-6 * distance2
     }
 
     /// A guess of its solid angle times the cosine; 0 in its plane and wholly below the horizon.

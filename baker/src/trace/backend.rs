@@ -28,9 +28,15 @@ impl Backend {
         Self::ALL.into_iter().filter(|b| b.is_built())
     }
 
-    /// The error of choosing it where it is not built.
-    #[cfg(not(feature = "embree"))]
-    pub(super) fn missing(self) -> Error {
+    /// Checks that this build has it.
+    ///
+    /// # Errors
+    /// `Unsupported` where it does not.
+    pub fn expect_built(self) -> crate::Result<()> {
+        if self.is_built() { Ok(()) } else { Err(self.missing()) }
+    }
+
+    fn missing(self) -> Error {
         Error::unsupported(
             format!("backend {self}"),
             "not in this build; run baker/third_party/fetch-embree.sh (or install libembree-dev 4.3 or newer), then \

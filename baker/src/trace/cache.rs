@@ -9,18 +9,21 @@
 //! halves hold independently sampled estimates, so that the cache's own noise shows in the difference of the halves of a bake.
 
 use super::rays::Hit;
+use super::walk::{RayCounts, Receiver, Transport};
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
+use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};
 use half::f16;
+use std::ops::Range;
 
 /// No entry, no face.
 const NONE: u32 = u32::MAX;
 /// Half floats per step of the inner loop: 8 of 3 channels.
 const STEP: usize = 24;
 
-/// Length of a patch in texels.
+/// Length of a patch in sides of an entry.
 const PATCH: f64 = 4.0;
 /// Most patches along a side of a triangle: larger ones are not cached, walks go on from them.
 const MOST_ALONG: u32 = 16;
@@ -42,6 +45,10 @@ pub struct CacheMap<'a> {
     /// Per triangle, the piece of its front and of its back.
     piece_of: Vec<[u32; 2]>,
     entries: usize,
+    /// Points of entries whose square reaches across a wall, on the side that the entry stands for.
+    witnesses: Vec<Vec<Receiver>>,
+    /// Per square, its place among the witnesses; empty while there are none.
+    witnesses_of: Vec<u32>,
 }
 
 /// One side of a triangle, cut into patches: cells of a grid of `along`² in barycentric coordinates.
@@ -108,6 +115,8 @@ impl<'a> CacheMap<'a> {
             pieces: Vec::new(),
             piece_of,
             entries: 0,
+            witnesses: Vec::new(),
+            witnesses_of: Vec::new(),
         };
         for texel in covered {
             let square = map.square(texel % atlas.width as usize, texel / atlas.width as usize);
@@ -121,10 +130,26 @@ impl<'a> CacheMap<'a> {
         map
     }
 
-    /// Cuts what has no texels into patches, unless all entries would then be more than twice the squares (and 65,536).
+    /// Cuts what has no texels into patches [`PATCH`] entries long, or 4 times as long, the first of which there are no more
+    /// than squares or, with those, a million; else into none.
     fn cut(&mut self, geometry: &Geometry) {
-        let most = (2 * self.squares).max(1 << 16);
-        let length = PATCH * f64::from(1u32 << self.shift) / self.atlas.texels_per_metre;
+        let most = (2 * self.squares).max(1 << 20);
+        let mut length = PATCH * self.entry_length();
+        for _ in 0..2 {
+            let (pieces, entries) = self.pieces_of(geometry, length);
+            if entries <= most {
+                for (i, piece) in pieces.iter().enumerate() {
+                    self.piece_of[piece.triangle as usize][usize::from(piece.is_back)] = i as u32;
+                }
+                (self.pieces, self.entries) = (pieces, entries);
+                return;
+            }
+            length *= 4.0;
+        }
+    }
+
+    /// The sides without texels, cut into patches no longer than `length`, and the number of entries there would be.
+    fn pieces_of(&self, geometry: &Geometry, length: f64) -> (Vec<Piece>, usize) {
         let (mut pieces, mut entries) = (Vec::new(), self.squares);
         for triangle in 0..geometry.triangles.len() {
             let material = &geometry.materials[geometry.material_of[triangle] as usize];
@@ -142,25 +167,53 @@ impl<'a> CacheMap<'a> {
                     entries += (along * (along + 1) / 2) as usize;
                 }
             }
-            if entries > most {
-                return;
-            }
         }
-        for (i, piece) in pieces.iter().enumerate() {
-            self.piece_of[piece.triangle as usize][usize::from(piece.is_back)] = i as u32;
-        }
-        (self.pieces, self.entries) = (pieces, entries);
+        (pieces, entries)
     }
 
     fn square(&self, x: usize, y: usize) -> usize {
         (y >> self.shift) * self.columns + (x >> self.shift)
     }
 
-    /// Takes the square of a texel out of the cache: walks that land there go on.
-    pub fn leave_out(&mut self, texel: usize) {
+    /// Says that a texel reaches across a wall, and gives a few points of the side it stands for. Only what they see is that side:
+    /// see [`CacheMap::entry`]. An entry of several texels is taken out: walks that land there go on.
+    pub fn split(&mut self, texel: usize, witnesses: Vec<Receiver>) {
         let width = self.atlas.width as usize;
         let square = self.square(texel % width, texel / width);
-        self.entry_of[square] = NONE;
+        if self.shift == 0 && !witnesses.is_empty() {
+            self.witnesses_of.resize(self.squares, NONE);
+            self.witnesses_of[self.entry_of[square] as usize] = self.witnesses.len() as u32;
+            self.witnesses.push(witnesses);
+        } else {
+            self.entry_of[square] = NONE;
+        }
+    }
+
+    /// The entry of a point on the front or the back of a surface, on this side of any wall; `None` where there is none.
+    pub fn entry(
+        &self,
+        transport: &Transport,
+        hit: &Hit,
+        is_back: bool,
+        counts: &mut RayCounts,
+    ) -> Option<u32> {
+        let entry = self.of_hit(hit, is_back)?;
+        let place = self.witnesses_of.get(entry as usize).copied().unwrap_or(NONE);
+        let Some(witnesses) = self.witnesses.get(place as usize) else { return Some(entry) };
+        let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
+        let at = transport.flat_receiver(&point, is_back)?;
+        witnesses.iter().any(|witness| transport.sees(witness, &at, counts)).then_some(entry)
+    }
+
+    /// Length of the side of an entry in metres.
+    pub fn entry_length(&self) -> f64 {
+        f64::from(1u32 << self.shift) / self.atlas.texels_per_metre
+    }
+
+    /// Whether a side of a triangle has entries.
+    pub fn holds(&self, triangle: u32, is_back: bool) -> bool {
+        let triangle = triangle as usize;
+        self.piece_of[triangle][usize::from(is_back)] != NONE || (!is_back && self.face_of[triangle] != NONE)
     }
 
     /// Number of entries.
@@ -196,7 +249,7 @@ impl<'a> CacheMap<'a> {
         (entry != NONE).then_some(entry)
     }
 
-    /// The entry of a point on the front or the back of a surface; `None` where there is none.
+    /// The entry of a point on the front or the back of a surface, whatever stands on it; `None` where there is none.
     pub fn of_hit(&self, hit: &Hit, is_back: bool) -> Option<u32> {
         let piece = self.piece_of[hit.triangle as usize][usize::from(is_back)];
         if piece != NONE {
@@ -337,6 +390,14 @@ impl CacheHalf {
         let out: &mut [f32] = bytemuck::cast_slice_mut(&mut out[..self.layers]);
         add(stored, &self.scale, weight, out);
     }
+
+    /// As [`CacheHalf::add`], for some of the layers, the first of `out`.
+    pub fn add_layers(&self, entry: u32, weight: Rgb, layers: Range<usize>, out: &mut [Rgb]) {
+        let (first, values) = (3 * layers.start, 3 * layers.len());
+        let from = entry as usize * self.stride + first;
+        let out: &mut [f32] = bytemuck::cast_slice_mut(&mut out[..layers.len()]);
+        add(&self.values[from..from + values], &self.scale[first..first + values], weight, out);
+    }
 }
 
 fn encode(layers: &[Rgb], scale: &[f32], stored: &mut [f16]) {
@@ -418,6 +479,8 @@ mod tests {
                 pieces: vec![piece],
                 piece_of: vec![[NONE, 0]],
                 entries: 7 + (along * (along + 1) / 2) as usize,
+                witnesses: Vec::new(),
+                witnesses_of: Vec::new(),
             };
             let patches = map.all_patches();
             assert_eq!(patches.len(), map.patches());

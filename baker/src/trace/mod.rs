@@ -15,3 +15,4 @@ pub mod rays;
 pub mod lights;
 pub mod walk;
 pub mod cache;
+pub mod reflectors;

@@ -48,7 +48,7 @@ impl<'a> Rays<'a> {
             #[cfg(feature = "embree")]
             Backend::Embree => Ok(Rays { geometry, tracer: Tracer::Embree(embree::Scene::new(geometry)?) }),
             #[cfg(not(feature = "embree"))]
-            Backend::Embree => Err(backend.missing()),
+            Backend::Embree => backend.expect_built().map(|()| Self::new(geometry)),
         }
     }
 

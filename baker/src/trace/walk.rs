@@ -31,7 +31,9 @@ pub struct Transport<'a> {
     /// What shines.
     pub lights: &'a Lights,
     /// Most reflections, `None` for no limit.
-    pub bounces: Option<u32>,
+    bounces: Option<u32>,
+    /// Per triangle, the unit normal of its front.
+    fronts: Vec<Vec3>,
 }
 
 /// Rays traced, by purpose, and what the walks met.
@@ -45,6 +47,8 @@ pub struct RayCounts {
     pub lamp: u64,
     /// Shadow rays to the sky, through portals or at its bright parts.
     pub sky: u64,
+    /// Shadow rays to bright surfaces.
+    pub reflector: u64,
     /// Rays that find out which points of a texel lie inside a solid, or behind a wall.
     pub inside: u64,
     /// Walks that ended by reading the cache.
@@ -56,7 +60,7 @@ pub struct RayCounts {
 impl RayCounts {
     /// Rays of all purposes.
     pub fn rays(&self) -> u64 {
-        self.walk + self.sun + self.lamp + self.sky + self.inside
+        self.walk + self.sun + self.lamp + self.sky + self.reflector + self.inside
     }
 }
 
@@ -66,21 +70,48 @@ impl std::ops::AddAssign for RayCounts {
         self.sun += other.sun;
         self.lamp += other.lamp;
         self.sky += other.sky;
+        self.reflector += other.reflector;
         self.inside += other.inside;
         self.cached += other.cached;
         self.endless += other.endless;
     }
 }
 
+impl std::ops::Add for RayCounts {
+    type Output = Self;
+
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
+    }
+}
+
 /// A point light arrives at, moved off its surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    origin: Vec3,
-    triangle: u32,
+    pub(super) origin: Vec3,
+    pub(super) triangle: u32,
     /// Geometric normal on the side considered.
-    face_normal: Vec3,
+    pub(super) face_normal: Vec3,
     /// The normal cosines are measured against.
-    normal: Vec3,
+    pub(super) normal: Vec3,
+}
+
+/// A walk arriving at a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    /// Where.
+    pub hit: Hit,
+    /// Whether from the triangle's back.
+    pub is_back: bool,
+    /// Irradiance at the walk's start per unit of irradiance here.
+    pub weight: Rgb,
+    /// Direction of the last segment.
+    pub direction: Vec3,
+    /// Density over solid angle with which it was chosen.
+    pub pdf: f32,
+    /// Whether it is the first surface.
+    pub is_first: bool,
 }
 
 /// Dimensions of a sample, by vertex of its walk: pairs and single numbers are counted apart.
@@ -116,11 +147,23 @@ pub fn sun_draw(sample: Sample) -> SunDraw {
     SunDraw::new(sample.pair(dimension::sun(0)))
 }
 
-impl Transport<'_> {
+impl<'a> Transport<'a> {
+    /// Light in a scene; `bounces`: most reflections, `None` for no limit.
+    pub fn new(geometry: &'a Geometry, rays: &'a Rays<'a>, lights: &'a Lights, bounces: Option<u32>) -> Self {
+        let fronts = (0..geometry.triangles.len()).map(|t| geometry.normal(t)).collect();
+        Transport { geometry, rays, lights, bounces, fronts }
+    }
+
+    /// Unit normal of a triangle's front; zero for one without area.
+    #[inline]
+    pub fn front(&self, triangle: u32) -> Vec3 {
+        self.fronts[triangle as usize]
+    }
+
     /// A point on one side of a triangle, with the normal of its plane. `None` without a normal.
     pub fn flat_receiver(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
         let triangle = point.triangle as usize;
-        let front = self.geometry.normal(triangle);
+        let front = self.front(point.triangle);
         let normal = if is_back { -front } else { front };
         let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, normal);
         (normal != Vec3::ZERO).then_some(Receiver {
@@ -134,7 +177,7 @@ impl Transport<'_> {
     /// The texel's point, on the front, with the interpolated normal the game shades with. `None` without a normal.
     pub fn receiver(&self, point: &SurfacePoint) -> Option<Receiver> {
         let triangle = point.triangle as usize;
-        let face_normal = self.geometry.normal(triangle);
+        let face_normal = self.front(point.triangle);
         if face_normal == Vec3::ZERO {
             return None;
         }
@@ -152,7 +195,7 @@ impl Transport<'_> {
         // 75° off the normal: what stands under a single sheet sees past it, what lies in a closed body does not.
         let (sin, cos) = (0.965_925_8, 0.258_819_04);
         let is_back = |hit: &Hit, direction: Vec3| {
-            let front = self.geometry.normal(hit.triangle as usize);
+            let front = self.front(hit.triangle);
             front.dot(direction) > 0.0 && !self.material(hit.triangle).two_sided
         };
         // Where a body stands against another (a wall under a ceiling), its back and the other's front are met at once.
@@ -251,13 +294,12 @@ impl Transport<'_> {
     }
 
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is called where the
-    /// walk arrives at a surface (from its back: true), with the irradiance at `start` per unit of irradiance there; it returns
-    /// true where it knows the light there, has added it, and the walk may end.
+    /// walk arrives at a surface; it returns true where it knows the light there, has added it, and the walk may end.
     pub fn indirect(
         &self,
         start: &Receiver,
         sample: Sample,
-        mut land: impl FnMut(&Hit, bool, Rgb, &mut [Rgb]) -> bool,
+        mut land: impl FnMut(&Arrival, &mut [Rgb], &mut RayCounts) -> bool,
         out: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
@@ -285,7 +327,7 @@ impl Transport<'_> {
             };
             let triangle = hit.triangle as usize;
             let material = self.material(hit.triangle);
-            let front = self.geometry.normal(triangle);
+            let front = self.front(hit.triangle);
             let is_back = front.dot(direction) > 0.0;
             if is_back && !material.two_sided {
                 return;
@@ -304,7 +346,8 @@ impl Transport<'_> {
             }
             // Reflected radiance is albedo ÷ π times the irradiance there.
             weight *= self.geometry.albedo_at(triangle, hit.barycentric);
-            if land(&hit, is_back, weight, out) {
+            let arrival = Arrival { hit, is_back, weight, pdf, direction, is_first: vertex == 0 };
+            if land(&arrival, out, counts) {
                 counts.cached += 1;
                 return;
             }
@@ -363,7 +406,7 @@ impl Transport<'_> {
 }
 
 /// The balance heuristic: the share of a sample drawn with density `own` where `other` could have drawn it too.
-fn balance(own: f32, other: f32) -> f32 {
+pub fn balance(own: f32, other: f32) -> f32 {
     if own.is_infinite() { 1.0 } else { own / (own + other).max(f32::MIN_POSITIVE) }
 }
 

@@ -1,6 +1,6 @@
 //! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
 
-use crate::scenes::{Case, furnace, instances, outdoors, room};
+use crate::scenes::{Case, furnace, instances, outdoors, room, sunlit_floor, sunlit_room};
 use crate::statistics::{Bakes, bakes};
 use baker::bake::run::Integrator;
 use baker::trace::backend::Backend;
@@ -18,7 +18,7 @@ fn path(case: &Case, first: u64, samples: u32) -> Bakes {
 }
 
 #[track_caller]
-fn golden(case: &Case, name: &str) {
+fn golden(case: &Case, name: &str) -> Bakes {
     let reference = path(case, 1, REFERENCE);
     let precision = reference.relative_error_of_mean();
     assert!(precision < 0.005, "{name}: the reference is no test: {precision}");
@@ -51,6 +51,7 @@ fn golden(case: &Case, name: &str) {
         let told = bakes.honesty();
         assert!(HONEST.contains(&told), "{name}, {what}: told ÷ true variance {told}");
     }
+    cached
 }
 
 #[test]
@@ -61,6 +62,23 @@ fn outdoors_with_sun_and_sky() {
 #[test]
 fn a_room_with_window_and_lamp() {
     golden(&room(), "room");
+}
+
+#[test]
+fn a_room_with_a_patch_of_sun() {
+    let cached = golden(&sunlit_room(), "sunlit room");
+    // What the patch reflects is looked for there.
+    assert!(cached.outcomes.iter().all(|outcome| outcome.rays.reflector > 1000));
+}
+
+#[test]
+fn a_sunlit_floor_without_texels_settles() {
+    let case = sunlit_floor();
+    let text = format!("{}[bake]\nseed = 1\nsamples = 16\n", case.text);
+    let (outcome, _) = case.stage.bake(&text, "floor", case.hours, |_| {});
+    // Where few patches exchange light with many texels, one factor for all swings between too much and too little; had the cache
+    // not settled all the same, walks would have been followed to their end.
+    assert_eq!(outcome.integrator, Integrator::Cached, "{:?}", outcome.facts);
 }
 
 #[test]

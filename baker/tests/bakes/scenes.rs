@@ -1,4 +1,4 @@
-//! Three small scenes: outdoors, a room, instances with cut-outs.
+//! Four small scenes: outdoors, a room, the same with a patch of sun, instances with cut-outs.
 
 use crate::Stage;
 use image::{ImageFormat, Rgba, RgbaImage};
@@ -74,11 +74,11 @@ pub fn outdoors() -> Case {
     Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "8,12" }
 }
 
-/// A room of 2 × 2 × 2 m with a window and a lamp.
-pub fn room() -> Case {
-    let obj = Obj::default()
-        .mesh("room")
-        .quad([-1.0, 0.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0])
+/// The floor of a room of 2 × 2 × 2 m, and its walls and ceiling with a window.
+fn shell() -> [Obj; 2] {
+    let floor = Obj::default().mesh("floor").floor([-1.0, 0.0, -1.0], 2.0, 2.0);
+    let walls = Obj::default()
+        .mesh("walls")
         .quad([-1.0, 2.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0])
         .quad([-1.0, 0.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
         .quad([-1.0, 0.0, 1.0], [0.0, 0.0, -2.0], [0.0, 2.0, 0.0])
@@ -87,12 +87,49 @@ pub fn room() -> Case {
         .quad([0.5, 0.0, 1.0], [0.0, 2.0, 0.0], [0.5, 0.0, 0.0])
         .quad([-0.5, 0.0, 1.0], [0.0, 0.7, 0.0], [1.0, 0.0, 0.0])
         .quad([-0.5, 1.6, 1.0], [0.0, 0.4, 0.0], [1.0, 0.0, 0.0]);
+    [floor, walls]
+}
+
+/// A room with a window and a lamp.
+pub fn room() -> Case {
+    let [floor, walls] = shell();
     let text = "[sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
         [[portal]]\ncorner = [-0.5, 0.7, 1]\nedge_u = [1, 0, 0]\nedge_v = [0, 0.9, 0]\n\
-        [[object]]\nfile = \"a.obj\"\nalbedo = [0.7, 0.6, 0.5]\n\
+        [[object]]\nfile = \"floor.obj\"\nalbedo = [0.7, 0.6, 0.5]\n\
+        [[object]]\nfile = \"walls.obj\"\nalbedo = [0.7, 0.6, 0.5]\n\
         [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.3, 1.5, -0.4]\nradius = 0.1\nradiance = [40, 30, 20]\n\
         [lightmap]\nsize = 40\npadding = 2\n";
-    Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
+    let files = [("floor.obj", floor.bytes()), ("walls.obj", walls.bytes())];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
+/// The room, and the sun through its window: a bright patch on the floor.
+pub fn sunlit_room() -> Case {
+    let sun = "[sun]\ndisc_angle = 1\n\
+        track = [{ hour = 12, direction = [0.1, 1, 0.9], irradiance = [90, 80, 70] }]\n";
+    let room = room();
+    Case { text: sun.to_owned() + &room.text, ..room }
+}
+
+/// A room that the sun alone lights, by way of its floor, which has no texels.
+pub fn sunlit_floor() -> Case {
+    let [floor, walls] = shell();
+    let text = "[sun]\ndisc_angle = 1\n\
+        track = [{ hour = 12, direction = [-0.3, 0.7, 0.9], irradiance = [90, 80, 70] }]\n\
+        [[object]]\nfile = \"walls.obj\"\nalbedo = 0.7\n\
+        [[object]]\nfile = \"floor.obj\"\nalbedo = 0.7\nlightmap = false\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    let files = [("floor.obj", floor.bytes()), ("walls.obj", walls.bytes())];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
+/// A material whose picture has holes in every other texel.
+fn holed() -> [(&'static str, Vec<u8>); 2] {
+    let texel = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [60, 160, 60, 255] } else { [0, 0, 0, 0] };
+    let mut png = Cursor::new(Vec::new());
+    RgbaImage::from_fn(8, 8, |x, y| Rgba(texel(x, y))).write_to(&mut png, ImageFormat::Png).expect("a PNG");
+    let mtl = b"newmtl holed\nKd 1 1 1\nmap_Kd holed.png\nmap_d holed.png\n".to_vec();
+    [("sheet.mtl", mtl), ("holed.png", png.into_inner())]
 }
 
 /// Three blocks of one mesh, turned and mirrored, under a sheet with holes.
@@ -101,10 +138,6 @@ pub fn instances() -> Case {
     let ground = Obj::default().mesh("ground").floor([-1.5, 0.0, -1.5], 3.0, 3.0).bytes();
     let sheet = Obj::default().line("mtllib sheet.mtl").mesh("sheet").line("usemtl holed");
     let sheet = sheet.quad([-1.0, 1.2, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0]).bytes();
-    let texel = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [60, 160, 60, 255] } else { [0, 0, 0, 0] };
-    let mut png = Cursor::new(Vec::new());
-    RgbaImage::from_fn(8, 8, |x, y| Rgba(texel(x, y))).write_to(&mut png, ImageFormat::Png).expect("a PNG");
-    let mtl = b"newmtl holed\nKd 1 1 1\nmap_Kd holed.png\nmap_d holed.png\n".to_vec();
     let text = "[sun]\ndisc_angle = 2\ntrack = [{ hour = 12, direction = [0.3, 1, 0.2], irradiance = [50, 48, 45] }]\n\
         [sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
         [[object]]\nfile = \"ground.obj\"\nalbedo = 0.5\n\
@@ -113,13 +146,8 @@ pub fn instances() -> Case {
         { translate = [-0.8, 0, 0] },\n{ translate = [0.6, 0, 0.5], rotate = [0, 30, 0], scale = [-1, 1, 1] },\n\
         { translate = [0.4, 0, -0.7], scale = [1, 2, 1] },\n]\n\
         [lightmap]\nsize = 40\npadding = 2\n";
-    let files = [
-        ("block.obj", block),
-        ("ground.obj", ground),
-        ("sheet.obj", sheet),
-        ("sheet.mtl", mtl),
-        ("holed.png", png.into_inner()),
-    ];
+    let [material, picture] = holed();
+    let files = [("block.obj", block), ("ground.obj", ground), ("sheet.obj", sheet), material, picture];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 

@@ -1,0 +1,186 @@
+//! Indirect light at the texels of a block: walks that end in the cache, and looks at its bright surfaces.
+
+use super::block::{Stream, Worker, sum};
+use super::errors::cell_of;
+use super::state::{BlockState, CELLS};
+use crate::Rgb;
+use crate::surface::BlockSurface;
+use crate::trace::cache::{CacheHalf, CacheMap};
+use crate::trace::reflectors::{Reflectors, View};
+use crate::trace::sampler::Sample;
+use crate::trace::walk::{Arrival, RayCounts, Receiver, Transport, balance};
+use dataset::console::interrupted;
+use rayon::prelude::*;
+use std::sync::OnceLock;
+
+/// A filled cache: where its entries are, and its two halves.
+pub struct Cache<'a> {
+    /// Where entries are.
+    pub map: CacheMap<'a>,
+    /// One per half of the samples.
+    pub halves: [CacheHalf; 2],
+    /// Its bright surfaces: those of daylight and those of each group, where there are any.
+    pub reflectors: Vec<Reflectors>,
+    /// Per block and cell, what is seen of each of them, once somebody asked.
+    views: Vec<OnceLock<Vec<Option<View>>>>,
+}
+
+impl<'a> Cache<'a> {
+    /// Finds the bright surfaces.
+    pub fn new(worker: &Worker, map: CacheMap<'a>, halves: [CacheHalf; 2]) -> Self {
+        let Transport { geometry, lights, .. } = worker.transport;
+        let groups = (0..lights.groups.len()).map(|g| {
+            let layer = lights.group_layer(g);
+            (layer..layer + 1, lights.groups[g].key)
+        });
+        let parts = [(0..lights.sky_layers().end, 0)].into_iter().chain(groups);
+        let of_part = |(layers, key)| Reflectors::new(geometry, &map, &halves, layers, key);
+        let reflectors: Vec<Reflectors> = parts.filter_map(of_part).collect();
+        let cells = if reflectors.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
+        let views = (0..cells).map(|_| OnceLock::new()).collect();
+        Cache { map, halves, reflectors, views }
+    }
+
+    /// What a cell sees of the bright surfaces.
+    fn seen_from(&self, block: usize, cell: usize) -> Vec<(&Reflectors, &View)> {
+        let Some(views) = self.views.get(block * CELLS + cell).and_then(OnceLock::get) else {
+            return Vec::new();
+        };
+        self.reflectors.iter().zip(views).filter_map(|(r, view)| Some((r, view.as_ref()?))).collect()
+    }
+}
+
+impl Worker<'_> {
+    /// Brings the indirect light of the texels of the `active` cells to `target` samples a half.
+    pub fn indirect(
+        &self,
+        block: usize,
+        surface: &BlockSurface,
+        state: &mut BlockState,
+        active: &[bool; CELLS],
+        target: u32,
+        cache: Option<&Cache>,
+    ) -> RayCounts {
+        let layers = self.transport.lights.layers();
+        let covered: Vec<usize> = surface.covered().collect();
+        let drawn = state.drawn;
+        let mut counts = self.views(block, surface, state, active, cache);
+        let texels = state
+            .sums
+            .par_chunks_mut((2 * layers).max(1))
+            .zip(&mut state.taken)
+            .zip(&state.outside)
+            .zip(&covered)
+            .with_min_len(64);
+        let traced = texels.map(|(((sums, taken), &outside), &texel)| {
+            let mut counts = RayCounts::default();
+            let cell = cell_of(surface, texel);
+            if outside == 0 || !active[cell] || interrupted() {
+                return counts;
+            }
+            let seen = cache.map(|c| c.seen_from(block, cell)).unwrap_or_default();
+            for half in 0..2 {
+                let sequence = self.sequence(surface, texel, Stream::Indirect, half);
+                let out = &mut sums[half * layers..(half + 1) * layers];
+                for i in drawn[cell]..target {
+                    let sample = sequence.sample(i);
+                    let at = self.receiver(surface, texel, sample, outside, &mut counts);
+                    let Some(at) = at else { continue };
+                    taken[half] += 1;
+                    let cache = cache.map(|c| (&c.map, &c.halves[half]));
+                    self.walk(&at, sample, cache, &seen, out, &mut counts);
+                }
+            }
+            counts
+        });
+        counts += sum(traced.collect::<Vec<_>>());
+        for (drawn, active) in state.drawn.iter_mut().zip(active) {
+            if *active {
+                *drawn = (*drawn).max(target);
+            }
+        }
+        counts
+    }
+
+    /// One walk, ended where the cache knows the light, and a look at the bright surfaces `seen`.
+    pub fn walk(
+        &self,
+        at: &Receiver,
+        sample: Sample,
+        cache: Option<(&CacheMap, &CacheHalf)>,
+        seen: &[(&Reflectors, &View)],
+        out: &mut [Rgb],
+        counts: &mut RayCounts,
+    ) {
+        let Some((map, half)) = cache else {
+            return self.transport.indirect(at, sample, |_, _, _| false, out, counts);
+        };
+        let transport = &self.transport;
+        let land = |arrival: &Arrival, out: &mut [Rgb], counts: &mut RayCounts| {
+            let Arrival { hit, is_back, .. } = arrival;
+            let Some(entry) = map.entry(transport, hit, *is_back, counts) else { return false };
+            // What a look at the bright surfaces finds too is shared between both.
+            // (They stand in the order of their layers, which do not overlap.)
+            let mut rest = 0;
+            let shared = if arrival.is_first { seen } else { &[] };
+            for (reflectors, view) in shared {
+                let density = reflectors.density_at(view, hit, *is_back);
+                if density > 0.0 {
+                    let from = transport.front(hit.triangle).dot(arrival.direction).abs();
+                    let share = balance(arrival.pdf, density * hit.t * hit.t / from);
+                    let layers = reflectors.layers.clone();
+                    half.add_layers(entry, arrival.weight, rest..layers.start, &mut out[rest..]);
+                    half.add_layers(entry, arrival.weight * share, layers.clone(), &mut out[layers.start..]);
+                    rest = layers.end;
+                }
+            }
+            half.add_layers(entry, arrival.weight, rest..out.len(), &mut out[rest..]);
+            true
+        };
+        transport.indirect(at, sample, land, out, counts);
+        for seen in seen {
+            if let Some((hit, is_back, weight)) = seen.0.reflected(transport, at, seen.1, sample, counts)
+                && let Some(entry) = map.entry(transport, &hit, is_back, counts)
+            {
+                let layers = seen.0.layers.clone();
+                half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
+            }
+        }
+    }
+
+    /// Finds out what is seen of the bright surfaces from each active cell, unless that is known.
+    fn views(
+        &self,
+        block: usize,
+        surface: &BlockSurface,
+        state: &BlockState,
+        active: &[bool; CELLS],
+        cache: Option<&Cache>,
+    ) -> RayCounts {
+        /// Points of a cell from which it is found out.
+        const PLACES: usize = 8;
+        let Some(cache) = cache.filter(|c| !c.reflectors.is_empty()) else { return RayCounts::default() };
+        let mut texels = vec![Vec::new(); CELLS];
+        for (texel, outside) in surface.covered().zip(&state.outside).filter(|(_, outside)| **outside != 0) {
+            texels[cell_of(surface, texel)].push((texel, *outside));
+        }
+        let look = |cell: usize| {
+            let (mut counts, texels) = (RayCounts::default(), &texels[cell]);
+            let known = &cache.views[block * CELLS + cell];
+            if !active[cell] || texels.is_empty() || known.get().is_some() {
+                return counts;
+            }
+            let receivers: Vec<(Receiver, Sample)> = (0..PLACES)
+                .filter_map(|k| {
+                    let (texel, outside) = texels[(2 * k + 1) * texels.len() / (2 * PLACES)];
+                    let sample = self.sequence(surface, texel, Stream::View, 0).sample(k as u32);
+                    Some((self.receiver(surface, texel, sample, outside, &mut counts)?, sample))
+                })
+                .collect();
+            let view = |r: &Reflectors| r.view(&self.transport, &receivers, &mut counts);
+            let _ = known.set(cache.reflectors.iter().map(view).collect());
+            counts
+        };
+        sum((0..CELLS).into_par_iter().map(look).collect::<Vec<_>>())
+    }
+}
