@@ -111,10 +111,7 @@ fn measure(name: &str, g: &Geometry, count: u32) {
 fn report(name: &str, rays: &Rays, queries: &[Ray]) {
     let nearest = rate(queries, |q| rays.nearest(q.origin, q.direction, q.from).is_some());
     let any = rate(queries, |q| rays.occluded(q.origin, q.direction, f32::INFINITY, q.from));
-    let mut hint = u32::MAX;
-    let hinted =
-        rate(queries, |q| rays.occluded_hinted(q.origin, q.direction, f32::INFINITY, q.from, &mut hint));
-    println!("  {name:14} closest {nearest:5.2}  any {any:5.2}  any, hinted {hinted:5.2} Mrays/s");
+    println!("  {name:14} closest {nearest:5.2}  any {any:5.2} Mrays/s");
 }
 
 /// The best of three runs.

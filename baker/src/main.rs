@@ -39,7 +39,7 @@ struct Args {
     /// tenth of the moment's mean where they are darker).
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
-    /// Stop tracing after this time, e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
+    /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
     #[arg(long, value_name = "TIME", value_parser = parse_time)]
     time_limit: Option<Duration>,
     /// How light is followed past the first surface.
@@ -74,7 +74,7 @@ Examples:
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
   bake scenes/yard.toml --plan                     what would run, what is left out and why
 
-With --json, one object on stdout: scene, dataset, up_to_date, integrator, size, pages, sets, texels, samples (at most),
+With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (at most),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, layers, left_out,

@@ -143,7 +143,7 @@ pub fn section(outcome: &Outcome) -> Section {
             ],
         );
     }
-    section.paragraph("Left out, because this scene does not need it:");
+    section.paragraph("Left out:");
     section.list(&outcome.left_out);
     if !outcome.warnings.is_empty() {
         section.paragraph("Warnings:");

@@ -56,6 +56,11 @@ impl FaceBins {
         y / BLOCK * self.columns + x / BLOCK
     }
 
+    /// The blocks that hold surface.
+    pub fn occupied(&self) -> Vec<usize> {
+        (0..self.columns * self.rows).filter(|&block| !self.faces(block).is_empty()).collect()
+    }
+
     /// Indices into `Atlas::faces` of the faces that may touch a block.
     pub fn faces(&self, block: usize) -> &[u32] {
         &self.faces[self.starts[block] as usize..self.starts[block + 1] as usize]
@@ -175,10 +180,42 @@ impl BlockSurface {
         let r = ux.sqrt();
         let [a, b, c] = fragment.corners;
         let point = a * (1.0 - r) + b * (r * (1.0 - u.y)) + c * (r * u.y);
-        let face = &atlas.faces[fragment.face as usize];
+        fragment.point(atlas, point)
+    }
+
+    /// The outermost points of a texel's surface in each of eight directions on the page, equal ones once: of a whole texel its
+    /// four corners. The texel must be covered.
+    pub fn rim(&self, atlas: &Atlas, texel: usize) -> Vec<SurfacePoint> {
+        const DIRECTIONS: [[f32; 2]; 8] = [
+            [-1.0, -1.0],
+            [1.0, -1.0],
+            [1.0, 1.0],
+            [-1.0, 1.0],
+            [-1.0, 0.0],
+            [0.0, -1.0],
+            [1.0, 0.0],
+            [0.0, 1.0],
+        ];
+        let fragments = &self.fragments[self.starts[texel] as usize..self.starts[texel + 1] as usize];
+        let mut rim: Vec<(&Fragment, Vec2)> = Vec::new();
+        for direction in DIRECTIONS.map(Vec2::from_array) {
+            let reach = |at: Vec2| at.dot(direction);
+            let farthest = rim.iter().map(|(_, at)| reach(*at)).fold(f32::NEG_INFINITY, f32::max);
+            let corners = fragments.iter().flat_map(|f| f.corners.map(|corner| (f, corner)));
+            let beyond = corners.filter(|(_, at)| reach(*at) > farthest);
+            rim.extend(beyond.reduce(|a, b| if reach(b.1) > reach(a.1) { b } else { a }));
+        }
+        rim.into_iter().map(|(fragment, at)| fragment.point(atlas, at)).collect()
+    }
+}
+
+impl Fragment {
+    /// A point of it, given on the page.
+    fn point(&self, atlas: &Atlas, at: Vec2) -> SurfacePoint {
+        let face = &atlas.faces[self.face as usize];
         SurfacePoint {
             triangle: face.triangle,
-            barycentric: inset(&face.corners, barycentric(&face.corners, point)),
+            barycentric: inset(&face.corners, barycentric(&face.corners, at)),
         }
     }
 }
@@ -309,6 +346,34 @@ mod tests {
         let thin = [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1e-4)];
         let b = inset(&thin, dvec3(0.0, 0.5, 0.5));
         assert!(b.min_element() > 0.0 && (b.element_sum() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_rim_is_the_outermost_corners_of_what_is_covered() {
+        let rim = |corners: &[[Vec2; 3]]| {
+            let a = atlas(1, 1, corners);
+            let s = BlockSurface::new(&a, &FaceBins::new(&a), 0);
+            let at = |p: SurfacePoint| {
+                let [a, b, c] = a.faces[p.triangle as usize].corners;
+                a * p.barycentric.x + b * p.barycentric.y + c * p.barycentric.z
+            };
+            s.rim(&a, 0).into_iter().map(at).collect::<Vec<Vec2>>()
+        };
+        let close = |rim: Vec<Vec2>, expected: &[[f32; 2]]| {
+            assert_eq!(rim.len(), expected.len(), "{rim:?}");
+            for corner in expected.iter().map(|c| Vec2::from_array(*c)) {
+                assert!(rim.iter().any(|at| (*at - corner).length() < 0.05), "{corner} in {rim:?}");
+            }
+        };
+        // Inside a large triangle; a triangle inside the texel, its corners in no diagonal direction.
+        close(
+            rim(&[[vec2(-4.0, -4.0), vec2(9.0, -4.0), vec2(-4.0, 9.0)]]),
+            &[[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]],
+        );
+        close(
+            rim(&[[vec2(0.1, 0.5), vec2(0.9, 0.1), vec2(0.9, 0.9)]]),
+            &[[0.1, 0.5], [0.9, 0.1], [0.9, 0.9]],
+        );
     }
 
     #[test]

@@ -182,6 +182,25 @@ fn a_plan_traces_nothing_and_writes_nothing() {
 }
 
 #[test]
+fn a_plan_of_a_scene_with_glowing_surfaces_is_told() {
+    // A lit box around its own light: rays from its walls meet what glows.
+    let dir = tempfile::tempdir().unwrap();
+    let square = |y: f64, order: &str| {
+        let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
+        corners.iter().map(|(x, z)| format!("v {x} {y} {z}\n")).collect::<String>() + &format!("f {order}\n")
+    };
+    std::fs::write(dir.path().join("a.obj"), square(0.0, "1 2 3 4") + &square(1.0, "8 7 6 5")).unwrap();
+    let scene = dir.path().join("glow.toml");
+    let words = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\nalbedo = 0.5\n\
+        emission = [1, 1, 1]\ngroup = \"glow\"\n[[group]]\nname = \"glow\"\n[lightmap]\nsize = 16\n";
+    std::fs::write(&scene, words).unwrap();
+    let output = bake(&[text(&scene), "--plan", "--hours", "12", "--json"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(told["forecast"]["size"], serde_json::json!([16, 16]));
+}
+
+#[test]
 fn a_check_tells_the_true_error() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("court");

@@ -10,10 +10,12 @@ use baker::light::sun::SunDisc;
 use baker::scene::{Lamp, Lightmap, Portal, Sampling, Scene, Sky, SkyImage};
 use baker::surface::SurfacePoint;
 use baker::trace::backend::Backend;
+use baker::trace::counts::RayCounts;
 use baker::trace::lights::{GroupLight, Lights, SunLight};
 use baker::trace::rays::Rays;
 use baker::trace::sampler::Sequence;
-use baker::trace::walk::{RayCounts, Transport, sun_draw};
+use baker::trace::space::Space;
+use baker::trace::walk::{Transport, sun_draw};
 use dataset::image::Image;
 use glam::{DVec3, Vec3, dvec3, vec3};
 use std::f64::consts::PI;
@@ -105,8 +107,8 @@ fn irradiance_through(
     bounces: Option<u32>,
     samples: u32,
 ) -> Measured {
-    let transport = Transport::new(geometry, rays, lights, bounces);
-    let at = transport.receiver(&POINT).expect("a normal");
+    let transport = Transport::new(Space::new(geometry, rays), lights, bounces);
+    let at = transport.space.receiver(&POINT).expect("a normal");
     let mut counts = RayCounts::default();
     let mut means = Vec::new();
     for scramble in 0..SCRAMBLES {
@@ -333,10 +335,10 @@ fn points_inside_a_closed_body_are_left_out() {
     let l = sky(constant_sky(1.0));
     for backend in Backend::built() {
         let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
-        let transport = Transport::new(&g, &rays, &l, None);
-        let at = transport.receiver(&POINT).expect("a normal");
+        let transport = Transport::new(Space::new(&g, &rays), &l, None);
+        let at = transport.space.receiver(&POINT).expect("a normal");
         let mut counts = RayCounts::default();
-        assert!(transport.is_inside(&at, &mut counts));
+        assert!(transport.space.is_inside(&at, &mut counts));
         assert_eq!(counts.inside, 5);
     }
 }

@@ -16,9 +16,9 @@ pub struct ConsoleArgs {
     /// Print one JSON object on stdout when done (messages go to stderr).
     #[arg(long, global = true)]
     pub json: bool,
-    /// Worker threads [default: one per core].
-    #[arg(long, global = true, value_name = "N")]
-    pub threads: Option<std::num::NonZeroUsize>,
+    /// Worker threads, 1 to 1024 [default: one per core].
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
 }
 
 /// A number of things: `1 set`, `2 sets`.
@@ -53,7 +53,7 @@ impl Console {
     pub fn new(args: ConsoleArgs) -> Self {
         if let Some(threads) = args.threads {
             // Fails only where the pool exists already, as in tests; the first setting stands then.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
         }
         Console { quiet: args.quiet, json: args.json }
     }

@@ -13,6 +13,7 @@ use dataset::config::{FileRef, Map, Noise, Page, Set};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
+use std::ops::Range;
 
 /// Puts the layers of a plan together.
 pub struct Assembler<'a> {
@@ -56,8 +57,8 @@ pub struct Stored {
 }
 
 impl<'a> Assembler<'a> {
-    /// Finds the valid texels: covered by surface, not inside a solid, and reached by light in some layer. In a scene
-    /// without any light the last does not count.
+    /// Finds the valid texels: covered by surface, not inside a solid, and reached by light in some layer, or amid such texels. In
+    /// a scene without any light the last does not count.
     pub fn new(
         plan: &'a Plan,
         geometry: &Geometry,
@@ -74,14 +75,16 @@ impl<'a> Assembler<'a> {
                 *lit |= value.mean != Rgb::ZERO;
             }
         }
-        let exposed = texels.iter().filter(|t| t.exposed == 1).count();
-        let both = texels.iter().zip(&lit).filter(|(t, lit)| t.exposed == 1 && **lit).count();
+        let exposed: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].exposed == 1).collect();
+        let (lit, dark): (Vec<usize>, Vec<usize>) = exposed.iter().partition(|&&i| lit[i]);
+        let place = |&i: &usize| texels[i].index as usize;
         let mut mask = Mask { width, height, valid: vec![false; width * height] };
-        for (texel, lit) in texels.iter().zip(&lit) {
-            mask.valid[texel.index as usize] = texel.exposed == 1 && (*lit || both == 0);
-        }
-        let unlit_texels = if both == 0 { 0 } else { exposed - both };
-        let buried_texels = texels.len() - exposed;
+        lit.iter().for_each(|i| mask.valid[place(i)] = true);
+        let valid: Vec<usize> =
+            dark.iter().map(place).filter(|&i| lit.is_empty() || is_amid(&mask, i)).collect();
+        let unlit_texels = dark.len() - valid.len();
+        valid.iter().for_each(|&i| mask.valid[i] = true);
+        let buried_texels = texels.len() - exposed.len();
         let dilation = Dilation::new(&mask, padding);
         let seams = Seams::new(geometry, atlas, &mask);
         Ok(Assembler {
@@ -273,5 +276,44 @@ impl<'a> Assembler<'a> {
 fn add(to: &mut Image, what: &Image) {
     for (t, w) in to.texels.iter_mut().zip(&what.texels) {
         (0..3).for_each(|c| t[c] += w[c]);
+    }
+}
+
+/// Whether valid texels lie in all four quadrants about a texel. Then it got no light by chance: to leave it out, and keep the lucky
+/// ones about it, would make dim places as bright as these. (What is buried in something has its lit neighbours on some sides.)
+fn is_amid(mask: &Mask, texel: usize) -> bool {
+    /// Texels along the side of a quadrant.
+    const SIDE: usize = 4;
+    let (x, y) = (texel % mask.width, texel / mask.width);
+    let [left, above] = [x, y].map(|c| c.saturating_sub(SIDE)..c);
+    let right = x + 1..(x + 1 + SIDE).min(mask.width);
+    let below = y + 1..(y + 1 + SIDE).min(mask.height);
+    let holds = |columns: &Range<usize>, rows: &Range<usize>| {
+        rows.clone().any(|y| mask.valid[y * mask.width..][columns.clone()].contains(&true))
+    };
+    [&left, &right].into_iter().all(|columns| [&above, &below].into_iter().all(|rows| holds(columns, rows)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dark_texels_amid_lit_ones_are_told_from_buried_ones() {
+        let mask = |valid: fn(usize, usize) -> bool| Mask {
+            width: 20,
+            height: 16,
+            valid: (0..320).map(|i| valid(i % 20, i / 20)).collect(),
+        };
+        let at = |x: usize, y: usize| y * 20 + x;
+        // One in eight is lit; only beyond a line; around a block.
+        let few = mask(|x, y| (x + 3 * y) % 8 == 0);
+        assert!((5..15).all(|x| few.valid[at(x, 8)] || is_amid(&few, at(x, 8))));
+        let line = mask(|x, y| x + y > 16);
+        assert!((0..320).all(|i| line.valid[i] || !is_amid(&line, i)));
+        let block = mask(|x, y| !(4..14).contains(&x) || !(3..13).contains(&y));
+        assert!((0..320).all(|i| block.valid[i] || !is_amid(&block, i)));
+        // At the page's corners there are no four quadrants.
+        assert!([at(0, 0), at(19, 0), at(0, 15), at(19, 15)].iter().all(|&i| !is_amid(&few, i)));
     }
 }

@@ -1,12 +1,17 @@
 //! What works on blocks of texels: the points of a texel that are its surface. (What light they get: `direct`, `indirect`.)
 
-use super::state::{ALL_OUTSIDE, BlockState, PROBES};
+use super::state::{ALL_OUTSIDE, BlockState, PROBES, is_enough};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
+use crate::trace::counts::RayCounts;
 use crate::trace::sampler::{Sample, Sequence};
-use crate::trace::walk::{RayCounts, Receiver, Transport, point_pair};
+use crate::trace::space::Receiver;
+use crate::trace::walk::{Transport, point_pair};
 use glam::Vec2;
 use rayon::prelude::*;
+
+/// A point of a texel: the bit of a probed one, none of others.
+type Point = (u16, Receiver);
 
 /// What a sequence of random numbers is for. Each comes in two halves, scrambled independently.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +28,8 @@ pub enum Stream {
     Check = 8,
     /// What bright surfaces are seen.
     View = 10,
+    /// Direct light that only decides how many samples it gets.
+    Trial = 12,
 }
 
 /// What blocks are worked on with.
@@ -40,7 +47,7 @@ pub struct Worker<'a> {
 impl Worker<'_> {
     /// The blocks that hold surface.
     pub fn blocks(&self) -> Vec<usize> {
-        (0..self.bins.columns * self.bins.rows).filter(|&b| !self.bins.faces(b).is_empty()).collect()
+        self.bins.occupied()
     }
 
     /// The surface of a block.
@@ -75,47 +82,96 @@ impl Worker<'_> {
         // (The 16 points of a (0, 2)-sequence lie one in each square of a 4 × 4 grid.)
         let square = (probed * 4.0).floor();
         let around = ((square + Vec2::new(k.fract(), u.y)) / 4.0).min(Vec2::splat(1.0 - f32::EPSILON));
-        let known = self.transport.receiver(&surface.sample(self.atlas, texel, probed))?;
-        let at = self.transport.receiver(&surface.sample(self.atlas, texel, around));
-        Some(at.filter(|at| self.transport.sees(&known, at, counts)).unwrap_or(known))
+        let known = self.transport.space.receiver(&surface.sample(self.atlas, texel, probed))?;
+        let at = self.transport.space.receiver(&surface.sample(self.atlas, texel, around));
+        Some(at.filter(|at| self.transport.space.sees(&known, at, counts)).unwrap_or(known))
     }
 
     /// The point of a sample, be it inside a solid.
     pub fn any_point(&self, surface: &BlockSurface, texel: usize, sample: Sample) -> Option<Receiver> {
-        self.transport.receiver(&surface.sample(self.atlas, texel, point_pair(sample)))
+        self.transport.space.receiver(&surface.sample(self.atlas, texel, point_pair(sample)))
     }
 
-    /// Which probed points of a texel are its surface, one bit each: those outside solids, and where some are inside (a wall may
-    /// stand on the texel), only the largest group of points that see each other. No texel mixes the light of two rooms.
+    /// Which probed points of a texel are its surface, one bit each: those outside solids, and where a wall stands on the texel, only
+    /// the largest group of those that reach each other. No texel mixes the light of two rooms.
     pub fn outside(&self, surface: &BlockSurface, texel: usize, counts: &mut RayCounts) -> u16 {
-        let mut points = Vec::new();
-        for probe in 0..PROBES {
-            let at = self.transport.receiver(&self.probe_point(surface, texel, probe));
-            points.extend(at.filter(|at| !self.transport.is_inside(at, counts)).map(|at| (probe, at)));
+        let probe =
+            |i| Some((1u16 << i, self.transport.space.receiver(&self.probe_point(surface, texel, i))?));
+        let mut points: Vec<Point> = (0..PROBES).filter_map(probe).collect();
+        // A wall that divides the texel stands between one of these points and another, or a corner.
+        let rim = surface.rim(self.atlas, texel).into_iter();
+        points.extend(rim.filter_map(|at| Some((0, self.transport.space.receiver(&at)?))));
+        let mut groups = self.groups(points, counts);
+        let is_whole = groups.len() == 1;
+        // All of a group lie in the same closed solids, or else the surface passes through itself.
+        for group in &mut groups {
+            if self.transport.space.is_in_solid(&group[0].1, counts) {
+                group.retain(|(_, at)| !self.transport.space.is_in_solid(at, counts));
+            }
         }
-        let mut largest = 0u16;
-        let mut left: Vec<(u32, Receiver)> = points;
-        if left.len() == PROBES as usize {
-            return ALL_OUTSIDE;
+        groups.retain(|group| !group.is_empty());
+        // What lies in a body that is open a little is divided from what does not, unless the body ends above the surface: of a
+        // whole texel, the first points tell (of a (0, 2)-sequence four lie one in each quarter).
+        for group in &mut groups {
+            let mut is_enclosed = |(_, at): &Point| self.transport.space.is_enclosed(at, counts);
+            if !is_whole || group.iter().take(4).any(&mut is_enclosed) {
+                group.retain(|point| !is_enclosed(point));
+            }
         }
-        while let Some((probe, first)) = left.pop() {
-            // All that is seen from the first, or from what is seen.
-            let (mut group, mut open) = (1u16 << probe, vec![first]);
-            while let Some(from) = open.pop() {
-                left.retain(|(probe, at)| {
-                    let seen = self.transport.sees(&from, at, counts);
-                    if seen {
-                        group |= 1 << probe;
-                        open.push(*at);
-                    }
-                    !seen
+        groups.retain(|group| !group.is_empty());
+        let probed = |group: &[Point]| group.iter().fold(0, |bits, (bit, _)| bits | bit);
+        // Of groups, the largest: but what lies under open ground is the lesser side, however large.
+        let is_one = groups.len() == 1;
+        let mut size = |group: &Vec<Point>| {
+            let points = probed(group).count_ones();
+            let mut is_buried =
+                |(bit, at): &Point| *bit != 0 && self.transport.space.is_under_ground(at, counts);
+            let buried =
+                if is_one { 0 } else { group.iter().filter(|point| is_buried(point)).count() as u32 };
+            let open = points - buried;
+            (if is_enough(open) { open } else { 0 }, points)
+        };
+        let sizes: Vec<(u32, u32)> = groups.iter().map(&mut size).collect();
+        let Some(largest) = (0..groups.len()).rev().max_by_key(|&i| sizes[i]) else { return 0 };
+        let all = groups.iter().fold(0, |bits, group| bits | probed(group));
+        let largest = groups.swap_remove(largest);
+        let outside = probed(&largest);
+        // Many small pieces, as under a grating or in grass, are no two rooms.
+        if 4 * outside.count_ones() < all.count_ones() {
+            return all;
+        }
+        // All probed points may lie on one side of a wall, and a corner on the other: the point next to it is given up, so that
+        // samples keep to where the others are.
+        match groups.first() {
+            Some(beyond) if outside == ALL_OUTSIDE => {
+                let away = |(_, at): &&Point| at.distance_squared(&beyond[0].1);
+                let probed = largest.iter().filter(|(bit, _)| *bit != 0);
+                let next = probed.min_by(|a, b| away(a).total_cmp(&away(b)));
+                outside & !next.map_or(0, |(bit, _)| *bit)
+            }
+            _ => outside,
+        }
+    }
+
+    /// Sorts points of a texel into groups that reach each other.
+    fn groups(&self, mut left: Vec<Point>, counts: &mut RayCounts) -> Vec<Vec<Point>> {
+        let mut groups = Vec::new();
+        while !left.is_empty() {
+            // All that is reached from the first, or from what is reached.
+            let mut group = vec![left.remove(0)];
+            let mut asked = 0;
+            while asked < group.len() && !left.is_empty() {
+                let from = group[asked].1;
+                left.retain(|point| {
+                    let reached = self.transport.space.reaches(&from, &point.1, counts);
+                    group.extend(reached.then_some(*point));
+                    !reached
                 });
+                asked += 1;
             }
-            if group.count_ones() > largest.count_ones() {
-                largest = group;
-            }
+            groups.push(group);
         }
-        largest
+        groups
     }
 
     /// Whether points of a texel that are not its surface lie outside solids all the same: on the other side of a wall.
@@ -127,8 +183,8 @@ impl Worker<'_> {
         counts: &mut RayCounts,
     ) -> bool {
         (0..PROBES).filter(|&probe| outside >> probe & 1 == 0).any(|probe| {
-            let at = self.transport.receiver(&self.probe_point(surface, texel, probe));
-            at.is_some_and(|at| !self.transport.is_inside(&at, counts))
+            let at = self.transport.space.receiver(&self.probe_point(surface, texel, probe));
+            at.is_some_and(|at| !self.transport.space.is_inside(&at, counts))
         })
     }
 
@@ -137,7 +193,8 @@ impl Worker<'_> {
         const MOST: usize = 4;
         let probes: Vec<u32> = (0..PROBES).filter(|&probe| outside >> probe & 1 == 1).collect();
         let some = probes.iter().step_by(probes.len().div_ceil(MOST).max(1));
-        some.filter_map(|&probe| self.transport.receiver(&self.probe_point(surface, texel, probe))).collect()
+        some.filter_map(|&probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe)))
+            .collect()
     }
 
     fn probe_point(&self, surface: &BlockSurface, texel: usize, probe: u32) -> SurfacePoint {
@@ -170,3 +227,7 @@ pub fn sum(counts: impl IntoIterator<Item = RayCounts>) -> RayCounts {
     counts.into_iter().for_each(|c| all += c);
     all
 }
+
+#[cfg(test)]
+#[path = "block_tests.rs"]
+mod tests;

@@ -11,7 +11,7 @@ use super::errors::Parts;
 use super::layers::{Texel, Value};
 use super::rounds::endless;
 use crate::Rgb;
-use crate::trace::walk::{RayCounts, sun_draw};
+use crate::trace::counts::RayCounts;
 use dataset::console::{Console, stop_if_interrupted};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -261,11 +261,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
             let sample = sequence.sample(i);
             let Some(at) = worker.receiver(&surface, texel, sample, outside, &mut counts) else { continue };
             taken += 1;
-            let draw = sun_draw(sample);
-            for light in 0..lights.sampled() {
-                sums[lights.layer_of_sampled(light)] +=
-                    worker.transport.direct(&at, light, sample, &draw, &mut counts);
-            }
+            worker.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut sums, &mut counts);
             worker.walk(&at, sample, None, &[], &mut sums, &mut counts);
         }
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);

@@ -9,11 +9,13 @@ use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::scene::Sky;
 use crate::surface::{BlockSurface, FaceBins};
-use crate::trace::cache::{CacheHalf, CacheMap};
+use crate::trace::cache::CacheMap;
+use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::rays::Rays;
 use crate::trace::sampler::Sequence;
-use crate::trace::walk::{RayCounts, Transport, point_pair};
+use crate::trace::space::Space;
+use crate::trace::walk::{Transport, point_pair};
 use crate::{Result, light::sky::SkyTable};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -56,7 +58,7 @@ const TRIANGLE: u64 = 500;
 pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
     let plan = &prepared.plan;
     let bins = FaceBins::new(atlas);
-    let blocks: Vec<usize> = (0..bins.columns * bins.rows).filter(|&b| !bins.faces(b).is_empty()).collect();
+    let blocks = bins.occupied();
     let of_block = |&block: &usize| {
         let surface = BlockSurface::new(atlas, &bins, block);
         surface.covered().map(|texel| surface.page_index(atlas, texel)).collect()
@@ -82,7 +84,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
         texels_per_metre: atlas.texels_per_metre,
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
         layers_bytes: n * (8 + 20 * layers),
-        work_bytes: n * (10 + 24 * layers + 2 * (size_of::<Direct>() as u64 + 1) * sampled),
+        work_bytes: n * (10 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled),
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
     })
@@ -98,8 +100,7 @@ fn cache_bytes(
     let layers = prepared.plan.layers();
     let shift = solve::shift(texels, layers);
     let entries = CacheMap::new(atlas, &prepared.geometry, shift, places).entries();
-    // Both halves, and what the passes hold: see `solve`.
-    (entries * (5 * CacheHalf::bytes_per_entry(layers) + 12 * layers + 16 * solve::PILOT)) as u64
+    solve::bytes(entries, layers)
 }
 
 /// How many of [`PROBES`] rays from points spread over the covered texels leave the scene.
@@ -115,7 +116,7 @@ fn open(
     // A white sky: what sees it, sees out.
     let white = Sky::Constant { radiance: DVec3::ONE };
     let lights = Lights { sky: SkyTable::new(Some(&white), None, &[12.0]), ..Lights::none() };
-    let transport = Transport::new(geometry, &rays, &lights, Some(0));
+    let transport = Transport::new(Space::new(geometry, &rays), &lights, Some(0));
     let starts: Vec<usize> = std::iter::once(0)
         .chain(covered.iter().scan(0, |sum, n| {
             *sum += n;
@@ -131,7 +132,7 @@ fn open(
         let leaves = |probe: &usize| {
             let sample = Sequence::new(prepared.scene.bake.seed, 2, *probe as u32, 0).sample(0);
             let texel = places[probe * texels / PROBES - starts[i]];
-            let at = transport.receiver(&surface.sample(atlas, texel, point_pair(sample)));
+            let at = transport.space.receiver(&surface.sample(atlas, texel, point_pair(sample)));
             let mut out = [Rgb::ZERO];
             if let Some(at) = at {
                 transport.indirect(&at, sample, |_, _, _| false, &mut out, &mut RayCounts::default());

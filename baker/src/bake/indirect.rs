@@ -5,10 +5,13 @@ use super::errors::cell_of;
 use super::state::{BlockState, CELLS};
 use crate::Rgb;
 use crate::surface::BlockSurface;
-use crate::trace::cache::{CacheHalf, CacheMap};
+use crate::trace::cache::CacheMap;
+use crate::trace::cache_half::CacheHalf;
+use crate::trace::counts::RayCounts;
 use crate::trace::reflectors::{Reflectors, View};
 use crate::trace::sampler::Sample;
-use crate::trace::walk::{Arrival, RayCounts, Receiver, Transport, balance};
+use crate::trace::space::Receiver;
+use crate::trace::walk::{Arrival, balance};
 use dataset::console::interrupted;
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -28,7 +31,7 @@ pub struct Cache<'a> {
 impl<'a> Cache<'a> {
     /// Finds the bright surfaces.
     pub fn new(worker: &Worker, map: CacheMap<'a>, halves: [CacheHalf; 2]) -> Self {
-        let Transport { geometry, lights, .. } = worker.transport;
+        let (geometry, lights) = (worker.transport.space.geometry, worker.transport.lights);
         let groups = (0..lights.groups.len()).map(|g| {
             let layer = lights.group_layer(g);
             (layer..layer + 1, lights.groups[g].key)
@@ -118,7 +121,7 @@ impl Worker<'_> {
         let transport = &self.transport;
         let land = |arrival: &Arrival, out: &mut [Rgb], counts: &mut RayCounts| {
             let Arrival { hit, is_back, .. } = arrival;
-            let Some(entry) = map.entry(transport, hit, *is_back, counts) else { return false };
+            let Some(entry) = map.entry(&transport.space, hit, *is_back, counts) else { return false };
             // What a look at the bright surfaces finds too is shared between both.
             // (They stand in the order of their layers, which do not overlap.)
             let mut rest = 0;
@@ -126,7 +129,7 @@ impl Worker<'_> {
             for (reflectors, view) in shared {
                 let density = reflectors.density_at(view, hit, *is_back);
                 if density > 0.0 {
-                    let from = transport.front(hit.triangle).dot(arrival.direction).abs();
+                    let from = transport.space.front(hit.triangle).dot(arrival.direction).abs();
                     let share = balance(arrival.pdf, density * hit.t * hit.t / from);
                     let layers = reflectors.layers.clone();
                     half.add_layers(entry, arrival.weight, rest..layers.start, &mut out[rest..]);
@@ -139,8 +142,9 @@ impl Worker<'_> {
         };
         transport.indirect(at, sample, land, out, counts);
         for seen in seen {
-            if let Some((hit, is_back, weight)) = seen.0.reflected(transport, at, seen.1, sample, counts)
-                && let Some(entry) = map.entry(transport, &hit, is_back, counts)
+            if let Some((hit, is_back, weight)) =
+                seen.0.reflected(&transport.space, at, seen.1, sample, counts)
+                && let Some(entry) = map.entry(&transport.space, &hit, is_back, counts)
             {
                 let layers = seen.0.layers.clone();
                 half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
@@ -177,7 +181,7 @@ impl Worker<'_> {
                     Some((self.receiver(surface, texel, sample, outside, &mut counts)?, sample))
                 })
                 .collect();
-            let view = |r: &Reflectors| r.view(&self.transport, &receivers, &mut counts);
+            let view = |r: &Reflectors| r.view(&self.transport.space, &receivers, &mut counts);
             let _ = known.set(cache.reflectors.iter().map(view).collect());
             counts
         };

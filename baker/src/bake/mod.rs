@@ -7,6 +7,8 @@ pub mod errors;
 pub mod block;
 pub mod direct;
 pub mod indirect;
+pub mod balance;
+pub mod pilot;
 pub mod solve;
 pub mod rounds;
 pub mod layers;

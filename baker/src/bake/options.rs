@@ -4,7 +4,7 @@ use super::check::Check;
 use super::rounds::Round;
 use crate::light::schedule::Hours;
 use crate::trace::backend::Backend;
-use crate::trace::walk::RayCounts;
+use crate::trace::counts::RayCounts;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -18,7 +18,7 @@ pub struct Options {
     pub samples: Option<u32>,
     /// Relative error at which 16×16 texels get no more samples.
     pub target_error: Option<f64>,
-    /// Tracing stops after this time, whatever was reached.
+    /// Tracing stops after this time, whatever was reached, but not before the first round is done.
     pub time_limit: Option<Duration>,
     /// How light is followed past the first surface.
     pub integrator: Integrator,
@@ -56,7 +56,7 @@ impl Options {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Integrator {
-    /// Walks end at the first lightmapped surface, where the light of the whole day has been solved for beforehand.
+    /// Walks end at the first surface where the light of the whole day has been solved for beforehand.
     Cached,
     /// Walks go on to their end: unbiased.
     Path,
@@ -97,7 +97,7 @@ pub struct Outcome {
     pub out_of_time: bool,
     /// Wall-clock seconds of this run, from scene file to dataset.
     pub seconds: f64,
-    /// Rays traced by this run, by purpose.
+    /// Rays traced by this run, by purpose, but for those of its check.
     pub rays: RayCounts,
     /// Error against time, round by round.
     pub rounds: Vec<Round>,

@@ -2,37 +2,9 @@
 
 use dataset::image::{Image, Mask};
 
-/// Fills invalid texels within `distance` of valid ones (Chebyshev) with the mean of their filled 8-neighbours, ring by
-/// ring. Linear in the layer's values, so layers may be dilated one by one and summed.
-pub fn dilate(image: &mut Image, mask: &Mask, distance: u32) {
-    let (w, h) = (image.width, image.height);
-    let mut filled = mask.valid.clone();
-    for _ in 0..distance {
-        let ring: Vec<(usize, [f32; 3])> = (0..w * h)
-            .filter(|&i| !filled[i])
-            .filter_map(|i| {
-                let (x, y) = (i % w, i / w);
-                let (mut sum, mut n) = ([0.0; 3], 0.0);
-                for ny in y.saturating_sub(1)..(y + 2).min(h) {
-                    for nx in x.saturating_sub(1)..(x + 2).min(w) {
-                        if filled[ny * w + nx] {
-                            let v = image.texels[ny * w + nx];
-                            (0..3).for_each(|c| sum[c] += v[c]);
-                            n += 1.0;
-                        }
-                    }
-                }
-                (n > 0.0).then(|| (i, sum.map(|s| s / n)))
-            })
-            .collect();
-        for (i, value) in ring {
-            image.texels[i] = value;
-            filled[i] = true;
-        }
-    }
-}
-
-/// [`dilate`] for many images of one mask: which texels are filled from which is found once.
+/// Fills invalid texels within a distance of valid ones (Chebyshev) with the mean of their filled 8-neighbours, ring by ring. Linear
+/// in the layer's values, so layers may be dilated one by one and summed. Which texels are filled from which is found once for all
+/// images of one mask.
 ///
 /// A texel k steps from a chart and more than k from any other is filled from the first alone: until its turn comes, what the other
 /// has filled does not touch it. Charts are `distance` texels apart, so only texels halfway between two charts mix them, and those
@@ -109,6 +81,35 @@ fn neighbours(texel: usize, width: usize, height: usize) -> impl Iterator<Item =
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What [`Dilation`] does, the plain way.
+    fn dilate(image: &mut Image, mask: &Mask, distance: u32) {
+        let (w, h) = (image.width, image.height);
+        let mut filled = mask.valid.clone();
+        for _ in 0..distance {
+            let ring: Vec<(usize, [f32; 3])> = (0..w * h)
+                .filter(|&i| !filled[i])
+                .filter_map(|i| {
+                    let (x, y) = (i % w, i / w);
+                    let (mut sum, mut n) = ([0.0; 3], 0.0);
+                    for ny in y.saturating_sub(1)..(y + 2).min(h) {
+                        for nx in x.saturating_sub(1)..(x + 2).min(w) {
+                            if filled[ny * w + nx] {
+                                let v = image.texels[ny * w + nx];
+                                (0..3).for_each(|c| sum[c] += v[c]);
+                                n += 1.0;
+                            }
+                        }
+                    }
+                    (n > 0.0).then(|| (i, sum.map(|s| s / n)))
+                })
+                .collect();
+            for (i, value) in ring {
+                image.texels[i] = value;
+                filled[i] = true;
+            }
+        }
+    }
 
     #[test]
     fn light_reaches_as_far_as_asked_and_keeps_its_value() {

@@ -8,7 +8,7 @@ use super::json;
 use super::solve;
 use super::state::{BlockState, CELLS, StateFolder};
 use crate::surface::BlockSurface;
-use crate::trace::walk::RayCounts;
+use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::files::write_atomically;
@@ -71,6 +71,16 @@ pub struct Traced {
     pub is_unsettled: bool,
 }
 
+impl Traced {
+    /// Notes that walks go to their end, for the cache did not settle.
+    fn without_cache(&mut self, passes: usize) {
+        self.is_unsettled = true;
+        self.notes.push(format!(
+            "the cache had not settled after {passes} passes (light fades too slowly): walks were traced to their end"
+        ));
+    }
+}
+
 /// Samples of the first round towards a target error.
 const FIRST: u32 = 16;
 
@@ -84,9 +94,6 @@ pub fn schedule(limits: &Limits) -> Vec<u32> {
     let doublings = std::iter::successors(Some(FIRST), |n| n.checked_mul(2)).take_while(|&n| n < most);
     doublings.chain([most]).collect()
 }
-
-/// Samples of direct light in each half that every texel and light gets.
-const FIRST_DIRECT: u16 = 4;
 
 /// What rounds are traced with.
 pub struct Tracer<'a> {
@@ -113,7 +120,7 @@ impl Tracer<'_> {
         let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
         let start = Instant::now();
         let schedule = schedule(limits);
-        let (direct_means, rays) = self.direct_pass(&blocks, console)?;
+        let (direct_means, rays) = self.before_rounds(&blocks, console)?;
         traced.rays += rays;
         let cache = self.cache(&blocks, console, &mut traced)?;
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
@@ -174,9 +181,9 @@ impl Tracer<'_> {
         Ok(traced)
     }
 
-    /// The first direct samples of all texels, what the cache is solved from; and the mean of each half and light over them, in
-    /// the sum of its channels.
-    fn direct_pass(&self, blocks: &[usize], console: &Console) -> Result<(Vec<f32>, RayCounts)> {
+    /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
+    /// count, from which the cache is solved. The mean of each light over the trials of exposed texels, in the sum of its channels.
+    fn before_rounds(&self, blocks: &[usize], console: &Console) -> Result<(Vec<f32>, RayCounts)> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
         let of_block = |&block: &usize| {
@@ -186,23 +193,23 @@ impl Tracer<'_> {
             let mut counts = RayCounts::default();
             if state.outside.is_empty() && !state.taken.is_empty() {
                 counts += self.worker.probe(&surface, &mut state);
-                counts += self.worker.first_direct(&surface, &mut state, FIRST_DIRECT);
+                counts += self.worker.first_direct(&surface, &mut state);
                 stop_if_interrupted()?;
                 self.folder.write(block, &state)?;
             }
             progress.advance(1);
-            Ok((state.direct_sums(lights), counts))
+            Ok((state.trial_sums(lights), counts))
         };
-        let (mut means, mut values, mut counts) = (vec![0.0; 2 * lights], 0.0, RayCounts::default());
+        let (mut means, mut values, mut counts) = (vec![0.0; lights], 0.0, RayCounts::default());
         for ((sums, n), c) in blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()? {
             means.iter_mut().zip(sums).for_each(|(m, s)| *m += s);
             (values, counts) = (values + n, counts + c);
         }
-        // A run that continues finds more samples in the blocks: what was decided by stays what it was.
+        // A run that continues finds no trials in blocks that were decided: what is decided by stays what it was.
         let path = self.folder.root().join("direct.json");
         let kept = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice::<Vec<f32>>(&b).ok());
         let means = match kept {
-            Some(kept) if kept.len() == 2 * lights => kept,
+            Some(kept) if kept.len() == lights => kept,
             _ => {
                 let means = means.iter().map(|m| (m / f64::max(values, 1.0)) as f32).collect();
                 write_atomically(&path, &json::bytes(&means, "direct")?)?;
@@ -217,6 +224,12 @@ impl Tracer<'_> {
             return Ok(None);
         }
         let path = self.folder.root().join("cache.bin");
+        // A run that continues finds more direct light than the solver did: it must not try again.
+        let unsettled = self.folder.root().join("unsettled.json");
+        if let Some(passes) = std::fs::read(&unsettled).ok().and_then(|b| serde_json::from_slice(&b).ok()) {
+            traced.without_cache(passes);
+            return Ok(None);
+        }
         let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
         traced.rays += counts;
         if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
@@ -225,11 +238,8 @@ impl Tracer<'_> {
         let (cache, solution, counts) = solve::fill(&self.worker, self.folder, map, blocks, console)?;
         traced.rays += counts;
         if !solution.settled {
-            let passes = solution.passes;
-            traced.is_unsettled = true;
-            traced.notes.push(format!(
-                "the cache had not settled after {passes} passes (light fades too slowly): walks were traced to their end"
-            ));
+            write_atomically(&unsettled, &json::bytes(&solution.passes, "passes")?)?;
+            traced.without_cache(solution.passes);
             return Ok(None);
         }
         solve::store(&path, &cache.halves)?;
@@ -248,15 +258,8 @@ impl Tracer<'_> {
             } else {
                 let active = self.active(&surface, &state, step);
                 if active.contains(&true) {
-                    let means = step.direct_means;
-                    rays += self.worker.more_direct(
-                        &surface,
-                        &mut state,
-                        &active,
-                        FIRST_DIRECT,
-                        step.target,
-                        means,
-                    );
+                    let (samples, means) = (step.target, step.direct_means);
+                    rays += self.worker.more_direct(&surface, &mut state, &active, samples, means);
                     rays +=
                         self.worker.indirect(block, &surface, &mut state, &active, step.target / 2, cache);
                 }
@@ -345,7 +348,7 @@ struct Step<'a> {
     target: u32,
     limits: &'a Limits,
     deadline: Option<Instant>,
-    /// The mean of each half's direct light of each light.
+    /// The mean direct light of each light.
     direct_means: &'a [f32],
     /// The round before.
     last: Option<&'a Round>,

@@ -9,10 +9,12 @@ use super::plan::Plan;
 use super::rounds::{Traced, Tracer};
 use super::state::StateFolder;
 use crate::atlas::{self, Atlas, Placement};
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Solids};
 use crate::surface::FaceBins;
+use crate::trace::counts::RayCounts;
 use crate::trace::rays::Rays;
-use crate::trace::walk::{RayCounts, Transport};
+use crate::trace::space::Space;
+use crate::trace::walk::Transport;
 use crate::{Error, Result};
 use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
 use dataset::console::{Console, count};
@@ -263,7 +265,8 @@ fn with_worker<T>(
     let lights = plan.lights(scene, geometry, layers);
     let bins = FaceBins::new(atlas);
     let rays = Rays::with_backend(geometry, prepared.backend)?;
-    let transport = Transport::new(geometry, &rays, &lights, scene.bake.bounces);
+    let space = Space::new(geometry, &rays).with_solids(Solids::new(geometry));
+    let transport = Transport::new(space, &lights, scene.bake.bounces);
     work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed })
 }
 
@@ -341,7 +344,7 @@ fn facts(
         ),
         format!("{} marked invalid for lying inside solids", count(stored.buried_texels, "texel")),
         format!(
-            "{} marked invalid because no light arrives at any moment",
+            "{} marked invalid because no sample found light at any moment",
             count(stored.unlit_texels, "texel")
         ),
         format!(

@@ -16,6 +16,16 @@ pub const PROBES: u32 = 16;
 /// All of them outside.
 pub const ALL_OUTSIDE: u16 = u16::MAX;
 
+/// Whether so many probed points are a texel's surface that it counts.
+pub fn is_exposed(outside: u16) -> bool {
+    is_enough(outside.count_ones())
+}
+
+/// Whether so many of a texel's probed points are enough of it.
+pub fn is_enough(points: u32) -> bool {
+    points >= PROBES / 8
+}
+
 /// Samples of one sampled light straight at one half of a texel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -54,11 +64,11 @@ impl Direct {
         (self.squares / n - mean * mean).max(0.0).sqrt()
     }
 
-    /// Whether its samples differ by so much that more of them are worth their rays (none so far: yes).
+    /// Whether its samples differ by so much that more of them are worth their rays.
     pub fn varies(&self) -> bool {
         /// Standard deviation of a sample, relative to the mean, that is let be.
         const TOLERATED: f32 = 0.05;
-        self.drawn == 0 || self.deviation() > TOLERATED * self.mean().element_sum()
+        self.deviation() > TOLERATED * self.mean().element_sum()
     }
 
     /// Whether it differs so much from its neighbour that the texels between may be partly lit.
@@ -77,13 +87,16 @@ pub struct BlockState {
     pub round: u32,
     /// Per cell of the block, the samples of indirect light drawn in each half of its texels.
     pub drawn: [u32; CELLS],
-    /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and in the largest group of
-    /// points that see each other. Empty before they were probed.
+    /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and on the side of a wall that the
+    /// texel stands for ([`super::block::Worker::outside`]). Empty before they were probed.
     pub outside: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
-    /// As `direct`: how many samples are wanted, decided once (see `direct`); empty before that.
-    pub more_direct: Vec<u8>,
+    /// `[texel][sampled light]`: trial samples, by which it is decided how many are wanted; empty before they are drawn and after
+    /// the decision.
+    pub trials: Vec<Direct>,
+    /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]); empty before that.
+    pub wants: Vec<u8>,
     /// Per texel and half, the samples of indirect light that had a point to start from: what the sums are divided by.
     pub taken: Vec<[u32; 2]>,
     /// `[texel][half][layer]`: sums of irradiance samples.
@@ -98,7 +111,8 @@ impl BlockState {
             drawn: [0; CELLS],
             outside: Vec::new(),
             direct: vec![Direct::default(); texels * 2 * sampled],
-            more_direct: Vec::new(),
+            trials: Vec::new(),
+            wants: Vec::new(),
             taken: vec![[0; 2]; texels],
             sums: vec![Rgb::ZERO; texels * 2 * layers],
         }
@@ -106,20 +120,19 @@ impl BlockState {
 
     /// Whether enough of a texel lies outside solids for it to count as surface.
     pub fn is_exposed(&self, texel: usize) -> bool {
-        const LEAST: u32 = PROBES / 8;
-        let outside = self.outside.get(texel).copied().unwrap_or(0);
-        outside.count_ones() >= LEAST
+        is_exposed(self.outside.get(texel).copied().unwrap_or(0))
     }
 
-    /// Sums of the mean direct light of each half and light over the exposed texels, and how many those are.
-    pub fn direct_sums(&self, lights: usize) -> (Vec<f64>, f64) {
-        let mut sums = vec![0.0; 2 * lights];
-        let exposed: Vec<usize> = (0..self.taken.len()).filter(|&t| self.is_exposed(t)).collect();
-        for &texel in &exposed {
-            let means = self.direct[texel * 2 * lights..][..2 * lights].iter();
-            sums.iter_mut().zip(means).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
+    /// Sums of the trials' mean direct light of each light over the exposed texels, and how many those are.
+    pub fn trial_sums(&self, lights: usize) -> (Vec<f64>, f64) {
+        let mut sums = vec![0.0; lights];
+        let trials =
+            self.trials.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_exposed(*texel));
+        for (_, trials) in trials {
+            sums.iter_mut().zip(trials).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
         }
-        (sums, exposed.len() as f64)
+        let exposed = (0..self.taken.len()).filter(|&t| self.is_exposed(t)).count();
+        (sums, exposed as f64)
     }
 
     /// The estimate of each layer at a texel by one half; `sampled` maps sampled lights to layers.
@@ -145,8 +158,8 @@ pub struct StateFolder {
     sampled: usize,
 }
 
-const MAGIC: &[u8; 8] = b"TLMBLK04";
-/// Magic, round, texels, layers, sampled lights, whether probed (1) and decided (2); then the cells.
+const MAGIC: &[u8; 8] = b"TLMBLK05";
+/// Magic, round, texels, layers, sampled lights, whether probed (1), tried (2) and decided (4); then the cells.
 const HEADER: usize = 8 + 5 * 4 + CELLS * 4;
 
 impl StateFolder {
@@ -199,7 +212,9 @@ impl StateFolder {
         let fits = header.starts_with(MAGIC)
             && [word(1)?, word(2)?, word(3)?] == [texels as u32, self.layers as u32, self.sampled as u32];
         state.outside = vec![0; if word(4)? & 1 == 1 { texels } else { 0 }];
-        state.more_direct = vec![0; if word(4)? & 2 == 2 { state.direct.len() } else { 0 }];
+        let (known, records) = (word(4)?, texels * self.sampled);
+        state.trials = vec![Direct::default(); if known & 2 == 2 { records } else { 0 }];
+        state.wants = vec![0; if known & 4 == 4 { records } else { 0 }];
         state.round = word(0)?;
         for (i, drawn) in state.drawn.iter_mut().enumerate() {
             *drawn = word(5 + i)?;
@@ -212,7 +227,8 @@ impl StateFolder {
         };
         fill(bytemuck::cast_slice_mut(&mut state.outside))?;
         fill(bytemuck::cast_slice_mut(&mut state.direct))?;
-        fill(&mut state.more_direct)?;
+        fill(bytemuck::cast_slice_mut(&mut state.trials))?;
+        fill(&mut state.wants)?;
         fill(bytemuck::cast_slice_mut(&mut state.taken))?;
         fill(bytemuck::cast_slice_mut(&mut state.sums))?;
         (fits && rest.is_empty()).then_some(state)
@@ -222,7 +238,8 @@ impl StateFolder {
     pub fn write(&self, block: usize, state: &BlockState) -> Result<()> {
         let mut bytes = Vec::with_capacity(HEADER + state.sums.len() * 12 + state.direct.len() * 20);
         bytes.extend_from_slice(MAGIC);
-        let known = u32::from(!state.outside.is_empty()) | u32::from(!state.more_direct.is_empty()) << 1;
+        let known = [!state.outside.is_empty(), !state.trials.is_empty(), !state.wants.is_empty()];
+        let known = known.iter().rev().fold(0, |bits, &b| bits << 1 | u32::from(b));
         let texels = state.taken.len() as u32;
         for word in [state.round, texels, self.layers as u32, self.sampled as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
@@ -230,7 +247,8 @@ impl StateFolder {
         state.drawn.iter().for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.outside));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.direct));
-        bytes.extend_from_slice(&state.more_direct);
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.trials));
+        bytes.extend_from_slice(&state.wants);
         bytes.extend_from_slice(bytemuck::cast_slice(&state.taken));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.sums));
         // Whole or absent for a run that is killed; not synced, since after a power failure the work may start again.
@@ -258,7 +276,8 @@ mod tests {
         state.round = 2;
         state.drawn[3] = 8;
         state.outside = vec![1, 2, 3, 16];
-        state.more_direct = vec![1; 16];
+        state.trials = vec![Direct { drawn: 3, ..Direct::default() }; 8];
+        state.wants = vec![1; 8];
         state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];
         state.direct[7].add(Rgb::new(1.0, 2.0, 3.0));
         for (i, s) in state.sums.iter_mut().enumerate() {
@@ -279,7 +298,7 @@ mod tests {
     #[test]
     fn only_what_varies_is_worth_more_samples() {
         let mut d = Direct::default();
-        assert!(d.varies());
+        assert!(!d.varies());
         (0..4).for_each(|_| d.add(Rgb::splat(2.0)));
         assert!(!d.varies());
         d.add(Rgb::ZERO);

@@ -8,11 +8,13 @@ mod model;
 mod obj;
 mod polygon;
 mod similarity;
+mod solids;
 mod surface;
 mod texture;
 
 pub use load::load;
 pub use similarity::Similarity;
+pub use solids::Solids;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 

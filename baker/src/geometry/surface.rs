@@ -23,6 +23,12 @@ impl Geometry {
         self.area_vector(triangle).length() as f32
     }
 
+    /// Length of the longest edge in m.
+    pub fn longest_edge(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.corners(triangle).map(Vec3::as_dvec3);
+        a.distance(b).max(b.distance(c)).max(c.distance(a))
+    }
+
     /// Unit normal of the plane, on the front side; zero for a triangle without area.
     pub fn normal(&self, triangle: usize) -> Vec3 {
         self.area_vector(triangle).normalize_or_zero().as_vec3()

@@ -52,11 +52,6 @@ impl GroupSampler {
         self.lamps.len() + self.emitters.len()
     }
 
-    /// Whether some of the lights are triangles of the scene.
-    pub fn has_emitters(&self) -> bool {
-        !self.emitters.is_empty()
-    }
-
     /// Samples one of the lights as seen from `point` with unit `normal`. `choice` in [0, 1) and `u` in [0, 1)² choose the light and
     /// the point of it. The irradiance is already divided by the probability of the choice. `None`: this sample is 0.
     pub fn sample(&self, point: Vec3, normal: Vec3, choice: f32, u: Vec2) -> Option<LampSample> {

@@ -28,8 +28,11 @@ const MAX_SIDE: i64 = 16384;
 /// # Errors
 /// [`Error::Invalid`] names file, line, key, value and what was expected; [`Error::Io`] if the file cannot be read.
 pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let file = path.display().to_string();
+    if path.is_dir() {
+        return Err(Error::invalid(file, "is a folder; expected a scene file, such as scenes/yard.toml"));
+    }
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let text = std::str::from_utf8(&bytes).map_err(|e| {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
         Error::invalid(format!("{file}:{line}"), "expected UTF-8 text")

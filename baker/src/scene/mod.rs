@@ -116,16 +116,6 @@ pub enum Sky {
     Image(SkyImage),
 }
 
-impl Sky {
-    /// Whether it is the same at every hour.
-    pub fn is_static(&self) -> bool {
-        match self {
-            Self::Constant { .. } | Self::Image(_) => true,
-            Self::HosekWilkie { .. } => false,
-        }
-    }
-}
-
 /// A rectangle through which sky light is worth looking for, such as a window: it guides samples, it gives no light.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Portal {

@@ -45,6 +45,17 @@ pub(super) fn parse<T>(
     read(Table::new(source, "the scene file", 0, root.get_ref(), keys)?)
 }
 
+/// Where a key that is unknown here is meant to stand.
+fn hint(key: &str) -> String {
+    match key {
+        "sphere" | "disc" | "point" | "spot" | "rectangle" => {
+            format!(" (a lamp belongs to a group: [[group.{key}]])")
+        }
+        "part" => format!(" (of an object: [[object.{key}]])"),
+        _ => String::new(),
+    }
+}
+
 /// A table all of whose keys are known.
 #[derive(Clone)]
 pub(super) struct Table<'a> {
@@ -72,9 +83,10 @@ impl<'a> Table<'a> {
                 return Err(Error::invalid(
                     place,
                     format!(
-                        "{}{shown}: unknown key in {name}: expected one of {}",
+                        "{}{shown}: unknown key in {name}: expected one of {}{}",
                         key.get_ref(),
-                        keys.join(", ")
+                        keys.join(", "),
+                        hint(key.get_ref())
                     ),
                 ));
             }

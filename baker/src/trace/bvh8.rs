@@ -130,15 +130,6 @@ impl Line {
     }
 }
 
-/// What stood in the way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Occluder {
-    /// Nothing.
-    Nothing,
-    /// A triangle of this packet.
-    In(u32),
-}
-
 impl Bvh8 {
     /// The nearest hit, t > 0. `is_open` is asked about triangles marked [`CUT_OUT`].
     #[inline]
@@ -158,23 +149,22 @@ impl Bvh8 {
         }
     }
 
-    /// Any hit with 0 < t < `t_max`; the packet `hint` is tried first, if there is one of that number.
+    /// Whether there is any hit with 0 < t < `t_max`.
     #[inline]
-    pub(super) fn occluder(
+    pub(super) fn occluded(
         &self,
         line: &Line,
         t_max: f32,
         from: u32,
-        hint: u32,
         is_open: &dyn Fn(u32, &Meeting) -> bool,
-    ) -> Occluder {
+    ) -> bool {
         match self.tier {
             // SAFETY: as in `nearest`.
             #[cfg(target_arch = "x86_64")]
-            Tier::Avx512 => unsafe { lanes_x86::occluder_avx512(self, line, t_max, from, hint, is_open) },
+            Tier::Avx512 => unsafe { lanes_x86::occluded_avx512(self, line, t_max, from, is_open) },
             #[cfg(target_arch = "x86_64")]
-            Tier::Avx2 => unsafe { lanes_x86::occluder_avx2(self, line, t_max, from, hint, is_open) },
-            _ => kernel::occluder::<super::lanes::Portable>(self, line, t_max, from, hint, is_open),
+            Tier::Avx2 => unsafe { lanes_x86::occluded_avx2(self, line, t_max, from, is_open) },
+            _ => kernel::occluded::<super::lanes::Portable>(self, line, t_max, from, is_open),
         }
     }
 

@@ -4,7 +4,7 @@
 //! hierarchy that could need more than [`STACK`] entries; entries are written before they are read. A debug build checks.
 //! Everything is `inline(always)`, so that it is compiled for the features of the function that calls it.
 
-use super::bvh8::{Bvh8, CUT_OUT, LEAF, Line, Node, Occluder, Packet, STACK};
+use super::bvh8::{Bvh8, CUT_OUT, LEAF, Line, Node, Packet, STACK};
 use super::lanes::Lanes;
 use super::triangle::Meeting;
 use glam::Vec3;
@@ -293,21 +293,15 @@ fn stands_in<L: Lanes>(
     false
 }
 
-/// Any hit with 0 < t < `t_max`.
+/// Whether there is any hit with 0 < t < `t_max`.
 #[inline(always)]
-pub(super) fn occluder<L: Lanes>(
+pub(super) fn occluded<L: Lanes>(
     bvh: &Bvh8,
     line: &Line,
     t_max: f32,
     from: u32,
-    hint: u32,
     is_open: &dyn Fn(u32, &Meeting) -> bool,
-) -> Occluder {
-    if let Some(packet) = bvh.packets.get(hint as usize)
-        && stands_in::<L>(packet, line, t_max, from, is_open)
-    {
-        return Occluder::In(hint);
-    }
+) -> bool {
     let rays = Rays8::<L>::new(line);
     let mut stack = Stack::new();
     if !bvh.nodes.is_empty() {
@@ -316,11 +310,10 @@ pub(super) fn occluder<L: Lanes>(
     while let Some(entry) = stack.pop() {
         let child = entry as u32;
         if child & LEAF != 0 {
-            let number = child & !LEAF;
             // SAFETY: the builder's numbers exist.
-            let packet = unsafe { bvh.packets.get_unchecked(number as usize) };
-            if number != hint && stands_in::<L>(packet, line, t_max, from, is_open) {
-                return Occluder::In(number);
+            let packet = unsafe { bvh.packets.get_unchecked((child & !LEAF) as usize) };
+            if stands_in::<L>(packet, line, t_max, from, is_open) {
+                return true;
             }
             continue;
         }
@@ -333,5 +326,5 @@ pub(super) fn occluder<L: Lanes>(
             hits &= hits - 1;
         }
     }
-    Occluder::Nothing
+    false
 }

@@ -3,7 +3,7 @@
 //! Soundness: [`Avx`] is private to this file, and the only code that makes one is what the entry points at the end
 //! inline. They are `unsafe` to call, and [`super::bvh8::Bvh8`] calls each only with the tier that `Tier::detect` found.
 
-use super::bvh8::{Bvh8, Line, Occluder};
+use super::bvh8::{Bvh8, Line};
 use super::kernel;
 use super::lanes::Lanes;
 use super::triangle::Meeting;
@@ -82,20 +82,19 @@ pub unsafe fn nearest_avx2(
     kernel::nearest::<Avx>(bvh, line, from, is_open)
 }
 
-/// [`kernel::occluder`] for AVX2.
+/// [`kernel::occluded`] for AVX2.
 ///
 /// # Safety
 /// The processor must have AVX2, BMI1, BMI2 and LZCNT.
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-pub unsafe fn occluder_avx2(
+pub unsafe fn occluded_avx2(
     bvh: &Bvh8,
     line: &Line,
     t_max: f32,
     from: u32,
-    hint: u32,
     is_open: &dyn Fn(u32, &Meeting) -> bool,
-) -> Occluder {
-    kernel::occluder::<Avx>(bvh, line, t_max, from, hint, is_open)
+) -> bool {
+    kernel::occluded::<Avx>(bvh, line, t_max, from, is_open)
 }
 
 /// [`kernel::nearest`] for AVX-512VL: the same operations, with twice the registers and mask registers.
@@ -112,18 +111,17 @@ pub unsafe fn nearest_avx512(
     kernel::nearest::<Avx>(bvh, line, from, is_open)
 }
 
-/// [`kernel::occluder`] for AVX-512VL.
+/// [`kernel::occluded`] for AVX-512VL.
 ///
 /// # Safety
 /// The processor must have AVX-512 F, VL and DQ and what AVX2's form needs.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,bmi1,bmi2,lzcnt")]
-pub unsafe fn occluder_avx512(
+pub unsafe fn occluded_avx512(
     bvh: &Bvh8,
     line: &Line,
     t_max: f32,
     from: u32,
-    hint: u32,
     is_open: &dyn Fn(u32, &Meeting) -> bool,
-) -> Occluder {
-    kernel::occluder::<Avx>(bvh, line, t_max, from, hint, is_open)
+) -> bool {
+    kernel::occluded::<Avx>(bvh, line, t_max, from, is_open)
 }

@@ -1,4 +1,4 @@
-//! Light transport: rays, random numbers, and the samples of every layer of a texel at once.
+//! Light transport: rays, random numbers, the samples of every layer of a texel at once, the cache they read, its bright surfaces.
 
 pub mod sampler;
 pub mod triangle;
@@ -13,6 +13,10 @@ pub mod backend;
 mod embree;
 pub mod rays;
 pub mod lights;
+pub mod counts;
+pub mod space;
 pub mod walk;
 pub mod cache;
+pub mod cache_half;
+pub mod facets;
 pub mod reflectors;

@@ -1,7 +1,7 @@
 //! Rays against the scene's triangles: nearest hit and occlusion, with cut-outs really open.
 
 use super::backend::Backend;
-use super::bvh8::{Bvh8, Line, Occluder};
+use super::bvh8::{Bvh8, Line};
 #[cfg(feature = "embree")]
 use super::embree;
 use super::triangle::Meeting;
@@ -75,32 +75,9 @@ impl<'a> Rays<'a> {
     /// Whether anything stands between `origin` and the point at distance `t_max` along the unit `direction`.
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
-        self.occluded_hinted(origin, direction, t_max, from, &mut u32::MAX.clone())
-    }
-
-    /// As [`Self::occluded`], after trying first what `hint` stands for. Start with `u32::MAX`, which is nothing, and hand
-    /// the same variable to rays that are likely stopped by the same thing: it is set to what stopped the ray. The answer
-    /// does not depend on it, only the time.
-    #[inline]
-    pub fn occluded_hinted(
-        &self,
-        origin: Vec3,
-        direction: Vec3,
-        t_max: f32,
-        from: u32,
-        hint: &mut u32,
-    ) -> bool {
         match &self.tracer {
-            Tracer::Own(bvh, _) => {
-                let Some(line) = Line::new(origin, direction) else { return false };
-                match bvh.occluder(&line, t_max, from, *hint, &|t, m| self.is_open(t, m)) {
-                    Occluder::Nothing => false,
-                    Occluder::In(packet) => {
-                        *hint = packet;
-                        true
-                    }
-                }
-            }
+            Tracer::Own(bvh, _) => Line::new(origin, direction)
+                .is_some_and(|line| bvh.occluded(&line, t_max, from, &|t, m| self.is_open(t, m))),
             #[cfg(feature = "embree")]
             Tracer::Embree(scene) => scene.occluded(origin, direction, t_max, from),
         }

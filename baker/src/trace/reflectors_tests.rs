@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::atlas::{Atlas, build};
-use crate::geometry::{Instance, Material};
+use crate::geometry::{Instance, Material, Texture, Wrap};
 use crate::scene::{Lightmap, LightmapSize};
+use crate::trace::rays::Rays;
 use crate::trace::sampler::Sequence;
 
 /// A floor of 4 × 4 m that looks up, its texels, and light on it: 1 everywhere, in layer 0 a hundred on a square of 0.5 m.
@@ -176,4 +177,49 @@ fn a_point_of_a_facet_is_found_there() {
             }
         }
     }
+}
+
+#[test]
+fn holes_of_a_cut_out_reflect_nothing() {
+    with_reflectors(100.0, |geometry, reflectors| {
+        let reflectors = reflectors.expect("a bright square");
+        // Solid for x < 1, through the middle of the bright square.
+        let rgba = (0..64).map(|i| [255, 255, 255, if i < 48 { 255 } else { 0 }]).collect();
+        let texture = Texture { width: 64, height: 1, rgba, wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp };
+        let mut sheet = geometry.clone();
+        sheet.uvs = sheet.positions.iter().map(|p| Vec2::new((p.x + 2.0) / 4.0, 0.5)).collect();
+        sheet.textures = vec![texture];
+        sheet.materials[0].texture = Some(0);
+        sheet.materials[0].alpha_cutoff = Some(0.5);
+        let found = |geometry: &Geometry| {
+            let rays = Rays::new(geometry);
+            let space = Space::new(geometry, &rays);
+            // Above the floor, looking down.
+            let receiver = Receiver {
+                origin: Vec3::new(0.0, 2.0, 0.0),
+                triangle: u32::MAX,
+                face_normal: -Vec3::Y,
+                normal: -Vec3::Y,
+            };
+            let sequence = Sequence::new(2, 0, 0, 0);
+            let mut counts = RayCounts::default();
+            let view = reflectors.view(&space, &[(receiver, sequence.sample(0))], &mut counts).expect("seen");
+            let mut sides = [0; 2];
+            for i in 0..1 << 10 {
+                let sample = sequence.sample(i);
+                if let Some((hit, is_back, weight)) =
+                    reflectors.reflected(&space, &receiver, &view, sample, &mut counts)
+                {
+                    assert!(!is_back && weight.min_element() > 0.0);
+                    let x = place(geometry, hit.triangle, hit.barycentric).x;
+                    sides[usize::from(x > 1.0)] += 1;
+                }
+            }
+            sides
+        };
+        let [left, right] = found(geometry);
+        assert!(left > 300 && right > 300, "{left} {right}");
+        let [left, right] = found(&sheet);
+        assert!(left > 300 && right == 0, "{left} {right}");
+    });
 }

@@ -10,10 +10,11 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The sequence of `texel` (its index on its page) in one of the two halves.
-    pub fn new(seed: u64, page: u32, texel: u32, half: u32) -> Self {
-        let key = hash(seed as u32 ^ hash((seed >> 32) as u32 ^ hash(page ^ 0x9e37_79b9)));
-        Sequence { key: hash(key ^ hash(texel ^ hash(half ^ 0x85eb_ca6b))) }
+    /// The sequence for one purpose (`stream`) of what has this `index` among things of its kind: 0 texels, 1 patches of the cache, 2
+    /// rays of `--plan`.
+    pub fn new(seed: u64, kind: u32, index: u32, stream: u32) -> Self {
+        let key = hash(seed as u32 ^ hash((seed >> 32) as u32 ^ hash(kind ^ 0x9e37_79b9)));
+        Sequence { key: hash(key ^ hash(index ^ hash(stream ^ 0x85eb_ca6b))) }
     }
 
     /// Sample number `index` of the sequence.

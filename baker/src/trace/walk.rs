@@ -5,14 +5,14 @@
 //! met by the walk. Emissive surfaces, and the sky where a guide knows its bright parts, are both sampled and met, weighted by
 //! the balance heuristic (Veach & Guibas 1995).
 
+use super::counts::RayCounts;
 use super::lights::{GroupLight, Lights, SunDraw};
-use super::rays::{Hit, Rays, offset_point};
+use super::rays::Hit;
 use super::sampler::Sample;
+use super::space::{Receiver, Space};
 use crate::Rgb;
-use crate::geometry::Geometry;
 use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};
-use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
 /// Russian roulette begins at this bounce.
@@ -24,77 +24,12 @@ const ENDLESS: f32 = 10.0;
 
 /// Everything a walk needs.
 pub struct Transport<'a> {
-    /// The triangles and materials.
-    pub geometry: &'a Geometry,
-    /// The ray tracer over them.
-    pub rays: &'a Rays<'a>,
+    /// What light moves in.
+    pub space: Space<'a>,
     /// What shines.
     pub lights: &'a Lights,
     /// Most reflections, `None` for no limit.
     bounces: Option<u32>,
-    /// Per triangle, the unit normal of its front.
-    fronts: Vec<Vec3>,
-}
-
-/// Rays traced, by purpose, and what the walks met.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RayCounts {
-    /// Segments of walks.
-    pub walk: u64,
-    /// Shadow rays to the sun.
-    pub sun: u64,
-    /// Shadow rays to lamps.
-    pub lamp: u64,
-    /// Shadow rays to the sky, through portals or at its bright parts.
-    pub sky: u64,
-    /// Shadow rays to bright surfaces.
-    pub reflector: u64,
-    /// Rays that find out which points of a texel lie inside a solid, or behind a wall.
-    pub inside: u64,
-    /// Walks that ended by reading the cache.
-    pub cached: u64,
-    /// Walks that would never end: nothing absorbs them.
-    pub endless: u64,
-}
-
-impl RayCounts {
-    /// Rays of all purposes.
-    pub fn rays(&self) -> u64 {
-        self.walk + self.sun + self.lamp + self.sky + self.reflector + self.inside
-    }
-}
-
-impl std::ops::AddAssign for RayCounts {
-    fn add_assign(&mut self, other: Self) {
-        self.walk += other.walk;
-        self.sun += other.sun;
-        self.lamp += other.lamp;
-        self.sky += other.sky;
-        self.reflector += other.reflector;
-        self.inside += other.inside;
-        self.cached += other.cached;
-        self.endless += other.endless;
-    }
-}
-
-impl std::ops::Add for RayCounts {
-    type Output = Self;
-
-    fn add(mut self, other: Self) -> Self {
-        self += other;
-        self
-    }
-}
-
-/// A point light arrives at, moved off its surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Receiver {
-    pub(super) origin: Vec3,
-    pub(super) triangle: u32,
-    /// Geometric normal on the side considered.
-    pub(super) face_normal: Vec3,
-    /// The normal cosines are measured against.
-    pub(super) normal: Vec3,
 }
 
 /// A walk arriving at a surface.
@@ -149,82 +84,8 @@ pub fn sun_draw(sample: Sample) -> SunDraw {
 
 impl<'a> Transport<'a> {
     /// Light in a scene; `bounces`: most reflections, `None` for no limit.
-    pub fn new(geometry: &'a Geometry, rays: &'a Rays<'a>, lights: &'a Lights, bounces: Option<u32>) -> Self {
-        let fronts = (0..geometry.triangles.len()).map(|t| geometry.normal(t)).collect();
-        Transport { geometry, rays, lights, bounces, fronts }
-    }
-
-    /// Unit normal of a triangle's front; zero for one without area.
-    #[inline]
-    pub fn front(&self, triangle: u32) -> Vec3 {
-        self.fronts[triangle as usize]
-    }
-
-    /// A point on one side of a triangle, with the normal of its plane. `None` without a normal.
-    pub fn flat_receiver(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
-        let triangle = point.triangle as usize;
-        let front = self.front(point.triangle);
-        let normal = if is_back { -front } else { front };
-        let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, normal);
-        (normal != Vec3::ZERO).then_some(Receiver {
-            origin,
-            triangle: point.triangle,
-            face_normal: normal,
-            normal,
-        })
-    }
-
-    /// The texel's point, on the front, with the interpolated normal the game shades with. `None` without a normal.
-    pub fn receiver(&self, point: &SurfacePoint) -> Option<Receiver> {
-        let triangle = point.triangle as usize;
-        let face_normal = self.front(point.triangle);
-        if face_normal == Vec3::ZERO {
-            return None;
-        }
-        let smooth = self.geometry.shading_normal_at(triangle, point.barycentric);
-        let normal = if smooth.dot(face_normal) > 0.0 { smooth } else { face_normal };
-        let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, face_normal);
-        Some(Receiver { origin, triangle: point.triangle, face_normal, normal })
-    }
-
-    /// Whether a point lies inside a solid: every one of a few fixed directions, straight up and close to the surface all
-    /// around, meets the absorbing back of a one-sided triangle. The directions carry no light, so that leaving such points
-    /// out does not favour the light that reaches the others.
-    pub fn is_inside(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
-        let (tangent, bitangent) = at.face_normal.any_orthonormal_pair();
-        // 75° off the normal: what stands under a single sheet sees past it, what lies in a closed body does not.
-        let (sin, cos) = (0.965_925_8, 0.258_819_04);
-        let is_back = |hit: &Hit, direction: Vec3| {
-            let front = self.front(hit.triangle);
-            front.dot(direction) > 0.0 && !self.material(hit.triangle).two_sided
-        };
-        // Where a body stands against another (a wall under a ceiling), its back and the other's front are met at once.
-        const AT_ONCE: f32 = 1e-5;
-        let mut against = 0;
-        let mut meets_a_back = |direction: Vec3| {
-            let Some(hit) = self.rays.nearest(at.origin, direction, at.triangle) else { return false };
-            is_back(&hit, direction) || {
-                against += 1;
-                let next = self.rays.nearest(at.origin, direction, hit.triangle);
-                next.is_some_and(|next| next.t - hit.t <= AT_ONCE * hit.t && is_back(&next, direction))
-            }
-        };
-        let around = [tangent, bitangent, -tangent, -bitangent];
-        let directions = around.map(|side| (side * sin + at.face_normal * cos).normalize());
-        let mut traced = 0;
-        let is_inside = [at.face_normal].into_iter().chain(directions).all(|direction| {
-            traced += 1;
-            meets_a_back(direction)
-        });
-        counts.inside += traced + against;
-        is_inside
-    }
-
-    /// Whether nothing stands between two points.
-    pub fn sees(&self, a: &Receiver, b: &Receiver, counts: &mut RayCounts) -> bool {
-        counts.inside += 1;
-        let (direction, distance) = (b.origin - a.origin).normalize_and_length();
-        !self.rays.occluded(a.origin, direction, distance, a.triangle)
+    pub fn new(space: Space<'a>, lights: &'a Lights, bounces: Option<u32>) -> Self {
+        Transport { space, lights, bounces }
     }
 
     /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance; its share, where the
@@ -238,6 +99,23 @@ impl<'a> Transport<'a> {
         counts: &mut RayCounts,
     ) -> Rgb {
         self.direct_at(at, light, sample, draw, 0, counts)
+    }
+
+    /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex of a walk (0: its start).
+    pub fn add_direct(
+        &self,
+        at: &Receiver,
+        weight: Rgb,
+        sample: Sample,
+        vertex: u32,
+        out: &mut [Rgb],
+        counts: &mut RayCounts,
+    ) {
+        let draw = SunDraw::new(sample.pair(dimension::sun(vertex)));
+        for light in 0..self.lights.sampled() {
+            out[self.lights.layer_of_sampled(light)] +=
+                weight * self.direct_at(at, light, sample, &draw, vertex, counts);
+        }
     }
 
     fn direct_at(
@@ -257,7 +135,7 @@ impl<'a> Transport<'a> {
                     return Rgb::ZERO;
                 }
                 counts.sun += 1;
-                let blocked = self.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle);
+                let blocked = self.space.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle);
                 if blocked { Rgb::ZERO } else { sun.irradiance() * cosine }
             }
             None => {
@@ -285,7 +163,7 @@ impl<'a> Transport<'a> {
         counts.lamp += 1;
         // A ray to an emissive triangle must not be stopped by that very triangle.
         let distance = if s.emitter.is_some() { s.distance * (1.0 - 1e-4) } else { s.distance };
-        if self.rays.occluded(at.origin, s.direction, distance, at.triangle) {
+        if self.space.rays.occluded(at.origin, s.direction, distance, at.triangle) {
             return None;
         }
         // The walk meets emissive triangles with density cos θ ÷ π.
@@ -319,24 +197,24 @@ impl<'a> Transport<'a> {
             counts.walk += 1;
             let pdf = direction.dot(at.normal).max(0.0) / PI;
             let beta = weight * PI;
-            let Some(hit) = self.rays.nearest(at.origin, direction, at.triangle) else {
+            let Some(hit) = self.space.rays.nearest(at.origin, direction, at.triangle) else {
                 let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
                 let share = guided.map_or(1.0, |guided| balance(pdf, guided));
                 lights.sky.add(direction, beta * share, &mut out[lights.sky_layers()]);
                 return;
             };
             let triangle = hit.triangle as usize;
-            let material = self.material(hit.triangle);
-            let front = self.front(hit.triangle);
+            let material = self.space.material(hit.triangle);
+            let front = self.space.front(hit.triangle);
             let is_back = front.dot(direction) > 0.0;
             if is_back && !material.two_sided {
                 return;
             }
             if let Some((_, group)) = material.emission
-                && let Some(g) = lights.place_of_group[group as usize]
+                && let Some(&Some(g)) = lights.place_of_group.get(group as usize)
             {
                 let group = &lights.groups[g];
-                let radiance = group.emission[self.geometry.material_of[triangle] as usize];
+                let radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
                 let sampler = &group.sampler;
                 let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
                 out[lights.group_layer(g)] += beta * radiance * balance(pdf, sampled);
@@ -345,7 +223,7 @@ impl<'a> Transport<'a> {
                 return;
             }
             // Reflected radiance is albedo ÷ π times the irradiance there.
-            weight *= self.geometry.albedo_at(triangle, hit.barycentric);
+            weight *= self.space.geometry.albedo_at(triangle, hit.barycentric);
             let arrival = Arrival { hit, is_back, weight, pdf, direction, is_first: vertex == 0 };
             if land(&arrival, out, counts) {
                 counts.cached += 1;
@@ -366,13 +244,9 @@ impl<'a> Transport<'a> {
                 return;
             }
             let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
-            let Some(next) = self.flat_receiver(&point, is_back) else { return };
+            let Some(next) = self.space.flat_receiver(&point, is_back) else { return };
             at = next;
-            let draw = SunDraw::new(sample.pair(dimension::sun(vertex + 1)));
-            for light in 0..lights.sampled() {
-                out[lights.layer_of_sampled(light)] +=
-                    weight * self.direct_at(&at, light, sample, &draw, vertex + 1, counts);
-            }
+            self.add_direct(&at, weight, sample, vertex + 1, out, counts);
         }
     }
 
@@ -394,14 +268,10 @@ impl<'a> Transport<'a> {
             return None;
         }
         counts.sky += 1;
-        if self.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle) {
+        if self.space.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle) {
             return None;
         }
         Some((direction, cosine / pdf * balance(pdf, cosine / PI)))
-    }
-
-    fn material(&self, triangle: u32) -> &crate::geometry::Material {
-        &self.geometry.materials[self.geometry.material_of[triangle as usize] as usize]
     }
 }
 

@@ -1,6 +1,6 @@
 //! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
 
-use crate::scenes::{Case, furnace, instances, outdoors, room, sunlit_floor, sunlit_room};
+use crate::scenes::{Case, furnace, instances, outdoors, room, sunlit_floor, sunlit_room, wires};
 use crate::statistics::{Bakes, bakes};
 use baker::bake::run::Integrator;
 use baker::trace::backend::Backend;
@@ -79,6 +79,15 @@ fn a_sunlit_floor_without_texels_settles() {
     // Where few patches exchange light with many texels, one factor for all swings between too much and too little; had the cache
     // not settled all the same, walks would have been followed to their end.
     assert_eq!(outcome.integrator, Integrator::Cached, "{:?}", outcome.facts);
+}
+
+#[test]
+fn shadows_of_wires_are_told_honestly() {
+    // Most texels they cross show them in one sample of eight, and to few samples not at all.
+    let bakes = path(&wires(), 1, REFERENCE);
+    let told = bakes.honesty();
+    println!("wires: told ÷ true variance {told:.3}");
+    assert!(HONEST.contains(&told), "told ÷ true variance {told}");
 }
 
 #[test]

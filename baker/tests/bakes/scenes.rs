@@ -123,6 +123,21 @@ pub fn sunlit_floor() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
+/// A ground under the sun and wires whose shadows are an eighth of a texel wide.
+pub fn wires() -> Case {
+    let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
+    let wires = (0..9).fold(Obj::default().mesh("wires"), |obj, i| {
+        let x = -1.8 + 0.437 * f64::from(i);
+        obj.quad([x, 0.3, -2.5], [0.0125, 0.0, 0.0], [0.3, 0.0, 5.0])
+    });
+    let text = "[sun]\ndisc_angle = 0.1\ntrack = [{ hour = 12, direction = [0.1, 1, 0.2], irradiance = [90, 80, 70] }]\n\
+        [[object]]\nfile = \"ground.obj\"\nalbedo = 0\n\
+        [[object]]\nfile = \"wires.obj\"\nalbedo = 0\nlightmap = false\ntwo_sided = true\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    let files = [("ground.obj", ground.bytes()), ("wires.obj", wires.bytes())];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
 /// A material whose picture has holes in every other texel.
 fn holed() -> [(&'static str, Vec<u8>); 2] {
     let texel = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [60, 160, 60, 255] } else { [0, 0, 0, 0] };

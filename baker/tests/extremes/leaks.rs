@@ -1,6 +1,7 @@
-//! A lit room beside a closed dark one: walls 5 cm thick, texels of 20 cm.
+//! A lit room beside a closed dark one; texels of 20 cm.
 
 use crate::common::mesh::Obj;
+use crate::common::texels::Texel;
 use crate::common::{Baked, INTEGRATORS, Stage, green};
 use glam::dvec3;
 
@@ -42,59 +43,83 @@ fn rooms_of_their_own_walls_share_no_light() {
     expect_dark(&baked, "dark");
 }
 
-/// One floor and ceiling under both rooms, a wall of 5 cm on it, 20 cm above and below the slab's texel grid.
-fn shared_slab() -> Stage {
+/// What divides the rooms.
+struct Divider {
+    name: &'static str,
+    /// Half of its thickness.
+    half: f64,
+    /// How far it reaches into floor, ceiling and walls.
+    into: f64,
+    two_sided: bool,
+}
+
+const DIVIDERS: [Divider; 7] = [
+    Divider { name: "ends on the surfaces", half: 0.025, into: 0.0, two_sided: false },
+    Divider { name: "reaches into them", half: 0.025, into: 0.01, two_sided: false },
+    Divider { name: "thick, reaches into them", half: 0.25, into: 0.01, two_sided: false },
+    Divider { name: "thinner than probed points are apart", half: 0.003, into: 0.01, two_sided: false },
+    Divider { name: "thin, ends on the surfaces", half: 0.003, into: 0.0, two_sided: false },
+    Divider { name: "one-sided sheet", half: 0.0, into: 0.01, two_sided: false },
+    Divider { name: "two-sided sheet", half: 0.0, into: 0.01, two_sided: true },
+];
+
+/// One floor and ceiling under both rooms, 20 cm above and below the slab's texel grid, and what divides them.
+fn shared_slab(divider: &Divider) -> (Stage, String) {
     let slab = |obj: Obj, name: &str, y0: f64, y1: f64| {
         obj.mesh(name).block(dvec3(-3.17, y0, -1.7), dvec3(3.23, y1, 1.7))
     };
     let wall =
         |obj: Obj, x0: f64, x1: f64, z0: f64, z1: f64| obj.block(dvec3(x0, 0.0, z0), dvec3(x1, 2.5, z1));
     let obj = slab(slab(Obj::default(), "floor", -0.2, 0.0), "ceiling", 2.5, 2.7).mesh("walls");
-    let obj = wall(obj, -0.025, 0.025, -1.5, 1.5);
     let obj = wall(wall(obj, -3.05, -3.0, -1.55, 1.55), 3.0, 3.05, -1.55, 1.55);
     let obj = wall(wall(obj, -3.0, 3.0, -1.55, -1.5), -3.0, 3.0, 1.5, 1.55);
-    Stage::new(&[("a.obj", obj.text())])
+    let &Divider { half, into, two_sided, .. } = divider;
+    let (low, high) = (dvec3(-half, -into, -1.5 - into), dvec3(half, 2.5 + into, 1.5 + into));
+    let middle = Obj::default().mesh("divider");
+    let middle = if half > 0.0 { middle.block(low, high) } else { middle.sides(low, high, false, &[0]) };
+    let stage = Stage::new(&[("a.obj", obj.text()), ("b.obj", middle.text())]);
+    let objects =
+        format!("[[object]]\nfile = \"a.obj\"\n[[object]]\nfile = \"b.obj\"\ntwo_sided = {two_sided}\n");
+    (stage, format!("{objects}{LAMP}{TEXELS}"))
 }
 
-/// Whether a texel's centre lies in a room: between −/+3 and the wall, on a surface that looks into it.
-fn in_room(texel: &crate::common::texels::Texel, dark: bool) -> bool {
+/// Whether a texel's centre lies in a room, at least `margin` from its walls, on a surface that looks into it.
+fn in_room(texel: &Texel, dark: bool, half: f64, margin: f64) -> bool {
     let p = texel.centre();
     let x = if dark { p.x } else { -p.x };
-    let within = x > 0.02 && x < 3.01 && p.z.abs() < 1.51 && p.y > -0.01 && p.y < 2.51;
+    let within = x > half - 1e-6 + margin && x < 3.01 - margin && p.z.abs() < 1.51 - margin;
     let middle = dvec3(if dark { 1.5 } else { -1.5 }, 1.25, 0.0);
-    within && (middle - p).dot(texel.normal) > 0.0
+    within && p.y > -0.005 && p.y < 2.505 && (middle - p).dot(texel.normal) > 0.0
 }
 
 #[test]
-fn texels_wholly_inside_the_dark_room_of_a_shared_floor_get_nothing() {
-    let baked = shared_slab().bake("12", 64, &format!("[[object]]\nfile = \"a.obj\"\n{LAMP}{TEXELS}"));
-    let image = baked.group("lamp");
-    let (mut dark, mut lit) = (0, 0);
-    for texel in &baked.texels {
-        let light = green(&image, texel);
-        let p = texel.centre();
-        // Farther from the wall than a texel's half diagonal.
-        if in_room(texel, true) && p.x > 0.025 + 0.15 {
-            assert!(!texel.valid, "{texel:?}: {light}");
-            dark += 1;
-        }
-        if in_room(texel, false) && texel.whole && p.x < -0.2 && p.x > -2.8 && p.z.abs() < 1.3 {
-            assert!(texel.valid && light > 0.0, "{texel:?}: {light}");
-            lit += 1;
-        }
-    }
-    assert!(dark > 200 && lit > 200, "{dark} {lit}");
-}
-
-#[test]
-fn texels_across_the_wall_of_a_shared_floor_bring_no_light_into_the_dark_room() {
-    for integrator in INTEGRATORS {
-        let scene = format!("[[object]]\nfile = \"a.obj\"\n{LAMP}{TEXELS}");
-        let baked = shared_slab().by(integrator).bake("12", 64, &scene);
-        let image = baked.group("lamp");
-        for texel in baked.texels.iter().filter(|t| in_room(t, true)) {
-            let light = green(&image, texel);
-            assert!(!texel.valid, "{integrator:?}: light in the dark room: {texel:?}: {light}");
+fn walls_of_all_kinds_keep_light_out_of_the_dark_room_of_a_shared_floor() {
+    for divider in &DIVIDERS {
+        for integrator in INTEGRATORS {
+            let (stage, scene) = shared_slab(divider);
+            let baked = stage.by(integrator).bake("12", 64, &scene);
+            let image = baked.group("lamp");
+            let what = format!("{}, {integrator:?}", divider.name);
+            let (mut dark, mut lit, mut covered) = (0, 0, 0);
+            for texel in &baked.texels {
+                let light = green(&image, texel);
+                // (A texel that a sheet halves may keep to either side.)
+                if in_room(texel, true, divider.half.max(0.02), 0.0) {
+                    assert!(!texel.valid, "{what}: light in the dark room: {texel:?}: {light}");
+                    dark += 1;
+                }
+                if in_room(texel, false, divider.half, 0.15) && texel.whole {
+                    assert!(texel.valid && light > 0.0, "{what}: {texel:?}: {light}");
+                    lit += 1;
+                }
+                // On floor or ceiling, wholly below the wall.
+                if texel.normal.y.abs() > 0.9 && texel.centre().x.abs() < divider.half - 0.11 {
+                    assert!(!texel.valid, "{what}: below the wall: {texel:?}: {light}");
+                    covered += 1;
+                }
+            }
+            assert!(dark > 400 && lit > 250, "{what}: {dark} {lit}");
+            assert!(covered > 20 || divider.half < 0.2, "{what}: {covered}");
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::common::{Baked, INTEGRATORS, Stage};
 use baker::bake::forecast::forecast;
 use baker::bake::run::{Integrator, Options, prepare};
 use baker::light::schedule::parse_hours;
-use baker::trace::walk::RayCounts;
+use baker::trace::counts::RayCounts;
 use dataset::console::Console;
 use glam::{DVec3, dvec3};
 

@@ -1,0 +1,199 @@
+//! The balance of light, E = source + T E, over all entries of the cache: a sparse linear system.
+//!
+//! It is solved by passes that trace no rays. In each, light goes one bounce further. Where surfaces are bright, that is slow; each
+//! layer and channel is therefore also rescaled as a whole, so that what all entries send out agrees with what they get (a one-group
+//! rebalance, known from neutron transport).
+
+use crate::trace::cache_half::CacheHalf;
+use crate::{Error, Result, Rgb};
+use dataset::console::stop_if_interrupted;
+use rayon::prelude::*;
+
+/// Walks per entry and half.
+pub const PILOT: usize = 16;
+/// Most passes.
+const MOST_PASSES: usize = 400;
+/// Largest change of the rescaling in the last pass.
+const SETTLED: f64 = 1e-3;
+/// Largest change of the last pass at an entry relative to its own light, on average over each run of entries: a dim room beside
+/// a bright yard has to settle too.
+const STILL: f64 = 5e-4;
+/// Part of a layer's greatest light below which changes are judged by that.
+const FAINT: f32 = 1e-6;
+/// Turns of the rescaling after which it is given up.
+const TURNS: u32 = 3;
+/// Entries of a run.
+const RUN: usize = 4096;
+/// Light of all bounces, as a multiple of that before the first, from which on it is taken to grow without end where surfaces
+/// absorb nothing.
+const ENDLESS: f64 = 1e4;
+
+/// How the passes went.
+#[derive(Clone, Copy, Debug)]
+pub struct Solution {
+    /// Passes made, the more of both halves.
+    pub passes: usize,
+    /// Whether they settled.
+    pub settled: bool,
+}
+
+/// A landing of a pilot walk.
+#[derive(Clone, Copy)]
+pub struct Landing {
+    /// Where; none: `u32::MAX`.
+    pub entry: u32,
+    /// Irradiance at the start per unit of it there. (Not half floats: 0.999 would become 0.99902, and what a closed room of
+    /// it holds grow by 2.4 %.)
+    pub weight: [f32; 3],
+}
+
+/// No landing.
+pub const NOWHERE: Landing = Landing { entry: u32::MAX, weight: [0.0; 3] };
+
+/// E = source + T E.
+pub struct System {
+    /// Layers.
+    pub layers: usize,
+    /// `[entry][layer]`.
+    pub source: Vec<Rgb>,
+    /// `[entry][PILOT]`.
+    pub landings: Vec<Landing>,
+    /// Per entry, 1 ÷ its walks.
+    pub share: Vec<f32>,
+}
+
+impl System {
+    /// Bytes of an entry.
+    pub fn bytes_per_entry(layers: usize) -> usize {
+        size_of::<Rgb>() * layers + PILOT * size_of::<Landing>()
+    }
+
+    /// Passes until nothing changes; `note` is told of each.
+    pub fn solve(&self, mut note: impl FnMut(usize)) -> Result<(CacheHalf, Solution)> {
+        let values = 3 * self.layers;
+        let n = self.share.len();
+        let mut most = vec![0f32; self.layers];
+        for entry in self.source.chunks(self.layers.max(1)) {
+            for (most, value) in most.iter_mut().zip(entry) {
+                *most = most.max(value.max_element());
+            }
+        }
+        let source =
+            self.sums(|_, e, out| out.copy_from_slice(&self.source[e * self.layers..][..self.layers]));
+        let mut light = CacheHalf::new(n, &most);
+        light.set_all(|e, out| out.copy_from_slice(&self.source[e as usize * self.layers..][..self.layers]));
+        // The most that any surface reflects: only where it is all can light grow without end.
+        let brightest = self.landings.iter().flat_map(|l| l.weight).fold(0.0, f32::max).min(1.0);
+        let brightest = f64::from(brightest);
+        // A layer is taken as soon as it settles, whatever the others do: it does not depend on what it is traced with.
+        let mut result = CacheHalf::new(n, &vec![0.0; self.layers]);
+        let mut taken = vec![false; self.layers];
+        // The light of each layer and channel over all entries, and the passes made.
+        let (mut total, mut passes) = (source.clone(), 0);
+        // The last rescaling of each, and how often it turned from growing to shrinking or back.
+        let (mut last, mut turns) = (vec![1.0f64; values], vec![0u32; values]);
+        loop {
+            stop_if_interrupted()?;
+            passes += 1;
+            note(passes);
+            let mut next = CacheHalf::new(n, &most);
+            next.set_all(|e, out| self.pass(&light, e as usize, out));
+            let again = self.sums(|_, e, out| next.read(e as u32, out));
+            let change = self.most_of_runs(|old, e, out| {
+                next.read(e as u32, out);
+                light.read(e as u32, old);
+                for ((n, o), most) in out.iter_mut().zip(old.iter()).zip(&most) {
+                    let change = (*n - *o).abs();
+                    *n = change / (*n + Rgb::splat(FAINT * most)).max(Rgb::splat(f32::MIN_POSITIVE));
+                }
+            });
+            // Rescale: with r the part of what was sent out that arrived again, light is in balance at source ÷ (1 − r).
+            let mut settled = vec![true; self.layers];
+            let mut factors = vec![1.0; values];
+            for i in (0..values).filter(|&i| source[i] > 0.0) {
+                // (In the first passes chance may bring back more than was sent out; a sum without end goes on growing.)
+                let r = (again[i] - source[i]) / total[i];
+                if brightest > 1.0 - 1e-6 && total[i] > ENDLESS * source[i] {
+                    return Err(Error::invalid(
+                        "scene",
+                        "light grows without end: nothing absorbs it (albedo 1 in a closed space, with light inside)",
+                    ));
+                }
+                let mut factor =
+                    if r < 1.0 { (source[i] / (1.0 - r) / again[i]).clamp(0.25, 8.0) } else { 8.0 };
+                turns[i] += u32::from((factor > 1.1 && last[i] < 0.9) || (factor < 0.9 && last[i] > 1.1));
+                last[i] = factor;
+                // Where few entries exchange light with many, one number for all may swing for ever: passes alone settle there.
+                let swings = turns[i] >= TURNS;
+                if swings {
+                    factor = 1.0;
+                }
+                factors[i] = factor as f32;
+                let still = if swings { 0.1 * STILL } else { STILL };
+                settled[i / 3] &= (factor - 1.0).abs() < SETTLED && change[i] < still;
+                total[i] = again[i] * factor;
+            }
+            next.scale_by(&factors);
+            most = next.most();
+            light = next;
+            let is_last = passes == MOST_PASSES;
+            let ready: Vec<bool> = (0..self.layers).map(|l| !taken[l] && (settled[l] || is_last)).collect();
+            result.take(&light, &ready);
+            taken.iter_mut().zip(&ready).for_each(|(taken, ready)| *taken |= ready);
+            if taken.iter().all(|t| *t) {
+                let settled = ready.iter().zip(&settled).all(|(ready, settled)| !ready || *settled);
+                return Ok((result, Solution { passes, settled }));
+            }
+        }
+    }
+
+    /// source + T light, at one entry.
+    fn pass(&self, light: &CacheHalf, entry: usize, out: &mut [Rgb]) {
+        for landing in &self.landings[entry * PILOT..(entry + 1) * PILOT] {
+            if landing.entry != NOWHERE.entry {
+                let weight = Rgb::from_array(landing.weight) * self.share[entry];
+                light.add(landing.entry, weight, out);
+            }
+        }
+        for (out, source) in out.iter_mut().zip(&self.source[entry * self.layers..]) {
+            *out += *source;
+        }
+    }
+
+    /// Sums over the entries of what `value(spare, entry, out)` puts into `out`, per layer and channel, in an order that does
+    /// not depend on the threads.
+    fn sums(&self, value: impl Fn(&mut [Rgb], usize, &mut [Rgb]) + Sync) -> Vec<f64> {
+        let mut all = vec![0.0; 3 * self.layers];
+        for (run, _) in self.runs(value) {
+            all.iter_mut().zip(run).for_each(|(a, r)| *a += r);
+        }
+        all
+    }
+
+    /// The greatest mean of a run, per layer and channel.
+    fn most_of_runs(&self, value: impl Fn(&mut [Rgb], usize, &mut [Rgb]) + Sync) -> Vec<f64> {
+        let mut most = vec![0.0f64; 3 * self.layers];
+        for (run, entries) in self.runs(value) {
+            most.iter_mut().zip(run).for_each(|(m, r)| *m = m.max(r / entries as f64));
+        }
+        most
+    }
+
+    /// The sums of each run of entries, and how many they are.
+    fn runs(&self, value: impl Fn(&mut [Rgb], usize, &mut [Rgb]) + Sync) -> Vec<(Vec<f64>, usize)> {
+        let n = self.share.len();
+        (0..n.div_ceil(RUN))
+            .into_par_iter()
+            .map(|run| {
+                let mut sums = vec![0.0; 3 * self.layers];
+                let (mut spare, mut out) = (vec![Rgb::ZERO; self.layers], vec![Rgb::ZERO; self.layers]);
+                for entry in run * RUN..n.min((run + 1) * RUN) {
+                    value(&mut spare, entry, &mut out);
+                    let values: &[f32] = bytemuck::cast_slice(&out);
+                    sums.iter_mut().zip(values).for_each(|(s, v)| *s += f64::from(*v));
+                }
+                (sums, n.min((run + 1) * RUN) - run * RUN)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,174 @@
+//! The walks the cache is solved on: a few from each of its entries.
+
+use super::balance::{Landing, NOWHERE, PILOT, System};
+use super::block::{Stream, Worker, sum};
+use super::state::StateFolder;
+use crate::surface::SurfacePoint;
+use crate::trace::cache::{CacheMap, Patch};
+use crate::trace::counts::RayCounts;
+use crate::trace::sampler::{Sample, Sequence};
+use crate::trace::space::Receiver;
+use crate::trace::walk::{Arrival, point_pair};
+use crate::{Result, Rgb};
+use dataset::console::stop_if_interrupted;
+use rayon::prelude::*;
+use std::sync::Mutex;
+
+/// Samples of direct light per patch and half.
+const PATCH_DIRECT: u32 = 4;
+
+/// Walks from all entries of one half; `each` is called after each block.
+pub fn trace(
+    worker: &Worker,
+    folder: &StateFolder,
+    map: &CacheMap,
+    blocks: &[usize],
+    half: usize,
+    each: impl Fn() + Sync,
+) -> Result<(System, RayCounts)> {
+    let layers = worker.transport.lights.layers();
+    let n = map.entries();
+    let system = Mutex::new(System {
+        layers,
+        source: vec![Rgb::ZERO; n * layers],
+        landings: vec![NOWHERE; n * PILOT],
+        share: vec![0.0; n],
+    });
+    let keep = |traced: Vec<TracedEntry>| {
+        let mut counts = RayCounts::default();
+        let mut system = system.lock().unwrap_or_else(|e| e.into_inner());
+        for entry in traced {
+            let e = entry.entry as usize;
+            system.source[e * layers..(e + 1) * layers].copy_from_slice(&entry.source);
+            system.landings[e * PILOT..][..entry.landings.len()].copy_from_slice(&entry.landings);
+            system.share[e] = entry.share;
+            counts += entry.counts;
+        }
+        counts
+    };
+    let mut counts = blocks
+        .par_iter()
+        .map(|&block| {
+            stop_if_interrupted()?;
+            let counts = keep(trace_block(worker, folder, map, block, half)?);
+            each();
+            Ok(counts)
+        })
+        .collect::<Result<Vec<_>>>()?;
+    for patches in map.all_patches().chunks(1 << 12) {
+        stop_if_interrupted()?;
+        counts.push(keep(trace_patches(worker, map, patches, half)));
+    }
+    Ok((system.into_inner().unwrap_or_else(|e| e.into_inner()), sum(counts)))
+}
+
+/// What the walks from one entry found.
+struct TracedEntry {
+    entry: u32,
+    source: Vec<Rgb>,
+    landings: Vec<Landing>,
+    share: f32,
+    counts: RayCounts,
+}
+
+fn trace_block(
+    worker: &Worker,
+    folder: &StateFolder,
+    map: &CacheMap,
+    block: usize,
+    half: usize,
+) -> Result<Vec<TracedEntry>> {
+    let surface = worker.surface(block);
+    let covered: Vec<usize> = surface.covered().collect();
+    let state = folder.read(block, covered.len())?;
+    let lights = worker.transport.lights;
+    // The exposed texels of each entry, as (entry, texel of the block's file).
+    let mut texels: Vec<(u32, usize)> = covered
+        .iter()
+        .enumerate()
+        .filter(|&(i, _)| state.is_exposed(i))
+        .filter_map(|(i, &t)| Some((map.of_texel(surface.page_index(worker.atlas, t))?, i)))
+        .collect();
+    texels.sort_unstable();
+    let groups: Vec<&[(u32, usize)]> = texels.chunk_by(|a, b| a.0 == b.0).collect();
+    Ok(groups
+        .into_par_iter()
+        .with_min_len(32)
+        .map(|group| {
+            // The mean direct light of the entry's texels.
+            let mut source = vec![Rgb::ZERO; lights.layers()];
+            for &(_, i) in group {
+                let from = (i * 2 + half) * lights.sampled();
+                for (light, direct) in state.direct[from..from + lights.sampled()].iter().enumerate() {
+                    source[lights.layer_of_sampled(light)] += direct.mean() / group.len() as f32;
+                }
+            }
+            // Walks from points spread over its texels.
+            let sequence = worker.sequence(&surface, covered[group[0].1], Stream::Pilot, half);
+            let start = |i: usize, counts: &mut RayCounts| {
+                let (_, texel) = group[i * group.len() / PILOT];
+                let sample = sequence.sample(i as u32);
+                Some((
+                    worker.receiver(&surface, covered[texel], sample, state.outside[texel], counts)?,
+                    sample,
+                ))
+            };
+            pilot(worker, map, group[0].0, source, start)
+        })
+        .collect())
+}
+
+/// As [`trace_block`], for the patches; their direct light is sampled here too.
+fn trace_patches(worker: &Worker, map: &CacheMap, patches: &[Patch], half: usize) -> Vec<TracedEntry> {
+    let lights = worker.transport.lights;
+    let one = |patch: &Patch| {
+        let sequence = Sequence::new(worker.seed, 1, patch.entry, Stream::Pilot as u32 + half as u32);
+        let at = |sample: Sample| {
+            let barycentric = patch.sample(point_pair(sample));
+            let point = SurfacePoint { triangle: patch.triangle, barycentric };
+            worker.transport.space.flat_receiver(&point, patch.is_back)
+        };
+        let mut counts = RayCounts::default();
+        let mut source = vec![Rgb::ZERO; lights.layers()];
+        for i in 0..PATCH_DIRECT {
+            let sample = sequence.sample(PILOT as u32 + i);
+            let Some(at) = at(sample) else { continue };
+            let share = Rgb::splat(1.0 / PATCH_DIRECT as f32);
+            worker.transport.add_direct(&at, share, sample, 0, &mut source, &mut counts);
+        }
+        let start = |i: usize, _: &mut RayCounts| {
+            let sample = sequence.sample(i as u32);
+            Some((at(sample)?, sample))
+        };
+        let mut traced = pilot(worker, map, patch.entry, source, start);
+        traced.counts += counts;
+        traced
+    };
+    patches.par_iter().with_min_len(32).map(one).collect()
+}
+
+/// The walks of one entry, from where `start` puts each; `source` is its direct light.
+fn pilot(
+    worker: &Worker,
+    map: &CacheMap,
+    entry: u32,
+    mut source: Vec<Rgb>,
+    start: impl Fn(usize, &mut RayCounts) -> Option<(Receiver, Sample)>,
+) -> TracedEntry {
+    let mut counts = RayCounts::default();
+    let (mut landings, mut walks) = (Vec::new(), 0);
+    let mut met = vec![Rgb::ZERO; source.len()];
+    for i in 0..PILOT {
+        let Some((at, sample)) = start(i, &mut counts) else { continue };
+        walks += 1;
+        let land = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
+            let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
+            landings.extend(entry.map(|entry| Landing { entry, weight: at.weight.to_array() }));
+            entry.is_some()
+        };
+        worker.transport.indirect(&at, sample, land, &mut met, &mut counts);
+    }
+    let share = if walks > 0 { 1.0 / walks as f32 } else { 0.0 };
+    source.iter_mut().zip(&met).for_each(|(s, m)| *s += *m * share);
+    TracedEntry { entry, source, landings, share, counts }
+}

@@ -1,0 +1,53 @@
+//! Rays traced, by purpose.
+
+use serde::{Deserialize, Serialize};
+
+/// Rays traced, by purpose, and what the walks met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RayCounts {
+    /// Segments of walks.
+    pub walk: u64,
+    /// Shadow rays to the sun.
+    pub sun: u64,
+    /// Shadow rays to lamps.
+    pub lamp: u64,
+    /// Shadow rays to the sky, through portals or at its bright parts.
+    pub sky: u64,
+    /// Shadow rays to bright surfaces.
+    pub reflector: u64,
+    /// Rays that find out which points of a texel lie inside a solid, or behind a wall.
+    pub inside: u64,
+    /// Walks that ended by reading the cache.
+    pub cached: u64,
+    /// Walks that would never end: nothing absorbs them.
+    pub endless: u64,
+}
+
+impl RayCounts {
+    /// Rays of all purposes.
+    pub fn rays(&self) -> u64 {
+        self.walk + self.sun + self.lamp + self.sky + self.reflector + self.inside
+    }
+}
+
+impl std::ops::AddAssign for RayCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.walk += other.walk;
+        self.sun += other.sun;
+        self.lamp += other.lamp;
+        self.sky += other.sky;
+        self.reflector += other.reflector;
+        self.inside += other.inside;
+        self.cached += other.cached;
+        self.endless += other.endless;
+    }
+}
+
+impl std::ops::Add for RayCounts {
+    type Output = Self;
+
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
+    }
+}

@@ -1,0 +1,203 @@
+//! The space light moves in: points on its surfaces, and what stands between them or around them.
+
+use super::counts::RayCounts;
+use super::rays::{Hit, Rays, offset_point};
+use crate::geometry::{Geometry, Material, Solids};
+use crate::surface::SurfacePoint;
+use glam::Vec3;
+
+/// Sine of 75°, what directions close to a surface are off its normal: what stands under a single sheet sees past it, what lies in a
+/// closed body does not.
+const SIN: f32 = 0.965_925_8;
+/// Cosine of that.
+const COS: f32 = 0.258_819_04;
+
+/// Triangles, the rays among them, and what is known of each.
+pub struct Space<'a> {
+    /// The triangles and materials.
+    pub geometry: &'a Geometry,
+    /// The ray tracer over them.
+    pub rays: &'a Rays<'a>,
+    /// Per triangle, the unit normal of its front.
+    fronts: Vec<Vec3>,
+    /// The triangles that bound solids.
+    solids: Solids,
+}
+
+/// A point light arrives at, moved off its surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    pub(super) origin: Vec3,
+    pub(super) triangle: u32,
+    /// Geometric normal on the side considered.
+    pub(super) face_normal: Vec3,
+    /// The normal cosines are measured against.
+    pub(super) normal: Vec3,
+}
+
+impl Receiver {
+    /// Squared distance in m².
+    pub fn distance_squared(&self, other: &Receiver) -> f32 {
+        self.origin.distance_squared(other.origin)
+    }
+}
+
+impl<'a> Space<'a> {
+    /// Triangles and the rays among them.
+    pub fn new(geometry: &'a Geometry, rays: &'a Rays<'a>) -> Self {
+        let fronts = (0..geometry.triangles.len()).map(|t| geometry.normal(t)).collect();
+        Space { geometry, rays, fronts, solids: Solids::default() }
+    }
+
+    /// The same, with the triangles that bound solids, which [`Space::is_in_solid`] rests on: none before.
+    pub fn with_solids(self, solids: Solids) -> Self {
+        Space { solids, ..self }
+    }
+
+    /// Unit normal of a triangle's front; zero for one without area.
+    #[inline]
+    pub fn front(&self, triangle: u32) -> Vec3 {
+        self.fronts[triangle as usize]
+    }
+
+    /// A point on one side of a triangle, with the normal of its plane. `None` without a normal.
+    pub fn flat_receiver(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
+        let triangle = point.triangle as usize;
+        let front = self.front(point.triangle);
+        let normal = if is_back { -front } else { front };
+        let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, normal);
+        (normal != Vec3::ZERO).then_some(Receiver {
+            origin,
+            triangle: point.triangle,
+            face_normal: normal,
+            normal,
+        })
+    }
+
+    /// The texel's point, on the front, with the interpolated normal the game shades with. `None` without a normal.
+    pub fn receiver(&self, point: &SurfacePoint) -> Option<Receiver> {
+        let triangle = point.triangle as usize;
+        let face_normal = self.front(point.triangle);
+        if face_normal == Vec3::ZERO {
+            return None;
+        }
+        let smooth = self.geometry.shading_normal_at(triangle, point.barycentric);
+        let normal = if smooth.dot(face_normal) > 0.0 { smooth } else { face_normal };
+        let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, face_normal);
+        Some(Receiver { origin, triangle: point.triangle, face_normal, normal })
+    }
+
+    /// Whether a point lies inside a solid, closed or nearly so.
+    pub fn is_inside(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
+        self.is_in_solid(at, counts) || self.is_enclosed(at, counts)
+    }
+
+    /// Directions close to the surface all around. Rays there count for no light: to leave out points by what they meet does not favour
+    /// the light that reaches the others.
+    fn around(at: &Receiver) -> [Vec3; 4] {
+        let (tangent, bitangent) = at.face_normal.any_orthonormal_pair();
+        [tangent, bitangent, -tangent, -bitangent].map(|side| (side * SIN + at.face_normal * COS).normalize())
+    }
+
+    /// Whether a hit is on the absorbing back of a one-sided triangle.
+    fn is_absorbing_back(&self, hit: &Hit, direction: Vec3) -> bool {
+        self.front(hit.triangle).dot(direction) > 0.0 && !self.material(hit.triangle).two_sided
+    }
+
+    /// What is met at once with a hit: where a body stands against another (a wall under a ceiling), the back of one and the front
+    /// of the other.
+    fn met_at_once(&self, at: &Receiver, direction: Vec3, hit: &Hit, counts: &mut RayCounts) -> Option<Hit> {
+        const AT_ONCE: f32 = 1e-5;
+        counts.inside += 1;
+        let next = self.rays.nearest(at.origin, direction, hit.triangle);
+        next.filter(|next| next.t - hit.t <= AT_ONCE * hit.t)
+    }
+
+    /// Whether a point lies inside a closed solid: the first thing met along the normal, or in one of two directions close to the
+    /// surface, is the back of one. From outside none is ever met back first, except where a front is met at once with it (sheets
+    /// of two one-sided faces): such hits do not count.
+    pub fn is_in_solid(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
+        if self.solids.is_empty() {
+            return false;
+        }
+        let [tangent, bitangent, ..] = Self::around(at);
+        [at.face_normal, tangent, bitangent].into_iter().any(|direction| {
+            counts.inside += 1;
+            let hit = self.rays.nearest(at.origin, direction, at.triangle);
+            hit.is_some_and(|hit| {
+                self.solids.bound_by(hit.triangle) && self.is_absorbing_back(&hit, direction) && {
+                    let other = self.met_at_once(at, direction, &hit, counts);
+                    other.is_none_or(|other| self.is_absorbing_back(&other, direction))
+                }
+            })
+        })
+    }
+
+    /// Whether a point lies in a body that may be open a little: along the normal and in four directions close to the surface, the back
+    /// of a one-sided triangle is met.
+    pub fn is_enclosed(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
+        [at.face_normal].into_iter().chain(Self::around(at)).all(|direction| {
+            counts.inside += 1;
+            let hit = self.rays.nearest(at.origin, direction, at.triangle);
+            hit.is_some_and(|hit| {
+                self.is_absorbing_back(&hit, direction) || {
+                    let other = self.met_at_once(at, direction, &hit, counts);
+                    other.is_some_and(|other| self.is_absorbing_back(&other, direction))
+                }
+            })
+        })
+    }
+
+    /// Whether a point lies under ground that may be open: upwards, as far as its surface leaves room, the absorbing back of a
+    /// one-sided triangle is met first, and all around nothing that looks at the point (under a roof there is a floor).
+    pub fn is_under_ground(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
+        let mut met = |direction: Vec3| {
+            counts.inside += 1;
+            let hit = self.rays.nearest(at.origin, direction, at.triangle);
+            hit.map(|hit| self.is_absorbing_back(&hit, direction))
+        };
+        let upwards = Vec3::Y.reject_from_normalized(at.face_normal).normalize_or_zero();
+        let tilted = |side: Vec3| (side * SIN + at.face_normal * COS).normalize();
+        let aside = at.face_normal.cross(upwards);
+        met(tilted(upwards)) == Some(true)
+            && [at.face_normal, tilted(aside), tilted(-aside), tilted(-upwards)]
+                .into_iter()
+                .all(|direction| met(direction) != Some(false))
+    }
+
+    /// Whether nothing stands between two points.
+    pub fn sees(&self, a: &Receiver, b: &Receiver, counts: &mut RayCounts) -> bool {
+        counts.inside += 1;
+        let (direction, distance) = (b.origin - a.origin).normalize_and_length();
+        !self.rays.occluded(a.origin, direction, distance, a.triangle)
+    }
+
+    /// Whether nothing stands between two points of a piece of surface. Where it bulges between them, the straight way leads through
+    /// what is below it, and one in an arch over it will do as well: what stands on the surface is in both.
+    pub fn reaches(&self, a: &Receiver, b: &Receiver, counts: &mut RayCounts) -> bool {
+        if self.sees(a, b, counts) {
+            return true;
+        }
+        let (direction, distance) = (b.origin - a.origin).normalize_and_length();
+        // The sine of the angle at which the way enters the surface, or leaves it.
+        let bulge = b.face_normal.dot(direction).max(-a.face_normal.dot(direction));
+        // Flat but for rounding.
+        const FLAT: f32 = 1e-3;
+        if bulge < FLAT {
+            return false;
+        }
+        // Twice the height of a circle's arc.
+        let raised = |at: &Receiver| Receiver {
+            origin: at.origin + at.face_normal * (0.5 * distance * bulge),
+            triangle: u32::MAX,
+            ..*at
+        };
+        let (above_a, above_b) = (raised(a), raised(b));
+        [(a, &above_a), (&above_a, &above_b), (&above_b, b)].into_iter().all(|(a, b)| self.sees(a, b, counts))
+    }
+
+    /// What a triangle is made of.
+    pub fn material(&self, triangle: u32) -> &Material {
+        &self.geometry.materials[self.geometry.material_of[triangle as usize] as usize]
+    }
+}
