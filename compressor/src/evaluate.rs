@@ -4,6 +4,7 @@
 //! ([`dataset::metrics`]). A *sample* is one (tile, set). Samples of a tile that is all zero or has no valid texel are skipped;
 //! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
 
+mod seams;
 mod table;
 
 pub use table::COLUMNS;
@@ -13,10 +14,11 @@ use crate::mean::mean;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::{Image, Mask};
-use dataset::metrics::{self, TileQuality};
+use dataset::metrics::{self, Brightnesses, TileQuality};
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 use rayon::prelude::*;
+use seams::Seams;
 
 /// One tile of one set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +37,8 @@ pub struct Sample {
     pub noise_ceiling_db: Option<f64>,
     /// RMSE ÷ mean, as [`metrics::relative_error`].
     pub relative_error: f64,
+    /// PSNR of the logarithm, as [`metrics::psnr_log_db`].
+    pub psnr_log_db: Option<f64>,
 }
 
 /// Means over samples, for all sets or for one.
@@ -48,6 +52,8 @@ pub struct Quality {
     pub psnr_pooled_db: Option<f64>,
     /// Mean PSNR after the 8-bit four-channel output ([`to_rgbe`]).
     pub psnr_8bit_db: Option<f64>,
+    /// Mean PSNR of the logarithm ([`metrics::psnr_log_db`]): sees errors in the dark.
+    pub psnr_log_db: Option<f64>,
     /// Mean noise ceiling.
     pub noise_ceiling_db: Option<f64>,
     /// Mean PSNR of the worst 1 % of the samples (at least one).
@@ -56,6 +62,8 @@ pub struct Quality {
     pub one_minus_ssim: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,
+    /// Relative error over the darkest quarter of the valid texels of a set; the mean over sets.
+    pub dark_relative_error: Option<f64>,
     /// Samples behind the means above.
     pub samples: usize,
     /// Samples constant in space, not among them.
@@ -85,6 +93,9 @@ pub struct Evaluation {
     pub bpp: f64,
     /// Bytes of the bundle file.
     pub bytes: u64,
+    /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
+    /// page and set weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
+    pub seam_ratio: Option<f64>,
     /// Wall-clock seconds of decoding alone.
     pub decode_seconds: f64,
 }
@@ -103,15 +114,20 @@ pub fn evaluate(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Resu
     let progress = console.progress("evaluating", (sets.len() * masks.len()) as u64);
     let mut samples = Vec::new();
     let mut decode_seconds = 0.0;
+    let mut seams = Seams::default();
+    let mut dark: Vec<Option<f64>> = Vec::with_capacity(sets.len());
     for (k, set) in sets.iter().enumerate() {
         let first = samples.len();
         let (mut sum, mut texels) = (0.0, 0);
+        let mut brightnesses = Brightnesses::default();
         for (page, mask) in masks.iter().enumerate() {
             stop_if_interrupted()?;
             let reference = dataset.map(k, page)?;
             let start = std::time::Instant::now();
             let decoded = decoder.decode_page(page, set.hour)?;
             decode_seconds += start.elapsed().as_secs_f64();
+            let (page_sum, page_texels) = metrics::valid_sum(&reference, mask);
+            let page_mean = if page_texels == 0 { 0.0 } else { page_sum / (3 * page_texels) as f64 };
             let noise = noise.as_ref().map(|noise| &noise.mse[k][page]);
             let rects = tiles(mask.width, mask.height, TILE);
             samples.par_extend(rects.par_iter().enumerate().filter_map(|(i, &rect)| {
@@ -127,9 +143,11 @@ pub fn evaluate(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Resu
                         .map(|_| psnr_8bit_db(&decoded, &reference, mask, rect, &quality)),
                     noise_ceiling_db: quality.psnr_db.and(noise.map(|tiles| ceiling(tiles[i]))),
                     relative_error: 0.0,
+                    psnr_log_db: metrics::psnr_log_db(&decoded, &reference, mask, rect, page_mean),
                 })
             }));
-            let (page_sum, page_texels) = metrics::valid_sum(&reference, mask);
+            brightnesses.add(&decoded, &reference, mask);
+            seams.add(&decoded, &reference, mask, page_mean);
             sum += page_sum;
             texels += page_texels;
             progress.advance(1);
@@ -139,20 +157,26 @@ pub fn evaluate(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Resu
             sample.relative_error =
                 metrics::relative_error(sample.quality.mse(), sample.quality.mean, set_mean);
         }
+        dark.push(brightnesses.dark_relative_error(set_mean));
     }
-    let of_set = |k: usize| quality(samples.iter().filter(|sample| sample.set == k));
+    // The quality over some of the sets.
+    let over = |wanted: &dyn Fn(usize) -> bool| Quality {
+        dark_relative_error: mean((0..sets.len()).filter(|&k| wanted(k)).filter_map(|k| dark[k])),
+        ..quality(samples.iter().filter(|sample| wanted(sample.set)))
+    };
     let texels: u64 =
         dataset.config.pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
     let files = |k: usize| sets[k].maps.iter().map(|map| &map.file.blake3).collect::<Vec<_>>();
     let mut seen = std::collections::BTreeSet::new();
     let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
     Ok(Evaluation {
-        all: quality(samples.iter()),
-        by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, of_set(k))).collect(),
-        distinct: quality(samples.iter().filter(|sample| firsts.binary_search(&sample.set).is_ok())),
+        all: over(&|_| true),
+        by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
+        distinct: over(&|k| firsts.binary_search(&k).is_ok()),
         distinct_sets: firsts.len(),
         bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
         bytes: bundle.bytes,
+        seam_ratio: seams.ratio(),
         decode_seconds,
         samples,
     })
@@ -181,7 +205,7 @@ fn check_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
     Ok(())
 }
 
-/// The means over samples.
+/// The means over samples; without the error in the dark, which is a set's.
 fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
     let (black, lit): (Vec<&Sample>, Vec<&Sample>) =
         samples.partition(|sample| sample.quality.psnr_db.is_none());
@@ -202,10 +226,12 @@ fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
         psnr_range_db: over(&|s| s.quality.psnr_range_db),
         psnr_pooled_db: (texels > 0).then(|| metrics::psnr_db(1.0, pooled)),
         psnr_8bit_db: over(&|s| s.psnr_8bit_db),
+        psnr_log_db: over(&|s| s.psnr_log_db),
         noise_ceiling_db: over(&|s| s.noise_ceiling_db),
         psnr_worst_percent_db: mean(worst.into_iter()),
         one_minus_ssim: over(&|s| s.quality.ssim.map(|ssim| 1.0 - ssim)),
         relative_error: over(&|s| Some(s.relative_error)),
+        dark_relative_error: None,
         samples: judged.len(),
         constant: constant.len(),
         constant_relative_error: mean(constant.iter().map(|sample| sample.relative_error)),
@@ -301,6 +327,7 @@ mod tests {
             psnr_8bit_db: psnr,
             noise_ceiling_db: None,
             relative_error: mse.sqrt(),
+            psnr_log_db: psnr.map(|db| db - 3.0),
         }
     }
 
@@ -320,6 +347,7 @@ mod tests {
         assert!((q.psnr_worst_percent_db.unwrap() - 20.0).abs() < 1e-9);
         assert!((q.constant_relative_error.unwrap() - 1e-3).abs() < 1e-12);
         assert!((q.one_minus_ssim.unwrap() - 0.1).abs() < 1e-12);
+        assert!((q.psnr_log_db.unwrap() - 27.0).abs() < 1e-9);
         assert_eq!(q.noise_ceiling_db, None);
         assert_eq!(quality([].iter()), Quality::default());
     }

@@ -33,15 +33,18 @@ Keys of the --json object (null where there is none):
   psnr_pooled_db         from the mean squared error relative to the peak: bad tiles weigh as they are bad
   psnr_distinct_db       psnr_db over the sets that differ (sets_distinct of them)
   psnr_8bit_db           psnr_db after the 8-bit four-channel output
+  psnr_log_db            psnr_db of ln(1 + E/e), e = 0.001 of the page's mean: sees errors in the dark
   psnr_worst_percent_db  mean of the worst 1 % of the pairs
   psnr_unquantised_db    before quantisation, mean over the training's tiles (compress only)
   noise_ceiling_db       the bake's own sampling error as a PSNR, mean
   one_minus_ssim         1 - mean structural similarity
   relative_error         mean of RMSE / mean
+  dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets
   constant_relative_error  the same over pairs constant in space, which have no PSNR
   pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
   bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle
-  hours                  a list of hour, psnr_db, noise_ceiling_db, relative_error
+  seam_ratio             error of the step between neighbouring texels, across tile borders / inside tiles
+  hours                  a list of hour, psnr_db, noise_ceiling_db, psnr_log_db, relative_error, dark_relative_error
   tiles, seconds         tiles of the bundle, wall-clock seconds
   bundle, report         paths written (compress only)
   tiles_empty, tiles_resumed, training_cpu_seconds   (compress only)

@@ -6,7 +6,10 @@
 use crate::image::{Image, Mask};
 use crate::tiles::Rect;
 
+mod dark;
 mod ssim;
+
+pub use dark::{Brightnesses, psnr_log_db};
 
 /// PSNR is capped here: an exact tile has no finite one.
 pub const PSNR_CAP_DB: f64 = 100.0;

@@ -4,7 +4,9 @@ mod common;
 
 use common::{Random, full_mask, noise_image};
 use dataset::image::{Image, Mask};
-use dataset::metrics::{PSNR_CAP_DB, TileQuality, compare, psnr_db, relative_error, valid_sum};
+use dataset::metrics::{
+    Brightnesses, PSNR_CAP_DB, TileQuality, compare, psnr_db, psnr_log_db, relative_error, valid_sum,
+};
 use dataset::tiles::{Rect, TILE, tiles};
 
 /// The definitions, one texel and one window at a time.
@@ -185,4 +187,76 @@ fn valid_sums_leave_out_the_rest() {
     mask.valid[1] = false;
     let image = Image { width: 2, height: 1, texels: vec![[1.0, 2.0, 3.0], [f32::NAN; 3]] };
     assert_eq!(valid_sum(&image, &mask), (6.0, 1));
+}
+
+#[test]
+fn the_logarithm_sees_what_a_spike_hides_from_the_psnr() {
+    let (width, height) = (64, 64);
+    let image = |rest: f32| {
+        let mut texels = vec![[rest; 3]; width * height];
+        texels[70] = [1e6; 3];
+        Image { width, height, texels }
+    };
+    let (reference, mut mask) = (image(1.0), full_mask(width, height));
+    let tile = Rect { x0: 0, y0: 0, x1: width, y1: height };
+    let mean = (1e6 + 4095.0) / 4096.0;
+    let judge = |decoded: &Image, mask: &Mask| {
+        let log = psnr_log_db(decoded, &reference, mask, tile, mean);
+        (compare(decoded, &reference, mask, tile).psnr_db.unwrap(), log.unwrap())
+    };
+    // All but one texel a hundred times too bright: an excellent PSNR.
+    let (psnr, log) = judge(&image(100.0), &mask);
+    let floor: f64 = 1e-3 * mean;
+    let [one, hundred, peak] = [1.0, 100.0, 1e6].map(|v: f64| (1.0 + v / floor).ln());
+    let expected = 20.0 * (peak / ((hundred - one) * (4095.0f64 / 4096.0).sqrt())).log10();
+    assert!(psnr > 79.0 && (log - expected).abs() < 1e-9 && log < 11.0, "{psnr} {log}");
+    assert!(judge(&image(1.01), &mask).1 > 60.0);
+    assert_eq!(judge(&reference, &mask).1, PSNR_CAP_DB);
+    // An error outside the mask is none.
+    let mut wrong = reference.clone();
+    wrong.texels[9] = [7.0; 3];
+    mask.valid[9] = false;
+    assert_eq!(judge(&wrong, &mask).1, PSNR_CAP_DB);
+    // Nothing valid, nothing lit.
+    let none = Mask { valid: vec![false; width * height], ..mask };
+    let black = Image::black(width, height);
+    assert_eq!(psnr_log_db(&reference, &reference, &none, tile, mean), None);
+    assert_eq!(psnr_log_db(&reference, &black, &full_mask(width, height), tile, 0.0), None);
+}
+
+#[test]
+fn the_darkest_quarter_is_that_of_the_whole_set() {
+    // Brightness 1 … 8 and 11 … 18 on two pages, and an invalid black texel on each.
+    let page = |first: f32| {
+        let texels =
+            (0..9).map(|i| if i == 8 { [0.0; 3] } else { [0.0, 2.0, 1.0].map(|c| c * (first + i as f32)) });
+        Image { width: 9, height: 1, texels: texels.collect() }
+    };
+    let mut mask = full_mask(9, 1);
+    mask.valid[8] = false;
+    let judged = |errors: &[(usize, usize, f32)]| {
+        let mut set = Brightnesses::default();
+        for (number, first) in [11.0, 1.0].into_iter().enumerate() {
+            let (reference, mut decoded) = (page(first), page(first));
+            for &(_, texel, error) in errors.iter().filter(|(of, ..)| *of == number) {
+                decoded.texels[texel][1] += error;
+            }
+            set.add(&decoded, &reference, &mask);
+        }
+        set.dark_relative_error(9.5).unwrap()
+    };
+    assert_eq!(judged(&[]), 0.0);
+    // The quarter is 1, 2, 3, 4; errors elsewhere are none of its business.
+    assert_eq!(judged(&[(0, 3, 5.0), (1, 4, 5.0), (1, 8, 5.0), (0, 8, 5.0)]), 0.0);
+    let rmse = (0.6f64 * 0.6 / 3.0 / 4.0).sqrt();
+    assert!((judged(&[(1, 3, 0.6)]) - rmse / 2.5).abs() < 1e-7);
+    assert!((judged(&[(1, 0, 0.6)]) - rmse / 2.5).abs() < 1e-7);
+    // Equal brightness counts as a whole; a black quarter is measured against the set.
+    let (mut set, grey) = (Brightnesses::default(), Image { width: 9, height: 1, texels: vec![[2.0; 3]; 9] });
+    set.add(&Image { texels: vec![[2.5; 3]; 9], ..grey }, &grey, &mask);
+    assert_eq!(set.dark_relative_error(2.0), Some(0.25));
+    let (mut set, black) = (Brightnesses::default(), Image::black(9, 1));
+    set.add(&Image { texels: vec![[0.5; 3]; 9], ..black }, &black, &mask);
+    assert_eq!(set.dark_relative_error(100.0), Some(5.0));
+    assert_eq!(Brightnesses::default().dark_relative_error(1.0), None);
 }

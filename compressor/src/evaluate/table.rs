@@ -8,15 +8,17 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Columns of [`Evaluation::rows`].
-pub const COLUMNS: [&str; 8] = [
+pub const COLUMNS: [&str; 10] = [
     "hour",
     "PSNR dB",
     "pooled dB",
     "worst 1 % dB",
     "8-bit dB",
+    "log dB",
     "noise ceiling dB",
     "1 − SSIM",
     "relative error",
+    "in the dark",
 ];
 
 /// A number of `digits` decimals, or a dash.
@@ -31,9 +33,11 @@ fn row(name: String, q: &Quality) -> Vec<String> {
         cell(q.psnr_pooled_db, 2),
         cell(q.psnr_worst_percent_db, 2),
         cell(q.psnr_8bit_db, 2),
+        cell(q.psnr_log_db, 2),
         cell(q.noise_ceiling_db, 2),
         cell(q.one_minus_ssim, 5),
         cell(q.relative_error, 5),
+        cell(q.dark_relative_error, 5),
     ]
 }
 
@@ -97,22 +101,40 @@ impl Evaluation {
                  codec, would bring them closer to the truth"
             ));
         }
+        let below =
+            |q: &Quality| q.noise_ceiling_db.zip(q.psnr_db).is_some_and(|(ceiling, psnr)| ceiling < psnr);
+        let hours: Vec<String> =
+            self.by_hour.iter().filter(|(_, q)| below(q)).map(|(hour, _)| hour.to_string()).collect();
+        if !hours.is_empty() {
+            remarks.push(format!(
+                "the PSNR of {} of {} sets is above their noise ceiling: it says how well the bake's noise is met ({} h)",
+                hours.len(),
+                self.by_hour.len(),
+                hours.join(", ")
+            ));
+        }
+        if let Some(ratio) = self.seam_ratio {
+            remarks.push(format!(
+                "the step from a texel to its neighbour is wrong by {ratio:.3} times as much across tile borders as inside tiles"
+            ));
+        }
         remarks
     }
 
     /// Every judged (tile, set) as comma-separated values.
     pub fn csv(&self) -> String {
         let mut out = String::from(
-            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,psnr_8bit_db,noise_ceiling_db,relative_error\n",
+            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,psnr_8bit_db,noise_ceiling_db,psnr_log_db,relative_error\n",
         );
         for s in &self.samples {
             let (q, r) = (&s.quality, &s.rect);
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
             let place = format!("{},{},{},{},{},{}", self.by_hour[s.set].0, s.page, r.x0, r.y0, r.x1, r.y1);
             let plain = format!("{},{},{},{},{},{}", q.texels, q.peak, q.range, q.mean, q.constant, q.mse());
-            let rest = [q.psnr_db, q.psnr_range_db, q.ssim, s.psnr_8bit_db, s.noise_ceiling_db]
-                .map(number)
-                .join(",");
+            let rest =
+                [q.psnr_db, q.psnr_range_db, q.ssim, s.psnr_8bit_db, s.noise_ceiling_db, s.psnr_log_db]
+                    .map(number)
+                    .join(",");
             let _ = writeln!(out, "{place},{plain},{rest},{}", s.relative_error);
         }
         out
@@ -129,7 +151,8 @@ impl Evaluation {
         let hours: Vec<_> = self
             .by_hour
             .iter()
-            .map(|(hour, q)| json!({ "hour": hour, "psnr_db": q.psnr_db, "noise_ceiling_db": q.noise_ceiling_db, "relative_error": q.relative_error }))
+            .map(|(hour, q)| json!({ "hour": hour, "psnr_db": q.psnr_db, "noise_ceiling_db": q.noise_ceiling_db, "psnr_log_db": q.psnr_log_db,
+                "relative_error": q.relative_error, "dark_relative_error": q.dark_relative_error }))
             .collect();
         json!({
             "psnr_db": q.psnr_db,
@@ -138,17 +161,20 @@ impl Evaluation {
             "psnr_distinct_db": self.distinct.psnr_db,
             "sets_distinct": self.distinct_sets,
             "psnr_8bit_db": q.psnr_8bit_db,
+            "psnr_log_db": q.psnr_log_db,
             "psnr_worst_percent_db": q.psnr_worst_percent_db,
             "psnr_unquantised_db": Value::Null,
             "noise_ceiling_db": q.noise_ceiling_db,
             "one_minus_ssim": q.one_minus_ssim,
             "relative_error": q.relative_error,
+            "dark_relative_error": q.dark_relative_error,
             "constant_relative_error": q.constant_relative_error,
             "pairs": q.samples,
             "pairs_constant": q.constant,
             "pairs_black": q.black,
             "bpp": self.bpp,
             "bytes": self.bytes,
+            "seam_ratio": self.seam_ratio,
             "hours": hours,
         })
     }

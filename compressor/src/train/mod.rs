@@ -69,6 +69,7 @@ pub struct TrainedTile {
 
 /// How often a training that diverges is tried again at half the rate.
 const RETRIES: i32 = 6;
+
 /// Trains a tile. Deterministic in (source, recipe) on one instruction set.
 ///
 /// # Errors
@@ -98,8 +99,8 @@ pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<
         });
     }
     match profile.hidden {
-        16 => train_width::<16>(&problem, recipe, left_out),
-        64 => train_width::<64>(&problem, recipe, left_out),
+        16 => train_width::<16>(&problem, recipe, 1.0, left_out),
+        64 => train_width::<64>(&problem, recipe, 1.0, left_out),
         other => Err(Error::unsupported("profile", format!("hidden width {other}; expected 16 or 64"))),
     }
 }
@@ -139,17 +140,33 @@ fn check(source: &TileSource) -> Result<()> {
     Ok(())
 }
 
+/// Trains at `rate` times the recipe's rates; where that diverges, at ever smaller ones.
 fn train_width<const H: usize>(
     problem: &Problem,
     recipe: &Recipe,
+    rate: f32,
     mut left_out: Vec<String>,
 ) -> Result<TrainedTile> {
+    let attempt = |slower: f32, last: bool| {
+        Attempt::<H>::new(problem, recipe, rate * slower, Tier::detect()).finish(recipe, last)
+    };
+    let trained = restarting(attempt, &mut left_out)?;
+    Ok(TrainedTile { left_out, ..trained })
+}
+
+/// What the first attempt gives that does not diverge; each is told its share of the rate, and whether it is the last.
+/// Every restart is added to the remarks.
+fn restarting<T>(
+    mut attempt: impl FnMut(f32, bool) -> Result<Option<T>>,
+    remarks: &mut Vec<String>,
+) -> Result<T> {
     for retry in 0..=RETRIES {
-        let slower = 0.5f32.powi(retry);
-        if let Some(finished) = Attempt::<H>::new(problem, recipe, slower, Tier::detect()).finish(recipe)? {
-            return Ok(TrainedTile { left_out, ..finished });
+        if let Some(finished) = attempt(0.5f32.powi(retry), retry == RETRIES)? {
+            return Ok(finished);
         }
-        left_out.push(format!("training diverged; restarted at 1/{} of the rate", 2 << retry));
+        if retry < RETRIES {
+            remarks.push(format!("training diverged; restarted at 1/{} of the rate", 2 << retry));
+        }
     }
     Err(Error::invalid("tile", format!("training diverges even at 1/{} of the rate", 1 << RETRIES)))
 }

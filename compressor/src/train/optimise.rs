@@ -1,7 +1,9 @@
 //! The training loop of one tile: epochs, steps of Adam, the loss weights, and the error so far.
 
 use super::features::{Layout, Maps};
-use super::kernel::{Adam, Batch, Contract, FillMaps, Gradient, Noise, Samples, Scope, SquaredErrors, run};
+use super::kernel::{
+    Adam, Batch, Contract, FillMaps, Gradient, Noise, Samples, Scope, SquaredErrors, WEIGHT_CAP, run,
+};
 use super::lanes::Tier;
 use super::network::{BLOCK, Network, NetworkGradient};
 use super::problem::{GUTTER_SHARE, Problem};
@@ -204,6 +206,7 @@ impl<const H: usize> Trainer<H> {
         let errors = self.mean_squared_errors(stride);
         let problem = &mut self.problem;
         let (mut total, mut count) = (0.0, 0.0);
+        let mut typical = Vec::with_capacity(problem.moments.len());
         for (a, (moment, mse)) in problem.moments.iter_mut().zip(errors).enumerate() {
             // 100 dB is as good as it is measured.
             let root = mse.max(f64::from(moment.peak).powi(2) * 1e-10).sqrt();
@@ -215,15 +218,19 @@ impl<const H: usize> Trainer<H> {
                 total += (0..3).map(|c| f64::from(moment.slope[c] * t[c])).sum::<f64>();
                 count += 3.0;
             }
+            typical.push([0, 1, 2].map(|c| median(targets.iter().step_by(stride).map(|t| t[c]))));
         }
         let factor = (count / total) as f32;
         if !factor.is_finite() {
             return;
         }
-        for moment in &mut problem.moments {
-            for c in 0..3 {
+        for (moment, typical) in problem.moments.iter_mut().zip(typical) {
+            for (c, typical) in typical.into_iter().enumerate() {
                 moment.slope[c] *= factor;
-                moment.base[c] = if moment.means[c] > 0.0 { DARK_WEIGHT } else { 0.0 };
+                // Of a set that one peak outshines, the rest counts by its relative error.
+                let dark = (TYPICAL / typical.max(f32::MIN_POSITIVE)).max(1.0).powi(2);
+                moment.base[c] =
+                    if moment.means[c] > 0.0 { (DARK_WEIGHT * dark).min(WEIGHT_CAP) } else { 0.0 };
             }
         }
     }
@@ -231,6 +238,18 @@ impl<const H: usize> Trainer<H> {
 
 /// Floor of the aligned loss weight.
 const DARK_WEIGHT: f32 = 0.1;
+/// Below this target, the median of a set's channel raises the floor.
+const TYPICAL: f32 = 0.1;
+
+/// The lower median; 1 of nothing.
+fn median(values: impl Iterator<Item = f32>) -> f32 {
+    let mut values: Vec<f32> = values.collect();
+    if values.is_empty() {
+        return 1.0;
+    }
+    let middle = (values.len() - 1) / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
 
 /// Draws batches: every sample once an epoch, in random order; consecutive blocks go round the moments.
 #[derive(Debug, Default)]

@@ -25,6 +25,11 @@ const PAPER_RATE: f32 = 1e-3;
 const PAPER_BETA2: f32 = 0.999;
 /// Steps of the decoder alone in the paper's recipe, which does not say how many.
 const PAPER_FINE_TUNING: usize = 300;
+/// A main phase that ends so far below its best point has diverged, though all its numbers are finite. Points above
+/// [`GOOD_DB`] count as that: a tile with a bright peak may have any PSNR up there.
+const LOST_DB: f64 = 6.0;
+/// See [`LOST_DB`].
+const GOOD_DB: f64 = 40.0;
 /// Points of the curve in the main phase.
 const POINTS: usize = 8;
 
@@ -38,11 +43,13 @@ pub struct Attempt<const H: usize> {
     curve: Vec<Point>,
     /// Steps done.
     iteration: usize,
+    /// None follows: a poor result is taken.
+    last: bool,
 }
 
 /// Why a training ended early.
 enum Stop {
-    /// It came to a number that is not finite.
+    /// It came to a number that is not finite, or lost what it had reached.
     Diverged,
     /// It must not go on.
     Failed(Error),
@@ -64,11 +71,14 @@ impl<const H: usize> Attempt<H> {
             beta2: if recipe.paper { PAPER_BETA2 } else { BETA2 },
             curve: Vec::new(),
             iteration: 0,
+            last: false,
         }
     }
 
-    /// All phases; `None` if the training diverged. The result's `left_out` is empty.
-    pub fn finish(mut self, recipe: &Recipe) -> Result<Option<TrainedTile>> {
+    /// All phases; `None` if the training diverged (only if it came to no number, where it is the `last` attempt). The
+    /// result's `left_out` is empty.
+    pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
+        self.last = last;
         let trained =
             if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe.iterations) };
         let (blocks, psnr_unquantised) = match trained {
@@ -138,16 +148,18 @@ impl<const H: usize> Attempt<H> {
         alignments: &[f64],
         rates: impl Fn(usize) -> [f32; 2],
     ) -> Result<f64, Stop> {
+        let mut best = self.trainer.psnr(self.trainer.problem.valid.div_ceil(2048));
         for i in 0..iterations {
             if alignments.iter().any(|share| i == (share * iterations as f64) as usize) {
                 self.trainer.align_weights();
             }
             self.step(Scope::All, rates(i), true)?;
             if (i + 1) % (iterations / POINTS).max(1) == 0 {
-                self.point();
+                best = best.max(self.point());
             }
         }
-        Ok(self.trainer.psnr(1))
+        let psnr = self.trainer.psnr(1);
+        if psnr < best.min(GOOD_DB) - LOST_DB && !self.last { Err(Stop::Diverged) } else { Ok(psnr) }
     }
 
     /// Trains on around what is quantised already, without noise.
@@ -162,11 +174,12 @@ impl<const H: usize> Attempt<H> {
         if loss.is_finite() { Ok(()) } else { Err(Stop::Diverged) }
     }
 
-    /// Adds to the curve.
-    fn point(&mut self) {
+    /// Adds to the curve; the PSNR there.
+    fn point(&mut self) -> f64 {
         let few = self.trainer.problem.valid.div_ceil(2048);
-        let (iteration, seconds) = (self.iteration, self.clock.seconds());
-        self.curve.push(Point { iteration, seconds, psnr_db: self.trainer.psnr(few) });
+        let (iteration, seconds, psnr_db) = (self.iteration, self.clock.seconds(), self.trainer.psnr(few));
+        self.curve.push(Point { iteration, seconds, psnr_db });
+        psnr_db
     }
 }
 

@@ -444,3 +444,46 @@ fn training_that_diverges_is_noticed() {
     let losses: Vec<f64> = (0..20).map(|_| trainer.step(&step).unwrap()).collect();
     assert!(losses.iter().any(|l| !l.is_finite()));
 }
+
+#[test]
+fn training_that_diverges_is_restarted_at_a_smaller_rate_and_says_so() {
+    // Attempts that diverge above a quarter of the rate.
+    let (mut said, mut rates) = (Vec::new(), Vec::new());
+    let attempt = |rate: f32, last: bool| {
+        rates.push(rate);
+        Ok((rate <= 0.25 && !last).then_some(rate))
+    };
+    assert_eq!(restarting(attempt, &mut said).unwrap(), 0.25);
+    assert_eq!(rates, [1.0, 0.5, 0.25]);
+    let of = |n: u32| format!("training diverged; restarted at 1/{n} of the rate");
+    assert_eq!(said, [of(2), of(4)]);
+    // None that ends, and the tile's own error.
+    let mut said = Vec::new();
+    let mut attempts = 0;
+    let never = |_, last| {
+        attempts += 1;
+        assert_eq!(last, attempts == 7);
+        Ok(None::<()>)
+    };
+    let message = restarting(never, &mut said).unwrap_err().to_string();
+    assert!(message.contains("diverges even at 1/64 of the rate"), "{message}");
+    assert_eq!(said, [of(2), of(4), of(8), of(16), of(32), of(64)]);
+    assert!(matches!(
+        restarting(|_, _| Err::<Option<()>, _>(Error::Interrupted), &mut said),
+        Err(Error::Interrupted)
+    ));
+
+    // A tile at rates that are far too high: overflow; and numbers that stay finite but lose what was reached.
+    let source = moving_shadow(32, 32, 8);
+    let problem = Problem::new(&source, Shape::new(&M, 32, 32, 8), Coding::Standard);
+    let told = |rate| train_width::<16>(&problem, &recipe(300), rate, vec!["before".to_owned()]);
+    assert!(told(1e10).unwrap_err().to_string().contains("diverges"));
+    let poor = told(1e4).unwrap();
+    assert!(
+        poor.left_out.len() > 1 && poor.left_out[..2] == ["before".to_owned(), of(2)],
+        "{:?}",
+        poor.left_out
+    );
+    assert!(poor.psnr_db.unwrap().is_finite() && poor.params.unwrap().mlp.iter().all(|w| w.is_finite()));
+    assert_eq!(told(1.0).unwrap().left_out, ["before"]);
+}

@@ -1,0 +1,6 @@
+//! Stiff and extreme cases, each with a stated expectation; `compressor/NUMERICS.md` is their table.
+
+mod case;
+mod levels;
+mod pages;
+mod times;

@@ -1,0 +1,81 @@
+//! When: switches, few and many sets, uneven hours.
+
+use crate::case::Case;
+
+/// A lamp's light at (x, y) of 48 × 48.
+fn lamp(x: usize, y: usize) -> f32 {
+    let (u, v) = (x as f32 / 48.0 - 0.4, y as f32 / 48.0 - 0.6);
+    1.0 / (1.0 + 20.0 * (u * u + v * v))
+}
+
+#[test]
+fn a_lamp_that_jumps_a_thousandfold_is_met_on_both_sides() {
+    let on = |k: usize| !(2..=4).contains(&k);
+    let light = |k: usize, x: usize, y: usize| {
+        let base = 0.001 * (1.0 + 0.5 * (x as f32 * 0.2).sin());
+        [base, base, 2.0 * base].map(|b| b + if on(k) { lamp(x, y) } else { 0.0 })
+    };
+    let result = Case::new(48, 48, 6, light).hours(&[0.0, 5.9, 6.0, 12.0, 18.0, 18.1], &[[18.0, 6.0]]).run();
+    let error = result.worst_relative_error();
+    assert!(error < 0.02, "{error}");
+    let page = |hour| result.decoder.decode_page(0, hour).unwrap();
+    assert!(page(18.05) == result.decoded[5] && page(5.95) == result.decoded[1]);
+    assert!(page(18.0) == result.decoded[4] && page(6.0) == result.decoded[2]);
+}
+
+#[test]
+fn a_lamp_that_blinks_within_six_minutes_is_on_and_off_to_the_instant() {
+    // On for a minute in every two.
+    let spans: Vec<[f64; 2]> =
+        (0..3).map(|i| [12.0 + f64::from(i) / 30.0, 12.0 + (f64::from(i) + 0.5) / 30.0]).collect();
+    let hours: Vec<f64> = [0.0, 6.0]
+        .into_iter()
+        .chain((0..6).map(|i| 12.0 + (f64::from(i) + 0.5) / 60.0))
+        .chain([18.0])
+        .collect();
+    let on = |k: usize| (2..8).contains(&k) && k.is_multiple_of(2);
+    let light = |k: usize, x: usize, y: usize| [0.1 + if on(k) { lamp(x, y) } else { 0.0 }; 3];
+    let result = Case::new(48, 48, 9, light).hours(&hours, &spans).run();
+    let error = result.worst_relative_error();
+    assert!(error < 0.02, "{error}");
+    let page = |hour| result.decoder.decode_page(0, hour).unwrap();
+    // Any instant of a blink is that blink's set.
+    for i in 0..6 {
+        for share in [0.1, 0.4, 0.9] {
+            let found = page(12.0 + (f64::from(i) + share) / 60.0);
+            let light = found.texels[28 * 48 + 19][0];
+            let expected = if i % 2 == 0 { 0.1 + lamp(19, 28) } else { 0.1 };
+            assert!((light - expected).abs() < 0.05 * expected, "{i} {share}: {light}");
+        }
+    }
+}
+
+#[test]
+fn one_two_and_240_sets_are_met() {
+    for (sets, bound) in [(1, 50.0), (2, 43.0), (240, 42.0)] {
+        let light = |k: usize, x: usize, y: usize| {
+            let phase = std::f32::consts::TAU * k as f32 / sets as f32;
+            let sun = 1.0 / (1.0 + (-(x as f32 - 24.0 - 12.0 * phase.cos()) * 0.5).exp());
+            [0.2 + sun, 0.2 + 0.9 * sun * lamp(x, y), 0.3]
+        };
+        let result = Case::new(48, 48, sets, light).run();
+        let psnr = result.least_psnr_db();
+        assert!(psnr > bound && psnr < bound + 25.0, "{sets} sets: {psnr} dB");
+    }
+}
+
+#[test]
+fn hours_seconds_and_half_days_apart_are_met() {
+    let hours = [0.0, 0.001, 0.002, 11.0, 11.5, 23.998, 23.999];
+    let light = |k: usize, x: usize, _: usize| {
+        let sun = 1.0 / (1.0 + (-(x as f32 - 6.0 * k as f32) * 0.5).exp());
+        [0.2 + sun, 0.2 + 0.9 * sun, 0.3]
+    };
+    let result = Case::new(48, 48, 7, light).hours(&hours, &[]).run();
+    let psnr = result.least_psnr_db();
+    assert!((43.0..70.0).contains(&psnr), "{psnr} dB");
+    // Halfway through the longest gap light is about halfway.
+    let [a, b] = [2, 3].map(|k| result.decoded[k].texels[24 * 48 + 11][0]);
+    let between = result.decoder.decode_page(0, 5.501).unwrap().texels[24 * 48 + 11][0];
+    assert!(a > b + 0.3 && (b - 0.1..a + 0.1).contains(&between), "{a} {between} {b}");
+}
