@@ -6,7 +6,7 @@ use baker::scene::load as load_scene;
 use baker::trace::backend::Backend;
 use baker::trace::bvh8::{Bvh8, Tier};
 use baker::trace::rays::{Rays, offset_point};
-use baker::trace::sampler::Sequence;
+use baker::trace::sampler::{Kind, Sequence};
 use glam::{Vec3, vec3};
 use std::path::Path;
 
@@ -61,7 +61,7 @@ fn terrain(n: usize) -> Geometry {
 
 /// Rays from random triangles, about as the cosine of their front.
 fn rays(g: &Geometry, count: u32) -> Vec<Ray> {
-    let sequence = Sequence::new(1, 0, 0, 0);
+    let sequence = Sequence::new(1, Kind::Texel, 0, 0);
     (0..count)
         .map(|i| {
             let s = sequence.sample(i);

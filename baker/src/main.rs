@@ -1,11 +1,12 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
-use baker::bake::forecast::{Forecast, PROBES, forecast};
+use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast};
 use baker::bake::run::{Integrator, Options, Outcome, bake, prepare};
 use baker::light::schedule::parse_hours;
 use baker::trace::backend::Backend;
 use clap::Parser;
-use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options as CompressOptions};
+use compressor::bundle::Bundle;
+use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options as CompressOptions, default_bundle};
 use compressor::run::compress_and_judge;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{Report, preview};
@@ -57,7 +58,7 @@ struct Args {
     /// Folder of the dataset [default: dataset/<scene>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Start over, whatever an earlier run left.
+    /// Start over, whatever an earlier run left, even where its dataset holds more than this bake will.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -68,9 +69,9 @@ const EXAMPLES: &str = "\
 Examples:
   bake scenes/yard.toml --hours 0..24              24 hourly sets and the switch extras into dataset/yard
   bake scenes/yard.toml --hours 0..24 --compress   the same, then dataset/yard/yard.ndgi and a report
-  bake scenes/yard.toml --hours 12                 one set
-  bake scenes/yard.toml --hours 6..18/0.5 --draft  half-hourly, quickly
-  bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/look
+  bake scenes/yard.toml --hours 12 --draft --out /data/look   one set, quickly, elsewhere
+  bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
+  bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
   bake scenes/yard.toml --plan                     what would run, what is left out and why
 
@@ -82,7 +83,8 @@ forecast (size, pages, texels covered, texels_per_metre, dataset_bytes, layers_b
 rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
-light: after a change of schedules, of a group's colour or intensity, or of one light, only what depends on it is traced.";
+light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
+traced. A dataset is replaced by less (fewer hours, samples or texels, or another scene) only with --force.";
 
 /// `2%` or `0.02`.
 fn parse_error(text: &str) -> std::result::Result<f64, String> {
@@ -138,6 +140,13 @@ fn run(args: &Args) -> Result<()> {
     report.push(preview::section(&set)?);
     report.push(baker::report::section(&outcome));
     say(&outcome, args.check.is_some(), &console);
+    if let Some(bundle) = stale_bundle(&set).filter(|_| !args.compress) {
+        console.warn(format!(
+            "{} was made from another bake than this one; `compress {}` renews it",
+            bundle.display(),
+            outcome.dataset.display()
+        ));
+    }
 
     let mut result = serde_json::to_value(&outcome).map_err(|e| Error::invalid("result", e))?;
     if args.compress {
@@ -159,6 +168,14 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// The bundle beside a dataset, if it was not made from it.
+fn stale_bundle(set: &Dataset) -> Option<PathBuf> {
+    let path = default_bundle(set);
+    let bundle = Bundle::open(&path).ok()?;
+    let info: serde_json::Value = serde_json::from_str(&bundle.header.info).ok()?;
+    (info["inputs"] != json!(compressor::compress::inputs(set))).then_some(path)
+}
+
 /// Prints what a bake would do.
 fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let prepared = prepare(scene, options, console)?;
@@ -176,7 +193,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             Integrator::Path => "path",
         }
     ));
-    let atlas = baker::atlas::build(&prepared.geometry, &prepared.scene.lightmap)?;
+    let atlas = prepared.atlas()?;
     let forecast = forecast(&prepared, &atlas)?;
     say_forecast(&forecast, console);
     layers.iter().for_each(|name| console.print(format!("  trace {name}")));
@@ -211,7 +228,7 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
     ));
     if forecast.open == Some(0) {
         console.print(format!(
-            "  closed? none of {PROBES} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \
+            "  closed? none of {OPEN_RAYS} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \
              a small opening may have been missed (a room known to be closed needs no [sun] and no [sky])"
         ));
     }
@@ -256,9 +273,9 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
         if let Some(worst) = worst {
             let hour = outcome.hours.get(worst.set).copied().unwrap_or_default();
             console.say(format!(
-                "  check of {} texels: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated, and \
+                "  check of {}: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated, and \
                  the check's own noise was {:.2} %); all sets: report",
-                check.texels,
+                count(check.texels, "texel"),
                 worst.true_error * 100.0,
                 worst.estimated_error * 100.0,
                 worst.reference_error * 100.0

@@ -3,6 +3,7 @@
 use crate::bake::check::{Check, SetCheck};
 use crate::bake::rounds::Round;
 use crate::bake::run::{Integrator, Outcome};
+use dataset::console::count;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
 
@@ -40,12 +41,13 @@ pub fn worst_eighth(outcome: &Outcome, check: &Check) -> String {
 fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
     section.subheading("Checked against unbiased walks");
     section.paragraph(&format!(
-        "{} texels were traced again by {} unbiased walks each. True error: root mean square of the difference, the noise of the \
+        "Traced again by {} unbiased walks each: {}. True error: root mean square of the difference, the noise of the \
          second tracing taken out; the estimated error is that of the same texels. Bias: what of the true error the estimated one \
          does not explain. These are relative to the mean light of the checked texels, so dark regions weigh little in them. Own \
          error: the median of |difference| ÷ the texel's own light, dark texels counting as much as bright ones; of it, the second \
          tracing's own noise accounts for what stands in brackets.",
-        check.texels, check.samples
+        check.samples,
+        count(check.texels, "texel")
     ));
     let percent = |v: f64| format!("{:.2}", v * 100.0);
     let hour = |set: usize| format!("{:.2}", outcome.hours.get(set).copied().unwrap_or_default());

@@ -327,6 +327,8 @@ fn a_folder_that_cannot_be_written_is_refused_before_the_bake() {
             assert_eq!(output.status.code(), Some(1), "{message}");
             let expected = format!("error: {}: ", out.display());
             assert!(message.contains(&expected) && message.contains("expected a folder"), "{message}");
+            // A path that is itself in the way is named once.
+            assert!(out != file || message.matches(text(&file)).count() == 1, "{message}");
             assert!(!message.contains("triangles"), "{message}");
         }
     }
@@ -366,6 +368,7 @@ fn bad_values_of_flags_are_usage_errors() {
         ("--backend", &["optix", "Embree", ""][..], "expected obvhs or embree"),
         ("--check", &["1", "0", "-1", "many"][..], "--check"),
         ("--samples", &["-1", "1.5", "many"][..], "--samples"),
+        ("--threads", &["0", "-1", "1025", "all", ""][..], "expected a number of threads from 1 to 1024"),
     ] {
         for value in values {
             let output = bake(&[text(&scene), &format!("{flag}={value}"), "--out", text(&out)]);
@@ -375,4 +378,148 @@ fn bad_values_of_flags_are_usage_errors() {
         }
     }
     assert!(!out.exists());
+}
+
+#[test]
+fn a_dataset_is_not_replaced_by_less_unless_forced() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let scene = dir.path().join("court.toml");
+    let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 32");
+    std::fs::write(&scene, &words).unwrap();
+    std::fs::copy(fixture("court.obj"), dir.path().join("court.obj")).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = bake(&[&[text(&scene), "--out", text(&out)], arguments].concat());
+        (output.status.success(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (done, said) = run(&["--hours", "9,12,18.1"]);
+    assert!(done && !said.contains("replaced"), "{said}");
+    let before = data(&out);
+    let layers = || std::fs::read_dir(out.join(".layers")).unwrap().count();
+    let kept = layers();
+    for (arguments, expected) in [
+        (&["--hours", "12"][..], "2 of its 3 hours would go"),
+        (&["--hours", "9,12,18.1", "--samples", "8"], "8 samples per texel instead of 16"),
+        (&["--hours", "9,12,18.1", "--draft"], "pages of 16 × 16 texels instead of 32 × 32"),
+        (&["--hours", "9,12", "--time-limit", "10s"], "1 of its 3 hours would go"),
+    ] {
+        let (done, said) = run(arguments);
+        assert!(!done && said.contains(expected), "{arguments:?}: {said}");
+        let place =
+            format!("error: {}: holds a dataset of 4 sets, baked with 16 samples per texel", out.display());
+        assert!(said.contains(&place) && said.contains("--out DIR") && said.contains("--force"), "{said}");
+        // Nothing was touched.
+        assert!(before == data(&out) && kept == layers());
+    }
+    // More hours, and schedules that move the sets beside a switch, lose nothing: done without a flag, and told.
+    let replaced = "(4 sets, baked with 16 samples per texel) is replaced when this bake is done";
+    let (done, said) = run(&["--hours", "9,12,13,18.1"]);
+    assert!(done && said.contains(replaced) && said.contains("kept from an earlier bake"), "{said}");
+    std::fs::write(&scene, words.replace("\"18:00\"", "\"17:00\"")).unwrap();
+    assert!(run(&["--hours", "9,12,13,18.1"]).0);
+    // So do more samples, and bakes towards a target, of which nobody knows beforehand how many samples they take.
+    assert!(run(&["--hours", "9,12,13,18.1", "--samples", "32"]).0);
+    assert!(run(&["--hours", "9,12,13,18.1", "--target-error", "50%"]).0);
+    assert!(run(&["--hours", "9,12,13,18.1", "--samples", "16"]).0);
+    // Another scene under this --out.
+    let other = dir.path().join("other.toml");
+    std::fs::write(&other, words.replace("name = \"court\"", "")).unwrap();
+    let refused = bake(&[text(&other), "--hours", "9,12,13,18.1", "--out", text(&out)]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && said.contains("of the scene \"court\", not \"other\""), "{said}");
+    let (done, said) = run(&["--hours", "12", "--force"]);
+    assert!(done && said.contains("is replaced when this bake is done"), "{said}");
+    assert_eq!(dataset::store::Dataset::open(&out).unwrap().config.sets.len(), 1);
+}
+
+#[test]
+fn a_bundle_of_an_earlier_bake_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let run = |arguments: &[&str]| {
+        let scene = fixture("court.toml");
+        let all = [&[text(&scene), "--draft", "--quiet", "--out", text(&out)], arguments].concat();
+        let output = bake(&all);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let bundle = out.join("court.ndgi");
+    let told =
+        format!("{} was made from another bake than this one; `compress {}`", text(&bundle), text(&out));
+    assert!(!run(&["--hours", "12", "--compress"]).contains("another bake"));
+    assert!(bundle.exists() && !run(&["--hours", "12"]).contains("another bake"));
+    // Until it is renewed, also where the bake itself is done.
+    for _ in 0..2 {
+        let said = run(&["--hours", "12,13"]);
+        assert!(said.contains(&told), "{said}");
+    }
+    assert!(!run(&["--hours", "12,13", "--compress"]).contains("another bake"));
+}
+
+#[test]
+fn a_size_that_a_draft_halves_is_refused_by_its_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = dir.path().join("court.toml");
+    let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 4");
+    let line = 1 + words.lines().position(|line| line == "size = 4").unwrap();
+    std::fs::write(&scene, words).unwrap();
+    std::fs::copy(fixture("court.obj"), dir.path().join("court.obj")).unwrap();
+    let written = format!("error: {}:{line}: size = 4", text(&scene));
+    for plan in [&["--plan"][..], &[]] {
+        for (draft, expected) in [
+            (
+                &["--draft"][..],
+                ", halved by --draft: size 2 x 2: 13 charts with 2 texels of padding do not fit",
+            ),
+            (&[], ": size 4 x 4: 13 charts with 2 texels of padding do not fit"),
+        ] {
+            let out = dir.path().join("court");
+            let output = bake(&[&[text(&scene), "--hours", "12", "--out", text(&out)], plan, draft].concat());
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{message}");
+            assert!(message.contains(&format!("{written}{expected}")), "{message}");
+            // The size that is asked for is no smaller than this.
+            assert!(!message.contains("at least 2 x 2"), "{message}");
+        }
+    }
+}
+
+#[test]
+fn a_model_for_a_scene_is_told_how_it_becomes_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = dir.path().join("court.obj");
+    std::fs::copy(fixture("court.obj"), &model).unwrap();
+    let output = bake(&[text(&model), "--plan"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    let (said, scene) = message.split_once(":\n").unwrap();
+    assert!(said.starts_with(&format!("error: {}: is a model; expected a scene", text(&model))), "{message}");
+    assert_eq!(scene.lines().count(), 3, "{message}");
+    // They are what they are said to be.
+    let file = dir.path().join("court.toml");
+    std::fs::write(&file, scene).unwrap();
+    let output = bake(&[text(&file), "--plan", "--hours", "12"]);
+    assert!(output.status.success(), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("trace sky"), "{output:?}");
+}
+
+#[test]
+fn a_time_limit_ends_a_round_within_a_block() {
+    let dir = tempfile::tempdir().unwrap();
+    let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 32");
+    std::fs::write(dir.path().join("court.toml"), words).unwrap();
+    std::fs::copy(fixture("court.obj"), dir.path().join("court.obj")).unwrap();
+    // The page is one block, and the last round would take as long as all before it. (The limit may fall into the last slice.)
+    let is_cut = ["1s", "1.4s", "1.8s"].iter().any(|limit| {
+        let (scene, out) = (dir.path().join("court.toml"), dir.path().join(limit));
+        let output =
+            bake(&[text(&scene), "--hours", "12", "--time-limit", limit, "--json", "--out", text(&out)]);
+        assert!(output.status.success(), "{output:?}");
+        let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let (mean, most) = (object["mean_samples"].as_f64().unwrap(), object["samples"].as_f64().unwrap());
+        let found = dataset::store::Dataset::open(&out).unwrap().verify(|| {});
+        assert!(found.faults.is_empty(), "{:?}", found.faults);
+        object["out_of_time"] == true && mean > most / 2.0 && mean < most
+    });
+    assert!(is_cut, "a block was never left before its round was done");
 }

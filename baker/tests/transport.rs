@@ -13,7 +13,7 @@ use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
 use baker::trace::lights::{GroupLight, Lights, SunLight};
 use baker::trace::rays::Rays;
-use baker::trace::sampler::Sequence;
+use baker::trace::sampler::{Kind, Sequence};
 use baker::trace::space::Space;
 use baker::trace::walk::{Transport, sun_draw};
 use dataset::image::Image;
@@ -112,7 +112,7 @@ fn irradiance_through(
     let mut counts = RayCounts::default();
     let mut means = Vec::new();
     for scramble in 0..SCRAMBLES {
-        let sequence = Sequence::new(11, 0, scramble, 0);
+        let sequence = Sequence::new(11, Kind::Texel, scramble, 0);
         let mut out = vec![Rgb::ZERO; lights.layers()];
         for index in 0..samples {
             let sample = sequence.sample(index);
@@ -436,6 +436,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         objects: Vec::new(),
         groups: Vec::new(),
         lightmap: Lightmap::default(),
+        size_as_written: String::new(),
         bake: Sampling::default(),
     }
 }

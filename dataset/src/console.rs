@@ -17,8 +17,14 @@ pub struct ConsoleArgs {
     #[arg(long, global = true)]
     pub json: bool,
     /// Worker threads, 1 to 1024 [default: one per core].
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, global = true, value_name = "N", value_parser = parse_threads)]
     pub threads: Option<u16>,
+}
+
+/// `4`; clap's own range would speak of `1..=1024`.
+fn parse_threads(text: &str) -> Result<u16, String> {
+    let threads = text.parse().ok().filter(|threads| (1..=1024).contains(threads));
+    threads.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
 }
 
 /// A number of things: `1 set`, `2 sets`.

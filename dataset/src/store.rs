@@ -1,6 +1,7 @@
 //! A dataset folder: the writer that fills it, the reader that opens it.
 
 use crate::config::{Config, FileRef, Noise};
+use crate::console::count;
 use crate::image::{self, Image, Mask};
 use crate::tiles::{TILE, grid};
 use crate::{Error, Result, files};
@@ -199,8 +200,13 @@ impl Dataset {
     pub fn open_manifest(root: &Path) -> Result<Self> {
         let manifest = root.join(MANIFEST);
         if !manifest.is_file() {
-            let what =
-                format!("not a temporal lightmap set: there is no {MANIFEST} in it (`bake` makes one)");
+            let found = match (root.is_dir(), root.exists()) {
+                (true, _) => format!("there is no {MANIFEST} in it"),
+                (false, true) => "it is a file".to_owned(),
+                (false, false) => "it does not exist".to_owned(),
+            };
+            let expected = format!("expected the folder that `bake` made, with {MANIFEST} in it");
+            let what = format!("not a temporal lightmap set: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }
         let bytes = read(&manifest)?;
@@ -308,18 +314,18 @@ impl Dataset {
         if noise.tile as usize != TILE {
             return Err(Error::unsupported(
                 path.display(),
-                format!("tiles of {} texels; expected {TILE}", noise.tile),
+                format!("tiles of {}; expected {TILE}", count(noise.tile as usize, "texel")),
             ));
         }
         let wrong = |what: String| Err(Error::invalid(path.display(), what));
         if noise.mse.len() != self.config.sets.len() {
-            return wrong(format!("{} sets; expected {}", noise.mse.len(), self.config.sets.len()));
+            return wrong(format!("{}; expected {}", count(noise.mse.len(), "set"), self.config.sets.len()));
         }
         for (set, pages) in noise.mse.iter().enumerate() {
             if pages.len() != self.config.pages.len() {
                 return wrong(format!(
-                    "set {set}: {} pages; expected {}",
-                    pages.len(),
+                    "set {set}: {}; expected {}",
+                    count(pages.len(), "page"),
                     self.config.pages.len()
                 ));
             }
@@ -327,8 +333,8 @@ impl Dataset {
                 let (across, down) = grid(page.width as usize, page.height as usize, TILE);
                 if tiles.len() != across * down {
                     return wrong(format!(
-                        "set {set}, page {index}: {} tiles; expected {}",
-                        tiles.len(),
+                        "set {set}, page {index}: {}; expected {}",
+                        count(tiles.len(), "tile"),
                         across * down
                     ));
                 }

@@ -50,3 +50,24 @@ fn info_names_hours_and_lamps() {
     let output = run(&["info"], folder.path());
     assert!(String::from_utf8_lossy(&output.stdout).contains("21.5 h  porch, garden"), "{output:?}");
 }
+
+#[test]
+fn what_is_no_set_is_said_with_its_name_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hut.toml");
+    fs::write(&file, "name = 1").unwrap();
+    for command in ["info", "check"] {
+        for (path, found) in [
+            (file.clone(), "it is a file"),
+            (folder.path().join("none"), "it does not exist"),
+            (folder.path().to_owned(), "there is no config.json in it"),
+        ] {
+            let output = run(&[command], &path);
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{message}");
+            let error = message.lines().find(|line| line.starts_with("error: ")).unwrap();
+            assert!(error.contains(found) && error.contains("expected the folder"), "{error}");
+            assert_eq!(error.matches(path.to_str().unwrap()).count(), 1, "{error}");
+        }
+    }
+}

@@ -307,7 +307,7 @@ fn a_noise_file_of_the_wrong_shape_is_refused() {
         "{\"tile\": 128, \"mse\": [[[0]],[[0]],[[-1]]]}",
         "{",
     ];
-    for (text, word) in bad.into_iter().zip(["64", "1 sets", "-1", "noise"]) {
+    for (text, word) in bad.into_iter().zip(["64", "1 set;", "-1", "noise"]) {
         let file = config.noise.as_mut().unwrap();
         fs::write(folder.path().join(&file.path), text).unwrap();
         file.bytes = text.len() as u64;

@@ -5,6 +5,7 @@ use super::charts::FlatMesh;
 use super::pack::{BLOCK, Packed, PackedMesh, Pages, pack};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
+use dataset::console::count;
 use dataset::tiles::TILE;
 
 /// Longest side of a page in texels.
@@ -96,9 +97,11 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
             return Err(Error::Unsupported {
                 place: "lightmap".into(),
                 what: format!(
-                    "{size}: {} charts with {padding} texels of padding do not fit {} at any density; use a larger size (at least 2 x 2) or less padding{}",
-                    meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>(),
+                    "{size}: {} with {} of padding do not fit {} at any density; use a larger size{} or less padding{}",
+                    count(meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>(), "chart"),
+                    count(padding as usize, "texel"),
                     if pages == 1 { "the page".to_owned() } else { format!("{pages} pages") },
+                    if width.min(height) < 2 { " (at least 2 x 2)" } else { "" },
                     if pages == 1 { ", or more `pages`" } else { "" },
                 ),
             });

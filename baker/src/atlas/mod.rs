@@ -5,22 +5,23 @@
 //! `block` packs the charts of a shared layout, `pack` places charts and layouts at a given density, `density` searches for the
 //! density or the pages.
 
-mod block;
-mod charts;
-mod density;
-mod ffi;
-mod fill;
-mod pack;
-mod page;
-mod raster;
 mod sharing;
+mod ffi;
+mod raster;
+mod charts;
+mod page;
+mod fill;
 mod spread;
+mod block;
+mod pack;
+mod density;
 #[cfg(test)]
 mod tests;
 
 use crate::geometry::Geometry;
 use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
+use dataset::console::count;
 use glam::{DVec2, Vec2};
 use pack::Origin;
 use std::ops::Range;
@@ -155,8 +156,9 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         return Err(Error::invalid(
             "lightmap",
             format!(
-                "nothing to bake: no lightmapped instance has a triangle of nonzero area ({} instances, {triangles} degenerate triangles)",
-                geometry.instances.len(),
+                "nothing to bake: no lightmapped instance has a triangle of nonzero area ({}, {})",
+                count(geometry.instances.len(), "instance"),
+                count(triangles, "degenerate triangle"),
             ),
         ));
     }
@@ -165,8 +167,10 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     let mut notes = flat.notes;
     if page.pages < lightmap.pages && matches!(lightmap.size, LightmapSize::Fixed { .. }) {
         notes.push(format!(
-            "{} of the {} pages hold everything; the others are left out",
-            page.pages, lightmap.pages
+            "{} of the {} pages {} everything; the others are left out",
+            page.pages,
+            lightmap.pages,
+            if page.pages == 1 { "holds" } else { "hold" }
         ));
     }
     let page_size = DVec2::new(page.width.into(), page.height.into());

@@ -101,6 +101,12 @@ impl<'a> Assembler<'a> {
         })
     }
 
+    /// The valid texels, by their places among the covered ones, which is where layers hold them, each with its index on the page.
+    pub fn valid_texels(&self) -> impl Iterator<Item = (usize, u32)> {
+        let is_valid = |(_, texel): &(usize, &Texel)| self.mask.valid[texel.index as usize];
+        self.texels.iter().enumerate().filter(is_valid).map(|(place, texel)| (place, texel.index))
+    }
+
     /// One layer as an image of the virtual page, dilated and, if asked, stitched.
     fn layer(&self, layer: usize, stitched: bool) -> Result<Image> {
         let mut image = Image::black(self.mask.width, self.mask.height);

@@ -26,7 +26,7 @@ const TURNS: u32 = 3;
 const RUN: usize = 4096;
 /// Light of all bounces, as a multiple of that before the first, from which on it is taken to grow without end where surfaces
 /// absorb nothing.
-const ENDLESS: f64 = 1e4;
+const ENDLESS_GROWTH: f64 = 1e4;
 
 /// How the passes went.
 #[derive(Clone, Copy, Debug)]
@@ -113,7 +113,7 @@ impl System {
             for i in (0..values).filter(|&i| source[i] > 0.0) {
                 // (In the first passes chance may bring back more than was sent out; a sum without end goes on growing.)
                 let r = (again[i] - source[i]) / total[i];
-                if brightest > 1.0 - 1e-6 && total[i] > ENDLESS * source[i] {
+                if brightest > 1.0 - 1e-6 && total[i] > ENDLESS_GROWTH * source[i] {
                     return Err(Error::invalid(
                         "scene",
                         "light grows without end: nothing absorbs it (albedo 1 in a closed space, with light inside)",

@@ -4,7 +4,7 @@ use super::state::{ALL_OUTSIDE, BlockState, PROBES, is_enough};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::RayCounts;
-use crate::trace::sampler::{Sample, Sequence};
+use crate::trace::sampler::{Kind, Sample, Sequence};
 use crate::trace::space::Receiver;
 use crate::trace::walk::{Transport, point_pair};
 use glam::Vec2;
@@ -58,7 +58,7 @@ impl Worker<'_> {
     /// A texel's samples for one purpose and half. `texel` counts within the block, row by row.
     pub fn sequence(&self, surface: &BlockSurface, texel: usize, stream: Stream, half: usize) -> Sequence {
         let index = surface.page_index(self.atlas, texel);
-        Sequence::new(self.seed, 0, index as u32, stream as u32 + half as u32)
+        Sequence::new(self.seed, Kind::Texel, index as u32, stream as u32 + half as u32)
     }
 
     /// The point of a sample. Where only some of the texel's probed points are its surface (`outside` says which), it lies

@@ -7,8 +7,8 @@
 //! therefore also measured by each texel's own light, and summed over eighths of the texels from the darkest to the brightest.
 
 use super::block::{Stream, Worker};
-use super::errors::Parts;
-use super::layers::{Texel, Value};
+use super::errors::{Parts, median};
+use super::layers::Value;
 use super::rounds::endless;
 use crate::Rgb;
 use crate::trace::counts::RayCounts;
@@ -116,31 +116,57 @@ struct Checked {
     halves: [DVec3; 2],
 }
 
-/// Checks [`TEXELS`] of the valid texels, chosen by the seed. `layers` holds each layer's values in the order of `texels`;
-/// `sets` are made of the worker's layers.
+/// A texel to be checked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chosen {
+    /// Its place among the covered texels, by which layers are read.
+    pub place: usize,
+    /// Its index on the page.
+    pub index: u32,
+}
+
+/// Chooses [`TEXELS`] of the valid texels (place and index of each) by the seed.
+///
+/// All that are valid may be chosen, those too at which the bake found no light: that may be its error. Where the reference finds
+/// none either they say nothing and do no harm, for errors are relative to the mean over all of them, or to the light of an eighth.
+/// Texels that are not valid have no light to compare: they show their neighbours'.
+pub fn choose(valid: impl Iterator<Item = (usize, u32)>, seed: u64) -> Vec<Chosen> {
+    // Those whose hashes are smallest; never many more are held than are wanted.
+    let hashed = |(place, index): (usize, u32)| {
+        let hash = blake3::hash(&[seed.to_le_bytes(), u64::from(index).to_le_bytes()].concat());
+        (*hash.as_bytes(), Chosen { place, index })
+    };
+    let mut smallest: Vec<([u8; 32], Chosen)> = Vec::with_capacity(4 * TEXELS);
+    let keep = |smallest: &mut Vec<([u8; 32], Chosen)>| {
+        smallest.sort_unstable_by_key(|(hash, _)| *hash);
+        smallest.truncate(TEXELS);
+    };
+    for texel in valid.map(hashed) {
+        smallest.push(texel);
+        if smallest.len() == 4 * TEXELS {
+            keep(&mut smallest);
+        }
+    }
+    keep(&mut smallest);
+    smallest.into_iter().map(|(_, chosen)| chosen).collect()
+}
+
+/// Checks the chosen texels. `layers` holds each layer's values in their order; `sets` are made of the worker's layers.
 pub fn check(
     worker: &Worker,
-    texels: &[Texel],
+    chosen: &[Chosen],
     layers: &[Vec<Value>],
     sets: &[Parts],
     samples: u32,
     console: &Console,
 ) -> crate::Result<Check> {
-    // The texels whose hashes are smallest.
-    let mut chosen: Vec<(blake3::Hash, usize)> = (0..texels.len())
-        .filter(|&i| texels[i].exposed == 1 && layers.iter().any(|l| l[i].mean != Rgb::ZERO))
-        .map(|i| {
-            (blake3::hash(&[worker.seed.to_le_bytes(), u64::from(texels[i].index).to_le_bytes()].concat()), i)
-        })
-        .collect();
-    chosen.sort_unstable_by(|a, b| a.0.as_bytes().cmp(b.0.as_bytes()));
-    chosen.truncate(TEXELS);
     let progress = console.progress("checking", chosen.len() as u64);
     let checked: Vec<Vec<Checked>> = chosen
         .par_iter()
-        .map(|&(_, i)| {
+        .enumerate()
+        .map(|(i, texel)| {
             stop_if_interrupted()?;
-            let [a, b] = reference(worker, texels[i].index, samples)?;
+            let [a, b] = reference(worker, texel.index, samples)?;
             progress.advance(1);
             let of_set = |parts: &Parts| {
                 let sum = |value: &dyn Fn(usize) -> Rgb| {
@@ -182,7 +208,9 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
             (value, 0.0) => f64::from(u8::from(value > 0.0)),
             (value, light) => value / light,
         };
-        median(texels.iter().map(ratio).collect())
+        let mut ratios: Vec<f64> = texels.iter().map(ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        median(&ratios)
     };
     Some(SetCheck {
         set,
@@ -195,11 +223,6 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
         own_reference_error: own(&noise),
         eighths: eighths(texels),
     })
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// The texels sorted by brightness and cut into eighths. Sorted and compared by the same noisy light, the darkest would be those
@@ -273,7 +296,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::Sequence;
+    use crate::trace::sampler::{Kind, Sequence};
 
     /// Numbers of mean 0 and variance 1, about normal: the sum of twelve even ones less 6.
     struct Noise {
@@ -284,7 +307,7 @@ mod tests {
     impl Noise {
         fn next(&mut self) -> f64 {
             self.drawn += 1;
-            let sample = Sequence::new(self.seed, 0, self.drawn, 0).sample(0);
+            let sample = Sequence::new(self.seed, Kind::Texel, self.drawn, 0).sample(0);
             (0..12).map(|d| f64::from(sample.number(d))).sum::<f64>() - 6.0
         }
     }
@@ -305,6 +328,24 @@ mod tests {
             }
         };
         (0..TEXELS).map(texel).collect()
+    }
+
+    #[test]
+    fn texels_are_chosen_by_their_hashes_from_all_that_are_valid() {
+        let hash = |seed: u64, index: u32| {
+            *blake3::hash(&[seed.to_le_bytes(), u64::from(index).to_le_bytes()].concat()).as_bytes()
+        };
+        // Every third texel of a page is covered, every second of these valid.
+        let valid = || (0..40_000usize).step_by(2).map(|place| (place, 3 * place as u32));
+        for seed in [1, 2] {
+            let mut expected: Vec<u32> = valid().map(|(_, index)| index).collect();
+            expected.sort_by_key(|&index| hash(seed, index));
+            let chosen = choose(valid(), seed);
+            assert!(chosen.iter().all(|c| c.index == 3 * c.place as u32));
+            let indices: Vec<u32> = chosen.iter().map(|c| c.index).collect();
+            assert_eq!(indices, expected[..TEXELS]);
+        }
+        assert_eq!(choose(valid().take(7), 1).len(), 7);
     }
 
     fn check_of(texels: &[Checked]) -> Check {
@@ -372,7 +413,7 @@ mod tests {
         let false_alarms = (1..=100).filter(|&seed| {
             let mut texels = bake(seed, 1.0, 1.0);
             for (i, texel) in texels.iter_mut().enumerate().filter(|(i, _)| i.is_multiple_of(4)) {
-                let sample = Sequence::new(seed, 1, i as u32, 0).sample(0);
+                let sample = Sequence::new(seed, Kind::Patch, i as u32, 0).sample(0);
                 texel.baked *= if sample.number(0) < 1.0 / 32.0 { 32.0 } else { 0.0 };
             }
             check_of(&texels).worst_eighth().is_some()

@@ -102,6 +102,11 @@ pub fn worst_of_cell(cells: &[[Sums; CELLS]], cell: usize, set_means: &[f64]) ->
     relative.map(|(c, &mean)| c[cell].mse().sqrt() / c[cell].mean().max(DARK * mean)).fold(0.0, f64::max)
 }
 
+/// The one in the middle of sorted values, of two the greater; 0 of none.
+pub fn median(sorted: &[f64]) -> f64 {
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
 impl Errors {
     /// An empty table for a page.
     pub fn new(width: usize, height: usize, sets: usize) -> Self {

@@ -13,7 +13,7 @@ use crate::trace::cache::CacheMap;
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::rays::Rays;
-use crate::trace::sampler::Sequence;
+use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::space::Space;
 use crate::trace::walk::{Transport, point_pair};
 use crate::{Result, light::sky::SkyTable};
@@ -40,12 +40,12 @@ pub struct Forecast {
     pub work_bytes: u64,
     /// About the most memory that is held at once, in bytes.
     pub memory_bytes: u64,
-    /// Of [`PROBES`] rays from covered texels, those that leave the scene; `None` where there is neither sun nor sky.
+    /// Of [`OPEN_RAYS`] rays from covered texels, those that leave the scene; `None` where there is neither sun nor sky.
     pub open: Option<usize>,
 }
 
 /// Rays that are sent out to see whether a scene is open.
-pub const PROBES: usize = 4096;
+pub const OPEN_RAYS: usize = 4096;
 
 /// Bytes of a texel of an image.
 const IMAGE: u64 = 12;
@@ -103,7 +103,7 @@ fn cache_bytes(
     solve::bytes(entries, layers)
 }
 
-/// How many of [`PROBES`] rays from points spread over the covered texels leave the scene.
+/// How many of [`OPEN_RAYS`] rays from points spread over the covered texels leave the scene.
 fn open(
     prepared: &Prepared,
     atlas: &Atlas,
@@ -128,10 +128,10 @@ fn open(
         let surface = BlockSurface::new(atlas, bins, block);
         let places: Vec<usize> = surface.covered().collect();
         // The rays that begin at the first, second … texel of all, evenly spread.
-        let first = |texel: usize| (texel * PROBES).div_ceil(texels.max(1));
+        let first = |texel: usize| (texel * OPEN_RAYS).div_ceil(texels.max(1));
         let leaves = |probe: &usize| {
-            let sample = Sequence::new(prepared.scene.bake.seed, 2, *probe as u32, 0).sample(0);
-            let texel = places[probe * texels / PROBES - starts[i]];
+            let sample = Sequence::new(prepared.scene.bake.seed, Kind::PlanRay, *probe as u32, 0).sample(0);
+            let texel = places[probe * texels / OPEN_RAYS - starts[i]];
             let at = transport.space.receiver(&surface.sample(atlas, texel, point_pair(sample)));
             let mut out = [Rgb::ZERO];
             if let Some(at) = at {

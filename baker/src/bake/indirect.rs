@@ -11,7 +11,7 @@ use crate::trace::counts::RayCounts;
 use crate::trace::reflectors::{Reflectors, View};
 use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
-use crate::trace::walk::{Arrival, balance};
+use crate::trace::walk::{Arrival, balance_heuristic};
 use dataset::console::interrupted;
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -130,7 +130,7 @@ impl Worker<'_> {
                 let density = reflectors.density_at(view, hit, *is_back);
                 if density > 0.0 {
                     let from = transport.space.front(hit.triangle).dot(arrival.direction).abs();
-                    let share = balance(arrival.pdf, density * hit.t * hit.t / from);
+                    let share = balance_heuristic(arrival.pdf, density * hit.t * hit.t / from);
                     let layers = reflectors.layers.clone();
                     half.add_layers(entry, arrival.weight, rest..layers.start, &mut out[rest..]);
                     half.add_layers(entry, arrival.weight * share, layers.clone(), &mut out[layers.start..]);

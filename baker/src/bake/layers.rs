@@ -16,6 +16,7 @@ use half::bf16;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Write;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Name of the folder inside a dataset.
@@ -47,6 +48,12 @@ struct Stored {
     mean: [f32; 3],
     error: [bf16; 3],
     zero: u16,
+}
+
+impl Stored {
+    fn value(self) -> Value {
+        Value { mean: Rgb::from_array(self.mean), error: Rgb::from_array(self.error.map(bf16::to_f32)) }
+    }
 }
 
 /// The folder of layers of a dataset.
@@ -101,11 +108,20 @@ impl Layers {
             ));
         }
         let stored: Vec<Stored> = bytemuck::pod_collect_to_vec(&bytes);
-        let value = |s: Stored| Value {
-            mean: Rgb::from_array(s.mean),
-            error: Rgb::from_array(s.error.map(bf16::to_f32)),
+        Ok(stored.into_iter().map(Stored::value).collect())
+    }
+
+    /// A layer's values at some of the texels, by their places among all; no others are read.
+    pub fn read_at(&self, digest: &str, places: &[usize]) -> Result<Vec<Value>> {
+        let path = self.path(digest);
+        let file = File::open(&path).map_err(Error::io(&path))?;
+        let read = |&place: &usize| {
+            let mut stored = Stored::zeroed();
+            let bytes = bytemuck::bytes_of_mut(&mut stored);
+            file.read_exact_at(bytes, (place * size_of::<Stored>()) as u64).map_err(Error::io(&path))?;
+            Ok(stored.value())
         };
-        Ok(stored.into_iter().map(value).collect())
+        places.iter().map(read).collect()
     }
 
     /// Writes the layers a worker traced, `digests` in their order, and the page's texels.
@@ -190,5 +206,29 @@ impl Partial {
         let file = self.file.into_inner().map_err(|e| Error::io(&self.temporary)(e.into_error()))?;
         file.sync_all().map_err(Error::io(&self.temporary))?;
         std::fs::rename(&self.temporary, &self.path).map_err(Error::io(&self.path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn some_texels_of_a_layer_are_those_of_the_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let layers = Layers::new(dir.path());
+        let digest = "0123456789abcdef0123456789abcdef";
+        std::fs::create_dir(&layers.root).unwrap();
+        let record = |i: u32| Stored {
+            mean: [i as f32, 0.5, 2.0],
+            error: [bf16::from_f32(0.25 * i as f32); 3],
+            zero: 0,
+        };
+        let stored: Vec<Stored> = (0..100).map(record).collect();
+        std::fs::write(layers.path(digest), bytemuck::cast_slice(&stored)).unwrap();
+        let (all, places) = (layers.read(digest).unwrap(), [99, 0, 17, 17]);
+        assert_eq!(layers.read_at(digest, &places).unwrap(), places.map(|place| all[place]));
+        let error = layers.read_at(digest, &[100]).unwrap_err().to_string();
+        assert!(error.contains(layers.path(digest).to_str().unwrap()), "{error}");
     }
 }

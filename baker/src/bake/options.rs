@@ -30,7 +30,7 @@ pub struct Options {
     pub draft: bool,
     /// The dataset's folder; `None`: `dataset/<scene>` in the working folder.
     pub out: Option<PathBuf>,
-    /// Forget earlier work on this dataset.
+    /// Forget earlier work on this dataset, and replace it by less if need be.
     pub force: bool,
 }
 

@@ -6,7 +6,7 @@ use super::state::StateFolder;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
-use crate::trace::sampler::{Sample, Sequence};
+use crate::trace::sampler::{Kind, Sample, Sequence};
 use crate::trace::space::Receiver;
 use crate::trace::walk::{Arrival, point_pair};
 use crate::{Result, Rgb};
@@ -122,7 +122,8 @@ fn trace_block(
 fn trace_patches(worker: &Worker, map: &CacheMap, patches: &[Patch], half: usize) -> Vec<TracedEntry> {
     let lights = worker.transport.lights;
     let one = |patch: &Patch| {
-        let sequence = Sequence::new(worker.seed, 1, patch.entry, Stream::Pilot as u32 + half as u32);
+        let sequence =
+            Sequence::new(worker.seed, Kind::Patch, patch.entry, Stream::Pilot as u32 + half as u32);
         let at = |sample: Sample| {
             let barycentric = patch.sample(point_pair(sample));
             let point = SurfacePoint { triangle: patch.triangle, barycentric };

@@ -5,6 +5,7 @@ use super::json;
 use super::options::{Integrator, Options};
 use super::plan::Plan;
 use super::rounds::Limits;
+use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry};
 use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
@@ -43,6 +44,17 @@ impl Prepared {
     /// The digest of all that decides a texel but light, in hexadecimal.
     pub fn base(&self) -> String {
         self.base.to_hex().to_string()
+    }
+
+    /// Lays out the texels.
+    ///
+    /// # Errors
+    /// As [`atlas::build`]; what does not fit names the line that asks for it.
+    pub fn atlas(&self) -> Result<Atlas> {
+        atlas::build(&self.geometry, &self.scene.lightmap).map_err(|error| match error {
+            Error::Unsupported { what, .. } => Error::unsupported(&self.scene.size_as_written, what),
+            other => other,
+        })
     }
 
     /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each is multiplied by.
@@ -122,6 +134,7 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
             }
             LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d / 2.0),
         };
+        scene.size_as_written += ", halved by --draft";
         scene.bake.samples = (scene.bake.samples / 4).max(2);
     }
     /// What a target error or a time limit may use when no number of samples is given.

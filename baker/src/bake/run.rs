@@ -1,17 +1,20 @@
 //! A bake from end to end.
 
-use super::assemble::{Assembler, Stored};
+use super::assemble::Assembler;
 use super::block::Worker;
-use super::check::{Check, check};
+use super::check::{Check, Chosen, check, choose};
+use super::errors::median;
+use super::facts;
+use super::folder;
 use super::json;
-use super::layers::{Layers, Texel};
-use super::plan::Plan;
-use super::rounds::{Traced, Tracer};
+use super::layers::Layers;
+use super::rounds::Traced;
+use super::standing::{self, RUN};
 use super::state::StateFolder;
-use crate::atlas::{self, Atlas, Placement};
+use super::tracer::Tracer;
+use crate::atlas::{Atlas, Placement};
 use crate::geometry::{Geometry, Solids};
 use crate::surface::FaceBins;
-use crate::trace::counts::RayCounts;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::trace::walk::Transport;
@@ -19,7 +22,7 @@ use crate::{Error, Result};
 use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
 use dataset::console::{Console, count};
 use dataset::files::write_atomically;
-use dataset::store::{Dataset, Writer};
+use dataset::store::Writer;
 use std::path::Path;
 use std::time::Instant;
 
@@ -37,11 +40,12 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let out = options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
     let (settings, inputs) = prepared.manifest(options)?;
     let layers = Layers::new(&out);
-    if let Some(outcome) = up_to_date(&out, &inputs, options, start) {
+    if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
         return Ok(outcome);
     }
-    expect_folder(&out)?;
-    let _lock = lock(&out)?;
+    folder::expect(&out)?;
+    let _lock = folder::lock(&out)?;
+    standing::announce(&out, &prepared, options, console)?;
     console.say(format!(
         "{}: {}, {}, {}",
         scene.name,
@@ -52,7 +56,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 
     let atlas = {
         let progress = console.progress("unwrapping", 1);
-        let atlas = atlas::build(geometry, &scene.lightmap)?;
+        let atlas = prepared.atlas()?;
         progress.advance(1);
         atlas
     };
@@ -70,19 +74,22 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         ));
     };
 
+    let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
     let check = match options.check {
-        Some(samples) => Some(check_layers(&prepared, &atlas, &layers, &texels, samples, console)?),
+        Some(samples) => {
+            let chosen = choose(assembler.valid_texels(), scene.bake.seed);
+            Some(check_layers(&prepared, &atlas, &layers, &chosen, samples, console)?)
+        }
         None => None,
     };
     let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
-    let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
     let stored = assembler.store(&mut writer, || progress.advance(1))?;
     drop(progress);
     let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
     writer.alias(&glb, "scene.glb");
-    let facts = facts(geometry, &atlas, plan, &stored, &traced, origin);
+    let facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
     let mut warnings = prepared.warnings.clone();
-    if let Some(warning) = mostly_invalid(plan, &stored) {
+    if let Some(warning) = facts::mostly_invalid(plan, &stored) {
         console.warn(&warning);
         warnings.push(warning);
     }
@@ -127,7 +134,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         samples: last.map_or(limits.samples, |r| r.samples),
         mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),
         layers: origin,
-        relative_error: relative.get(relative.len() / 2).copied().unwrap_or(0.0),
+        relative_error: median(&relative),
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
         rays: traced.rays,
@@ -140,61 +147,6 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
     StateFolder::clear(&out)?;
     Ok(outcome)
-}
-
-/// What may be wrong with a scene most of whose texels are of no use.
-fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
-    let of = |texels: usize| {
-        100.0 * texels as f64 / (stored.valid_texels + stored.unlit_texels + stored.buried_texels) as f64
-    };
-    if plan.layers() == 0 {
-        Some(
-            "no light: neither sun nor sky nor a lamp shines at any of these moments; all sets are black"
-                .to_owned(),
-        )
-    } else if of(stored.unlit_texels) > 50.0 {
-        Some(format!(
-            "no light arrives at {:.0} % of the texels: do their front sides (counter-clockwise) face away from it? `two_sided` or \
-             turned faces may help",
-            of(stored.unlit_texels)
-        ))
-    } else if of(stored.buried_texels) > 50.0 {
-        Some(format!(
-            "{:.0} % of the texels lie inside solids: all around them are the backs of one-sided faces. Are faces turned inside out?",
-            of(stored.buried_texels)
-        ))
-    } else {
-        None
-    }
-}
-
-/// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
-fn expect_folder(out: &Path) -> Result<()> {
-    const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
-    if let Some(file) = out.ancestors().find(|path| path.exists()).filter(|path| !path.is_dir()) {
-        return Err(Error::invalid(out.display(), format!("{} is no folder; {EXPECTED}", file.display())));
-    }
-    let refused = |what: &str, error: std::io::Error| {
-        Error::invalid(out.display(), format!("{what} ({error}); {EXPECTED} that this user may write to"))
-    };
-    std::fs::create_dir_all(out).map_err(|e| refused("cannot be created", e))?;
-    let probe = out.join(format!(".probe-{}", std::process::id()));
-    let probed = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
-    probed.map_err(|e| refused("cannot be written to", e))
-}
-
-/// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
-fn lock(out: &Path) -> Result<std::fs::File> {
-    let path = out.join(".lock");
-    let file = std::fs::File::create(&path).map_err(Error::io(&path))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(std::fs::TryLockError::WouldBlock) => Err(Error::invalid(
-            out.display(),
-            "another bake is writing here; wait for it, or choose another --out",
-        )),
-        Err(std::fs::TryLockError::Error(e)) => Err(Error::io(&path)(e)),
-    }
 }
 
 /// Traces the layers that no earlier bake left, and keeps them.
@@ -238,19 +190,21 @@ fn trace_missing(
     Ok((traced, origin))
 }
 
-/// Checks all layers, however they came to be.
+/// Checks all layers at these texels, however they came to be.
 fn check_layers(
     prepared: &Prepared,
     atlas: &Atlas,
     layers: &Layers,
-    texels: &[Texel],
+    chosen: &[Chosen],
     samples: u32,
     console: &Console,
 ) -> Result<Check> {
     let all: Vec<usize> = (0..prepared.plan.layers()).collect();
-    let values = prepared.digests.iter().map(|d| layers.read(d)).collect::<Result<Vec<_>>>()?;
+    // Of every layer these texels alone: all of all layers may be more than memory holds.
+    let places: Vec<usize> = chosen.iter().map(|texel| texel.place).collect();
+    let values = prepared.digests.iter().map(|d| layers.read_at(d, &places)).collect::<Result<Vec<_>>>()?;
     with_worker(prepared, atlas, &all, |worker| {
-        check(&worker, texels, &values, &prepared.sets(&all), samples, console)
+        check(&worker, chosen, &values, &prepared.sets(&all), samples, console)
     })
 }
 
@@ -270,9 +224,6 @@ fn with_worker<T>(
     work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed })
 }
 
-/// The outcome of a run, beside the manifest.
-const RUN: &str = "run.json";
-
 fn group((group, layers): (&crate::scene::Group, Vec<FileRef>)) -> Group {
     Group { name: group.name.clone(), on: group.on.clone(), layers }
 }
@@ -290,98 +241,4 @@ fn instances(geometry: &Geometry, atlas: &Atlas) -> Vec<Instance> {
         placements.iter().map(place)
     });
     placed.collect()
-}
-
-/// The outcome of the earlier run, if `out` holds exactly this bake, whole.
-fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
-    let dataset = Dataset::open(out).ok().filter(|_| !options.force)?;
-    if dataset.config.inputs != inputs {
-        return None;
-    }
-    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
-    if run.inputs != inputs {
-        return None;
-    }
-    if options.check.is_some() && options.check != run.check.as_ref().map(|c| c.samples) {
-        return None;
-    }
-    let seconds = start.elapsed().as_secs_f64();
-    Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
-}
-
-fn facts(
-    geometry: &Geometry,
-    atlas: &Atlas,
-    plan: &Plan,
-    stored: &Stored,
-    traced: &Traced,
-    layers: LayerCount,
-) -> Vec<String> {
-    let page = f64::from(atlas.width) * f64::from(atlas.page_height) * f64::from(atlas.pages);
-    let extras = plan.moments.iter().filter(|m| m.extra).count();
-    let lit = geometry.instances.iter().filter(|i| i.lightmap).count();
-    let mut facts = vec![
-        format!(
-            "{} in {} ({lit} lightmapped); {}, {}",
-            count(geometry.triangles.len(), "triangle"),
-            if geometry.instances.len() == 1 {
-                "1 mesh".to_owned()
-            } else {
-                format!("{} meshes", geometry.instances.len())
-            },
-            count(geometry.materials.len(), "material"),
-            count(geometry.textures.len(), "texture")
-        ),
-        format!(
-            "{} {} × {} texels, {}, {:.1} texels per metre; charts touch {:.1} % of the texels, {:.1} % are valid",
-            if atlas.pages == 1 { "page".to_owned() } else { format!("{} pages of", atlas.pages) },
-            atlas.width,
-            atlas.page_height,
-            count(atlas.charts as usize, "chart"),
-            atlas.texels_per_metre,
-            atlas.utilisation * 100.0,
-            stored.valid_texels as f64 / page * 100.0
-        ),
-        format!("{} marked invalid for lying inside solids", count(stored.buried_texels, "texel")),
-        format!(
-            "{} marked invalid because no sample found light at any moment",
-            count(stored.unlit_texels, "texel")
-        ),
-        format!(
-            "{} besides the hours asked for, to show both sides of every light switch",
-            count(extras, "set")
-        ),
-    ];
-    if !atlas.layouts.is_empty() {
-        let sharing = atlas.placements.iter().flatten().filter(|p| p.layout.is_some()).count();
-        facts.push(format!("{sharing} instances share {}", count(atlas.layouts.len(), "chart layout")));
-    }
-    facts.extend(atlas.notes.iter().cloned());
-    if atlas.degenerate > 0 {
-        facts.push(format!("{} without area got no texels", count(atlas.degenerate, "triangle")));
-    }
-    if let Some((edges, before, after)) = &stored.seams {
-        facts.push(format!(
-            "{} where charts of one surface meet: mean jump {:.2} % of the light there, {:.2} % after stitching (in the \
-             brightest set)",
-            count(*edges, "edge"),
-            before.mean * 100.0,
-            after.mean * 100.0
-        ));
-    }
-    facts.push(format!(
-        "{} of light traced, {} kept from an earlier bake",
-        count(layers.traced, "layer"),
-        layers.reused
-    ));
-    facts.extend(traced.notes.iter().cloned());
-    if traced.out_of_time {
-        facts.push(
-            "the time limit ended the tracing: other machines, or other days, give other samples".to_owned(),
-        );
-    }
-    if traced.resumed > 0 {
-        facts.push(format!("continued an earlier run that had finished {}", count(traced.resumed, "round")));
-    }
-    facts
 }

@@ -87,7 +87,7 @@ fn place<'a>(
     warnings: &mut Vec<String>,
 ) -> Result<()> {
     let file = object.file.file_name().unwrap_or_default().to_string_lossy();
-    let names = |placement: &'a super::model::Placement| {
+    let names = |placement: &'a super::model::NodeMesh| {
         let mesh = &model.meshes[placement.mesh];
         [placement.node.as_str(), mesh.name.as_str(), model.materials[mesh.material].name.as_str()]
     };

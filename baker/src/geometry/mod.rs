@@ -1,16 +1,16 @@
 //! Triangles in world space, flattened from files and instances, and what they are made of.
 
-mod gltf;
-mod digest;
-mod load;
-mod look;
 mod model;
-mod obj;
+mod texture;
 mod polygon;
+mod obj;
+mod gltf;
+mod look;
+mod load;
+mod point;
+mod digest;
 mod similarity;
 mod solids;
-mod surface;
-mod texture;
 
 pub use load::load;
 pub use similarity::Similarity;

@@ -11,12 +11,12 @@ pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 pub(super) struct Model {
     pub meshes: Vec<Mesh>,
     /// Which meshes stand where, in the order of the file.
-    pub placements: Vec<Placement>,
+    pub placements: Vec<NodeMesh>,
     pub materials: Vec<FileMaterial>,
 }
 
 /// A mesh at a node.
-pub(super) struct Placement {
+pub(super) struct NodeMesh {
     /// Index of the mesh.
     pub mesh: usize,
     /// The node's name, or empty.

@@ -1,7 +1,7 @@
 //! Wavefront OBJ with its MTL libraries.
 
 use super::Wrap;
-use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, Placement, check_albedo};
+use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo};
 use super::polygon::triangulate;
 use super::texture::TextureStore;
 use dataset::{Error, Result};
@@ -90,7 +90,7 @@ pub(super) fn load(
         let place = format!("{file}: {name}");
         let mesh = convert(mesh, name, material, vt_is_lightmap, &place, warnings)?;
         let node = String::new();
-        model.placements.push(Placement { mesh: model.meshes.len(), node, file_from_mesh: DMat4::IDENTITY });
+        model.placements.push(NodeMesh { mesh: model.meshes.len(), node, file_from_mesh: DMat4::IDENTITY });
         model.meshes.push(mesh);
     }
     Ok(model)

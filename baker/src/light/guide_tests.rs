@@ -24,6 +24,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         objects: Vec::new(),
         groups: Vec::new(),
         lightmap: Lightmap::default(),
+        size_as_written: String::new(),
         bake: Sampling::default(),
     }
 }

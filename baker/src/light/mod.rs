@@ -1,18 +1,18 @@
 //! Light as a function of time: schedules, sun, sky, lamps. No rays here: only what a direction or a point receives unoccluded.
 
-mod cone;
-mod disc;
-pub mod emitter;
-pub mod group;
-pub mod guide;
-pub mod lamp;
-mod rectangle;
 pub mod schedule;
-pub mod sky;
+pub mod sun;
 mod sky_image;
 mod sky_model;
-pub mod sun;
+pub mod sky;
+mod rectangle;
+mod cone;
+mod disc;
+pub mod lamp;
+pub mod emitter;
 mod tree;
+pub mod group;
+pub mod guide;
 
 use crate::Rgb;
 use glam::{DVec2, DVec3};

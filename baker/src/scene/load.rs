@@ -32,6 +32,14 @@ pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
     if path.is_dir() {
         return Err(Error::invalid(file, "is a folder; expected a scene file, such as scenes/yard.toml"));
     }
+    if path.is_file() && object::is_model(path) {
+        let model = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
+        let what = format!(
+            "is a model; expected a scene, which is a TOML file. Beside the model, these three lines are one:\n\
+             sky = {{ model = \"constant\", radiance = [3, 3, 3] }}\n[[object]]\nfile = {model:?}"
+        );
+        return Err(Error::invalid(file, what));
+    }
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let text = std::str::from_utf8(&bytes).map_err(|e| {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
@@ -72,15 +80,31 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
             ));
         }
     }
-    let lightmap = match top.table("lightmap", LIGHTMAP)? {
-        Some(table) => self::lightmap(&table)?,
-        None => Lightmap::default(),
+    let layout = top.table("lightmap", LIGHTMAP)?;
+    let lightmap = layout.as_ref().map_or(Ok(Lightmap::default()), self::lightmap)?;
+    let size_key = layout.and_then(|table| table.get("size").or_else(|| table.get("texels_per_metre")));
+    let size_as_written = match size_key {
+        Some(value) => format!("{}: {}", value.place(), value.shown()),
+        None => format!("{}: no `size`, so 512", path.display()),
     };
     let bake = match top.table("bake", BAKE)? {
         Some(table) => self::bake(&table)?,
         None => Sampling::default(),
     };
-    Ok((Scene { name, description, place, sun, sky, portals, objects, groups, lightmap, bake }, warnings))
+    let scene = Scene {
+        name,
+        description,
+        place,
+        sun,
+        sky,
+        portals,
+        objects,
+        groups,
+        lightmap,
+        size_as_written,
+        bake,
+    };
+    Ok((scene, warnings))
 }
 
 /// The scene's name: the folder its dataset is written to.

@@ -1,18 +1,18 @@
 //! The scene file: TOML as typed (`raw`), and what it means with every default filled in (here).
 
-pub mod colour;
-mod lamp;
-mod load;
-mod object;
 mod raw;
-mod schedule;
+pub mod colour;
 mod sky;
+mod schedule;
+mod lamp;
+mod object;
+mod load;
 
 pub use load::load;
 pub use sky::SkyImage;
 
 use glam::{DMat4, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// A radiance or irradiance that makes sense; what is computed from it stays finite in `f32`.
@@ -46,6 +46,9 @@ pub struct Scene {
     pub groups: Vec<Group>,
     /// Lightmap layout.
     pub lightmap: Lightmap,
+    /// Where the file says how large the lightmaps are, and what, for messages: `yard.toml:30: size = 512`.
+    #[serde(skip)]
+    pub size_as_written: String,
     /// Sampling.
     pub bake: Sampling,
 }
@@ -278,7 +281,7 @@ impl Default for Lightmap {
 }
 
 /// Page size, or texel density.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub enum LightmapSize {
     /// Pages of this size; the density follows.
     Fixed {

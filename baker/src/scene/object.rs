@@ -35,12 +35,20 @@ pub(super) fn read(
     tables.iter().map(|table| object(table, folder, groups, warnings)).collect()
 }
 
+/// Whether a file's name says that it holds geometry.
+pub(super) fn is_model(file: &Path) -> bool {
+    ["obj", "gltf", "glb"].contains(&extension(file).as_str())
+}
+
+fn extension(file: &Path) -> String {
+    file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
+}
+
 fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<String>) -> Result<Object> {
     let expected = "the path of an .obj, .gltf or .glb file, relative to the scene file";
     let value = table.require("file", expected)?;
     let file = folder.join(value.text(expected)?);
-    let extension = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-    if !["obj", "gltf", "glb"].contains(&extension.as_str()) {
+    if !is_model(&file) {
         return Err(value.error(format!("expected {expected}")));
     }
     if !file.is_file() {
@@ -55,7 +63,7 @@ fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<Str
                 "lightmap" => true,
                 _ => return Err(v.error(format!("expected {expected}"))),
             };
-            if extension != "obj" {
+            if extension(&file) != "obj" {
                 return Err(v.error("expected only for .obj files; a glTF's TEXCOORD_1 is used by itself"));
             }
             lightmap

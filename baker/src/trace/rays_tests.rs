@@ -1,7 +1,7 @@
 //! Tests of the ray tracer: against brute force, against closed forms, tier against tier.
 
 use super::super::bvh8::Tier;
-use super::super::sampler::Sequence;
+use super::super::sampler::{Kind, Sequence};
 use super::super::triangle::Shear;
 use super::*;
 use crate::geometry::Material;
@@ -55,7 +55,7 @@ fn wall(half_width: f32) -> Geometry {
 /// Triangles of many sizes and shapes, duplicates among them, and if asked for slivers and points.
 fn soup(n: u32, has_slivers: bool) -> Geometry {
     let mut g = Geometry::default();
-    let sequence = Sequence::new(3, 0, 0, 0);
+    let sequence = Sequence::new(3, Kind::Texel, 0, 0);
     for i in 0..n {
         let s = sequence.sample(i);
         let point = |k: u32| vec3(s.number(3 * k), s.number(3 * k + 1), s.number(3 * k + 2)) - 0.5;
@@ -79,7 +79,7 @@ fn soup(n: u32, has_slivers: bool) -> Geometry {
 
 /// Origin and unit direction of ray number `i` through about the middle of a scene of radius 2.
 fn random_ray(i: u32) -> (Vec3, Vec3) {
-    let s = Sequence::new(9, 0, 0, 0).sample(i);
+    let s = Sequence::new(9, Kind::Texel, 0, 0).sample(i);
     let point = |k: u32| vec3(s.number(3 * k), s.number(3 * k + 1), s.number(3 * k + 2)) - 0.5;
     let (origin, target) = (point(0) * 6.0, point(1) * 3.0);
     let mut direction = (target - origin).normalize();
@@ -106,7 +106,7 @@ struct Leaks {
 /// Aims at vertices and edges of a closed mesh around `centre`.
 fn leaks(g: &Geometry, rays: &Rays, centre: Vec3, at_most: usize) -> Leaks {
     let mut found = Leaks::default();
-    let sequence = Sequence::new(1, 0, 0, 0);
+    let sequence = Sequence::new(1, Kind::Texel, 0, 0);
     let kinds = 6;
     let step = (g.triangles.len() * kinds).div_ceil(at_most).max(1);
     for (i, t) in g.triangles.iter().enumerate() {
@@ -225,7 +225,7 @@ fn long_walls_are_seen_where_they_stand() {
     for half_width in [2e2, 2e3, 2e4] {
         let g = wall(half_width);
         let rays = Rays::new(&g);
-        let sequence = Sequence::new(5, 0, 0, 0);
+        let sequence = Sequence::new(5, Kind::Texel, 0, 0);
         let (n, mut inside) = (20_000, 0);
         for i in 0..n {
             // Directions towards the wall, most of them grazing along it.
@@ -316,7 +316,7 @@ fn offset_points_do_not_meet_their_own_plane() {
     for backend in Backend::built() {
         let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
         for i in 0..2000 {
-            let u: Vec2 = Sequence::new(2, 0, 0, 0).sample(i).pair(0);
+            let u: Vec2 = Sequence::new(2, Kind::Texel, 0, 0).sample(i).pair(0);
             let b = vec3(1.0 - u.x.max(u.y), (u.x - u.y).abs(), u.x.min(u.y));
             let origin = offset_point(&g.corners(0), b, Vec3::Z);
             let direction = vec3(u.y - 0.5, u.x - 0.5, 1e-3).normalize();

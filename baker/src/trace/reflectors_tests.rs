@@ -5,7 +5,7 @@ use crate::atlas::{Atlas, build};
 use crate::geometry::{Instance, Material, Texture, Wrap};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::trace::rays::Rays;
-use crate::trace::sampler::Sequence;
+use crate::trace::sampler::{Kind, Sequence};
 
 /// A floor of 4 × 4 m that looks up, its texels, and light on it: 1 everywhere, in layer 0 a hundred on a square of 0.5 m.
 fn floor() -> (Geometry, Atlas) {
@@ -63,7 +63,7 @@ fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<Reflectors>)
     // The entries in the square, by points spread over the floor.
     let mut is_bright = vec![false; map.entries()];
     for i in 0..1 << 16 {
-        let u = Sequence::new(1, 0, 0, 0).sample(i).pair(0);
+        let u = Sequence::new(1, Kind::Texel, 0, 0).sample(i).pair(0);
         let b = if u.x + u.y > 1.0 { Vec2::ONE - u } else { u };
         let b = Vec3::new(1.0 - b.x - b.y, b.x, b.y);
         let p = place(&geometry, i % 2, b);
@@ -95,9 +95,10 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
     with_reflectors(100.0, |geometry, reflectors| {
         let reflectors = reflectors.expect("a bright square");
         let receivers = [(Vec3::new(0.0, 2.0, 0.0), -Vec3::Y)];
-        let number = |r: usize, k: usize| Sequence::new(3, 0, r as u32, 0).sample(k as u32).number(0);
+        let number =
+            |r: usize, k: usize| Sequence::new(3, Kind::Texel, r as u32, 0).sample(k as u32).number(0);
         let view = reflectors.view_from(&receivers, number, |_, _, _| true).expect("it is seen");
-        let sequence = Sequence::new(2, 0, 0, 0);
+        let sequence = Sequence::new(2, Kind::Texel, 0, 0);
         // The sum of 1 ÷ density over what is drawn is the area it is drawn from.
         let (mut area, n) = (0.0, 1 << 14);
         let mut quarter = [0f64; 4];
@@ -141,13 +142,14 @@ fn a_hidden_cluster_is_drawn_rarely_but_drawn() {
     with_reflectors(100.0, |_, reflectors| {
         let reflectors = reflectors.expect("a bright square");
         let receivers = [(Vec3::new(0.0, 2.0, 0.0), -Vec3::Y)];
-        let number = |r: usize, k: usize| Sequence::new(3, 0, r as u32, 0).sample(k as u32).number(0);
+        let number =
+            |r: usize, k: usize| Sequence::new(3, Kind::Texel, r as u32, 0).sample(k as u32).number(0);
         // A wall at x = 1: only directions that end at less are free.
         let free = |_: usize, direction: Vec3, distance: f32| direction.x * distance < 1.0;
         let view = reflectors.view_from(&receivers, number, free).expect("half of it is seen");
         let n = 1 << 12;
         let behind = (0..n).filter(|&i| {
-            let sample = Sequence::new(2, 0, 0, 0).sample(i);
+            let sample = Sequence::new(2, Kind::Texel, 0, 0).sample(i);
             let point = reflectors.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
             point.point.x > 1.05
         });
@@ -201,7 +203,7 @@ fn holes_of_a_cut_out_reflect_nothing() {
                 face_normal: -Vec3::Y,
                 normal: -Vec3::Y,
             };
-            let sequence = Sequence::new(2, 0, 0, 0);
+            let sequence = Sequence::new(2, Kind::Texel, 0, 0);
             let mut counts = RayCounts::default();
             let view = reflectors.view(&space, &[(receiver, sequence.sample(0))], &mut counts).expect("seen");
             let mut sides = [0; 2];

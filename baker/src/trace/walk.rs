@@ -20,7 +20,7 @@ const ROULETTE_FROM: u32 = 2;
 /// The highest probability of going on under roulette, so that a walk ends even where nothing absorbs.
 const GO_ON_AT_MOST: f32 = 0.999;
 /// A walk whose weight has grown to this under roulette has met hardly any absorption in over two thousand bounces.
-const ENDLESS: f32 = 10.0;
+const ENDLESS_WEIGHT: f32 = 10.0;
 
 /// Everything a walk needs.
 pub struct Transport<'a> {
@@ -167,7 +167,9 @@ impl<'a> Transport<'a> {
             return None;
         }
         // The walk meets emissive triangles with density cos θ ÷ π.
-        let share = s.emitter.map_or(1.0, |(_, pdf)| balance(pdf, s.direction.dot(at.normal).max(0.0) / PI));
+        let share = s
+            .emitter
+            .map_or(1.0, |(_, pdf)| balance_heuristic(pdf, s.direction.dot(at.normal).max(0.0) / PI));
         Some(s.irradiance * share)
     }
 
@@ -199,7 +201,7 @@ impl<'a> Transport<'a> {
             let beta = weight * PI;
             let Some(hit) = self.space.rays.nearest(at.origin, direction, at.triangle) else {
                 let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
-                let share = guided.map_or(1.0, |guided| balance(pdf, guided));
+                let share = guided.map_or(1.0, |guided| balance_heuristic(pdf, guided));
                 lights.sky.add(direction, beta * share, &mut out[lights.sky_layers()]);
                 return;
             };
@@ -217,7 +219,7 @@ impl<'a> Transport<'a> {
                 let radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
                 let sampler = &group.sampler;
                 let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
-                out[lights.group_layer(g)] += beta * radiance * balance(pdf, sampled);
+                out[lights.group_layer(g)] += beta * radiance * balance_heuristic(pdf, sampled);
             }
             if self.bounces.is_some_and(|most| vertex + 1 > most) {
                 return;
@@ -235,7 +237,7 @@ impl<'a> Transport<'a> {
                     return;
                 }
                 weight /= go_on;
-                if weight.max_element() > ENDLESS {
+                if weight.max_element() > ENDLESS_WEIGHT {
                     counts.endless += 1;
                     return;
                 }
@@ -271,12 +273,12 @@ impl<'a> Transport<'a> {
         if self.space.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle) {
             return None;
         }
-        Some((direction, cosine / pdf * balance(pdf, cosine / PI)))
+        Some((direction, cosine / pdf * balance_heuristic(pdf, cosine / PI)))
     }
 }
 
 /// The balance heuristic: the share of a sample drawn with density `own` where `other` could have drawn it too.
-pub fn balance(own: f32, other: f32) -> f32 {
+pub fn balance_heuristic(own: f32, other: f32) -> f32 {
     if own.is_infinite() { 1.0 } else { own / (own + other).max(f32::MIN_POSITIVE) }
 }
 
@@ -300,10 +302,11 @@ fn cosine_direction(normal: Vec3, u: Vec2) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::sampler::{Kind, Sequence};
 
     #[test]
     fn cosine_directions_have_the_cosines_moments() {
-        let sequence = super::super::sampler::Sequence::new(1, 0, 3, 0);
+        let sequence = Sequence::new(1, Kind::Texel, 3, 0);
         let normal = Vec3::new(0.3, -0.5, 0.8).normalize();
         let n = 1 << 14;
         let (mut first, mut second) = (0.0, 0.0);

@@ -40,7 +40,7 @@ fn normals_that_are_no_numbers() {
 #[test]
 fn a_file_whose_triangles_have_no_area() {
     let line = TRIANGLE.replace("v 0 0 -1", "v 2 0 0");
-    refused(&line, OBJECT, &["nothing to bake", "1 degenerate triangles"]);
+    refused(&line, OBJECT, &["nothing to bake", "1 degenerate triangle)"]);
     refused("o floor\nv 0 0 0\nv 1 0 0\n", OBJECT, &["a.obj", "expected at least one triangle"]);
 }
 

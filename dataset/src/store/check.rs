@@ -1,6 +1,7 @@
 //! What every consumer of a manifest relies on.
 
 use crate::config::{Config, FORMAT, FileRef, Page, VERSION};
+use crate::console::count;
 use crate::image::MAX_SIDE;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
@@ -52,9 +53,9 @@ pub(super) fn config(manifest: &Path, config: &Config) -> Result<()> {
         }
         let expected = if layered { config.pages.len() } else { 0 };
         if group.layers.len() != expected {
-            let pages = group.layers.len();
+            let pages = count(group.layers.len(), "page");
             return wrong(format!(
-                "group {name:?}: layers for {pages} pages; expected {expected} (all layers or none)"
+                "group {name:?}: layers for {pages}; expected {expected} (all layers or none)"
             ));
         }
     }
@@ -77,8 +78,8 @@ pub(super) fn config(manifest: &Path, config: &Config) -> Result<()> {
             ));
         }
         if set.maps.len() != config.pages.len() {
-            let (found, expected) = (set.maps.len(), config.pages.len());
-            return wrong(format!("set {index}, hour {hour}: maps for {found} pages; expected {expected}"));
+            let (found, expected) = (count(set.maps.len(), "page"), config.pages.len());
+            return wrong(format!("set {index}, hour {hour}: maps for {found}; expected {expected}"));
         }
         if let Some(error) = set.relative_error
             && !(error.is_finite() && error >= 0.0)
@@ -132,11 +133,8 @@ fn length_of(root: &Path, path: &str, bytes: u64) -> Result<()> {
     let path = root.join(path);
     let metadata = fs::metadata(&path).map_err(Error::io(&path))?;
     if metadata.len() != bytes {
-        let found = metadata.len();
-        return Err(Error::invalid(
-            path.display(),
-            format!("{found} bytes; {} says {bytes}", super::MANIFEST),
-        ));
+        let found = count(metadata.len() as usize, "byte");
+        return Err(Error::invalid(path.display(), format!("{found}; {} says {bytes}", super::MANIFEST)));
     }
     Ok(())
 }

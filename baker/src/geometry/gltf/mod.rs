@@ -4,7 +4,7 @@ mod accessor;
 mod container;
 mod material;
 
-use super::model::{Mesh, Model, Placement};
+use super::model::{Mesh, Model, NodeMesh};
 use super::texture::TextureStore;
 use accessor::{Buffers, read_floats, read_indices};
 use dataset::{Error, Result};
@@ -152,7 +152,7 @@ impl Reader<'_> {
                         start..self.model.meshes.len()
                     }
                 };
-                self.model.placements.extend(range.map(|mesh| Placement {
+                self.model.placements.extend(range.map(|mesh| NodeMesh {
                     mesh,
                     node: node.name().unwrap_or("").to_owned(),
                     file_from_mesh: file_from_node,

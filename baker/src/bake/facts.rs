@@ -1,0 +1,113 @@
+//! What a bake tells of its geometry, page and light, in words.
+
+use super::assemble::Stored;
+use super::options::LayerCount;
+use super::plan::Plan;
+use super::rounds::Traced;
+use crate::atlas::Atlas;
+use crate::geometry::Geometry;
+use dataset::console::count;
+
+/// What may be wrong with a scene most of whose texels are of no use.
+pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
+    let of = |texels: usize| {
+        100.0 * texels as f64 / (stored.valid_texels + stored.unlit_texels + stored.buried_texels) as f64
+    };
+    if plan.layers() == 0 {
+        Some(
+            "no light: neither sun nor sky nor a lamp shines at any of these moments; all sets are black"
+                .to_owned(),
+        )
+    } else if of(stored.unlit_texels) > 50.0 {
+        Some(format!(
+            "no light arrives at {:.0} % of the texels: do their front sides (counter-clockwise) face away from it? `two_sided` or \
+             turned faces may help",
+            of(stored.unlit_texels)
+        ))
+    } else if of(stored.buried_texels) > 50.0 {
+        Some(format!(
+            "{:.0} % of the texels lie inside solids: all around them are the backs of one-sided faces. Are faces turned inside out?",
+            of(stored.buried_texels)
+        ))
+    } else {
+        None
+    }
+}
+
+/// Facts about a finished bake.
+pub fn of_bake(
+    geometry: &Geometry,
+    atlas: &Atlas,
+    plan: &Plan,
+    stored: &Stored,
+    traced: &Traced,
+    layers: LayerCount,
+) -> Vec<String> {
+    let page = f64::from(atlas.width) * f64::from(atlas.page_height) * f64::from(atlas.pages);
+    let extras = plan.moments.iter().filter(|m| m.extra).count();
+    let lit = geometry.instances.iter().filter(|i| i.lightmap).count();
+    let mut facts = vec![
+        format!(
+            "{} in {} ({lit} lightmapped); {}, {}",
+            count(geometry.triangles.len(), "triangle"),
+            if geometry.instances.len() == 1 {
+                "1 mesh".to_owned()
+            } else {
+                format!("{} meshes", geometry.instances.len())
+            },
+            count(geometry.materials.len(), "material"),
+            count(geometry.textures.len(), "texture")
+        ),
+        format!(
+            "{} {} × {} texels, {}, {:.1} texels per metre; charts touch {:.1} % of the texels, {:.1} % are valid",
+            if atlas.pages == 1 { "page".to_owned() } else { format!("{} pages of", atlas.pages) },
+            atlas.width,
+            atlas.page_height,
+            count(atlas.charts as usize, "chart"),
+            atlas.texels_per_metre,
+            atlas.utilisation * 100.0,
+            stored.valid_texels as f64 / page * 100.0
+        ),
+        format!("{} marked invalid for lying inside solids", count(stored.buried_texels, "texel")),
+        format!(
+            "{} marked invalid because no sample found light at any moment",
+            count(stored.unlit_texels, "texel")
+        ),
+        format!(
+            "{} besides the hours asked for, to show both sides of every light switch",
+            count(extras, "set")
+        ),
+    ];
+    if !atlas.layouts.is_empty() {
+        let sharing = atlas.placements.iter().flatten().filter(|p| p.layout.is_some()).count();
+        facts.push(format!("{sharing} instances share {}", count(atlas.layouts.len(), "chart layout")));
+    }
+    facts.extend(atlas.notes.iter().cloned());
+    if atlas.degenerate > 0 {
+        facts.push(format!("{} without area got no texels", count(atlas.degenerate, "triangle")));
+    }
+    if let Some((edges, before, after)) = &stored.seams {
+        facts.push(format!(
+            "{} where charts of one surface meet: mean jump {:.2} % of the light there, {:.2} % after stitching (in the \
+             brightest set)",
+            count(*edges, "edge"),
+            before.mean * 100.0,
+            after.mean * 100.0
+        ));
+    }
+    facts.push(format!(
+        "{} of light traced, {} kept from an earlier bake",
+        count(layers.traced, "layer"),
+        layers.reused
+    ));
+    facts.extend(traced.notes.iter().cloned());
+    if traced.out_of_time {
+        facts.push(
+            "the time limit ended the tracing: other machines, or other days, give other samples".to_owned(),
+        );
+    }
+    if traced.resumed > 0 {
+        facts.push(format!("continued an earlier run that had finished {}", count(traced.resumed, "round")));
+    }
+    facts
+}

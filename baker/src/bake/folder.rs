@@ -1,0 +1,34 @@
+//! The folder a bake writes to: usable, and its own while it works.
+
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
+pub fn expect(out: &Path) -> Result<()> {
+    const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
+    if let Some(file) = out.ancestors().find(|path| path.exists()).filter(|path| !path.is_dir()) {
+        let file = if file == out { "it".to_owned() } else { file.display().to_string() };
+        return Err(Error::invalid(out.display(), format!("{file} is a file; {EXPECTED}")));
+    }
+    let refused = |what: &str, error: std::io::Error| {
+        Error::invalid(out.display(), format!("{what} ({error}); {EXPECTED} that this user may write to"))
+    };
+    std::fs::create_dir_all(out).map_err(|e| refused("cannot be created", e))?;
+    let probe = out.join(format!(".probe-{}", std::process::id()));
+    let probed = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
+    probed.map_err(|e| refused("cannot be written to", e))
+}
+
+/// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
+pub fn lock(out: &Path) -> Result<std::fs::File> {
+    let path = out.join(".lock");
+    let file = std::fs::File::create(&path).map_err(Error::io(&path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(std::fs::TryLockError::WouldBlock) => Err(Error::invalid(
+            out.display(),
+            "another bake is writing here; wait for it, or choose another --out",
+        )),
+        Err(std::fs::TryLockError::Error(e)) => Err(Error::io(&path)(e)),
+    }
+}

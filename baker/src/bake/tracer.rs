@@ -1,0 +1,307 @@
+//! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
+
+use super::block::Worker;
+use super::errors::{Errors, Parts, Sums, cell_of, median, of_block, worst_of_cell};
+use super::indirect::Cache;
+use super::json;
+use super::rounds::{Limits, Round, Traced, endless, note, schedule, total_of};
+use super::solve;
+use super::state::{BlockState, CELLS, StateFolder};
+use crate::Result;
+use crate::surface::BlockSurface;
+use crate::trace::counts::RayCounts;
+use dataset::console::{Console, count, stop_if_interrupted};
+use dataset::files::write_atomically;
+use rayon::prelude::*;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// What rounds are traced with.
+pub struct Tracer<'a> {
+    /// Light, geometry and texels.
+    pub worker: Worker<'a>,
+    /// Per set, the layers being traced that it is made of.
+    pub sets: Vec<Parts>,
+    /// Work so far.
+    pub folder: &'a StateFolder,
+    /// Whether walks end in the cache.
+    pub cached: bool,
+    /// Layers of the whole bake, traced now or not.
+    pub layers: usize,
+}
+
+impl Tracer<'_> {
+    /// Traces until a limit is reached.
+    pub fn run(&self, limits: &Limits, console: &Console) -> Result<Traced> {
+        let blocks = self.worker.blocks();
+        let log_path = self.folder.root().join("rounds.json");
+        let rounds: Vec<Round> =
+            std::fs::read(&log_path).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+        let before = rounds.last().map_or(0.0, |r| r.seconds);
+        let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
+        let start = Instant::now();
+        let schedule = schedule(limits);
+        let (direct_means, rays) = self.before_rounds(&blocks, console)?;
+        traced.rays += rays;
+        let cache = self.cache(&blocks, console, &mut traced)?;
+        // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
+        let is_open = limits.target_error.is_some() || limits.deadline.is_some();
+        let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
+        let mut progress =
+            console.progress("tracing", work(if is_open { schedule[0] } else { total_of(&schedule) }));
+        if traced.resumed > 0 {
+            console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
+        }
+        for (round, &target) in schedule.iter().enumerate() {
+            let previous = if round == 0 { 0 } else { schedule[round - 1] };
+            if round < traced.resumed {
+                progress.advance(work(target - previous));
+                continue;
+            }
+            if limits.target_error.is_some() && traced.rounds.last().is_some_and(|r| r.open_cells == 0) {
+                break;
+            }
+            if round > 0 && limits.deadline.is_some_and(|d| Instant::now() >= d) {
+                traced.out_of_time = true;
+                break;
+            }
+            if is_open && round > 0 {
+                progress = console.progress(&format!("round of {target} samples"), work(target - previous));
+                if let Some(last) = traced.rounds.last() {
+                    progress.note(&note(last, limits));
+                }
+            }
+            let deadline = limits.deadline.filter(|_| round > 0);
+            let (round, last) = (round as u32 + 1, traced.rounds.last());
+            let step = Step { round, target, limits, deadline, last, direct_means: &direct_means };
+            let late = AtomicBool::new(false);
+            let counted = Mutex::new(RayCounts::default());
+            // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
+            let done: Vec<Done> = blocks
+                .par_iter()
+                .map(|&block| {
+                    let done = self.block(block, &step, cache.as_ref(), &late)?;
+                    *counted.lock().unwrap_or_else(|e| e.into_inner()) += done.rays;
+                    progress.advance(u64::from(target - previous));
+                    Ok(done)
+                })
+                .collect::<Result<_>>()?;
+            traced.rays += counted.into_inner().unwrap_or_else(|e| e.into_inner());
+            if traced.rays.endless > 0 {
+                return Err(endless());
+            }
+            let round = self.summarise(&done, target, before + start.elapsed().as_secs_f64(), limits);
+            progress.note(&note(&round, limits));
+            traced.rounds.push(round);
+            write_atomically(&log_path, &json::bytes(&traced.rounds, "rounds")?)?;
+            if late.load(Ordering::Relaxed) {
+                traced.out_of_time = true;
+                break;
+            }
+        }
+        Ok(traced)
+    }
+
+    /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
+    /// count, from which the cache is solved. The mean of each light over the trials of exposed texels, in the sum of its channels.
+    fn before_rounds(&self, blocks: &[usize], console: &Console) -> Result<(Vec<f32>, RayCounts)> {
+        let progress = console.progress("direct light", blocks.len() as u64);
+        let lights = self.worker.transport.lights.sampled();
+        let of_block = |&block: &usize| {
+            stop_if_interrupted()?;
+            let surface = self.worker.surface(block);
+            let mut state = self.folder.read(block, surface.covered().count())?;
+            let mut counts = RayCounts::default();
+            if state.outside.is_empty() && !state.taken.is_empty() {
+                counts += self.worker.probe(&surface, &mut state);
+                counts += self.worker.first_direct(&surface, &mut state);
+                stop_if_interrupted()?;
+                self.folder.write(block, &state)?;
+            }
+            progress.advance(1);
+            Ok((state.trial_sums(lights), counts))
+        };
+        let (mut means, mut values, mut counts) = (vec![0.0; lights], 0.0, RayCounts::default());
+        for ((sums, n), c) in blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()? {
+            means.iter_mut().zip(sums).for_each(|(m, s)| *m += s);
+            (values, counts) = (values + n, counts + c);
+        }
+        // A run that continues finds no trials in blocks that were decided: what is decided by stays what it was.
+        let path = self.folder.root().join("direct.json");
+        let kept = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice::<Vec<f32>>(&b).ok());
+        let means = match kept {
+            Some(kept) if kept.len() == lights => kept,
+            _ => {
+                let means = means.iter().map(|m| (m / f64::max(values, 1.0)) as f32).collect();
+                write_atomically(&path, &json::bytes(&means, "direct")?)?;
+                means
+            }
+        };
+        Ok((means, counts))
+    }
+
+    fn cache(&self, blocks: &[usize], console: &Console, traced: &mut Traced) -> Result<Option<Cache<'_>>> {
+        if !self.cached || self.worker.transport.lights.layers() == 0 {
+            return Ok(None);
+        }
+        let path = self.folder.root().join("cache.bin");
+        // A run that continues finds more direct light than the solver did: it must not try again.
+        let unsettled = self.folder.root().join("unsettled.json");
+        if let Some(passes) = std::fs::read(&unsettled).ok().and_then(|b| serde_json::from_slice(&b).ok()) {
+            traced.without_cache(passes);
+            return Ok(None);
+        }
+        let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
+        traced.rays += counts;
+        if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
+            return Ok(Some(Cache::new(&self.worker, map, halves)));
+        }
+        let (cache, solution, counts) = solve::fill(&self.worker, self.folder, map, blocks, console)?;
+        traced.rays += counts;
+        if !solution.settled {
+            write_atomically(&unsettled, &json::bytes(&solution.passes, "passes")?)?;
+            traced.without_cache(solution.passes);
+            return Ok(None);
+        }
+        solve::store(&path, &cache.halves)?;
+        Ok(Some(cache))
+    }
+
+    /// Brings one block through one round and gives its error sums.
+    fn block(&self, block: usize, step: &Step, cache: Option<&Cache>, late: &AtomicBool) -> Result<Done> {
+        stop_if_interrupted()?;
+        let surface = self.worker.surface(block);
+        let mut state = self.folder.read(block, surface.covered().count())?;
+        let mut rays = RayCounts::default();
+        if state.round < step.round {
+            if step.deadline.is_some_and(|d| Instant::now() >= d) {
+                late.store(true, Ordering::Relaxed);
+            } else {
+                let active = self.active(&surface, &state, step);
+                for samples in step.slices().filter(|_| active.contains(&true)) {
+                    let means = step.direct_means;
+                    rays += self.worker.more_direct(&surface, &mut state, &active, samples, means);
+                    rays += self.worker.indirect(block, &surface, &mut state, &active, samples / 2, cache);
+                    if samples < step.target && step.deadline.is_some_and(|d| Instant::now() >= d) {
+                        late.store(true, Ordering::Relaxed);
+                        break;
+                    }
+                }
+                stop_if_interrupted()?;
+                state.round = step.round;
+                self.folder.write(block, &state)?;
+            }
+        }
+        let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
+        let mut texels = [0u32; CELLS];
+        surface.covered().for_each(|t| texels[cell_of(&surface, t)] += 1);
+        let samples = texels.iter().zip(&state.drawn).map(|(n, d)| u64::from(*n) * 2 * u64::from(*d)).sum();
+        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels: texels.iter().sum(), samples, rays })
+    }
+
+    /// The cells that get samples in a round: all in the first, later those that miss the target.
+    fn active(&self, surface: &BlockSurface, state: &BlockState, step: &Step) -> [bool; CELLS] {
+        let (Some(target), Some(last)) = (step.limits.target_error, step.last) else { return [true; CELLS] };
+        let cells = of_block(&self.sets, self.worker.transport.lights, surface, state);
+        std::array::from_fn(|cell| worst_of_cell(&cells, cell, &last.set_means) > target)
+    }
+
+    fn summarise(&self, done: &[Done], samples: u32, seconds: f64, limits: &Limits) -> Round {
+        let atlas = self.worker.atlas;
+        let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, self.sets.len());
+        for block in done {
+            for (set, cells) in block.cells.iter().enumerate() {
+                let mut all = Sums::default();
+                cells.iter().for_each(|c| all.add(c));
+                errors.add(set, block.x0, block.y0, &all);
+            }
+        }
+        let set_means: Vec<f64> = (0..self.sets.len()).map(|s| errors.set(s).mean()).collect();
+        let open_cells = limits.target_error.map_or(0, |target| {
+            let open =
+                |b: &Done| (0..CELLS).filter(|&c| worst_of_cell(&b.cells, c, &set_means) > target).count();
+            done.iter().map(open).sum()
+        });
+        let mut relative = errors.relative();
+        relative.sort_by(f64::total_cmp);
+        let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+        let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
+        let drawn: u64 = done.iter().map(|d| d.samples).sum();
+        Round {
+            samples,
+            mean_samples: drawn as f64 / texels.max(1) as f64,
+            seconds,
+            median_error: median(&relative),
+            p95_error: at(0.95),
+            worst_error: at(1.0),
+            set_errors: (0..self.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
+            set_means,
+            open_cells,
+        }
+    }
+}
+
+/// One round, as a block sees it.
+struct Step<'a> {
+    /// Counted from 1.
+    round: u32,
+    /// Samples per texel, both halves together.
+    target: u32,
+    limits: &'a Limits,
+    deadline: Option<Instant>,
+    /// The mean direct light of each light.
+    direct_means: &'a [f32],
+    /// The round before.
+    last: Option<&'a Round>,
+}
+
+impl Step<'_> {
+    /// Samples per texel at which a block looks at the clock. A round takes as long as all before it, and on a small page that is
+    /// the time of one block: under a time limit it is traced in sixteen slices, which draw the same samples as the whole.
+    fn slices(&self) -> impl Iterator<Item = u32> {
+        const SLICES: u32 = 16;
+        let before = self.last.map_or(0, |round| round.samples);
+        let is_cut = self.deadline.is_some() && self.target >= before + 2 * SLICES;
+        let slices = if is_cut { SLICES } else { 1 };
+        // (Even numbers, for both halves draw as many.)
+        let step = (self.target - before) / slices / 2 * 2;
+        let target = self.target;
+        (1..=slices).map(move |slice| if slice == slices { target } else { before + slice * step })
+    }
+}
+
+/// A block after a round.
+struct Done {
+    x0: usize,
+    y0: usize,
+    cells: Vec<[Sums; CELLS]>,
+    texels: u32,
+    /// Samples of indirect light over all texels.
+    samples: u64,
+    rays: RayCounts,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_end_at_the_target_and_there_is_one_without_a_deadline() {
+        let limits = Limits { samples: 1 << 16, target_error: None, deadline: None };
+        let slices = |before: Option<u32>, target: u32, deadline| {
+            let last = before.map(|samples| Round { samples, ..Round::default() });
+            let step =
+                Step { round: 2, target, limits: &limits, deadline, direct_means: &[], last: last.as_ref() };
+            step.slices().collect::<Vec<u32>>()
+        };
+        assert_eq!(slices(Some(1 << 15), 1 << 16, None), [1 << 16]);
+        let now = Some(Instant::now());
+        let many = slices(Some(1 << 15), 1 << 16, now);
+        assert_eq!((many.len(), many[0], many[15]), (16, (1 << 15) + (1 << 11), 1 << 16));
+        assert!(many.windows(2).all(|pair| pair[0] < pair[1]) && many.iter().all(|n| n % 2 == 0));
+        // A power of two need not lie between: what was asked for may be less than twice what was drawn.
+        assert_eq!(slices(Some(16), 32, now), [32]);
+        assert_eq!(slices(None, 2, now), [2]);
+    }
+}
