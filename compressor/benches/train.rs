@@ -5,7 +5,7 @@
 
 use compressor::model::PROFILES;
 use compressor::tile::{Coverage, TileSource};
-use compressor::train::{Recipe, train};
+use compressor::train::{Aim, Recipe, train};
 
 fn tile(variant: usize) -> TileSource {
     let hours: Vec<f32> = (0..24).map(|h| h as f32).chain([5.9, 18.1]).collect();
@@ -61,6 +61,7 @@ fn tile(variant: usize) -> TileSource {
         hours: hours.iter().map(|&h| h.into()).collect(),
         sets: hours.into_iter().map(light).collect(),
         coverage: vec![Coverage::Valid; 128 * 128],
+        gates: vec![],
     }
 }
 
@@ -74,7 +75,7 @@ fn main() {
     for iterations in iterations {
         let (mut float, mut stored, mut seconds, mut all) = (0.0, 0.0, 0.0, 0.0);
         for (i, tile) in tiles.iter().enumerate() {
-            let recipe = Recipe { iterations, paper: false, seed: 7 + i as u64 };
+            let recipe = Recipe { iterations, paper: false, seed: 7 + i as u64, aim: Aim::MeanPsnr };
             let start = std::time::Instant::now();
             let trained = train(tile, profile, &recipe).expect("training");
             all += start.elapsed().as_secs_f64() / 4.0;

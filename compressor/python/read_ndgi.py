@@ -4,8 +4,7 @@
     read_ndgi.py scene.ndgi --hour 18.05 --out page.npy                # a page: height x width x 3, float32
     read_ndgi.py scene.ndgi --hour 12 --page 1 --tile 0,2 --out x.npy  # what tile (column, row) stores, with its border
 """
-import argparse, struct, sys
-import numpy as np
+import argparse, struct, sys, numpy as np
 from blake3_numpy import checksum
 
 WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])
@@ -30,11 +29,9 @@ def bc7(data, columns):
 def lerp(values, axis, i, j, share):
     share = np.reshape(share, [-1 if k == axis else 1 for k in range(values.ndim)])
     return values.take(i, axis) * (1 - share) + values.take(j, axis) * share
-
 def stretch(values, axis, stored):  # a clamped axis, read at each stored texel
     s = np.clip((np.arange(stored) + 0.5) / stored * values.shape[axis] - 0.5, 0, values.shape[axis] - 1)
     return lerp(values, axis, s.astype(int), np.minimum(s.astype(int) + 1, values.shape[axis] - 1), s % 1)
-
 def at_time(values, tau):  # the periodic first axis, read at tau
     s = tau * len(values) - 0.5
     return lerp(values, 0, [int(s // 1) % len(values)], [int(s // 1 + 1) % len(values)], s % 1)[0]
@@ -43,83 +40,88 @@ class Bundle:
     def __init__(self, path):
         self.data, self.at, self.index = open(path, 'rb').read(), 0, {}
         magic, version, end, length, digest = self.take('8sIIQQ')
-        check(magic == b'NDGI\r\n\x1a\n' and version == 1, 'not an NDGI bundle of version 1')
-        check(end % 16 == 0 and 64 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
+        check(magic == b'NDGI\r\n\x1a\n' and version == 2, 'not an NDGI bundle of version 2')
+        check(end % 16 == 0 and 56 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
         check(checksum(self.data[:24] + self.data[32:end]) == digest, 'header damaged')
-        side, border, self.U, self.h, self.coding, self.n, pages, groups = self.take('8I')
-        known = (self.U, self.h) in ((16, 16), (32, 16), (32, 64), (64, 16)) and self.coding in (0, 1)
-        check((side, border) == (128, 1) and known, 'tile side, border, profile or coding unknown')
-        self.scene, self.info = self.text(), self.text()
-        self.pages = [self.take('2I') for _ in range(pages)]
+        side, border, self.coding, self.n, pages, groups = self.take('6I')
+        check((side, border) == (128, 1) and self.coding in (0, 1), 'tile side, border or coding unknown')
+        self.scene, self.info, self.pages = self.text(), self.text(), [self.take('2I') for _ in range(pages)]
         self.hours = np.array(self.take(f'{self.n}d'))
         check(np.all(np.diff(self.hours) > 0) and 0 <= self.hours[0] and self.hours[-1] < 24, 'hours out of order')
         group = lambda: (self.text(), [self.take('2d') for _ in range(*self.take('I'))], np.array(self.take(f'{self.n}B')))
         self.groups, offset = [group() for _ in range(groups)], end
         for page, (W, H) in enumerate(self.pages):
             for r, c in np.ndindex(-(-H // 126), -(-W // 126)):
-                self.index[page, c, r] = at, length, zero, digest = self.take('QIIQ')
-                full, offset = -(-sum(self.sizes(*self.stored(page, c, r))) // 16) * 16, offset + length
-                good = at == offset - length and length in (0, full) and zero == 0 and (length or digest == 0)
-                check(good, f'index line of tile {c}, {r} of page {page}')
+                self.index[page, c, r] = at, length, word, digest = self.take('QIIQ')
+                check(at == offset and (length or word == digest == 0), f'index line of tile {c}, {r} of page {page}')
+                offset += length
         check(offset == len(self.data) and not any(self.data[self.at:end]), 'payloads do not fill the file')
 
     def take(self, form):
         self.at += struct.calcsize('<' + form)
         return struct.unpack_from('<' + form, self.data, self.at - struct.calcsize('<' + form))
-
     def text(self):
         return self.take(f'{self.take("I")[0]}s')[0].decode()
-
     def stored(self, page, c, r):  # height and width of what a tile stores
         return [4 * -(-(min(126, side - 126 * at) + 2) // 4) for side, at in zip(self.pages[page][::-1], (r, c))]
 
-    def blocks(self, side):  # of F_uvt along a side: s(side) / 4
-        return -(-(-(-side * self.U // 128)) // 4)
-
-    def sizes(self, height, width):  # bytes of F_uv, F_uvt, means, F_ut, F_vt, decoder
-        uvt, rows, h = 16 * self.blocks(height) * self.blocks(width) * min(12, -(-self.n // 2)), min(24, self.n), self.h
-        return height * width, uvt, 12 * self.n, width * rows, height * rows, 2 * (16 * h + h + h * h + h + 3 * h + 3)
-
     def moment(self, hour):
-        """Section 4: sets a and b, the share f of b, and the time coordinate."""
-        t, hours, n, f = hour % 24, self.hours, self.n, 0
+        """Section 4: sets a and b, and the share f of b."""
+        t, hours, n = hour % 24, self.hours, self.n
         inside = lambda x, y: (x, y) == (0, 24) or (x < t < y if x <= y else t > x or t < y)
         same = np.all([on == any(inside(*k) for k in spans) for _, spans, on in self.groups] + [np.ones(n, bool)], 0)
         q = int(np.searchsorted(hours, t)) % n
-        p = (q - 1) % n
-        if hours[q] == t:
-            a = b = q
-        elif same[p] and same[q] and p != q:
-            a, b, f = p, q, (t - hours[p]) % 24 / ((hours[q] - hours[p]) % 24)
-        elif same[p] or same[q]:
-            a = b = p if same[p] else q
-        else:
-            away = np.minimum((hours - t) % 24, (t - hours) % 24)
-            a = b = int(np.argmin(np.where(same | ~same.any(), away, np.inf)))
-        tau = hours / 24 if self.coding else (np.arange(n) + 0.5) / n
-        return a, b, f, tau[a] + f * (tau[b] + (b < a) - tau[a])
+        p, away = (q - 1) % n, np.minimum((hours - t) % 24, (t - hours) % 24)
+        if hours[q] != t and same[p] and same[q] and p != q:
+            return p, q, (t - hours[p]) % 24 / ((hours[q] - hours[p]) % 24)
+        nearest = int(np.argmin(np.where(same | ~same.any(), away, np.inf)))
+        held = q if hours[q] == t else p if same[p] else q if same[q] else nearest
+        return held, held, 0
 
     def tile(self, page, c, r, hour):
         """What a tile stores at an hour, border included: height x width x 3, float32."""
-        (height, width), (at, length, _, digest), h = self.stored(page, c, r), self.index[page, c, r], self.h
+        (height, width), (at, length, word, digest) = self.stored(page, c, r), self.index[page, c, r]
         if length == 0:
             return np.zeros((height, width, 3), np.float32)
         check(checksum(self.data[at:at + length]) == digest, f'tile {c}, {r} of page {page} is damaged')
-        parts = np.split(np.frombuffer(self.data, np.uint8, length, at), np.cumsum(self.sizes(height, width)))
-        (uv, uvt, means, ut, vt, net, rest), (a, b, f, tau) = parts, self.moment(hour)
-        means, net = means.view('<f4').reshape(-1, 3).astype(float), net.view('<f2').astype(float)
-        good = np.isfinite(means).all() and np.all(means >= 0) and np.isfinite(net).all() and not rest.any()
-        check(good, f'tile {c}, {r} of page {page}: means, decoder or padding out of range')
-        uv, s = bc7(uv, width // 4), self.blocks(width)
-        uvt = bc7(uvt, s).reshape(-1, 4 * self.blocks(height), 4 * s, 4)
-        uvt = stretch(stretch(at_time(uvt, tau), 0, height), 1, width)
-        ut = stretch(at_time(ut.reshape(-1, width // 2, 2) / 255, tau), 0, width)[None]
-        vt = stretch(at_time(vt.reshape(-1, height // 2, 2) / 255, tau), 0, height)[:, None]
+        field = lambda k, bits=1: word >> k & (1 << bits) - 1
+        (a, b, f), n, end = self.moment(hour), self.n, at + length
+        def take(count, form='u1'):
+            nonlocal at
+            at += count * int(form[-1])
+            check(at <= end, f'tile {c}, {r} of page {page} is too short')
+            return np.frombuffer(self.data, form, count, at - count * int(form[-1]))
+        def blocks(count, sparse):
+            there = np.unpackbits(take(-(-count // 128) * 16), bitorder='little')[:count] > 0 if sparse else np.ones(count, bool)
+            out = np.tile(np.array([64, 32, 16, 8, 4, 2, 129, 64] + 8 * [0], np.uint8), (count, 1))  # grey
+            out[there] = take(16 * there.sum()).reshape(-1, 16)
+            return out
+        s = [-(-(-(-side * 2 * 2 ** field(4, 3) // 128)) // 4) for side in (height, width)]
+        S, R, h = field(8, 8), field(16, 8), 16 + 48 * field(7)
+        uv = field(0) and blocks(height // 4 * (width // 4), field(30))
+        uvt = field(4, 3) and blocks(s[0] * s[1] * S, field(31))
+        means, axis = take(3 * n, '<f4').reshape(n, 3).astype(float), take(0 if self.coding else 1 + n, '<u2').astype(int)
+        turn = n + 1 - int(np.argmax(axis[:0:-1])) if len(axis) else 1  # behind the last set on the largest place
+        day = len(axis) == 0 or axis[1] == 0 and np.all(np.diff(axis[1:turn]) >= 0) and not axis[turn:].any() and axis[turn - 1] < axis[0]
+        gates = take(field(24, 6), '<u2')
+        ut, vt = (take(field(k) * R * (side // 2) * 2) for k, side in ((1, width), (2, height)))
+        inputs = 4 * (field(4, 3) > 0) + 4 * field(0) + 2 * field(1) + 2 * field(2) + 4 * field(3) + len(gates)
+        parts = [take(count, '<f2').astype(float) for count in (inputs * h, h, h * h, h, 3 * h, 3)]
+        good = day and all(np.isfinite(p).all() for p in [means] + parts) and np.all(means >= 0) and not any(self.data[at:end])
+        check(good and at + 15 & -16 == end, f'tile {c}, {r} of page {page}: means, time axis, decoder or length out of range')
+        # The maps that there are, at this moment: height x width (or 1) x channels.
+        tau = self.hours / 24 if self.coding else (axis[1:] + 0.5) / axis[0]
+        tau, maps = (tau[a] + f * ((tau[b] - tau[a]) % 1)) if means[a].any() and means[b].any() else tau[a if means[a].any() else b], []
+        uvt = at_time(bc7(uvt, s[1]).reshape(S, 4 * s[0], 4 * s[1], 4), tau) if field(4, 3) else None
+        maps += [stretch(stretch(uvt, 0, height), 1, width)] if field(4, 3) else []
+        maps += [bc7(uv, width // 4)] if field(0) else []
+        maps += [stretch(at_time(ut.reshape(R, -1, 2) / 255, tau), 0, width)[None]] if field(1) else []
+        maps += [stretch(at_time(vt.reshape(R, -1, 2) / 255, tau), 0, height)[:, None]] if field(2) else []
         gamma = np.sin(np.pi * ((1 if self.coding else 2) * np.array([[[1, 1, 2, 2]]]) * tau + [0, 0.5, 0, 0.5]))
-        maps = [3 * (k - 0.5) for k in (uvt, uv, ut, vt)] + [gamma]
+        gates = np.array([[[1.0 if self.groups[g][2][a] else -1.0 for g in gates]]])
+        maps = [3 * (k - 0.5) for k in maps] + [gamma] * field(3) + [gates]
         x = np.concatenate([np.broadcast_to(k, (height, width, k.shape[2])) for k in maps], 2)
-        W1, b1, W2, b2, W3, b3 = np.split(net, np.cumsum([16 * h, h, h * h, h, 3 * h]))
-        for W, bias in (W1, b1), (W2, b2), (W3, b3):
+        for W, bias in zip(parts[::2], parts[1::2]):
             z = np.clip(y := x @ W.reshape(len(bias), -1).T + bias, -3.65, 3.65)
             x = y * (0.5 + z * np.polyval(GELU, z * z))
         light = ((1 - f) * means[a] + f * means[b]) * np.clip(y, 0, 65504) ** (2.2 if self.coding else 2)
@@ -131,18 +133,18 @@ class Bundle:
             own = out[126 * r:126 * r + 126, 126 * c:126 * c + 126]
             own[:] = self.tile(page, c, r, hour)[1:1 + own.shape[0], 1:1 + own.shape[1]]
         return out
-
+def hours(text):  # 18.05 or 18:03
+    return sum(float(part) / 60 ** i for i, part in enumerate(text.split(':')))
 if __name__ == '__main__':
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    args.add_argument('bundle')
-    args.add_argument('--hour', type=float, required=True)
-    args.add_argument('--out', required=True)
-    args.add_argument('--page', type=int, default=0)
-    args.add_argument('--tile', metavar='C,R')
+    for name, kind in {'bundle': {}, '--hour': {'type': hours, 'required': True}, '--out': {'required': True},
+                       '--page': {'type': int, 'default': 0}, '--tile': {'metavar': 'C,R'}}.items():
+        args.add_argument(name, **kind)
     args = args.parse_args()
     try:
-        bundle = Bundle(args.bundle)
-        tile = args.tile and bundle.tile(args.page, *map(int, args.tile.split(',')), args.hour)
-        np.save(args.out, bundle.page(args.page, args.hour) if tile is None else tile)
-    except (ValueError, OSError, struct.error, LookupError) as problem:
+        check(np.isfinite(args.hour), f'--hour {args.hour}: expected hours, such as 18.05 or 18:03')
+        bundle, tile = Bundle(args.bundle), tuple(map(int, args.tile.split(','))) if args.tile else (0, 0)
+        check((args.page, *tile) in bundle.index, f'page {args.page}, tile {tile}: not in the bundle; the last is {max(bundle.index)}')
+        np.save(args.out, bundle.tile(args.page, *tile, args.hour) if args.tile else bundle.page(args.page, args.hour))
+    except (ValueError, OSError, struct.error, LookupError, MemoryError) as problem:
         sys.exit(f'{args.bundle}: {problem}')

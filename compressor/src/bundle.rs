@@ -6,12 +6,11 @@
 mod header;
 mod payload;
 
-pub use payload::{decode_payload, encode_payload, payload_len};
+pub use payload::{Payload, blocks_len, decode_payload, encode_payload, full_len};
 
 use crate::grid::{Grid, Place};
-use crate::model::TileParams;
-use crate::model::{Profile, Shape};
-use crate::time::Timeline;
+use crate::model::{Contents, Shape, TileParams};
+use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::Path;
@@ -19,7 +18,7 @@ use std::path::Path;
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
 /// The version this crate writes; readers refuse others.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Bytes before the variable part of the header.
 const FIXED: usize = 32;
 /// Headers, and every payload, start and end on multiples of this.
@@ -36,8 +35,6 @@ pub struct Header {
     pub scene: String,
     /// What wrote the bundle and how, as a JSON object; for the reader's information.
     pub info: String,
-    /// Size of the representation.
-    pub profile: Profile,
     /// Width and height of each page.
     pub pages: Vec<Grid>,
     /// Names of the light groups, in the timeline's order.
@@ -66,9 +63,30 @@ impl Header {
     }
 
     /// Sizes of a tile's maps. The place must be one of [`Header::places`].
-    pub fn shape(&self, place: Place) -> Shape {
+    pub fn shape(&self, place: Place, contents: &Contents) -> Shape {
         let (width, height) = self.pages[place.page].stored(place.column, place.row);
-        Shape::new(&self.profile, width, height, self.timeline.hours.len())
+        Shape::new(contents, width, height, self.timeline.hours.len(), self.timeline.coding)
+    }
+
+    /// What a tile of a payload's word and length has; `None` for a black tile.
+    ///
+    /// # Errors
+    /// What is wrong: a word that no tile of this bundle can have, or a length that its maps cannot have.
+    fn contents(&self, place: Place, word: u32, length: usize) -> Result<Option<Contents>, String> {
+        if length == 0 {
+            return if word == 0 { Ok(None) } else { Err(format!("word {word:#x} of a tile of length 0")) };
+        }
+        let axis = self.timeline.coding == Coding::Standard;
+        let contents = payload::contents(word, self.groups.len(), axis).ok_or_else(|| {
+            format!("word {word:#x}, which stands for no contents that a tile here can have")
+        })?;
+        let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word);
+        if !(least..=largest).contains(&length) || !length.is_multiple_of(ALIGN) {
+            return Err(format!(
+                "length {length}; expected 0 or a multiple of {ALIGN} from {least} to {largest}"
+            ));
+        }
+        Ok(Some(contents))
     }
 }
 
@@ -79,6 +97,8 @@ pub struct Entry {
     pub offset: u64,
     /// Its length in bytes; 0 for a tile without light, which decodes to black.
     pub length: u32,
+    /// What the tile has ([`Contents::word`]), and which maps leave out blocks; 0 for an empty tile.
+    pub word: u32,
     /// [`checksum`] of the payload; 0 for an empty tile.
     pub checksum: u64,
 }
@@ -94,27 +114,23 @@ pub fn checksum(parts: &[&[u8]]) -> u64 {
     u64::from_le_bytes(first)
 }
 
-/// The bytes of a bundle. `payloads` has one entry per [`Header::places`], made by [`encode_payload`]; empty for a black tile.
+/// The bytes of a bundle. `payloads` has one entry per [`Header::places`], made by [`encode_payload`]; the default for a black tile.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a header that the format cannot hold (see FORMAT.md) or a payload of the wrong length.
-pub fn encode(header: &Header, payloads: &[Vec<u8>]) -> Result<Vec<u8>> {
+pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     let wrong = |what: String| Error::invalid("bundle", what);
     if payloads.len() != header.tiles() {
         return Err(wrong(format!("{} payloads given for {} tiles", payloads.len(), header.tiles())));
     }
     for (payload, place) in payloads.iter().zip(header.places()) {
-        let expected = payload_len(&header.shape(place));
-        if !payload.is_empty() && payload.len() != expected {
-            return Err(wrong(format!(
-                "payload of {place:?} has {} bytes; expected {expected}",
-                payload.len()
-            )));
-        }
+        header
+            .contents(place, payload.word, payload.bytes.len())
+            .map_err(|what| wrong(format!("payload of {place:?}: {what}")))?;
     }
     let mut bytes = header::encode(header, payloads)?;
     for payload in payloads {
-        bytes.extend_from_slice(payload);
+        bytes.extend_from_slice(&payload.bytes);
     }
     Ok(bytes)
 }
@@ -218,9 +234,10 @@ impl Bundle {
         let at = || format!("{}, page {}, tile ({}, {})", self.name, place.page, place.column, place.row);
         let position = self.header.position(place).ok_or_else(|| Error::invalid(at(), "no such tile"))?;
         let entry = self.index[position];
-        if entry.length == 0 {
+        // The index was checked when it was read.
+        let Some(contents) = Contents::of_word(entry.word).filter(|_| entry.length > 0) else {
             return Ok(None);
-        }
+        };
         let io = |source| Error::Io { path: self.name.clone().into(), source };
         let payload = self.source.read(entry.offset, entry.length as usize).map_err(io)?;
         let found = checksum(&[&payload]);
@@ -228,7 +245,8 @@ impl Bundle {
             let what = format!("checksum {found:016x}; the index says {:016x}", entry.checksum);
             return Err(Error::invalid(at(), what));
         }
-        decode_payload(&payload, self.header.shape(place))
+        let shape = self.header.shape(place, &contents);
+        decode_payload(&payload, entry.word, shape, self.header.groups.len())
             .map_err(|what| Error::invalid(at(), what))
             .map(Some)
     }

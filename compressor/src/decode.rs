@@ -1,6 +1,6 @@
 //! Decoding: a stored tile, or a whole bundle, at any (u, v, t).
 //!
-//! Two independent ways to the same values: [`texel`] follows the formulae of [`crate::model`] literally for one texel, reading
+//! Two ways to the same values: [`texel`] follows the formulae of [`crate::model`] literally for one texel, reading
 //! only the blocks it needs; [`TileDecoder`] decodes whole tiles fast. Neither ever gives a NaN or an infinity.
 
 mod kernel;
@@ -13,7 +13,7 @@ pub use tile::TileDecoder;
 use crate::bundle::Bundle;
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
-use crate::time::{Coding, Moment};
+use crate::time::{Coding, Moment, Timeline};
 use crate::{Error, Result};
 use dataset::image::Image;
 use rayon::prelude::*;
@@ -52,6 +52,17 @@ fn lerp(a: f32, b: f32, s: f32) -> f32 {
 fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
     let (a, b) = (tile.means[moment.a], tile.means[moment.b]);
     std::array::from_fn(|c| lerp(a[c], b[c], moment.fraction))
+}
+
+/// A tile's time coordinate at a moment: beside a black set that of the lit one, so that light only fades.
+fn tau_at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> f64 {
+    let taus = timeline.coding.taus(&timeline.hours, &tile.axis);
+    let black = |set: usize| tile.means[set] == [0.0; 3];
+    match (black(moment.a), black(moment.b)) {
+        (true, _) => taus[moment.b],
+        (_, true) => taus[moment.a],
+        _ => moment.tau(&taus),
+    }
 }
 
 /// Irradiance from the decoder's output: `mean · clamp(y, 0, Y_MAX)^p`, finite.
@@ -116,7 +127,7 @@ impl Decoder {
         let (x, column, s) = axis(u, grid.width);
         let (y, row, t) = axis(v, grid.height);
         let Some(tile) = self.tile(Place { page, column, row })? else { return Ok([0.0; 3]) };
-        let at = |dx, dy| texel(&tile, self.bundle.header.timeline.coding, &moment, x + dx, y + dy);
+        let at = |dx, dy| texel(&tile, &self.bundle.header.timeline, &moment, x + dx, y + dy);
         let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
         Ok(std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t)))
     }
@@ -142,18 +153,25 @@ impl Decoder {
     /// A whole page at `hour`, tiles in parallel.
     ///
     /// # Errors
-    /// As [`Decoder::sample`].
+    /// As [`Decoder::sample`]; [`Error::Unsupported`] where the page does not fit into memory.
     pub fn decode_page(&self, page: usize, hour: f64) -> Result<Image> {
         let grid = self.grid(page)?;
         let timeline = &self.bundle.header.timeline;
         let moment = timeline.at(hour);
-        let mut image = Image::black(grid.width, grid.height);
+        // A few bytes of a bundle may tell of pages that no memory holds.
+        let (mut texels, count) = (Vec::new(), grid.width * grid.height);
+        texels.try_reserve_exact(count).map_err(|_| {
+            let size = format!("{} × {} texels do not fit into memory", grid.width, grid.height);
+            Error::unsupported(format!("page {page}"), size)
+        })?;
+        texels.resize(count, [0.0; 3]);
+        let mut image = Image { width: grid.width, height: grid.height, texels };
         // One band of tiles is one run of whole rows of the page.
         image.texels.par_chunks_mut(PAYLOAD * grid.width).enumerate().try_for_each(|(row, band)| {
             for column in 0..grid.columns() {
                 let Some(tile) = self.bundle.tile(Place { page, column, row })? else { continue };
                 let (own_width, own_height) = grid.payload(column, row);
-                let decoded = TileDecoder::new(&tile, timeline.coding)?.decode_tile(&moment);
+                let decoded = TileDecoder::new(&tile, timeline)?.decode_tile(&moment);
                 for y in 0..own_height {
                     let from = (y + BORDER) * tile.shape.width + BORDER;
                     let to = y * grid.width + column * PAYLOAD;

@@ -4,9 +4,11 @@
 //! ([`dataset::metrics`]). A *sample* is one (tile, set). Samples of a tile that is all zero or has no valid texel are skipped;
 //! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
 
+mod between;
 mod seams;
 mod table;
 
+pub use between::Between;
 pub use table::COLUMNS;
 
 use crate::decode::Decoder;
@@ -96,16 +98,24 @@ pub struct Evaluation {
     /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
     /// page and set weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
+    /// Quality between the sets, where light is interpolated anywhere.
+    pub between: Option<Between>,
     /// Wall-clock seconds of decoding alone.
     pub decode_seconds: f64,
 }
 
-/// Decodes every set of `decoder`'s bundle and compares it with `dataset`.
+/// Decodes every set of `decoder`'s bundle and compares it with `dataset`; between sets with `withheld`, a bake of the same scene at
+/// other hours, if there is one.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged; [`Error::Io`];
 /// [`Error::Interrupted`].
-pub fn evaluate(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Evaluation> {
+pub fn evaluate(
+    dataset: &Dataset,
+    withheld: Option<&Dataset>,
+    decoder: &Decoder,
+    console: &Console,
+) -> Result<Evaluation> {
     let bundle = decoder.bundle();
     check_match(dataset, decoder)?;
     let noise = dataset.noise()?;
@@ -177,6 +187,7 @@ pub fn evaluate(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Resu
         bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
         bytes: bundle.bytes,
         seam_ratio: seams.ratio(),
+        between: between::between(dataset, withheld, decoder, console)?,
         decode_seconds,
         samples,
     })

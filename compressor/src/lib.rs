@@ -2,13 +2,13 @@
 //! "Neural Dynamic GI: Random-Access Neural Compression for Temporal Lightmaps in Dynamic Lighting Environments").
 //!
 //! Modules in the order the data passes them; a module imports only what stands above it. The decoding half
-//! (`lanes`, `model`, `bc7`, `time`, `grid`, `bundle`, `decode`) never imports the training half
+//! (`lanes`, `time`, `model`, `bc7`, `grid`, `bundle`, `decode`) never imports the training half
 //! (`clock`, `mean`, `tile`, `train`, `compress`, `evaluate`, `report`, `run`). Of the latter, `evaluate` needs `mean` alone.
 
 mod lanes;
+pub mod time;
 pub mod model;
 pub mod bc7;
-pub mod time;
 pub mod grid;
 pub mod bundle;
 pub mod decode;

@@ -2,10 +2,10 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use compressor::bundle::Bundle;
-use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options, PAPER_ITERATIONS, default_bundle};
+use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options, PAPER_ITERATIONS, Rate, default_bundle};
 use compressor::decode::Decoder;
 use compressor::evaluate::evaluate;
-use compressor::model::{PROFILES, Profile};
+use compressor::model::{Contents, PROFILES, Profile};
 use compressor::run::{compress_and_judge, print};
 use compressor::{Error, Result};
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
@@ -13,6 +13,7 @@ use dataset::files::write_atomically;
 use dataset::report::{Report, preview};
 use dataset::store::Dataset;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -21,6 +22,7 @@ const EXAMPLES: &str = "\
 Examples:
   compress dataset/yard                                     writes yard.ndgi and yard.html there
   compress dataset/yard --draft --profile L                 fast and small
+  compress dataset/yard --target-psnr 40                    bits to the tiles that need them
   compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
   compress evaluate dataset/yard --csv quality.csv
   compress info dataset/yard/yard.ndgi
@@ -44,6 +46,8 @@ Keys of the --json object (null where there is none):
   pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
   bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle
   seam_ratio             error of the step between neighbouring texels, across tile borders / inside tiles
+  between_pooled_db      psnr_pooled_db halfway between sets against light linear between them; or against a withheld bake
+  between_linear_pooled_db  of that linear light, against the withheld bake
   hours                  a list of hour, psnr_db, noise_ceiling_db, psnr_log_db, relative_error, dark_relative_error
   tiles, seconds         tiles of the bundle, wall-clock seconds
   bundle, report         paths written (compress only)
@@ -95,6 +99,9 @@ enum Command {
         /// The bundle [default: <dataset>/<scene>.ndgi].
         #[arg(long)]
         bundle: Option<PathBuf>,
+        /// A bake of the same scene at other hours: judge the bundle there too, beside linear interpolation of the sets.
+        #[arg(long, value_name = "DATASET")]
+        withheld: Option<PathBuf>,
         /// Write one line per (tile, set) to this file.
         #[arg(long)]
         csv: Option<PathBuf>,
@@ -112,9 +119,15 @@ struct Compress {
     /// The dataset's folder.
     #[arg(required = true)]
     dataset: Option<PathBuf>,
-    /// Size of the representation: L, M, M.64 or H.
+    /// Size of the representation, the same for all tiles: L, M, M.64 or H.
     #[arg(long, default_value = "M", value_parser = parse_profile)]
     profile: Profile,
+    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB.
+    #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "profile")]
+    target_psnr: Option<f64>,
+    /// The same, within so many bits per texel and set.
+    #[arg(long, value_name = "B", value_parser = parse_positive, conflicts_with_all = ["profile", "target_psnr"])]
+    target_bpp: Option<f64>,
     /// The bundle to write [default: <dataset>/<scene>.ndgi].
     #[arg(long)]
     out: Option<PathBuf>,
@@ -152,6 +165,11 @@ fn parse_profile(name: &str) -> Result<Profile, String> {
     found.ok_or_else(|| format!("expected one of {}", known()))
 }
 
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "expected a number above 0".to_owned())
+}
+
 /// `18.05` or `18:03`, in [0, 24).
 fn parse_hour(text: &str) -> Result<f64, String> {
     let hour = match text.split_once(':') {
@@ -174,7 +192,9 @@ fn main() -> ExitCode {
     let done = match cli.command {
         None => compress(cli.compress, &console),
         Some(Command::Decode { bundle, hour, out, page }) => decode(bundle, hour, out, page, &console),
-        Some(Command::Evaluate { dataset, bundle, csv }) => judge(dataset, bundle, csv, &console),
+        Some(Command::Evaluate { dataset, bundle, withheld, csv }) => {
+            judge(dataset, bundle, withheld, csv, &console)
+        }
         Some(Command::Info { bundle }) => info(bundle, &console),
     };
     match done {
@@ -186,20 +206,24 @@ fn main() -> ExitCode {
 fn compress(args: Compress, console: &Console) -> Result<()> {
     let root = args.dataset.ok_or_else(|| Error::invalid("command line", "expected a dataset's folder"))?;
     let paper = args.recipe == RecipeName::Paper;
+    let rate = match (args.target_psnr, args.target_bpp) {
+        (None, None) => Rate::Profile(args.profile),
+        _ if paper => {
+            return Err(Error::invalid(
+                "--recipe paper",
+                "has one profile for all tiles: expected no target",
+            ));
+        }
+        (Some(db), _) => Rate::Psnr(db),
+        (_, Some(bpp)) => Rate::Bpp(bpp),
+    };
     let iterations = match args.iterations {
         Some(iterations) => iterations as usize,
         None if args.draft => DRAFT_ITERATIONS,
         None if paper => PAPER_ITERATIONS,
         None => ITERATIONS,
     };
-    let options = Options {
-        profile: args.profile,
-        iterations,
-        paper,
-        seed: args.seed,
-        out: args.out,
-        force: args.force,
-    };
+    let options = Options { rate, iterations, paper, seed: args.seed, out: args.out, force: args.force };
     for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
         path.as_ref().map_or(Ok(()), |path| expect_extension(path, extension, option))?;
     }
@@ -220,15 +244,22 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     Ok(())
 }
 
-fn judge(root: PathBuf, bundle: Option<PathBuf>, csv: Option<PathBuf>, console: &Console) -> Result<()> {
+fn judge(
+    root: PathBuf,
+    bundle: Option<PathBuf>,
+    withheld: Option<PathBuf>,
+    csv: Option<PathBuf>,
+    console: &Console,
+) -> Result<()> {
     let start = Instant::now();
     let dataset = Dataset::open(&root)?;
-    let decoder = Decoder::open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?;
+    let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
     let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
     if info["inputs"] != json!(compressor::compress::inputs(&dataset)) {
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
-    let evaluation = evaluate(&dataset, &decoder, console)?;
+    let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
+    let evaluation = evaluate(&dataset, withheld.as_ref(), &decoder, console)?;
     print(&evaluation, console);
     if let Some(path) = csv {
         evaluation.write_csv(&path)?;
@@ -249,10 +280,21 @@ fn expect_extension(path: &Path, extension: &str, option: &str) -> Result<()> {
     Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
 }
 
+/// Opens a bundle; says how to come by one where there is none.
+fn open(path: &Path) -> Result<Bundle> {
+    if path.is_dir() {
+        return Err(Error::invalid(path.display(), "a folder; expected a bundle, a file that ends in .ndgi"));
+    }
+    if !path.exists() {
+        return Err(Error::invalid(path.display(), "no such bundle; `compress <dataset>` writes one"));
+    }
+    Bundle::open(path)
+}
+
 fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
     expect_extension(&out, "exr", "--out")?;
     let start = Instant::now();
-    let image = Decoder::open(&bundle)?.decode_page(page, hour)?;
+    let image = Decoder::new(open(&bundle)?).decode_page(page, hour)?;
     write_atomically(&out, &image.to_exr())?;
     console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));
     let seconds = start.elapsed().as_secs_f64();
@@ -260,8 +302,22 @@ fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Conso
     Ok(())
 }
 
+/// What tiles have, with their number and bytes: the largest share of the bundle first.
+fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
+    let mut kinds: BTreeMap<String, (usize, u64)> = BTreeMap::new();
+    for entry in bundle.index.iter().filter(|entry| entry.length > 0) {
+        let kind = Contents::of_word(entry.word).map_or(String::new(), |contents| contents.to_string());
+        let (tiles, bytes) = kinds.entry(kind).or_default();
+        (*tiles, *bytes) = (*tiles + 1, *bytes + u64::from(entry.length));
+    }
+    let mut kinds: Vec<_> = kinds.into_iter().collect();
+    kinds.sort_by_key(|(_, (_, bytes))| std::cmp::Reverse(*bytes));
+    let object = |(has, (tiles, bytes))| json!({ "has": has, "tiles": tiles, "bytes": bytes });
+    kinds.into_iter().map(object).collect()
+}
+
 fn info(path: PathBuf, console: &Console) -> Result<()> {
-    let bundle = Bundle::open(&path)?;
+    let bundle = open(&path)?;
     let header = &bundle.header;
     let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
     let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
@@ -276,14 +332,50 @@ fn info(path: PathBuf, console: &Console) -> Result<()> {
     // What the writer noted about itself is shown as it stands where it is no JSON.
     let written = serde_json::from_str(&header.info).unwrap_or_else(|_| json!(header.info));
     let object = json!({
-        "scene": header.scene, "profile": header.profile.name, "pages": pages, "hours": header.timeline.hours, "groups": groups,
-        "tiles": bundle.index.len(), "tiles_empty": empty, "bytes": bundle.bytes, "bpp": bpp, "written": written,
+        "scene": header.scene, "profile": written["profile"], "pages": pages, "hours": header.timeline.hours, "groups": groups,
+        "tiles": bundle.index.len(), "tiles_empty": empty, "contents": contents(&bundle),
+        "bytes": bundle.bytes, "bpp": bpp, "written": written,
     });
-    if let Some(object) = object.as_object() {
-        for (key, value) in object {
-            console.print(format!("{key:>12}  {}", value.as_str().map_or(value.to_string(), str::to_owned)));
-        }
+    for (name, text) in in_words(&bundle, &written, bpp) {
+        console.print(format!("{name:>8}  {text}"));
     }
     console.result(&object)?;
     Ok(())
+}
+
+/// What a bundle says of itself, for people.
+fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'static str, String)> {
+    let header = &bundle.header;
+    let hours = &header.timeline.hours;
+    let mut lines = vec![("scene", header.scene.clone())];
+    let pages: Vec<String> =
+        header.pages.iter().map(|page| format!("{} × {}", page.width, page.height)).collect();
+    lines.push(("pages", format!("{} texels", pages.join(", "))));
+    let (first, last) = (hours.first().copied().unwrap_or(0.0), hours.last().copied().unwrap_or(0.0));
+    lines.push(("sets", format!("{}, from {first} h to {last} h", hours.len())));
+    for (name, on) in header.groups.iter().zip(&header.timeline.intervals) {
+        let spans: Vec<String> = on.iter().map(|[from, to]| format!("{from}–{to} h")).collect();
+        lines.push((
+            "group",
+            format!("{name}, {}", if spans.is_empty() { "off".to_owned() } else { spans.join(", ") }),
+        ));
+    }
+    lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and set", bundle.bytes)));
+    let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
+    lines.push(("tiles", format!("{}, {empty} of them empty", bundle.index.len())));
+    let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+    for kind in contents(bundle) {
+        lines.push(("", format!("{} × {}: {} bytes", kind["tiles"], text(&kind["has"]), kind["bytes"])));
+    }
+    if written.is_object() {
+        let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {
+            (serde_json::Value::String(profile), ..) => format!("profile {profile}"),
+            (_, serde_json::Value::Number(db), _) => format!("--target-psnr {db}"),
+            (.., bpp) => format!("--target-bpp {bpp}"),
+        };
+        let by = format!("{}, {choice}, recipe {}", text(&written["generator"]), text(&written["recipe"]));
+        lines
+            .push(("written", format!("by {by}, {} steps, seed {}", written["iterations"], written["seed"])));
+    }
+    lines
 }

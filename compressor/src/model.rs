@@ -1,20 +1,24 @@
 //! The representation of one tile: hybrid feature maps, a tiny decoder, and how they are sampled.
 //!
 //! A tile covers `width × height` stored texels (128×128; fewer, multiples of 4, at a page's right and bottom edge), of
-//! which [`BORDER`] on each side repeat the neighbouring texels. With `k` the set's index among `n` sets,
-//! `τ = (k + ½)/n` is the time coordinate, periodic with period 1 ([`crate::time`] maps hours to τ).
+//! which [`BORDER`] on each side repeat the neighbouring texels. What of the following it has is its own choice ([`Contents`]).
+//! Its time coordinate τ is periodic with period 1: with `i_k` the place of set `k` on the tile's time axis of `m` places,
+//! `τ_k = (i_k + ½)/m`; sets that look alike share a place ([`crate::time`] has the moments between sets).
 //! For the stored texel (x, y), with u = (x + ½)/width and v = (y + ½)/height:
 //!
 //! - `V_uv  = F_uv[x, y]` (no interpolation: F_uv has one texel per stored texel), 4 channels;
 //! - `V_ut  = F_ut(u, τ)`, `V_vt = F_vt(v, τ)`, 2 channels each, bilinear, texel centres at (i + ½)/size, clamped in u and v, periodic in τ;
 //! - `V_uvt = F_uvt(u, v, τ)`, 4 channels, trilinear, clamped in u and v, periodic in τ;
 //! - `γ(τ) = [sin 2πτ, cos 2πτ, sin 4πτ, cos 4πτ]`;
-//! - input `x = [c(V_uvt), c(V_uv), c(V_ut), c(V_vt), γ]` (16 values) with `c(f) = 3 (f − ½)`;
+//! - a *gate* per light group that switches the tile's light: [`gate`] of whether the group is on;
+//! - input `x = [c(V_uvt), c(V_uv), c(V_ut), c(V_vt), γ, gates]`, of those that the tile has, with `c(f) = 3 (f − ½)`;
 //! - `h₁ = gelu(W₁ x + b₁)`, `h₂ = gelu(W₂ h₁ + b₂)`, `y = W₃ h₂ + b₃`;
 //! - irradiance of channel c: `E_c = mean_c(t) · max(y_c, 0)²`.
 //!
-//! That is the standard coding; the paper's literal one has another τ, γ and power ([`crate::time::Coding`]).
-//! Everything that depends on τ alone folds into the first layer's bias. Feature values lie in [0, 1].
+//! That is the standard coding; the paper's literal one has another τ, γ and power ([`crate::time::Coding`]), and no gates.
+//! Everything that depends on the time alone, γ and the gates, folds into the first layer's bias. Feature values lie in [0, 1].
+
+use crate::time::{Axis, Coding};
 
 /// Side of a stored tile in texels.
 pub const STORED: usize = 128;
@@ -22,8 +26,17 @@ pub const STORED: usize = 128;
 pub const BORDER: usize = 1;
 /// Side of the part of a tile that is its own.
 pub const PAYLOAD: usize = STORED - 2 * BORDER;
-/// Values entering the decoder: V_uvt 4, V_uv 4, V_ut 2, V_vt 2, γ 4.
-pub const INPUTS: usize = 16;
+/// Features entering the decoder, at most: V_uvt 4, V_uv 4, V_ut 2, V_vt 2.
+pub const FEATURES: usize = 12;
+/// Most gates of a tile.
+pub const MOST_GATES: usize = 63;
+/// Most slices of F_uvt, and rows of F_ut and F_vt.
+const MOST_SLICES: usize = 255;
+
+/// A gate's input: whether its light group is on.
+pub fn gate(on: bool) -> f32 {
+    if on { 1.0 } else { -1.0 }
+}
 
 /// A named size of the representation (the paper's Table "NDGI profiles").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,40 +57,156 @@ pub const PROFILES: [Profile; 4] = [
     Profile { name: "H", uvt: 64, hidden: 16 },
 ];
 
+impl Profile {
+    /// The profile's maps, all of them, for so many sets that look different and `gates` gates: min(12, ⌈distinct/2⌉) slices
+    /// of F_uvt, min(24, distinct) rows of F_ut and F_vt.
+    pub fn contents(&self, distinct: usize, gates: usize) -> Contents {
+        Contents {
+            uv: true,
+            uvt: self.uvt,
+            slices: distinct.div_ceil(2).min(12),
+            ut: true,
+            vt: true,
+            rows: distinct.min(24),
+            gamma: true,
+            gates,
+            hidden: self.hidden,
+        }
+    }
+}
+
+/// What a tile has, of the maps and inputs that there can be: one word in the bundle's index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Contents {
+    /// F_uv.
+    pub uv: bool,
+    /// Side of F_uvt for a full tile: 0 (no F_uvt), 4, 8, 16, 32, 64 or 128.
+    pub uvt: usize,
+    /// Slices of F_uvt, 1 … 255; 0 without it.
+    pub slices: usize,
+    /// F_ut.
+    pub ut: bool,
+    /// F_vt.
+    pub vt: bool,
+    /// Rows of F_ut and F_vt along τ, 1 … 255; 0 without both.
+    pub rows: usize,
+    /// γ.
+    pub gamma: bool,
+    /// Number of gates, at most [`MOST_GATES`].
+    pub gates: usize,
+    /// Width of the two hidden layers: 16 or 64.
+    pub hidden: usize,
+}
+
+impl Contents {
+    /// Bits of a word that say nothing of the contents; the payload's coding uses them.
+    pub const SPARE: u32 = 0b11 << 30;
+
+    /// The contents as a word (FORMAT.md, section 2); `None` for contents that there cannot be.
+    pub fn word(&self) -> Option<u32> {
+        let side = match self.uvt {
+            0 => 0,
+            4 | 8 | 16 | 32 | 64 | 128 => self.uvt.ilog2() - 1,
+            _ => return None,
+        };
+        let known = self.slices <= MOST_SLICES
+            && self.rows <= MOST_SLICES
+            && self.gates <= MOST_GATES
+            && (self.uvt > 0) == (self.slices > 0)
+            && (self.ut || self.vt) == (self.rows > 0)
+            && matches!(self.hidden, 16 | 64);
+        known.then(|| {
+            let flags = [self.uv, self.ut, self.vt, self.gamma];
+            let flags = (0..).zip(flags).map(|(bit, flag)| u32::from(flag) << bit).sum::<u32>();
+            let sizes = (self.slices as u32) << 8 | (self.rows as u32) << 16 | (self.gates as u32) << 24;
+            flags | side << 4 | u32::from(self.hidden == 64) << 7 | sizes
+        })
+    }
+
+    /// The contents of a word, its spare bits apart; `None` for one that [`Contents::word`] never gives.
+    pub fn of_word(word: u32) -> Option<Self> {
+        let flag = |bit: u32| word >> bit & 1 == 1;
+        let byte = |bit: u32| (word >> bit & 0xff) as usize;
+        let contents = Contents {
+            uv: flag(0),
+            uvt: match word >> 4 & 7 {
+                0 => 0,
+                side => 2 << side,
+            },
+            slices: byte(8),
+            ut: flag(1),
+            vt: flag(2),
+            rows: byte(16),
+            gamma: flag(3),
+            gates: byte(24) & MOST_GATES,
+            hidden: if flag(7) { 64 } else { 16 },
+        };
+        (contents.word()? == word & !Self::SPARE).then_some(contents)
+    }
+}
+
+/// The contents in words, such as `F_uv, F_uvt 32² × 12, γ, 2 gates`.
+impl std::fmt::Display for Contents {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let plane = |name: &str| format!("{name} × {}", self.rows);
+        let mut parts = Vec::new();
+        parts.extend(self.uv.then(|| "F_uv".to_owned()));
+        parts.extend((self.uvt > 0).then(|| format!("F_uvt {}² × {}", self.uvt, self.slices)));
+        parts.extend(self.ut.then(|| plane("F_ut")));
+        parts.extend(self.vt.then(|| plane("F_vt")));
+        parts.extend(self.gamma.then(|| "γ".to_owned()));
+        parts.extend((self.gates > 0).then(|| match self.gates {
+            1 => "1 gate".to_owned(),
+            n => format!("{n} gates"),
+        }));
+        parts.extend((self.hidden != 16).then(|| format!("hidden layers of {}", self.hidden)));
+        if parts.is_empty() {
+            parts.push("means alone".to_owned());
+        }
+        f.write_str(&parts.join(", "))
+    }
+}
+
 /// All sizes of one tile's maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
+    /// What the tile has.
+    pub contents: Contents,
     /// Stored texels across, a multiple of 4.
     pub width: usize,
     /// Stored texels down, a multiple of 4.
     pub height: usize,
     /// Sets n.
     pub sets: usize,
-    /// Texels of F_ut along u (64 for a full tile).
+    /// Texels of F_ut along u (64 for a full tile); 0 without it.
     pub ut: usize,
-    /// Texels of F_vt along v.
+    /// Texels of F_vt along v; 0 without it.
     pub vt: usize,
-    /// Rows of F_ut and F_vt along τ: min(24, n).
+    /// Rows of F_ut and F_vt along τ.
     pub rows: usize,
-    /// Width, height of F_uvt (multiples of 4) and its slices min(12, ⌈n/2⌉).
+    /// Width, height of F_uvt (multiples of 4) and its slices; zeros without it.
     pub uvt: [usize; 3],
     /// Width of the hidden layers.
     pub hidden: usize,
+    /// Whether the tile has a time axis of its own: under the standard coding.
+    pub axis: bool,
 }
 
 impl Shape {
     /// The shape of a tile of `width × height` stored texels.
-    pub fn new(profile: &Profile, width: usize, height: usize, sets: usize) -> Self {
-        let side = |stored: usize| (stored * profile.uvt).div_ceil(STORED).next_multiple_of(4);
+    pub fn new(contents: &Contents, width: usize, height: usize, sets: usize, coding: Coding) -> Self {
+        let side = |stored: usize| (stored * contents.uvt).div_ceil(STORED).next_multiple_of(4);
         Shape {
+            contents: *contents,
             width,
             height,
             sets,
-            ut: width.div_ceil(2),
-            vt: height.div_ceil(2),
-            rows: sets.min(24),
-            uvt: [side(width), side(height), sets.div_ceil(2).min(12)],
-            hidden: profile.hidden,
+            ut: if contents.ut { width.div_ceil(2) } else { 0 },
+            vt: if contents.vt { height.div_ceil(2) } else { 0 },
+            rows: contents.rows,
+            uvt: [side(width), side(height), contents.slices],
+            hidden: contents.hidden,
+            axis: coding == Coding::Standard,
         }
     }
 
@@ -86,27 +215,66 @@ impl Shape {
         let [width, height, slices] = self.uvt;
         let blocks = |width: usize, height: usize| (width / 4) * (height / 4);
         [
-            blocks(self.width, self.height),
+            if self.contents.uv { blocks(self.width, self.height) } else { 0 },
             blocks(width, height) * slices,
             self.rows * self.ut,
             self.rows * self.vt,
         ]
     }
 
-    /// Whether some profile has this shape, so that every map holds a texel and the hidden layers are 16 or 64 wide.
+    /// Whether there are such contents, and the sizes are theirs.
     fn is_known(&self) -> bool {
         let side = |side: usize| (4..=STORED).contains(&side) && side.is_multiple_of(4);
-        let of = |profile| Shape::new(profile, self.width, self.height, self.sets);
+        let coding = if self.axis { Coding::Standard } else { Coding::Paper };
         side(self.width)
             && side(self.height)
             && self.sets > 0
-            && PROFILES.iter().any(|profile| of(profile) == *self)
+            && self.contents.word().is_some()
+            && Shape::new(&self.contents, self.width, self.height, self.sets, coding) == *self
+    }
+
+    /// The columns of W₁ of V_uvt, V_uv, V_ut, V_vt, γ and the gates, in this order; empty for what the tile does not have.
+    pub fn columns(&self) -> [std::ops::Range<usize>; 6] {
+        let c = &self.contents;
+        let lengths = [
+            if c.uvt > 0 { 4 } else { 0 },
+            if c.uv { 4 } else { 0 },
+            if c.ut { 2 } else { 0 },
+            if c.vt { 2 } else { 0 },
+            if c.gamma { 4 } else { 0 },
+            c.gates,
+        ];
+        let mut end = 0;
+        lengths.map(|length| {
+            end += length;
+            end - length..end
+        })
+    }
+
+    /// Number of the decoder's inputs: columns of W₁.
+    pub fn inputs(&self) -> usize {
+        self.columns()[5].end
     }
 
     /// Number of decoder weights: W₁ b₁ W₂ b₂ W₃ b₃.
     pub fn mlp_len(&self) -> usize {
+        self.mlp_lens().iter().sum()
+    }
+
+    /// How many each of W₁ b₁ W₂ b₂ W₃ b₃ has.
+    fn mlp_lens(&self) -> [usize; 6] {
         let h = self.hidden;
-        INPUTS * h + h + h * h + h + h * 3 + 3
+        [self.inputs() * h, h, h * h, h, 3 * h, 3]
+    }
+
+    /// The parts W₁ b₁ W₂ b₂ W₃ b₃ of a decoder's weights, which are as many as [`Shape::mlp_len`].
+    pub fn split_mlp<'a>(&self, mlp: &'a [f32]) -> [&'a [f32]; 6] {
+        let mut rest = mlp;
+        self.mlp_lens().map(|length| {
+            let (part, tail) = rest.split_at(length);
+            rest = tail;
+            part
+        })
     }
 }
 
@@ -123,21 +291,25 @@ pub struct TileParams {
     pub f_ut: Vec<[u8; 2]>,
     /// F_vt likewise, `rows × vt`.
     pub f_vt: Vec<[u8; 2]>,
-    /// W₁ (`hidden × 16`, row-major), b₁, W₂ (`hidden × hidden`), b₂, W₃ (`3 × hidden`), b₃.
+    /// W₁ (`hidden × inputs`, row-major), b₁, W₂ (`hidden × hidden`), b₂, W₃ (`3 × hidden`), b₃.
     pub mlp: Vec<half::f16>,
     /// Per set: the mean that channel's curve is multiplied with, finite and ≥ 0; exactly 0 decodes to 0.
     pub means: Vec<[f32; 3]>,
+    /// The time axis; empty under the paper's coding.
+    pub axis: Axis,
+    /// The light groups that are gates, strictly ascending.
+    pub gates: Vec<u16>,
 }
 
 impl TileParams {
-    /// Checks that some profile has the shape, and that every list is as long as the shape says.
+    /// Checks that a tile can have the shape, and that every list is as long as the shape says.
     ///
     /// # Errors
     /// What differs.
     pub fn check_lengths(&self) -> Result<(), String> {
         let shape = &self.shape;
         if !shape.is_known() {
-            return Err(format!("{shape:?}; expected the shape of a profile"));
+            return Err(format!("{shape:?}; expected a shape that its contents give"));
         }
         let [uv, uvt, ut, vt] = shape.counts();
         for (what, found, expected) in [
@@ -147,12 +319,19 @@ impl TileParams {
             ("texels of F_vt", self.f_vt.len(), vt),
             ("decoder weights", self.mlp.len(), shape.mlp_len()),
             ("means", self.means.len(), shape.sets),
+            ("places on the time axis", self.axis.places.len(), if shape.axis { shape.sets } else { 0 }),
+            ("gates", self.gates.len(), shape.contents.gates),
         ] {
             if found != expected {
                 return Err(format!("{found} {what}; expected {expected}"));
             }
         }
         Ok(())
+    }
+
+    /// The input of each gate at a set, whose state of the light groups is given; a group that it lacks is off.
+    pub fn gate_inputs<'a>(&'a self, state: &'a [bool]) -> impl Iterator<Item = f32> + 'a {
+        self.gates.iter().map(|&group| gate(state.get(usize::from(group)).copied().unwrap_or(false)))
     }
 }
 

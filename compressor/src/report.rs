@@ -1,15 +1,17 @@
 //! Report sections: training curves, quality table, pictures, what was left out.
 
 use crate::Result;
-use crate::compress::Outcome;
+use crate::compress::{Outcome, TileOutcome};
 use crate::decode::Decoder;
 use crate::evaluate::{COLUMNS, Evaluation};
+use crate::mean::mean;
 use dataset::image::Image;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
 use dataset::report::preview::{exposure, tone_mapped_png};
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
+use std::collections::BTreeMap;
 
 /// Hours whose nearest sets are shown decoded beside the reference: morning, noon, right after an evening switch, midnight.
 const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
@@ -54,8 +56,8 @@ pub fn training(outcome: &Outcome) -> Section {
     section
 }
 
-/// The quality table by hour and the worst tiles.
-pub fn quality(evaluation: &Evaluation) -> Section {
+/// The quality table by hour and the worst tiles; what is to be said of a target first.
+pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
     let mut section = Section::new("Quality");
     section.paragraph(
         "Decoded from the written bundle. Tiles of 128×128 texels, valid texels only, linear RGB; peak = the tile's largest valid \
@@ -63,7 +65,8 @@ pub fn quality(evaluation: &Evaluation) -> Section {
          mantissas and a shared exponent. Log: of ln(1 + E/ε), ε a thousandth of the page's mean, where equal ratios weigh the same. In the \
          dark: the relative error over the darkest quarter of the set's texels. The noise ceiling is the bake's own sampling error as a PSNR: no codec can be closer to the truth than that.",
     );
-    section.list(&evaluation.remarks());
+    let missed = missed.map(str::to_owned).into_iter();
+    section.list(&missed.chain(evaluation.remarks()).collect::<Vec<_>>());
     section.table(&COLUMNS, &evaluation.rows());
     let quality =
         |hour: &(f64, crate::evaluate::Quality), value: Option<f64>| value.map(|value| (hour.0, value));
@@ -158,9 +161,21 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     Ok(section)
 }
 
-/// What training left out and why.
+/// What tiles have, and what training left out and why.
 pub fn left_out(outcome: &Outcome) -> Section {
-    let mut section = Section::new("What the compressor left out");
+    let mut section = Section::new("What tiles have, and what the compressor left out");
+    let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();
+    for tile in &outcome.per_tile {
+        kinds.entry(tile.has.as_deref().unwrap_or("nothing")).or_default().push(tile);
+    }
+    let row = |(has, tiles): (&&str, &Vec<&TileOutcome>)| {
+        let psnr = mean(tiles.iter().filter_map(|tile| tile.psnr_db));
+        let bytes: usize = tiles.iter().map(|tile| tile.bytes).sum();
+        let psnr = psnr.map_or("–".to_owned(), |db| format!("{db:.2}"));
+        vec![has.to_string(), tiles.len().to_string(), bytes.to_string(), psnr]
+    };
+    let rows: Vec<Vec<String>> = kinds.iter().map(row).collect();
+    section.table(&["maps and inputs", "tiles", "bytes", "mean PSNR dB"], &rows);
     let tiles = |n: usize| if n == 1 { "1 tile".to_owned() } else { format!("{n} tiles") };
     let mut items: Vec<String> =
         outcome.left_out.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();

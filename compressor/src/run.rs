@@ -1,7 +1,7 @@
 //! The whole command: compress, read the written bundle back, judge it, and tell.
 
 use crate::Result;
-use crate::compress::{Options, Outcome, compress};
+use crate::compress::{Options, Outcome, Rate, compress};
 use crate::decode::Decoder;
 use crate::evaluate::{Evaluation, evaluate};
 use crate::report;
@@ -30,15 +30,37 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
     let outcome = compress(root, options, console)?;
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle)?;
-    let evaluation = evaluate(&dataset, &decoder, console)?;
+    let evaluation = evaluate(&dataset, None, &decoder, console)?;
     print(&evaluation, console);
+    let missed = missed(options.rate, &evaluation);
+    missed.iter().for_each(|what| console.warn(what));
     let sections = vec![
         report::training(&outcome),
-        report::quality(&evaluation),
+        report::quality(&evaluation, missed.as_deref()),
         report::pictures(&dataset, &decoder)?,
         report::left_out(&outcome),
     ];
     Ok(Judged { outcome, evaluation, sections })
+}
+
+/// A pooled PSNR may be so far below its target: brief trials do not tell it closer.
+const NEAR_DB: f64 = 0.5;
+
+/// What to say where a target was not reached.
+fn missed(rate: Rate, evaluation: &Evaluation) -> Option<String> {
+    match rate {
+        Rate::Psnr(target) => {
+            let reached = evaluation.all.psnr_pooled_db.filter(|db| *db < target - NEAR_DB)?;
+            Some(format!(
+                "--target-psnr {target}: {reached:.2} dB were reached; more steps, a higher target, or --profile H may come closer"
+            ))
+        }
+        Rate::Bpp(target) if evaluation.bpp > target => Some(format!(
+            "--target-bpp {target}: {:.3} bits are the least that the tiles with light take at this size",
+            evaluation.bpp
+        )),
+        _ => None,
+    }
 }
 
 /// Prints the quality table and its remarks.

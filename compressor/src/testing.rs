@@ -1,10 +1,11 @@
 //! Random tiles and bundles for unit tests.
 
 use crate::bc7::{self, Mode6};
-use crate::bundle::{self, Header};
+use crate::bundle::{self, Header, Payload};
 use crate::grid::Grid;
-use crate::model::{PROFILES, Shape, TileParams};
-use crate::time::{Coding, Timeline, is_on};
+use crate::grid::Place;
+use crate::model::{Contents, PROFILES, Shape, TileParams};
+use crate::time::{Axis, Coding, Timeline, is_on};
 use half::f16;
 
 /// SplitMix64.
@@ -48,13 +49,20 @@ pub fn tile(shape: Shape, seed: u64) -> TileParams {
             })
             .collect()
     };
-    let f_uv = blocks(shape.width * shape.height / 16);
-    let f_uvt = blocks(shape.uvt[0] * shape.uvt[1] / 16 * shape.uvt[2]);
+    let [uv, uvt, ut, vt] = shape.counts();
+    let (f_uv, f_uvt) = (blocks(uv), blocks(uvt));
     let mut plane = |n: usize| (0..n).map(|_| [random.byte(), random.byte()]).collect();
-    let (f_ut, f_vt) = (plane(shape.rows * shape.ut), plane(shape.rows * shape.vt));
+    let (f_ut, f_vt) = (plane(ut), plane(vt));
     let mlp = (0..shape.mlp_len()).map(|_| f16::from_f32(random.unit() - 0.45)).collect();
     let means = (0..shape.sets).map(|_| [random.unit(), 10.0 * random.unit(), 0.0]).collect();
-    TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, means }
+    // Sets in pairs on the axis, the last ones with the first.
+    let place = |k: usize| (3 * (k / 2 % (shape.sets / 2).max(1))) as u16;
+    let axis = match shape.axis {
+        true => Axis { length: 2 * shape.sets as u16, places: (0..shape.sets).map(place).collect() },
+        false => Axis::default(),
+    };
+    let gates = (0..shape.contents.gates as u16).collect();
+    TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, means, axis, gates }
 }
 
 /// A header with two small pages (2 + 1 tiles), 4 sets and two light groups.
@@ -65,19 +73,35 @@ pub fn header() -> Header {
     Header {
         scene: "yard".to_owned(),
         info: "{\"seed\":1}".to_owned(),
-        profile: PROFILES[1],
         pages: vec![Grid { width: 128, height: 5 }, Grid { width: 9, height: 1 }],
         groups: vec!["porch".to_owned(), "garden".to_owned()],
         timeline: Timeline { hours, intervals, states, coding: Coding::Standard },
     }
 }
 
-/// A bundle of [`header`] with random tiles, of which the second is black.
-pub fn bundle() -> (Header, Vec<Vec<u8>>, Vec<u8>) {
+/// The tiles of [`bundle`]: all maps and a gate; black; some of F_uv and F_uvt left out, no planes.
+pub fn tile_of(header: &Header, i: usize, place: Place) -> Option<TileParams> {
+    let all = PROFILES[1].contents(2, 1);
+    let contents = match i {
+        0 => all,
+        1 => return None,
+        _ => Contents { slices: 5, ut: false, vt: false, rows: 0, gamma: false, gates: 2, ..all },
+    };
+    let mut tile = tile(header.shape(place, &contents), i as u64);
+    if i > 1 {
+        let grey = bc7::encode(&Mode6 { endpoints: [[128; 4]; 2], indices: [0; 16] });
+        tile.f_uv[1..3].fill(grey);
+        tile.f_uvt[..2].fill(grey);
+    }
+    Some(tile)
+}
+
+/// A bundle of [`header`] with random tiles.
+pub fn bundle() -> (Header, Vec<Payload>, Vec<u8>) {
     let header = header();
-    let payload = |(i, place)| match i {
-        1 => Vec::new(),
-        _ => bundle::encode_payload(&tile(header.shape(place), i as u64)).unwrap(),
+    let payload = |(i, place)| match tile_of(&header, i, place) {
+        None => Payload::default(),
+        Some(tile) => bundle::encode_payload(&tile).unwrap(),
     };
     let payloads: Vec<_> = header.places().enumerate().map(payload).collect();
     let bytes = bundle::encode(&header, &payloads).unwrap();

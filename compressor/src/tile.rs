@@ -15,6 +15,9 @@ use std::sync::Arc;
 /// Texels around a valid one that filtering near a chart's edge may read.
 pub const GUTTER: usize = 2;
 
+/// A light group whose light (RMS) is below this share of every set's does not light a tile.
+const TRIFLE: f64 = 1e-3;
+
 /// How much a stored texel counts in training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coverage {
@@ -24,6 +27,15 @@ pub enum Coverage {
     Gutter,
     /// On a surface.
     Valid,
+}
+
+/// A light group that may switch a tile's light.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Gate {
+    /// The group's index.
+    pub group: u16,
+    /// Per set: whether the group is on.
+    pub on: Vec<bool>,
 }
 
 /// The light of one tile over all sets.
@@ -39,6 +51,8 @@ pub struct TileSource {
     pub sets: Vec<Vec<[f32; 3]>>,
     /// Per stored texel.
     pub coverage: Vec<Coverage>,
+    /// Light groups that light the tile, ascending.
+    pub gates: Vec<Gate>,
 }
 
 /// Coverage of the page's rows `rows`, row by row. Gutter is within [`GUTTER`] texels (Chebyshev) of a valid texel of the page.
@@ -80,6 +94,8 @@ pub struct Band {
     sets: Vec<Arc<Vec<[f32; 3]>>>,
     /// Per texel of `rows`.
     coverage: Vec<Coverage>,
+    /// Light groups that are on at some sets and off at others, with their own light where the dataset keeps it.
+    groups: Vec<(Gate, Option<Vec<[f32; 3]>>)>,
 }
 
 impl Band {
@@ -106,7 +122,21 @@ impl Band {
             sets.push(read.entry(path).or_insert(texels).clone());
         }
         let hours = dataset.config.sets.iter().map(|set| set.hour).collect();
-        Ok(Band { grid, page, row, hours, coverage: coverage(mask, rows.clone()), rows, sets })
+        let mut groups = Vec::new();
+        for (i, group) in dataset.config.groups.iter().enumerate() {
+            let on: Vec<bool> = dataset.config.sets.iter().map(|set| set.groups_on[i]).collect();
+            // The format counts so many groups as gates.
+            if let Ok(group_index) = u16::try_from(i)
+                && on.contains(&true)
+                && on.contains(&false)
+            {
+                let layer = group.layers.get(page);
+                let layer =
+                    layer.map(|file| dataset.image_rows(file, page, rows.start, rows.end)).transpose()?;
+                groups.push((Gate { group: group_index, on }, layer));
+            }
+        }
+        Ok(Band { grid, page, row, hours, coverage: coverage(mask, rows.clone()), rows, sets, groups })
     }
 
     /// The band's places, left to right.
@@ -132,7 +162,36 @@ impl Band {
             .iter()
             .enumerate()
             .map(|(i, &at)| if read(i) { self.coverage[at] } else { Coverage::Outside });
-        TileSource { width, height, hours: self.hours.clone(), coverage: coverage.collect(), sets }
+        let coverage: Vec<Coverage> = coverage.collect();
+        let valid: Vec<usize> =
+            (0..from.len()).filter(|&i| coverage[i] == Coverage::Valid).map(|i| from[i]).collect();
+        let lights =
+            |(gate, layer): &&(Gate, Option<Vec<[f32; 3]>>)| self.lights(gate, layer.as_deref(), &valid);
+        let gates = self.groups.iter().filter(lights).map(|(gate, _)| gate.clone()).collect();
+        TileSource { width, height, hours: self.hours.clone(), coverage, sets, gates }
+    }
+
+    /// Whether a group's light is more than a trifle of some set's, over the valid texels of a tile. Without the group's own
+    /// light: unless two sets between which it alone switches are the same.
+    fn lights(&self, gate: &Gate, layer: Option<&[[f32; 3]]>, valid: &[usize]) -> bool {
+        let square = |texels: &[[f32; 3]]| -> f64 {
+            valid.iter().flat_map(|&i| texels[i]).map(|v| f64::from(v) * f64::from(v)).sum()
+        };
+        let on = || (0..gate.on.len()).filter(|&k| gate.on[k]);
+        match layer {
+            Some(layer) => {
+                let own = square(layer);
+                own > 0.0 && on().any(|k| own > TRIFLE * TRIFLE * square(&self.sets[k]))
+            }
+            None => {
+                let alone = |a: usize, b: usize| {
+                    gate.on[a] != gate.on[b]
+                        && self.groups.iter().all(|(g, _)| g == gate || g.on[a] == g.on[b])
+                };
+                let same = |a: usize, b: usize| valid.iter().all(|&i| self.sets[a][i] == self.sets[b][i]);
+                !(1..self.sets.len()).any(|k| alone(k - 1, k) && same(k - 1, k))
+            }
+        }
     }
 }
 
@@ -157,6 +216,7 @@ mod tests {
             hours: vec![12.0],
             sets: vec![Arc::new(texels.collect())],
             coverage: coverage(mask, rows.clone()),
+            groups: vec![],
             rows,
         }
     }
@@ -180,6 +240,31 @@ mod tests {
         assert_eq!(line[BORDER + PAYLOAD], Coverage::Valid);
         assert_eq!(line[BORDER + PAYLOAD - 2], Coverage::Gutter);
         assert_eq!(line[BORDER + PAYLOAD - 3], Coverage::Outside);
+    }
+
+    #[test]
+    fn a_group_is_a_gate_of_the_tiles_that_it_lights() {
+        let mask = mask(300, 20, |_, _| true);
+        let mut band = band(&mask, 0);
+        // Four sets; the first group switches after the first set, the second after the third.
+        let first = Gate { group: 3, on: vec![false, true, true, true] };
+        let second = Gate { group: 5, on: vec![true, true, true, false] };
+        let set = |left: f32, right: f32| {
+            let texel = move |i: usize| [if i % 300 < 150 { left } else { right }; 3];
+            Arc::new((0..300 * 20).map(texel).collect::<Vec<_>>())
+        };
+        band.hours = vec![1.0, 2.0, 3.0, 4.0];
+        band.sets = vec![set(1.0, 1.0), set(2.0, 1.0), set(2.5, 1.5), set(2.5, 1.0)];
+        let groups = |band: &Band, column: usize| -> Vec<u16> {
+            band.tile(column).gates.iter().map(|gate| gate.group).collect()
+        };
+        // By their own light: above a thousandth of a set's.
+        let layer = |left: f32, right: f32| Some(set(left, right).to_vec());
+        band.groups = vec![(first.clone(), layer(0.01, 0.0)), (second.clone(), layer(1e-4, 0.5))];
+        assert_eq!((groups(&band, 0), groups(&band, 2)), (vec![3], vec![5]));
+        // Without it, by what happens where one switches alone.
+        band.groups = vec![(first, None), (second, None)];
+        assert_eq!((groups(&band, 0), groups(&band, 2)), (vec![3], vec![5]));
     }
 
     #[test]

@@ -1,23 +1,26 @@
 //! Hours to time coordinates: which sets surround a moment, and how far along it stands.
 //!
 //! Light jumps where a lamp switches, so means and time coordinate interpolate only between neighbouring sets that show the
-//! light groups as they are at that moment; next to a switch the set on the moment's own side is held.
+//! light groups as they are at that moment; next to a switch the set on the moment's own side is held, and its state with it.
 
 /// How time and light are coded in a tile's maps; one choice for a whole bundle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
-    /// `τ = (k + ½)/n` for set k of n, `γ` on 2πτ and 4πτ, `E = mean · y²`.
+    /// `τ = (i + ½)/m` for place i of m on the tile's own time axis, `γ` on 2πτ and 4πτ, `E = mean · y²`.
     Standard,
     /// The paper's literal choice: `τ = hour/24`, `γ` on πτ and 2πτ, `E = mean · y^2.2`.
     Paper,
 }
 
 impl Coding {
-    /// The time coordinate of set `k` of the sets at `hours`.
-    pub fn set_tau(self, hours: &[f64], k: usize) -> f64 {
+    /// The time coordinate of every set: of its place on a tile's time axis; under the paper's coding, of its hour.
+    pub fn taus(self, hours: &[f64], axis: &Axis) -> Vec<f64> {
         match self {
-            Coding::Standard => (k as f64 + 0.5) / hours.len() as f64,
-            Coding::Paper => hours[k] / 24.0,
+            Coding::Standard => {
+                let length = f64::from(axis.length);
+                axis.places.iter().map(|&place| (f64::from(place) + 0.5) / length).collect()
+            }
+            Coding::Paper => hours.iter().map(|hour| hour / 24.0).collect(),
         }
     }
 
@@ -58,6 +61,29 @@ impl Coding {
     }
 }
 
+/// A tile's time axis under the standard coding; empty under the paper's.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Axis {
+    /// Number of places.
+    pub length: u16,
+    /// Per set: its place. The first is 0; they do not step back, but that the last sets may be on place 0 again.
+    pub places: Vec<u16>,
+}
+
+impl Axis {
+    /// An error unless the places are as [`Axis::places`] says, and below the length.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let Some(&largest) = self.places.iter().max() else { return Ok(()) };
+        let turn = self.places.iter().rposition(|&place| place == largest).map_or(0, |i| i + 1);
+        let (day, night) = self.places.split_at(turn);
+        let forwards = day[0] == 0 && day.is_sorted() && night.iter().all(|&place| place == 0);
+        if forwards && largest < self.length {
+            return Ok(());
+        }
+        Err(format!("a time axis of {} places that does not go forwards from 0 on them", self.length))
+    }
+}
+
 /// What a decoder knows about time: the sets' hours and when each light group is on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
@@ -80,8 +106,13 @@ pub struct Moment {
     pub b: usize,
     /// Share of `b` in the means, in [0, 1).
     pub fraction: f32,
-    /// Time coordinate; may pass 1 between the last set and the first.
-    pub tau: f32,
+}
+
+impl Moment {
+    /// The time coordinate, those of the sets given: forwards from that of `a` to that of `b`; may pass 1.
+    pub fn tau(&self, taus: &[f64]) -> f64 {
+        taus[self.a] + f64::from(self.fraction) * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
+    }
 }
 
 /// Whether a group with these open on-intervals is lit at `hour`. `[0, 24]` (and longer) is always on, midnight included.
@@ -143,17 +174,14 @@ impl Timeline {
 
     /// Exactly at set `k`.
     pub fn hold(&self, k: usize) -> Moment {
-        Moment { a: k, b: k, fraction: 0.0, tau: self.coding.set_tau(&self.hours, k) as f32 }
+        Moment { a: k, b: k, fraction: 0.0 }
     }
 
     /// Linearly between neighbouring sets, possibly across midnight.
     fn between(&self, a: usize, b: usize, hour: f64) -> Moment {
-        let (from, to) = (self.coding.set_tau(&self.hours, a), self.coding.set_tau(&self.hours, b));
         let wrapped = |x: f64| if x < 0.0 { x + 24.0 } else { x };
         let fraction = wrapped(hour - self.hours[a]) / wrapped(self.hours[b] - self.hours[a]);
-        let turn = if b < a { 1.0 } else { 0.0 };
-        let tau = from + fraction * (to + turn - from);
-        Moment { a, b, fraction: fraction as f32, tau: tau as f32 }
+        Moment { a, b, fraction: fraction as f32 }
     }
 }
 
@@ -174,6 +202,13 @@ mod tests {
         Timeline { hours, intervals, states, coding: Coding::Standard }
     }
 
+    /// The time coordinate where every set has a place of its own.
+    fn tau(timeline: &Timeline, moment: Moment) -> f64 {
+        let length = timeline.hours.len() as u16;
+        let axis = Axis { length, places: (0..length).collect() };
+        moment.tau(&timeline.coding.taus(&timeline.hours, &axis))
+    }
+
     fn set(timeline: &Timeline, hour: f64) -> usize {
         timeline.hours.iter().position(|&h| h == hour).unwrap()
     }
@@ -187,7 +222,7 @@ mod tests {
                 if day == 0.0 || hour.fract() == 0.0 {
                     let m = t.at(hour + day);
                     assert_eq!((m.a, m.b, m.fraction), (k, k, 0.0), "{hour}");
-                    assert_eq!(m.tau, ((k as f64 + 0.5) / 26.0) as f32);
+                    assert_eq!(tau(&t, m), (k as f64 + 0.5) / 26.0);
                 }
             }
         }
@@ -207,8 +242,8 @@ mod tests {
         let m = t.at(18.55);
         assert_eq!((m.a, m.b), (set(&t, 18.1), set(&t, 19.0)));
         assert!((m.fraction - 0.5).abs() < 1e-6);
-        let k = set(&t, 18.1) as f32;
-        assert!((m.tau - (k + 1.0) / 26.0).abs() < 1e-6);
+        let k = set(&t, 18.1) as f64;
+        assert!((tau(&t, m) - (k + 1.0) / 26.0).abs() < 1e-6);
     }
 
     #[test]
@@ -216,12 +251,30 @@ mod tests {
         let t = lamps_at_night();
         let m = t.at(23.5);
         assert_eq!((m.a, m.b, m.fraction), (25, 0, 0.5));
-        assert!((m.tau - 1.0).abs() < 1e-7, "halfway between (25 + ½)/26 and 1 + ½/26");
+        assert!((tau(&t, m) - 1.0).abs() < 1e-7, "halfway between (25 + ½)/26 and 1 + ½/26");
         assert_eq!(t.at(0.0), t.hold(0));
         assert_eq!(t.at(24.0), t.hold(0));
         assert_eq!(t.at(-1e-30), t.hold(0));
         assert_eq!(t.at(f64::NAN), t.hold(0));
         assert_eq!(t.at(f64::INFINITY), t.hold(0));
+    }
+
+    #[test]
+    fn sets_on_one_place_of_the_axis_have_one_time() {
+        let t = lamps_at_night();
+        // Night before 5.9 and after 18.1 is one place; 20 places for the day.
+        let places: Vec<u16> = (0..26).map(|k: u16| if k < 20 { k.saturating_sub(5) } else { 0 }).collect();
+        assert_eq!((places[4], places[6], places[19], places[20]), (0, 1, 14, 0));
+        let axis = Axis { length: 15, places };
+        axis.check().unwrap();
+        let taus = Coding::Standard.taus(&t.hours, &axis);
+        assert_eq!(taus[0], 0.5 / 15.0);
+        for hour in [23.5, 0.0, 0.5, 3.3] {
+            assert_eq!(t.at(hour).tau(&taus), 0.5 / 15.0, "{hour}");
+        }
+        // Forwards past 1 from the last place to the first.
+        let late = Moment { a: 19, b: 20, fraction: 0.75 };
+        assert!((late.tau(&taus) - (14.5 + 0.75) / 15.0).abs() < 1e-12);
     }
 
     #[test]
@@ -258,7 +311,7 @@ mod tests {
         for on in [vec![], vec![[18.0, 6.0]], vec![[0.0, 24.0]]] {
             let t = timeline(vec![12.0], vec![on]);
             for i in 0..240 {
-                assert_eq!(t.at(f64::from(i) / 10.0), Moment { a: 0, b: 0, fraction: 0.0, tau: 0.5 });
+                assert_eq!(t.at(f64::from(i) / 10.0), Moment { a: 0, b: 0, fraction: 0.0 });
             }
         }
     }
@@ -269,8 +322,8 @@ mod tests {
         assert!(!is_on(&[[18.0, 24.0]], 0.0));
         assert!(is_on(&[[18.0, 6.0]], 0.0));
         let t = Timeline { coding: Coding::Paper, ..timeline(vec![0.0, 6.0, 18.0], vec![]) };
-        assert!((t.at(12.0).tau - 0.5).abs() < 1e-7);
-        assert!((t.at(21.0).tau - 0.875).abs() < 1e-7);
+        assert!((tau(&t, t.at(12.0)) - 0.5).abs() < 1e-7);
+        assert!((tau(&t, t.at(21.0)) - 0.875).abs() < 1e-7);
         // γ on πτ and 2πτ, literally: at 6 h, τ = ¼.
         let root = std::f32::consts::FRAC_1_SQRT_2;
         for (found, expected) in Coding::Paper.gamma(0.25).into_iter().zip([root, root, 1.0, 0.0]) {

@@ -157,7 +157,7 @@ fn every_page_comes_back_as_itself() {
     std::fs::write(root.join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
     let fewer = Dataset::open(&root).unwrap();
     let message =
-        compressor::evaluate::evaluate(&fewer, &decoder, &Console::silent()).unwrap_err().to_string();
+        compressor::evaluate::evaluate(&fewer, None, &decoder, &Console::silent()).unwrap_err().to_string();
     assert!(message.contains("pages"), "{message}");
 }
 

@@ -4,9 +4,10 @@ mod common;
 
 use common::{HOURS, Scene, islands};
 use compressor::bundle::Bundle;
-use compressor::compress::{Options, compress};
+use compressor::compress::{Options, Rate, compress};
 use compressor::decode::Decoder;
 use compressor::evaluate::evaluate;
+use compressor::model::Contents;
 use compressor::run::compress_and_judge;
 use compressor::time::Coding;
 use dataset::console::Console;
@@ -48,7 +49,9 @@ fn a_dataset_comes_back_from_its_bundle() {
     let outcome = &judged.outcome;
     assert_eq!(outcome.bundle, folder.path().join("isles.ndgi"));
     assert_eq!((outcome.tiles, outcome.resumed), (4, 0));
-    assert_eq!(outcome.left_out, [("no valid texel".to_owned(), 1)]);
+    // The single texel is the same at every hour, its means apart.
+    let same = "the same at every hour, means apart: F_uv alone";
+    assert_eq!(outcome.left_out, [("no valid texel".to_owned(), 1), (same.to_owned(), 1)]);
     assert!(!outcome.curve.is_empty() && outcome.curve.is_sorted_by_key(|point| point.iteration));
     // Neither poor nor suspiciously good for 1500 steps on smooth light.
     let psnr = judged.evaluation.all.psnr_db.unwrap();
@@ -132,6 +135,40 @@ fn one_and_two_threads_write_the_same_bytes() {
     compress(folder.path(), &Options { out: Some(out.clone()), seed: 2, ..brief(60) }, &Console::silent())
         .unwrap();
     assert!(one != fs::read(out).unwrap());
+}
+
+#[test]
+fn a_target_gives_each_tile_what_it_needs_whatever_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    let run = |name: &str, rate: Rate, threads: usize| {
+        let out = folder.path().join(name);
+        let options = Options { rate, out: Some(out.clone()), ..brief(700) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let judge = || compress_and_judge(folder.path(), &options, &Console::silent()).unwrap();
+        (pool.install(judge), fs::read(out).unwrap())
+    };
+    let uniform = run("m.ndgi", Options::default().rate, 2).0.evaluation;
+    let (judged, bytes) = run("b.ndgi", Rate::Bpp(0.6 * uniform.bpp), 2);
+    assert!(judged.evaluation.bpp <= 0.6 * uniform.bpp, "{} of {}", judged.evaluation.bpp, uniform.bpp);
+    let pooled = |e: &compressor::evaluate::Evaluation| e.all.psnr_pooled_db.unwrap();
+    assert!((45.0..70.0).contains(&pooled(&judged.evaluation)), "{:?}", judged.evaluation.all);
+    assert!(bytes == run("one.ndgi", Rate::Bpp(0.6 * uniform.bpp), 1).1);
+    // Each tile says what was chosen, little for the single texel.
+    let chosen = |name: &str| {
+        let bundle = Bundle::open(&folder.path().join(name)).unwrap();
+        bundle.index.iter().map(|e| (e.length, Contents::of_word(e.word).unwrap())).collect::<Vec<_>>()
+    };
+    let tiles = chosen("b.ndgi");
+    assert!((1..1500).contains(&tiles[3].0) && tiles[0].1 != tiles[3].1, "{tiles:?}");
+    let told = judged.outcome.left_out.iter().filter(|(why, _)| why.starts_with("chosen by trial: "));
+    assert_eq!(told.map(|(_, n)| n).sum::<usize>(), 3);
+    // More quality takes more bits, and is reached, about.
+    let [low, high] = [35.0, 48.0].map(|db| run(&format!("{db}.ndgi"), Rate::Psnr(db), 2).0.evaluation);
+    assert!(
+        low.bytes < high.bytes && (32.0..60.0).contains(&pooled(&low)) && pooled(&high) > 44.0,
+        "{low:?}"
+    );
 }
 
 #[test]
@@ -244,7 +281,7 @@ fn pages_and_masks_of_any_size() {
         let outcome = compress(folder.path(), &brief(80), &Console::silent()).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();
         let decoder = Decoder::open(&outcome.bundle).unwrap();
-        let evaluation = evaluate(&dataset, &decoder, &Console::silent()).unwrap();
+        let evaluation = evaluate(&dataset, None, &decoder, &Console::silent()).unwrap();
         let mask = scene.mask();
         assert_eq!(evaluation.samples.is_empty(), !mask.valid.contains(&true));
         for &hour in &scene.hours {
@@ -263,6 +300,43 @@ fn pages_and_masks_of_any_size() {
         let bytes = fs::read(&outcome.bundle).unwrap();
         assert_eq!(Bundle::from_bytes(bytes).unwrap().header, decoder.bundle().header);
     }
+}
+
+#[test]
+fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
+    // Red grows with the square of the hour: at 12 h it is 2, halfway between those at 8 h and 16 h it would be 19/9; the peak is 2.
+    let scene = |hours: &[f64]| Scene {
+        width: 40,
+        height: 40,
+        hours: hours.to_vec(),
+        valid: |_, _| true,
+        light: |_, _, hour, _| [1.0 + (hour as f32 / 12.0).powi(2), 1.5, 1.5],
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let [root, other] = ["sets", "withheld"].map(|name| folder.path().join(name));
+    scene(&[8.0, 16.0]).write(&root);
+    scene(&[8.0, 12.0, 16.0]).write(&other);
+    let outcome = compress(&root, &brief(400), &Console::silent()).unwrap();
+    let [dataset, withheld] = [&root, &other].map(|root| Dataset::open(root).unwrap());
+    let decoder = Decoder::open(&outcome.bundle).unwrap();
+    let between = |withheld: Option<&Dataset>| {
+        evaluate(&dataset, withheld, &decoder, &Console::silent()).unwrap().between.unwrap()
+    };
+    let judged = between(Some(&withheld));
+    let expected = -10.0 * ((1.0 / 9.0f64).powi(2) / 3.0 / 4.0).log10();
+    assert_eq!(judged.moments, 1);
+    assert!((judged.linear_pooled_db.unwrap() - expected).abs() < 0.01, "{judged:?} {expected}");
+    assert!((judged.pooled_db - expected).abs() < 0.5, "{judged:?} {expected}");
+    // Not at midnight: the lamp is on then.
+    let judged = between(None);
+    assert_eq!((judged.moments, judged.linear_pooled_db), (1, None));
+    assert!((35.0..90.0).contains(&judged.pooled_db), "{judged:?}");
+    // A bake of other pages is none of this scene.
+    let small = folder.path().join("small");
+    Scene { width: 39, ..scene(&[12.0]) }.write(&small);
+    let small = Dataset::open(&small).unwrap();
+    let message = evaluate(&dataset, Some(&small), &decoder, &Console::silent()).unwrap_err().to_string();
+    assert!(message.contains("small") && message.contains("(39, 40)"), "{message}");
 }
 
 #[test]
@@ -335,6 +409,11 @@ fn the_command_line_answers_and_refuses() {
         &["missing"][..],
         &["isles", "--profile", "XL"],
         &["isles", "--iterations", "0"],
+        &["isles", "--target-psnr", "40", "--target-bpp", "0.5"],
+        &["isles", "--target-psnr", "40", "--profile", "L"],
+        &["isles", "--target-psnr", "nan"],
+        &["isles", "--target-bpp", "0"],
+        &["isles", "--target-bpp", "0.5", "--recipe", "paper"],
         &["decode", "isles/isles.ndgi", "--hour", "3", "--out", "y.exr", "--page", "1"],
         &["decode", "isles/config.json", "--hour", "3", "--out", "y.exr"],
         &["evaluate", "isles", "--bundle", "missing.ndgi"],

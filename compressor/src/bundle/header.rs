@@ -1,8 +1,8 @@
 //! The header's bytes and the index that ends it.
 
-use super::{ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, VERSION, checksum, payload_len};
+use super::{ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, Payload, VERSION, checksum};
 use crate::grid::Grid;
-use crate::model::{BORDER, PROFILES, STORED};
+use crate::model::{BORDER, STORED};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 
@@ -10,13 +10,11 @@ use crate::{Error, Result};
 const ENTRY: usize = 24;
 
 /// The header with its index, padded; payloads follow it directly, in order.
-pub(super) fn encode(header: &Header, payloads: &[Vec<u8>]) -> Result<Vec<u8>> {
+pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     check(header).map_err(|what| Error::invalid("bundle header", what))?;
     let mut out = vec![0; FIXED];
     let u32_ = |out: &mut Vec<u8>, n: usize| out.extend((n as u32).to_le_bytes());
-    for n in
-        [STORED, BORDER, header.profile.uvt, header.profile.hidden, coding_number(header.timeline.coding)]
-    {
+    for n in [STORED, BORDER, coding_number(header.timeline.coding)] {
         u32_(&mut out, n);
     }
     for n in [header.timeline.hours.len(), header.pages.len(), header.groups.len()] {
@@ -43,10 +41,10 @@ pub(super) fn encode(header: &Header, payloads: &[Vec<u8>]) -> Result<Vec<u8>> {
     let mut offset = length as u64;
     for payload in payloads {
         out.extend(offset.to_le_bytes());
-        u32_(&mut out, payload.len());
-        u32_(&mut out, 0);
-        out.extend(if payload.is_empty() { 0 } else { checksum(&[payload]) }.to_le_bytes());
-        offset += payload.len() as u64;
+        u32_(&mut out, payload.bytes.len());
+        out.extend(payload.word.to_le_bytes());
+        out.extend(if payload.bytes.is_empty() { 0 } else { checksum(&[&payload.bytes]) }.to_le_bytes());
+        offset += payload.bytes.len() as u64;
     }
     out.resize(length, 0);
     if length as u64 > MAX_HEADER {
@@ -103,13 +101,6 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<(Heade
         );
         return Err(Error::unsupported(name, what));
     }
-    let (uvt, hidden) = (cursor.u32("F_uvt side")? as usize, cursor.u32("hidden width")? as usize);
-    let profile = PROFILES.into_iter().find(|p| (p.uvt, p.hidden) == (uvt, hidden)).ok_or_else(|| {
-        Error::unsupported(
-            name,
-            format!("F_uvt {uvt}² with hidden layers of {hidden} is none of the known profiles"),
-        )
-    })?;
     let coding = match cursor.u32("coding")? {
         0 => Coding::Standard,
         1 => Coding::Paper,
@@ -145,7 +136,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<(Heade
             }
         }
     }
-    let header = Header { scene, info, profile, pages: grids, groups: names, timeline };
+    let header = Header { scene, info, pages: grids, groups: names, timeline };
     check(&header).map_err(wrong)?;
     let index = decode_index(&mut cursor, &header, file_bytes)?;
     if cursor.bytes.len() - cursor.at >= ALIGN || cursor.bytes[cursor.at..].iter().any(|&byte| byte != 0) {
@@ -157,7 +148,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<(Heade
     Ok((header, index))
 }
 
-/// The index: payloads lie one after another, each empty or as long as its tile's shape says, and end with the file.
+/// The index: payloads lie one after another, each empty or of a length that its tile's contents can have, and end with the file.
 fn decode_index(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result<Vec<Entry>> {
     cursor.has(header.tiles(), ENTRY, "tiles")?;
     let mut index = Vec::with_capacity(header.tiles());
@@ -167,20 +158,17 @@ fn decode_index(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result
         let wrong =
             |what: String| Error::invalid(name, format!("byte {at}, index line of {place:?}: {what}"));
         let offset = u64::from_le_bytes(cursor.array("offset")?);
-        let (length, zero) = (cursor.u32("length")?, cursor.u32("reserved")?);
+        let (length, word) = (cursor.u32("length")?, cursor.u32("contents")?);
         let sum = u64::from_le_bytes(cursor.array("checksum")?);
-        let expected = payload_len(&header.shape(place));
         if offset != end {
             return Err(wrong(format!("offset {offset}; expected {end}")));
         }
-        if zero != 0 || (length == 0 && sum != 0) {
-            return Err(wrong("a reserved field that is not zero".to_owned()));
+        if length == 0 && sum != 0 {
+            return Err(wrong("a checksum of a tile of length 0".to_owned()));
         }
-        if length != 0 && length as usize != expected {
-            return Err(wrong(format!("length {length}; expected 0 or {expected}")));
-        }
+        header.contents(place, word, length as usize).map_err(wrong)?;
         end += u64::from(length);
-        index.push(Entry { offset, length, checksum: sum });
+        index.push(Entry { offset, length, word, checksum: sum });
     }
     if end != file_bytes {
         return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));

@@ -1,63 +1,179 @@
-//! One tile's bytes: BC7 blocks, means, 8-bit planes, decoder weights.
+//! One tile's bytes: BC7 blocks, means, time axis, gates, 8-bit planes, decoder weights.
 
 use super::ALIGN;
 use crate::bc7;
-use crate::model::{Shape, TileParams};
+use crate::model::{Contents, Shape, TileParams};
+use crate::time::Axis;
 use half::f16;
 
-/// Length of a tile's payload in bytes, a multiple of 16.
-pub fn payload_len(shape: &Shape) -> usize {
-    let [uv, uvt, ut, vt] = shape.counts();
-    (16 * (uv + uvt) + 12 * shape.sets + 2 * (ut + vt) + 2 * shape.mlp_len()).next_multiple_of(ALIGN)
+/// A tile as the file holds it: the word of its index line, and its bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Payload {
+    /// [`Contents::word`], and which maps leave out grey blocks.
+    pub word: u32,
+    /// The bytes, a multiple of 16; none for a black tile.
+    pub bytes: Vec<u8>,
 }
 
-/// A tile as bytes.
+/// The block that a map may leave out: all texels 128, the middle, so that what nothing reads decodes to no extreme.
+const GREY: [u8; 16] = [0x40, 0x20, 0x10, 0x08, 0x04, 0x02, 0x81, 0x40, 0, 0, 0, 0, 0, 0, 0, 0];
+
+/// The word's bit that says that F_uv (map 0) or F_uvt (map 1) leaves out its grey blocks.
+fn sparse(map: usize) -> u32 {
+    1 << (30 + map)
+}
+
+/// Whether a map leaves out its grey blocks: where they take more than the bit field.
+fn pays(blocks: usize, there: usize) -> bool {
+    16 * (blocks - there) > field_len(blocks)
+}
+
+/// Length of the bit field that says which of `blocks` blocks are there.
+fn field_len(blocks: usize) -> usize {
+    blocks.div_ceil(8).next_multiple_of(ALIGN)
+}
+
+/// Length of all but the blocks of the maps.
+fn rest_len(shape: &Shape) -> usize {
+    let [_, _, ut, vt] = shape.counts();
+    let axis = if shape.axis { 2 + 2 * shape.sets } else { 0 };
+    12 * shape.sets + axis + 2 * shape.contents.gates + 2 * (ut + vt) + 2 * shape.mlp_len()
+}
+
+/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps.
+pub(super) fn len_bounds(shape: &Shape, word: u32) -> [usize; 2] {
+    let [uv, uvt, ..] = shape.counts();
+    let (mut least, mut largest) = (rest_len(shape), rest_len(shape));
+    for (map, blocks) in [uv, uvt].into_iter().enumerate() {
+        if word & sparse(map) == 0 {
+            least += 16 * blocks;
+            largest += 16 * blocks;
+        } else {
+            least += field_len(blocks);
+            largest += 16 * blocks;
+        }
+    }
+    [least, largest].map(|length| length.next_multiple_of(ALIGN))
+}
+
+/// Length of a payload in bytes of which no block is left out, a multiple of 16.
+pub fn full_len(shape: &Shape) -> usize {
+    len_bounds(shape, 0)[1]
+}
+
+/// Length of a payload in bytes with so many blocks of F_uv and F_uvt that are not grey.
+pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
+    let [uv, uvt, ..] = shape.counts();
+    let map = |(all, there): (usize, usize)| match pays(all, there) {
+        true => 16 * there + field_len(all),
+        false => 16 * all,
+    };
+    let maps: usize = [uv, uvt].into_iter().zip(blocks).map(map).sum();
+    (maps + rest_len(shape)).next_multiple_of(ALIGN)
+}
+
+/// A tile as bytes. Grey blocks are left out where that pays.
 ///
 /// # Errors
 /// What is wrong with the parameters: lengths that differ from the shape's, or values that [`decode_payload`] would refuse.
-pub fn encode_payload(tile: &TileParams) -> Result<Vec<u8>, String> {
+pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     let shape = &tile.shape;
     tile.check_lengths()?;
     check(tile)?;
-    let mut bytes = Vec::with_capacity(payload_len(shape));
-    bytes.extend(tile.f_uv.iter().chain(&tile.f_uvt).flatten());
+    let mut word = shape.contents.word().ok_or("contents that no word has")?;
+    let mut bytes = Vec::with_capacity(full_len(shape));
+    for (map, blocks) in [&tile.f_uv, &tile.f_uvt].into_iter().enumerate() {
+        let there = |block: &&[u8; 16]| **block != GREY;
+        if !pays(blocks.len(), blocks.iter().filter(there).count()) {
+            bytes.extend(blocks.iter().flatten());
+            continue;
+        }
+        word |= sparse(map);
+        let mut field = vec![0; field_len(blocks.len())];
+        for i in (0..blocks.len()).filter(|&i| blocks[i] != GREY) {
+            field[i / 8] |= 1 << (i % 8);
+        }
+        bytes.extend(field);
+        bytes.extend(blocks.iter().filter(there).flatten());
+    }
     bytes.extend(tile.means.iter().flatten().flat_map(|mean| mean.to_le_bytes()));
+    let length = shape.axis.then_some(&tile.axis.length);
+    let shorts = length.into_iter().chain(&tile.axis.places).chain(&tile.gates);
+    bytes.extend(shorts.flat_map(|number| number.to_le_bytes()));
     bytes.extend(tile.f_ut.iter().chain(&tile.f_vt).flatten());
     bytes.extend(tile.mlp.iter().flat_map(|weight| weight.to_le_bytes()));
-    bytes.resize(payload_len(shape), 0);
-    Ok(bytes)
+    bytes.resize(bytes.len().next_multiple_of(ALIGN), 0);
+    Ok(Payload { word, bytes })
 }
 
-/// A tile from its bytes.
+/// A tile from its bytes, the word of its index line, the shape that its contents give, and the number of light groups.
 ///
 /// # Errors
-/// What the format forbids: another length, a block that is not BC7 mode 6, a weight or mean that is not finite, a negative mean,
+/// What the format forbids: another length, a block that is not BC7 mode 6, grey blocks that are there or not as the word does
+/// not say, a time axis that steps back, gates that do not ascend or are no groups, a weight or mean that is not finite, a negative mean,
 /// padding that is not zero.
-pub fn decode_payload(bytes: &[u8], shape: Shape) -> Result<TileParams, String> {
-    if bytes.len() != payload_len(&shape) {
-        return Err(format!("payload of {} bytes; expected {}", bytes.len(), payload_len(&shape)));
-    }
-    let [uv, uvt, ut, vt] = shape.counts();
-    // The length is right, so every part is there.
+pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> Result<TileParams, String> {
     let mut rest = bytes;
-    let mut take = |n: usize| {
-        let (part, tail) = rest.split_at(n);
+    let mut take = |n: usize, what: &str| {
+        let parts = rest.split_at_checked(n);
+        let (part, tail) =
+            parts.ok_or_else(|| format!("{n} bytes of {what} expected, {} left", rest.len()))?;
         rest = tail;
-        part
+        Ok::<_, String>(part)
     };
-    let blocks = |part: &[u8]| part.as_chunks::<16>().0.to_vec();
-    let (f_uv, f_uvt) = (blocks(take(16 * uv)), blocks(take(16 * uvt)));
-    let means =
-        take(12 * shape.sets).as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect::<Vec<_>>();
-    let means = means.as_chunks::<3>().0.to_vec();
-    let texels = |part: &[u8]| part.as_chunks::<2>().0.to_vec();
-    let (f_ut, f_vt) = (texels(take(2 * ut)), texels(take(2 * vt)));
-    let mlp = take(2 * shape.mlp_len()).as_chunks::<2>().0.iter().map(|&b| f16::from_le_bytes(b)).collect();
-    if rest.iter().any(|&byte| byte != 0) {
-        return Err("padding that is not zero".to_owned());
+    let [uv, uvt, ut, vt] = shape.counts();
+    let mut maps = [Vec::new(), Vec::new()];
+    for (map, (blocks, count)) in maps.iter_mut().zip([uv, uvt]).enumerate() {
+        let name = ["F_uv", "F_uvt"][map];
+        if word & sparse(map) == 0 {
+            *blocks = take(16 * count, name)?.as_chunks::<16>().0.to_vec();
+            if pays(count, blocks.iter().filter(|block| **block != GREY).count()) {
+                return Err(format!("{name} holds grey blocks that should be left out"));
+            }
+            continue;
+        }
+        let field = take(field_len(count), name)?;
+        let bit = |i: usize| field[i / 8] >> (i % 8) & 1 == 1;
+        let there = (0..count).filter(|&i| bit(i)).count();
+        if !pays(count, there) || (count..8 * field.len()).any(bit) {
+            return Err(format!("{name} leaves out too few blocks, or one that it does not have"));
+        }
+        for i in 0..count {
+            let mut block = GREY;
+            if bit(i) {
+                block.copy_from_slice(take(16, name)?);
+                if block == GREY {
+                    return Err(format!("block {i} of {name} is grey and should be left out"));
+                }
+            }
+            blocks.push(block);
+        }
     }
-    let tile = TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, means };
+    let [f_uv, f_uvt] = maps;
+    let numbers = take(12 * shape.sets, "means")?.as_chunks::<4>().0;
+    let means: Vec<f32> = numbers.iter().map(|&b| f32::from_le_bytes(b)).collect();
+    let means = means.as_chunks::<3>().0.to_vec();
+    let shorts = |part: &[u8]| -> Vec<u16> {
+        part.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)).collect()
+    };
+    let mut axis = Axis::default();
+    if shape.axis {
+        axis.length = shorts(take(2, "time axis")?)[0];
+        axis.places = shorts(take(2 * shape.sets, "time axis")?);
+    }
+    let gates = shorts(take(2 * shape.contents.gates, "gates")?);
+    let texels = |part: &[u8]| part.as_chunks::<2>().0.to_vec();
+    let (f_ut, f_vt) = (texels(take(2 * ut, "F_ut")?), texels(take(2 * vt, "F_vt")?));
+    let mlp = take(2 * shape.mlp_len(), "decoder")?;
+    let mlp = mlp.as_chunks::<2>().0.iter().map(|&b| f16::from_le_bytes(b)).collect();
+    if rest.len() >= ALIGN || rest.iter().any(|&byte| byte != 0) {
+        return Err(format!("only zeros up to the next multiple of {ALIGN} may follow the decoder"));
+    }
+    let tile = TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, means, axis, gates };
     check(&tile)?;
+    if let Some(group) = tile.gates.iter().find(|&&group| usize::from(group) >= groups) {
+        return Err(format!("a gate of light group {group}; there are {groups}"));
+    }
     Ok(tile)
 }
 
@@ -76,5 +192,18 @@ fn check(tile: &TileParams) -> Result<(), String> {
             return Err(format!("mean of set {set} is {m}; expected a finite number ≥ 0"));
         }
     }
+    tile.axis.check()?;
+    if !tile.gates.is_sorted_by(|a, b| a < b) {
+        return Err("gates that do not ascend".to_owned());
+    }
     Ok(())
+}
+
+/// The contents that a word stands for, where they are those of a bundle with so many groups and this coding.
+pub(super) fn contents(word: u32, groups: usize, axis: bool) -> Option<Contents> {
+    let contents = Contents::of_word(word)?;
+    let sparse_without_map =
+        (word & sparse(0) != 0 && !contents.uv) || (word & sparse(1) != 0 && contents.uvt == 0);
+    let paper = !axis && contents.gates > 0;
+    (contents.gates <= groups && !sparse_without_map && !paper).then_some(contents)
 }

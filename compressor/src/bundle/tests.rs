@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::testing::{self, Random};
+use crate::time::Axis;
 
 /// Reads everything there is; the re-encoded bytes.
 fn read_all(bytes: Vec<u8>) -> Result<Vec<u8>> {
@@ -10,7 +11,9 @@ fn read_all(bytes: Vec<u8>) -> Result<Vec<u8>> {
     for place in bundle.header.places() {
         let tile = bundle.tile(place)?;
         payloads.push(
-            tile.map_or(Vec::new(), |tile| encode_payload(&tile).expect("what was read can be written")),
+            tile.map_or(Payload::default(), |tile| {
+                encode_payload(&tile).expect("what was read can be written")
+            }),
         );
     }
     encode(&bundle.header, &payloads)
@@ -36,10 +39,8 @@ fn bytes_parse_to_the_same_values_and_the_same_bytes() {
     assert_eq!(bundle.header, header);
     for (i, place) in header.places().enumerate() {
         assert_eq!(header.position(place), Some(i));
-        match bundle.tile(place).unwrap() {
-            None => assert!(payloads[i].is_empty()),
-            Some(tile) => assert_eq!(tile, testing::tile(header.shape(place), i as u64)),
-        }
+        assert_eq!(bundle.tile(place).unwrap(), testing::tile_of(&header, i, place));
+        assert_eq!(bundle.index[i].word, payloads[i].word);
     }
     assert_eq!(read_all(bytes.clone()).unwrap(), bytes);
     assert!(bundle.tile(Place { page: 0, column: 2, row: 0 }).is_err());
@@ -65,8 +66,9 @@ fn payloads_are_aligned_and_one_of_full_size_takes_the_paper_s_bits() {
     let bundle = Bundle::from_bytes(bytes).unwrap();
     assert!(bundle.index.iter().all(|entry| entry.offset % 16 == 0));
     // Profile M, 26 sets, 128²: 0.68 bits per texel and set in the paper.
-    let shape = Shape::new(&crate::model::PROFILES[1], 128, 128, 26);
-    let bpp = payload_len(&shape) as f64 * 8.0 / (128.0 * 128.0 * 26.0);
+    let contents = crate::model::PROFILES[1].contents(26, 0);
+    let shape = Shape::new(&contents, 128, 128, 26, Coding::Standard);
+    let bpp = full_len(&shape) as f64 * 8.0 / (128.0 * 128.0 * 26.0);
     assert!((0.67..0.69).contains(&bpp), "{bpp}");
 }
 
@@ -143,9 +145,9 @@ fn hostile_headers_with_a_right_checksum_never_panic() {
 fn each_count_and_offset_is_checked() {
     let (_, _, bytes) = testing::bundle();
     let header = header_len(&bytes);
-    // Fixed positions of FORMAT.md: sets, pages, groups, scene length; last index line's offset and length.
+    // Fixed positions of FORMAT.md: sets, pages, groups, scene length; last index line's offset.
     let last = header - (header - 32) % 8 - 24;
-    for at in [12, 52, 56, 60, 64, last] {
+    for at in [12, 44, 48, 52, 56, last] {
         for value in [0, 3, 0xffff_ffff_u32] {
             let mut damaged = bytes.clone();
             if damaged[at..at + 4] == value.to_le_bytes() {
@@ -157,15 +159,15 @@ fn each_count_and_offset_is_checked() {
         }
     }
     let mut newer = bytes.clone();
-    newer[8] = 2;
+    newer[8] = 3;
     assert!(matches!(read_all(newer), Err(Error::Unsupported { .. })));
 }
 
 #[test]
 fn payloads_with_forbidden_values_are_refused() {
     let header = testing::header();
-    let shape = header.shape(Place { page: 0, column: 0, row: 0 });
-    let good = testing::tile(shape, 1);
+    let good = testing::tile_of(&header, 0, Place { page: 0, column: 0, row: 0 }).unwrap();
+    let shape = good.shape;
     assert!(encode_payload(&good).is_ok());
     for mean in [f32::NAN, f32::INFINITY, -1.0] {
         let mut bad = good.clone();
@@ -182,16 +184,59 @@ fn payloads_with_forbidden_values_are_refused() {
     bad.f_ut.pop();
     assert!(encode_payload(&bad).is_err());
 
+    for places in [vec![1, 1, 1, 1], vec![0, 1, 0, 1], vec![0, 2, 1, 2], vec![0, 0, 1], vec![0, 0, 1, 8]] {
+        let axis = Axis { length: 8, places };
+        assert!(encode_payload(&TileParams { axis, ..good.clone() }).is_err());
+    }
+
     // The same in a file whose checksums are right.
-    let bytes = encode_payload(&good).unwrap();
+    let Payload { word, bytes } = encode_payload(&good).unwrap();
     let mean_at = 16 * (good.f_uv.len() + good.f_uvt.len());
-    for (at, patch) in [(0, vec![0]), (mean_at, f32::NAN.to_le_bytes().to_vec()), (bytes.len() - 1, vec![1])]
-    {
+    let axis_at = mean_at + 12 * good.means.len();
+    let gates_at = axis_at + 2 + 2 * good.axis.places.len();
+    let nan = f32::NAN.to_le_bytes().to_vec();
+    let grey = crate::bc7::Mode6 { endpoints: [[128; 4]; 2], indices: [0; 16] };
+    let grey_blocks = crate::bc7::encode(&grey).repeat(10);
+    let end = bytes.len() - 1;
+    let patches = [
+        (0, vec![0], "mode"),
+        (0, grey_blocks, "grey blocks that should be left out"),
+        (mean_at, nan, "mean"),
+        (axis_at, vec![1], "time axis"),
+        (axis_at + 2, vec![1], "time axis"),
+        (gates_at, vec![2], "group 2"),
+        (end, vec![1], "zeros"),
+    ];
+    for (at, patch, what) in patches {
         let mut bad = bytes.clone();
         bad[at..at + patch.len()].copy_from_slice(&patch);
-        assert!(decode_payload(&bad, shape).is_err(), "at {at}");
+        let message = decode_payload(&bad, word, shape, 2).unwrap_err();
+        assert!(message.contains(what), "at {at}: {message}");
     }
-    assert_eq!(decode_payload(&bytes, shape).unwrap(), good);
+    assert_eq!(decode_payload(&bytes, word, shape, 2).unwrap(), good);
+
+    // A map whose grey blocks are left out, or not as the word says.
+    let place = Place { page: 1, column: 0, row: 0 };
+    let sparse = testing::tile_of(&header, 2, place).unwrap();
+    let Payload { word: sparse_word, bytes } = encode_payload(&sparse).unwrap();
+    assert_eq!(sparse_word & !word & Contents::SPARE, Contents::SPARE);
+    assert!(bytes.len() < full_len(&sparse.shape));
+    let read = |bytes: &[u8], word: u32| decode_payload(bytes, word, sparse.shape, 2);
+    assert_eq!(read(&bytes, sparse_word).unwrap(), sparse);
+    for flag in [1 << 30, 1 << 31] {
+        assert!(read(&bytes, sparse_word ^ flag).is_err());
+    }
+    // The bit field: bits too many, all, one that is not there, none.
+    for field in [0xff, 0x07, 0x03, 0x00] {
+        let mut bad = bytes.clone();
+        bad[0] = field;
+        assert!(read(&bad, sparse_word).is_err(), "{field:#x}");
+    }
+    for longer in [bytes.len() - 16, bytes.len() + 16] {
+        let mut bad = bytes.clone();
+        bad.resize(longer, 0);
+        assert!(read(&bad, sparse_word).is_err(), "{longer} bytes");
+    }
 }
 
 #[test]

@@ -1,8 +1,11 @@
 //! The work folder `<bundle>.part/`: one file per finished tile, named by what decided it.
 
-use super::{TileStats, beside};
-use crate::{Error, Result, bundle};
+use super::beside;
+use crate::bundle::{self, Payload};
+use crate::{Error, Result};
 use dataset::files::{remove_stale_temporaries, write_atomically};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -30,25 +33,28 @@ impl Part {
     }
 
     /// A finished tile: its payload and what training told. `None` where there is none, or a damaged one.
-    pub(super) fn read(&self, key: &str) -> Option<(Vec<u8>, TileStats)> {
-        // Checksum of the rest, length of the statistics, statistics, payload.
+    pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<(Payload, S)> {
+        // Checksum of the rest, length of the statistics, statistics, word and bytes of the payload.
         let bytes = fs::read(self.path(key)).ok()?;
         let (sum, rest) = bytes.split_first_chunk::<8>()?;
         if bundle::checksum(&[rest]) != u64::from_le_bytes(*sum) {
             return None;
         }
         let (length, rest) = rest.split_first_chunk::<8>()?;
-        let (stats, payload) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
-        Some((payload.to_vec(), serde_json::from_slice(stats).ok()?))
+        let (stats, rest) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
+        let (word, bytes) = rest.split_first_chunk::<4>()?;
+        let payload = Payload { word: u32::from_le_bytes(*word), bytes: bytes.to_vec() };
+        Some((payload, serde_json::from_slice(stats).ok()?))
     }
 
     /// Keeps a finished tile.
-    pub(super) fn write(&self, key: &str, payload: &[u8], stats: &TileStats) -> Result<()> {
+    pub(super) fn write(&self, key: &str, payload: &Payload, stats: &impl Serialize) -> Result<()> {
         let path = self.path(key);
         let stats = serde_json::to_vec(stats).map_err(|error| Error::invalid(path.display(), error))?;
         let length = (stats.len() as u64).to_le_bytes();
-        let sum = bundle::checksum(&[&length, &stats, payload]).to_le_bytes();
-        write_atomically(&path, &[&sum[..], &length, &stats, payload].concat())
+        let word = payload.word.to_le_bytes();
+        let sum = bundle::checksum(&[&length, &stats, &word, &payload.bytes]).to_le_bytes();
+        write_atomically(&path, &[&sum[..], &length, &stats, &word, &payload.bytes].concat())
     }
 
     /// Removes the folder with the tiles in it; anything foreign in it stays.
@@ -70,6 +76,7 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compress::TileStats;
 
     #[test]
     fn tiles_are_kept_and_damaged_ones_are_not_believed() {
@@ -83,22 +90,23 @@ mod tests {
             left_out: vec!["black at 1 of 2 sets".to_owned()],
             seconds: 1.5,
         };
-        part.write("k", b"payload", &stats).unwrap();
-        assert_eq!(part.read("k"), Some((b"payload".to_vec(), stats.clone())));
-        assert_eq!(part.read("other"), None);
+        let payload = Payload { word: 0x1234_5678, bytes: b"payload".to_vec() };
+        part.write("k", &payload, &stats).unwrap();
+        assert_eq!(part.read("k"), Some((payload, stats.clone())));
+        assert_eq!(part.read::<TileStats>("other"), None);
         let path = part.path("k");
         let bytes = fs::read(&path).unwrap();
         for i in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[i] ^= 1;
             fs::write(&path, damaged).unwrap();
-            assert_eq!(part.read("k"), None);
+            assert_eq!(part.read::<TileStats>("k"), None);
             fs::write(&path, &bytes[..i]).unwrap();
-            assert_eq!(part.read("k"), None);
+            assert_eq!(part.read::<TileStats>("k"), None);
         }
-        part.write("k", b"", &stats).unwrap();
-        assert!(Part::open(&out, false).unwrap().read("k").is_some());
-        assert!(Part::open(&out, true).unwrap().read("k").is_none());
+        part.write("k", &Payload::default(), &stats).unwrap();
+        assert!(Part::open(&out, false).unwrap().read::<TileStats>("k").is_some());
+        assert!(Part::open(&out, true).unwrap().read::<TileStats>("k").is_none());
         fs::write(beside(&out, ".part").join("notes.txt"), b"mine").unwrap();
         part.remove();
         assert!(beside(&out, ".part").join("notes.txt").exists());

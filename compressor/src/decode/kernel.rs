@@ -23,7 +23,7 @@ pub(super) struct Folded<'a> {
     pub padded: usize,
     /// Width of the hidden layers.
     pub hidden: usize,
-    /// F_uv by channel, row, column.
+    /// F_uv by channel, row, column; empty without it.
     pub uv: &'a [u8],
     /// V_uvt and V_ut at every column: by row of F_uvt, feature, column.
     pub lines: Vec<f32>,
@@ -106,6 +106,7 @@ const BLOCK: usize = 8;
 fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     let columns = expand::<L, HIDDEN>(tile);
     let plane = tile.height * tile.padded;
+    let has_uv = !tile.uv.is_empty();
     let (w2, _) = tile.w2.as_chunks::<HIDDEN>();
     let (w3, _) = tile.w3.as_chunks::<HIDDEN>();
     for (y, line) in out.chunks_exact_mut(tile.width).enumerate() {
@@ -116,8 +117,10 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
             let x = i * L::N;
             // h₁ = gelu(W₁ x + b₁), all but V_uv folded.
             let mut v_uv = [L::splat(0.0); 4];
-            for (c, v) in v_uv.iter_mut().enumerate() {
-                *v = load_bytes(&tile.uv[c * plane + y * tile.padded + x..]);
+            if has_uv {
+                for (c, v) in v_uv.iter_mut().enumerate() {
+                    *v = load_bytes(&tile.uv[c * plane + y * tile.padded + x..]);
+                }
             }
             let mut h1 = [L::splat(0.0); HIDDEN];
             for (j, h) in h1.iter_mut().enumerate() {
@@ -125,8 +128,10 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
                 let b = L::load(&columns[(below * HIDDEN + j) * tile.padded + x..]);
                 let difference = a.mul_add(L::splat(-1.0), b);
                 let mut sum = share.mul_add(difference, a).add(L::splat(rows[j]));
-                for (w, v) in tile.w_uv[j].iter().zip(&v_uv) {
-                    sum = L::splat(*w).mul_add(*v, sum);
+                if has_uv {
+                    for (w, v) in tile.w_uv[j].iter().zip(&v_uv) {
+                        sum = L::splat(*w).mul_add(*v, sum);
+                    }
                 }
                 *h = gelu(sum);
             }

@@ -4,9 +4,9 @@ use super::*;
 use crate::bundle;
 use crate::grid::Grid;
 use crate::lanes::Tier;
-use crate::model::{PROFILES, Shape};
+use crate::model::{Contents, PROFILES, Profile, Shape};
 use crate::testing;
-use crate::time::Timeline;
+use crate::time::{Axis, Timeline};
 use half::f16;
 
 /// Compares with a tolerance relative to the value or, near zero, to a hundredth of the mean.
@@ -22,31 +22,61 @@ fn assert_close(fast: [f32; 3], oracle: [f32; 3], mean: [f32; 3], what: &str) {
     }
 }
 
+/// Contents with and without each map, and all of them under the paper's coding.
+fn kinds(profile: Profile, sets: usize) -> Vec<(Contents, Coding)> {
+    let all = profile.contents(sets, 2);
+    let none = Contents {
+        uv: false,
+        uvt: 0,
+        slices: 0,
+        ut: false,
+        vt: false,
+        rows: 0,
+        gamma: false,
+        gates: 0,
+        ..all
+    };
+    let rows = all.rows;
+    let standard = [
+        all,
+        none,
+        Contents { uv: true, ..none },
+        Contents { uvt: 16, slices: 1, gates: 1, ..none },
+        Contents { ut: true, rows, gamma: true, ..none },
+        Contents { vt: true, rows: 1, gates: 3, ..none },
+        Contents { uv: false, vt: false, ..all },
+    ];
+    let mut kinds: Vec<_> = standard.into_iter().map(|contents| (contents, Coding::Standard)).collect();
+    kinds.push((Contents { gates: 0, ..all }, Coding::Paper));
+    kinds
+}
+
 #[test]
 fn every_tier_gives_what_the_formulae_give() {
     let mut checked = 0;
     for (i, profile) in PROFILES.iter().enumerate() {
         for (width, height, sets) in [(128, 128, 26), (12, 100, 3), (4, 4, 1), (36, 8, 7)] {
-            let shape = Shape::new(profile, width, height, sets);
-            let tile = testing::tile(shape, 100 + i as u64);
-            for coding in [Coding::Standard, Coding::Paper] {
+            for (kind, coding) in kinds(*profile, sets) {
+                let shape = Shape::new(&kind, width, height, sets, coding);
+                let tile = testing::tile(shape, 100 + i as u64);
                 let hours = (0..sets).map(|k| k as f64 * 24.0 / sets as f64).collect();
-                let timeline = Timeline { hours, intervals: vec![], states: vec![vec![]; sets], coding };
+                let states = (0..sets).map(|k| vec![k % 3 == 0, k % 2 == 0, true]).collect();
+                let timeline = Timeline { hours, intervals: vec![vec![]; 3], states, coding };
                 for hour in [0.0, 7.77, 23.9] {
                     let moment = timeline.at(hour);
                     let means = means_at(&tile, &moment);
                     for tier in Tier::available() {
                         let decoded =
-                            TileDecoder::new(&tile, coding).unwrap().with_tier(tier).decode_tile(&moment);
+                            TileDecoder::new(&tile, &timeline).unwrap().with_tier(tier).decode_tile(&moment);
                         assert_eq!(decoded.len(), width * height);
                         for (at, fast) in decoded.iter().enumerate().step_by(if width > 100 { 97 } else { 1 })
                         {
-                            let oracle = texel(&tile, coding, &moment, at % width, at / width);
+                            let oracle = texel(&tile, &timeline, &moment, at % width, at / width);
                             assert_close(
                                 *fast,
                                 oracle,
                                 means,
-                                &format!("{profile:?} {tier:?} {hour} texel {at}"),
+                                &format!("{kind}, {coding:?} {tier:?} {hour} h, texel {at}"),
                             );
                             checked += 1;
                         }
@@ -60,16 +90,26 @@ fn every_tier_gives_what_the_formulae_give() {
 
 #[test]
 fn a_tile_of_the_wrong_size_is_refused() {
-    let good = testing::tile(Shape::new(&PROFILES[1], 16, 8, 2), 3);
-    assert!(TileDecoder::new(&good, Coding::Standard).is_ok());
+    let contents = PROFILES[1].contents(2, 1);
+    let good = testing::tile(Shape::new(&contents, 16, 8, 2, Coding::Standard), 3);
+    let timeline = Timeline {
+        hours: vec![0.0, 12.0],
+        intervals: vec![vec![]],
+        states: vec![vec![true], vec![false]],
+        coding: Coding::Standard,
+    };
+    assert!(TileDecoder::new(&good, &timeline).is_ok());
     type Edit = fn(&mut TileParams);
-    let edits: [(&str, Edit); 12] = [
+    let edits: [(&str, Edit); 15] = [
         ("F_uv", |t| t.f_uv.truncate(1)),
         ("F_uvt", |t| t.f_uvt.push([0x40; 16])),
         ("F_ut", |t| t.f_ut.truncate(1)),
         ("F_vt", |t| t.f_vt.clear()),
         ("weights", |t| t.mlp.truncate(1)),
         ("means", |t| t.means.truncate(1)),
+        ("places", |t| t.axis.places.truncate(1)),
+        ("gates", |t| t.gates.clear()),
+        ("uvt: 33", |t| t.shape.contents.uvt = 33),
         ("hidden: 17", |t| t.shape.hidden = 17),
         ("width: 0", |t| t.shape.width = 0),
         ("height: 6", |t| t.shape.height = 6),
@@ -80,7 +120,7 @@ fn a_tile_of_the_wrong_size_is_refused() {
     for (what, edit) in edits {
         let mut tile = good.clone();
         edit(&mut tile);
-        let message = TileDecoder::new(&tile, Coding::Standard).unwrap_err().to_string();
+        let message = TileDecoder::new(&tile, &timeline).unwrap_err().to_string();
         assert!(message.contains(what) && message.contains("expected"), "{what}: {message}");
     }
 }
@@ -100,23 +140,23 @@ fn axes_clamp_and_wrap() {
 #[test]
 fn extreme_weights_and_means_stay_finite() {
     for profile in &PROFILES {
-        let mut tile = testing::tile(Shape::new(profile, 16, 8, 2), 3);
+        let contents = profile.contents(2, 0);
+        let mut tile = testing::tile(Shape::new(&contents, 16, 8, 2, Coding::Standard), 3);
         for (i, w) in tile.mlp.iter_mut().enumerate() {
             *w = if i % 7 == 3 { f16::MIN } else { f16::MAX };
         }
         tile.means = vec![[f32::MAX, 0.0, f32::MIN_POSITIVE], [f32::MAX, 0.0, 1e-40]];
-        let timeline = Timeline {
-            hours: vec![0.0, 12.0],
-            intervals: vec![],
-            states: vec![vec![]; 2],
-            coding: Coding::Standard,
-        };
         for coding in [Coding::Standard, Coding::Paper] {
+            tile.shape.axis = coding == Coding::Standard;
+            tile.axis =
+                if tile.shape.axis { Axis { length: 2, places: vec![0, 1] } } else { Axis::default() };
+            let timeline =
+                Timeline { hours: vec![0.0, 12.0], intervals: vec![], states: vec![vec![]; 2], coding };
             for hour in [0.0, 3.0] {
                 let moment = timeline.at(hour);
                 let oracle: Vec<_> =
-                    (0..128).map(|i| texel(&tile, coding, &moment, i % 16, i / 16)).collect();
-                let fast = TileDecoder::new(&tile, coding).unwrap().decode_tile(&moment);
+                    (0..128).map(|i| texel(&tile, &timeline, &moment, i % 16, i / 16)).collect();
+                let fast = TileDecoder::new(&tile, &timeline).unwrap().decode_tile(&moment);
                 for value in oracle.iter().chain(&fast).flatten() {
                     assert!(value.is_finite() && *value >= 0.0, "{value}");
                 }
@@ -165,7 +205,7 @@ fn filtering_stays_inside_one_tile_and_is_linear_between_its_texels() {
     // Between the last texel of the first tile and the first of the second, the first tile's own border is read.
     let tile = decoder.tile(Place { page: 0, column: 0, row: 0 }).unwrap().unwrap();
     let moment = header.timeline.at(0.0);
-    let stored = |x, y| texel(&tile, Coding::Standard, &moment, x, y);
+    let stored = |x, y| texel(&tile, &header.timeline, &moment, x, y);
     let (a, b) = (stored(BORDER + PAYLOAD - 1, BORDER), stored(BORDER + PAYLOAD, BORDER));
     let sample = decoder
         .sample(0, (PAYLOAD as f64 + 0.25 - 0.5 + 0.5) / width as f64, 0.5 / height as f64, 0.0)
@@ -180,4 +220,14 @@ fn filtering_stays_inside_one_tile_and_is_linear_between_its_texels() {
     for c in 0..3 {
         assert!((sample[c] - 0.5 * (a[c] + b[c])).abs() <= 1e-3 * a[c].max(b[c]).max(0.1));
     }
+}
+
+#[test]
+fn a_page_that_no_memory_holds_is_an_error() {
+    let (_, _, bytes) = testing::bundle();
+    let mut bundle = bundle::Bundle::from_bytes(bytes).unwrap();
+    // More than the address space of a processor has.
+    bundle.header.pages[0] = Grid { width: 1 << 27, height: 1 << 26 };
+    let message = Decoder::new(bundle).decode_page(0, 12.0).unwrap_err().to_string();
+    assert!(message.contains("page 0") && message.contains("134217728 × 67108864"), "{message}");
 }

@@ -1,46 +1,40 @@
 //! A tile unpacked for decoding whole: what depends on the time alone is folded once per tile.
 
 use super::kernel::{self, EXPANDED, Folded, LANES};
-use super::{clamped, lerp, means_at, periodic};
+use super::{clamped, lerp, means_at, periodic, tau_at};
 use crate::bc7;
 use crate::lanes::Tier;
-use crate::model::{INPUTS, TileParams};
-use crate::time::{Coding, Moment};
+use crate::model::TileParams;
+use crate::time::{Moment, Timeline};
 use crate::{Error, Result};
 
-/// First input of each feature map, and of γ.
-const UVT: usize = 0;
-const UV: usize = 4;
-const UT: usize = 8;
-const VT: usize = 10;
-const GAMMA: usize = 12;
 /// `c(q/255) = SCALE q − 3/2`.
 const SCALE: f32 = 3.0 / 255.0;
 
 /// A tile with F_uv unpacked; of F_uvt only the two slices around a moment are unpacked when they are needed.
 #[derive(Clone, Debug)]
-pub struct TileDecoder {
+pub struct TileDecoder<'a> {
     tile: TileParams,
-    coding: Coding,
+    timeline: &'a Timeline,
     tier: Tier,
     /// Stored width rounded up to whole vectors.
     padded: usize,
-    /// F_uv by channel, row, column (`4 × height × padded`), as bytes.
+    /// F_uv by channel, row, column (`4 × height × padded`), as bytes; empty without it.
     uv: Vec<u8>,
     /// All weights in single precision, in the tile's order.
     mlp: Vec<f32>,
 }
 
-impl TileDecoder {
-    /// Unpacks a tile, to be decoded with the best instructions this processor has.
+impl<'a> TileDecoder<'a> {
+    /// Unpacks a tile, to be decoded with the best instructions this processor has. The timeline is its bundle's.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a shape that no profile has, lists of other lengths, or a block that is not BC7 mode 6.
-    pub fn new(tile: &TileParams, coding: Coding) -> Result<Self> {
+    /// [`Error::Invalid`] for a shape that no contents give, lists of other lengths, or a block that is not BC7 mode 6.
+    pub fn new(tile: &TileParams, timeline: &'a Timeline) -> Result<Self> {
         tile.check_lengths().map_err(|what| Error::invalid("tile", what))?;
         let shape = &tile.shape;
         let padded = shape.width.next_multiple_of(LANES);
-        let mut uv = vec![0; 4 * shape.height * padded];
+        let mut uv = vec![0; if shape.contents.uv { 4 * shape.height * padded } else { 0 }];
         for (x, y, texel) in unpack(&tile.f_uv, shape.width)? {
             for (c, q) in texel.into_iter().enumerate() {
                 uv[(c * shape.height + y) * padded + x] = q;
@@ -51,7 +45,7 @@ impl TileDecoder {
             bc7::unpack(block)?;
         }
         let mlp = tile.mlp.iter().map(|w| w.to_f32()).collect();
-        Ok(TileDecoder { tile: tile.clone(), coding, tier: Tier::detect(), padded, uv, mlp })
+        Ok(TileDecoder { tile: tile.clone(), timeline, tier: Tier::detect(), padded, uv, mlp })
     }
 
     /// The same with the instructions of another tier of this processor.
@@ -74,47 +68,60 @@ impl TileDecoder {
     /// Blends the maps in time and folds what depends on the row or the time alone into the first layer's bias.
     fn fold(&self, moment: &Moment, means: [f32; 3]) -> Folded<'_> {
         let (shape, hidden, padded) = (&self.tile.shape, self.tile.shape.hidden, self.padded);
-        let (w1, rest) = self.mlp.split_at(hidden * INPUTS);
-        let (b1, rest) = rest.split_at(hidden);
-        let (w2, rest) = rest.split_at(hidden * hidden);
-        let (b2, rest) = rest.split_at(hidden);
-        let (w3, b3) = rest.split_at(3 * hidden);
-        let weight = |j: usize, input: usize| w1[j * INPUTS + input];
+        let (has, inputs) = (&shape.contents, shape.inputs());
+        let [w1, b1, w2, b2, w3, b3] = shape.split_mlp(&self.mlp);
+        // Weight `i` of the inputs in a range of columns: 0 of what the tile does not have.
+        let [uvt, uv, ut, vt, gamma, gates] = shape.columns();
+        let weight = |j: usize, columns: &std::ops::Range<usize>, i: usize| {
+            if i < columns.len() { w1[j * inputs + columns.start + i] } else { 0.0 }
+        };
+        let tau = tau_at(&self.tile, self.timeline, moment);
         let coordinate = |x: usize, n: usize| (x as f32 + 0.5) / n as f32;
 
         // F_uvt: one slice at τ, then along u to every column. F_ut: one row at τ, along u to every column.
-        let slice = self.slice(moment.tau);
-        let [width, height, _] = shape.uvt;
-        let ut = plane(&self.tile.f_ut, shape.ut, shape.rows, moment.tau, shape.width);
+        // Without F_uvt there is one row of lines, for F_ut.
+        let [width, height, _] = if has.uvt > 0 { shape.uvt } else { [1; 3] };
+        let slice = if has.uvt > 0 { self.slice(tau as f32) } else { vec![[0.0; 4]] };
+        let v_ut = if has.ut {
+            plane(&self.tile.f_ut, shape.ut, shape.rows, tau as f32, shape.width)
+        } else {
+            vec![[0.0; 2]; shape.width]
+        };
         let along: Vec<_> = (0..shape.width).map(|x| clamped(coordinate(x, shape.width), width)).collect();
         let mut lines = vec![0.0; height * EXPANDED * padded];
         for (row, line) in lines.chunks_exact_mut(EXPANDED * padded).enumerate() {
             let texels = &slice[row * width..(row + 1) * width];
             for (c, line) in line.chunks_exact_mut(padded).enumerate() {
                 for (x, (value, &(x0, x1, s))) in line.iter_mut().zip(&along).enumerate() {
-                    *value = if c < 4 { lerp(texels[x0][c], texels[x1][c], s) } else { ut[x][c - 4] };
+                    *value = if c < 4 { lerp(texels[x0][c], texels[x1][c], s) } else { v_ut[x][c - 4] };
                 }
             }
         }
-        let input = |c: usize| if c < 4 { UVT + c } else { UT + c - 4 };
-        let w_lines = (0..hidden).map(|j| std::array::from_fn(|c| SCALE * weight(j, input(c)))).collect();
+        let line_weight = |j: usize, c: usize| if c < 4 { weight(j, &uvt, c) } else { weight(j, &ut, c - 4) };
+        let w_lines = (0..hidden).map(|j| std::array::from_fn(|c| SCALE * line_weight(j, c))).collect();
 
-        // b₁, γ, and the −3/2 of every feature; by row, F_vt.
-        let gamma = self.coding.gamma(f64::from(moment.tau));
+        // b₁, γ, the gates, and the −3/2 of every feature; by row, F_vt.
+        let of_gamma = self.timeline.coding.gamma(tau);
+        let of_gates: Vec<f32> = self.tile.gate_inputs(&self.timeline.states[moment.a]).collect();
         let bias: Vec<f32> = (0..hidden)
             .map(|j| {
-                let centre: f32 = (0..GAMMA).map(|i| weight(j, i)).sum();
-                b1[j] - 1.5 * centre + (0..4).map(|i| weight(j, GAMMA + i) * gamma[i]).sum::<f32>()
+                let centre: f32 = w1[j * inputs..][..vt.end].iter().sum();
+                let gamma: f32 = (0..gamma.len()).map(|i| weight(j, &gamma, i) * of_gamma[i]).sum();
+                let gates: f32 = of_gates.iter().enumerate().map(|(i, g)| weight(j, &gates, i) * g).sum();
+                b1[j] - 1.5 * centre + gamma + gates
             })
             .collect();
-        let vt = plane(&self.tile.f_vt, shape.vt, shape.rows, moment.tau, shape.height);
+        let v_vt = if has.vt {
+            plane(&self.tile.f_vt, shape.vt, shape.rows, tau as f32, shape.height)
+        } else {
+            vec![[0.0; 2]; shape.height]
+        };
         let mut rows = Vec::with_capacity(shape.height * hidden);
-        for vt in vt {
-            rows.extend(
-                (0..hidden).map(|j| bias[j] + SCALE * (weight(j, VT) * vt[0] + weight(j, VT + 1) * vt[1])),
-            );
+        for v in v_vt {
+            let share = |j| weight(j, &vt, 0) * v[0] + weight(j, &vt, 1) * v[1];
+            rows.extend((0..hidden).map(|j| bias[j] + SCALE * share(j)));
         }
-        let w_uv = (0..hidden).map(|j| std::array::from_fn(|c| SCALE * weight(j, UV + c))).collect();
+        let w_uv = (0..hidden).map(|j| std::array::from_fn(|c| SCALE * weight(j, &uv, c))).collect();
         let across = (0..shape.height).map(|y| clamped(coordinate(y, shape.height), height)).collect();
         Folded {
             width: shape.width,
@@ -132,7 +139,7 @@ impl TileDecoder {
             w3,
             b3,
             means,
-            coding: self.coding,
+            coding: self.timeline.coding,
         }
     }
 

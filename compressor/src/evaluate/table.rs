@@ -1,6 +1,6 @@
 //! An evaluation as table, CSV and JSON.
 
-use super::{Evaluation, Quality, Sample};
+use super::{Between, Evaluation, Quality, Sample};
 use crate::Result;
 use dataset::files::write_atomically;
 use serde_json::{Value, json};
@@ -103,15 +103,31 @@ impl Evaluation {
         }
         let below =
             |q: &Quality| q.noise_ceiling_db.zip(q.psnr_db).is_some_and(|(ceiling, psnr)| ceiling < psnr);
-        let hours: Vec<String> =
-            self.by_hour.iter().filter(|(_, q)| below(q)).map(|(hour, _)| hour.to_string()).collect();
-        if !hours.is_empty() {
+        let met: Vec<bool> = self.by_hour.iter().map(|(_, q)| below(q)).collect();
+        if met.contains(&true) {
+            // Neighbouring sets as one range.
+            let ranges = (0..met.len()).filter(|&k| met[k] && (k == 0 || !met[k - 1])).map(|first| {
+                let last = (first..met.len()).take_while(|&k| met[k]).last().unwrap_or(first);
+                let [from, to] = [first, last].map(|k| self.by_hour[k].0);
+                if first == last { format!("{from}") } else { format!("{from}–{to}") }
+            });
             remarks.push(format!(
                 "the PSNR of {} of {} sets is above their noise ceiling: it says how well the bake's noise is met ({} h)",
-                hours.len(),
+                met.iter().filter(|met| **met).count(),
                 self.by_hour.len(),
-                hours.join(", ")
+                ranges.collect::<Vec<_>>().join(", ")
             ));
+        }
+        if let Some(Between { pooled_db, linear_pooled_db, moments }) = self.between {
+            remarks.push(match linear_pooled_db {
+                None => format!(
+                    "halfway between sets ({moments} moments) the decoder has {pooled_db:.2} dB, pooled, against light interpolated linearly from set to set"
+                ),
+                Some(linear) => format!(
+                    "at {moments} moments between sets the decoder has {pooled_db:.2} dB, pooled, against the withheld bake; light interpolated \
+                     linearly between the uncompressed sets has {linear:.2} dB"
+                ),
+            });
         }
         if let Some(ratio) = self.seam_ratio {
             remarks.push(format!(
@@ -175,6 +191,8 @@ impl Evaluation {
             "bpp": self.bpp,
             "bytes": self.bytes,
             "seam_ratio": self.seam_ratio,
+            "between_pooled_db": self.between.map(|between| between.pooled_db),
+            "between_linear_pooled_db": self.between.and_then(|between| between.linear_pooled_db),
             "hours": hours,
         })
     }

@@ -33,7 +33,7 @@ fn readers(pairs: impl Iterator<Item = Pair>, texel: usize) -> Readers {
 pub struct Descent<'a> {
     /// The tile.
     pub problem: &'a Problem,
-    /// Every so many moments are looked at.
+    /// Every so many sets are looked at.
     pub stride: usize,
     /// Per looked-at moment and stored texel; zero where a texel does not count. Residuals follow the blocks.
     pub samples: &'a mut [Sample],
@@ -55,7 +55,7 @@ impl Kernel for Descent<'_> {
         let along_y =
             |y: usize| readers(problem.rows.iter().map(|s| s.uvt), y / 4 * (across / 4) * 16 + y % 4 * 4);
         let along_t = |s: usize| {
-            let moments = problem.moments.iter().step_by(stride);
+            let moments = problem.moments[..problem.sets].iter().step_by(stride);
             readers(moments.map(|m| m.slices), s * across * down)
         };
         let columns: Vec<_> = (0..across).map(along_x).collect();

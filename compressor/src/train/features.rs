@@ -6,7 +6,7 @@
 use super::lanes::{Lanes, Quad};
 use super::problem::{Problem, Site};
 use super::random::Random;
-use crate::model::{INPUTS, STORED, Shape};
+use crate::model::{STORED, Shape};
 use std::ops::Range;
 
 /// Slope of c(f).
@@ -45,8 +45,7 @@ impl Layout {
             end += n;
             end - n..end
         };
-        let uv = shape.width * shape.height / 16;
-        let uvt = shape.uvt.iter().product::<usize>() / 16;
+        let [uv, uvt, ..] = shape.counts();
         Layout {
             uv_endpoints: next(uv * 8),
             uv_weights: next(uv * 16),
@@ -59,7 +58,7 @@ impl Layout {
     }
 
     /// Parameters before training: features near the middle with a small spread, decoder weights of variance 1/fan-in.
-    pub fn initial(&self, hidden: usize, random: &mut Random) -> Vec<f32> {
+    pub fn initial(&self, shape: &Shape, random: &mut Random) -> Vec<f32> {
         let mut p = vec![0.0; self.mlp.end];
         for endpoints in [&self.uv_endpoints, &self.uvt_endpoints] {
             for (i, e) in p[endpoints.clone()].iter_mut().enumerate() {
@@ -71,8 +70,10 @@ impl Layout {
             p[weights.clone()].fill_with(|| 0.5 + random.uniform(-0.1, 0.1));
         }
         p[self.ut.start..self.vt.end].fill_with(|| 0.5 + random.uniform(-0.15, 0.15));
-        let mut at = self.mlp.start;
-        for (inputs, outputs, bias) in [(INPUTS, hidden, 0.0), (hidden, hidden, 0.0), (hidden, 3, 1.0)] {
+        let (mut at, hidden) = (self.mlp.start, shape.hidden);
+        for (inputs, outputs, bias) in
+            [(shape.inputs(), hidden, 0.0), (hidden, hidden, 0.0), (hidden, 3, 1.0)]
+        {
             let bound = (3.0 / inputs as f32).sqrt();
             p[at..at + inputs * outputs].fill_with(|| random.uniform(-bound, bound));
             at += inputs * outputs;
@@ -83,7 +84,7 @@ impl Layout {
     }
 }
 
-/// Centred features where samples read them; or the gradient with respect to them.
+/// Centred features where samples read them, of the maps that the tile has; or the gradient with respect to them.
 #[derive(Clone, Debug)]
 pub struct Maps {
     /// F_uv, block by block, x + 4 y within a block.
@@ -100,11 +101,14 @@ impl Maps {
     /// Zeros.
     pub fn new(problem: &Problem) -> Self {
         let shape = &problem.shape;
+        let [uv, uvt, ..] = shape.counts();
+        let plane =
+            |there: bool, side: usize| vec![[0.0; 2]; if there { problem.moments.len() * side } else { 0 }];
         Maps {
-            uv: vec![[0.0; 4]; shape.width * shape.height],
-            uvt: vec![[0.0; 4]; shape.uvt.iter().product()],
-            ut: vec![[0.0; 2]; problem.moments.len() * shape.width],
-            vt: vec![[0.0; 2]; problem.moments.len() * shape.height],
+            uv: vec![[0.0; 4]; 16 * uv],
+            uvt: vec![[0.0; 4]; 16 * uvt],
+            ut: plane(shape.contents.ut, shape.width),
+            vt: plane(shape.contents.vt, shape.height),
         }
     }
 

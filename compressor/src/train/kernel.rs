@@ -4,9 +4,9 @@ use super::features::{Layout, Maps};
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{Avx2, Avx512};
 use super::lanes::{Instructions, Lanes, Quad, Tier, prefetch};
-use super::network::{BLOCK, Network, NetworkGradient, Rows, Trace};
-use super::problem::{FEATURES, Problem};
-use crate::model::INPUTS;
+use super::network::{BLOCK, INPUTS, Network, NetworkGradient, Rows, Trace};
+use super::problem::Problem;
+use crate::model::{FEATURES, Shape};
 
 /// Largest loss weight of a sample's channel.
 pub const WEIGHT_CAP: f32 = 20.0;
@@ -87,7 +87,7 @@ pub struct Gradient<const H: usize> {
     pub network: NetworkGradient<H>,
 }
 
-/// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's inputs; none on γ.
+/// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile has.
 #[derive(Clone, Debug)]
 pub struct Noise {
     rows: Vec<[f32; INPUTS]>,
@@ -97,10 +97,16 @@ impl Noise {
     const ROWS: usize = 1024;
 
     /// A table to take runs of rows from.
-    pub fn new(random: &mut super::random::Random) -> Self {
+    pub fn new(shape: &Shape, random: &mut super::random::Random) -> Self {
         let half = 0.5 / 256.0 * super::features::CENTRE_SLOPE;
-        let mut row =
-            || std::array::from_fn(|i| if i < FEATURES { random.uniform(-half, half) } else { 0.0 });
+        let [uvt, uv, ut, vt, ..] = shape.columns().map(|columns| !columns.is_empty());
+        let there: [bool; FEATURES] = [uvt, uvt, uvt, uvt, uv, uv, uv, uv, ut, ut, vt, vt];
+        let mut row = || {
+            std::array::from_fn(|i| match there.get(i) {
+                Some(true) => random.uniform(-half, half),
+                _ => 0.0,
+            })
+        };
         Noise { rows: (0..Self::ROWS + BLOCK).map(|_| row()).collect() }
     }
 
@@ -147,7 +153,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
                     }
                 }
             }
-            let mut y = self.network.forward::<V>(&x, &mut trace);
+            let mut y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             // The targets of all sets do not fit the near caches: ask for those of the next block now.
             if let Some(next) = self.samples.get(b + 1) {
                 let targets = &self.problem.targets[next.moment * self.problem.texels.len()..];
@@ -166,7 +172,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
             }
             loss += f64::from(sum[0] + sum[1] + sum[2]);
             let wanted = (self.scope != Scope::Decoder).then_some(&mut dx);
-            self.network.backward::<V>(&x, &trace, &y, &mut self.gradient.network, wanted);
+            self.network.backward::<V>(&x, samples.moment, &trace, &y, &mut self.gradient.network, wanted);
             if self.scope != Scope::Decoder {
                 scatter(self.problem, samples, &dx, &mut self.gradient.maps, self.scope);
             }
@@ -187,29 +193,37 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
     (r, [w[0], w[1], w[2], 0.0])
 }
 
-/// The inputs of a block of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, γ.
+/// The features of a block of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
 #[inline(always)]
 fn gather(problem: &Problem, maps: &Maps, samples: &Samples, x: &mut Rows<INPUTS>) {
     let moment = &problem.moments[samples.moment];
-    let ut = &maps.ut[samples.moment * problem.columns.len()..][..problem.columns.len()];
-    let vt = &maps.vt[samples.moment * problem.rows.len()..][..problem.rows.len()];
+    let has = &problem.shape.contents;
+    let line = |plane: &[[f32; 2]], side: usize| samples.moment * side.min(plane.len());
+    let ut = &maps.ut[line(&maps.ut, problem.columns.len())..];
+    let vt = &maps.vt[line(&maps.vt, problem.rows.len())..];
     let slices = moment.slices.at.map(|at| &maps.uvt[at..]);
     for (x, &t) in x.iter_mut().zip(&samples.texels) {
         let texel = problem.texels[t as usize];
         let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
-        let mix = |a: Quad, b: Quad, f: f32| Quad::splat(f).mul(std::array::from_fn(|c| b[c] - a[c])).add(a);
-        let line = |slice: &[Quad], y: usize| {
-            mix(slice[column.uvt.at[0] + y], slice[column.uvt.at[1] + y], column.uvt.f)
-        };
-        let image = |slice: &[Quad]| mix(line(slice, row.uvt.at[0]), line(slice, row.uvt.at[1]), row.uvt.f);
-        let uvt = mix(image(slices[0]), image(slices[1]), moment.slices.f);
-        let uv = maps.uv[column.uv + row.uv];
-        let (ut, vt) = (ut[usize::from(texel.x)], vt[usize::from(texel.y)]);
-        x[..4].copy_from_slice(&uvt);
-        x[4..8].copy_from_slice(&uv);
-        x[8..10].copy_from_slice(&ut);
-        x[10..12].copy_from_slice(&vt);
-        x[12..].copy_from_slice(&moment.gamma);
+        if has.uvt > 0 {
+            let mix =
+                |a: Quad, b: Quad, f: f32| Quad::splat(f).mul(std::array::from_fn(|c| b[c] - a[c])).add(a);
+            let line = |slice: &[Quad], y: usize| {
+                mix(slice[column.uvt.at[0] + y], slice[column.uvt.at[1] + y], column.uvt.f)
+            };
+            let image =
+                |slice: &[Quad]| mix(line(slice, row.uvt.at[0]), line(slice, row.uvt.at[1]), row.uvt.f);
+            x[..4].copy_from_slice(&mix(image(slices[0]), image(slices[1]), moment.slices.f));
+        }
+        if has.uv {
+            x[4..8].copy_from_slice(&maps.uv[column.uv + row.uv]);
+        }
+        if has.ut {
+            x[8..10].copy_from_slice(&ut[usize::from(texel.x)]);
+        }
+        if has.vt {
+            x[10..12].copy_from_slice(&vt[usize::from(texel.y)]);
+        }
     }
 }
 
@@ -217,20 +231,33 @@ fn gather(problem: &Problem, maps: &Maps, samples: &Samples, x: &mut Rows<INPUTS
 #[inline(always)]
 fn scatter(problem: &Problem, samples: &Samples, dx: &Rows<INPUTS>, maps: &mut Maps, scope: Scope) {
     let moment = &problem.moments[samples.moment];
-    let ut = &mut maps.ut[samples.moment * problem.columns.len()..][..problem.columns.len()];
-    let vt = &mut maps.vt[samples.moment * problem.rows.len()..][..problem.rows.len()];
+    let has = &problem.shape.contents;
+    let (first_ut, first_vt) = (
+        samples.moment * problem.columns.len().min(maps.ut.len()),
+        samples.moment * problem.rows.len().min(maps.vt.len()),
+    );
+    let (ut, vt) = (&mut maps.ut[first_ut..], &mut maps.vt[first_vt..]);
     for (d, &t) in dx.iter().zip(&samples.texels) {
         let texel = problem.texels[t as usize];
-        for c in 0..2 {
-            ut[usize::from(texel.x)][c] += d[8 + c];
-            vt[usize::from(texel.y)][c] += d[10 + c];
+        if has.ut {
+            let to = &mut ut[usize::from(texel.x)];
+            *to = [to[0] + d[8], to[1] + d[9]];
+        }
+        if has.vt {
+            let to = &mut vt[usize::from(texel.y)];
+            *to = [to[0] + d[10], to[1] + d[11]];
         }
         if scope != Scope::All {
             continue;
         }
         let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
-        let uv = &mut maps.uv[column.uv + row.uv];
-        *uv = uv.add([d[4], d[5], d[6], d[7]]);
+        if has.uv {
+            let uv = &mut maps.uv[column.uv + row.uv];
+            *uv = uv.add([d[4], d[5], d[6], d[7]]);
+        }
+        if has.uvt == 0 {
+            continue;
+        }
         let d = [d[0], d[1], d[2], d[3]];
         for (slice, fs) in moment.slices.at.into_iter().zip([1.0 - moment.slices.f, moment.slices.f]) {
             let slice = &mut maps.uvt[slice..];
@@ -251,6 +278,8 @@ pub struct SquaredErrors<'a, const H: usize> {
     pub maps: &'a Maps,
     /// Its decoder.
     pub network: &'a Network<H>,
+    /// So many of the problem's moments.
+    pub moments: usize,
     /// Indices into the problem's texels.
     pub texels: &'a [u32],
 }
@@ -261,15 +290,15 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
     fn run<V: Lanes>(self) -> Vec<f64> {
         let mut trace = Trace::new();
         let mut x = Rows::new();
-        let mut sums = Vec::with_capacity(self.problem.moments.len());
+        let mut sums = Vec::with_capacity(self.moments);
         let coding = self.problem.coding;
-        for (a, moment) in self.problem.moments.iter().enumerate() {
+        for (a, moment) in self.problem.moments[..self.moments].iter().enumerate() {
             let targets = &self.problem.targets[a * self.problem.texels.len()..];
             let mut sum = 0.0;
             for texels in self.texels.chunks(BLOCK) {
                 let samples = Samples::new(a, texels);
                 gather(self.problem, self.maps, &samples, &mut x);
-                let y = self.network.forward::<V>(&x, &mut trace);
+                let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
                 for (y, &t) in y.iter().zip(texels) {
                     let target = targets[t as usize];
                     for c in 0..3 {
@@ -308,7 +337,7 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
         let mut losses = vec![0.0; self.maps.uv.len() / 16];
         for samples in self.samples {
             gather(self.problem, self.maps, samples, &mut x);
-            let y = self.network.forward::<V>(&x, &mut trace);
+            let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             let moment = &self.problem.moments[samples.moment];
             let targets = &self.problem.targets[samples.moment * self.problem.texels.len()..];
             for (y, &t) in y.iter().zip(&samples.texels[..samples.count]) {
@@ -324,7 +353,7 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
     }
 }
 
-/// y and its derivatives with respect to the 16 inputs for one block.
+/// y and its derivatives with respect to the features for one block.
 #[derive(Debug)]
 pub struct Linearised {
     /// Three channels and a zero.
@@ -356,7 +385,7 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
         let mut out = Linearised { y: Rows::new(), jacobian: [Rows::new(); 3] };
         for samples in self.samples {
             gather(self.problem, self.maps, samples, &mut x);
-            out.y = self.network.forward::<V>(&x, &mut trace);
+            out.y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             self.network.jacobian::<V>(&trace, &mut out.jacobian);
             (self.each)(samples, &out);
         }

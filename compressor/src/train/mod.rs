@@ -4,20 +4,25 @@ mod blocks;
 mod descent;
 mod features;
 mod kernel;
+mod light;
 mod network;
 mod optimise;
 mod phases;
 mod problem;
 mod quantise;
 mod random;
+mod trial;
 #[cfg(test)]
 mod tests;
 
+pub use trial::{Trial, gain, trials};
+
 use crate::lanes::{self, Tier};
-use crate::model::{Profile, Shape, TileParams};
+use crate::model::{Contents, Profile, Shape, TileParams};
 use crate::tile::TileSource;
 use crate::time::Coding;
 use crate::{Error, Result};
+use light::Light;
 use phases::Attempt;
 use problem::Problem;
 
@@ -32,6 +37,17 @@ pub struct Recipe {
     pub paper: bool,
     /// Seed of all randomness; the tile's own seed is derived from it and its place.
     pub seed: u64,
+    /// What the loss weights follow.
+    pub aim: Aim,
+}
+
+/// What a training's loss weights follow, in linear light; the paper's recipe follows neither.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aim {
+    /// The mean PSNR of the sets: sets that are good already count as much as others.
+    MeanPsnr,
+    /// Nearer to the squared error relative to the peak, pooled over the sets: sets count more as they are bad.
+    PooledError,
 }
 
 impl Recipe {
@@ -70,26 +86,45 @@ pub struct TrainedTile {
 /// How often a training that diverges is tried again at half the rate.
 const RETRIES: i32 = 6;
 
-/// Trains a tile. Deterministic in (source, recipe) on one instruction set.
+/// Trains a tile to the maps of a profile, without those that it provably does not need. Deterministic in (source, recipe) on
+/// one instruction set.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the source's lists have wrong lengths or light that is negative or not finite,
 /// [`Error::Unsupported`] for a hidden width other than 16 or 64, [`Error::Interrupted`].
 pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<TrainedTile> {
+    train_as(source, recipe, |light, left_out| needed(light, profile, recipe, left_out))
+}
+
+/// Trains a tile to contents that [`trials`] tried. Otherwise as [`train`].
+///
+/// # Errors
+/// As [`train`].
+pub fn train_chosen(source: &TileSource, contents: &Contents, recipe: &Recipe) -> Result<TrainedTile> {
+    train_as(source, recipe, |_, left_out| {
+        left_out.push(format!("chosen by trial: {contents}"));
+        *contents
+    })
+}
+
+fn train_as(
+    source: &TileSource,
+    recipe: &Recipe,
+    choose: impl Fn(&Light, &mut Vec<String>) -> Contents,
+) -> Result<TrainedTile> {
     check(source)?;
-    let shape = Shape::new(profile, source.width, source.height, source.sets.len());
-    let problem = Problem::new(source, shape, recipe.coding());
+    let light = Light::new(source, recipe.coding());
     let mut left_out = Vec::new();
-    let black = source.sets.len() - problem.moments.len();
-    if problem.valid == 0 {
+    let black = source.sets.len() - light.lit();
+    if light.valid.is_empty() {
         left_out.push("no valid texel".to_owned());
     } else if black > 0 {
-        left_out.push(match problem.moments.len() {
+        left_out.push(match light.lit() {
             0 => "black at every set".to_owned(),
             _ => format!("black at {black} of {} sets", source.sets.len()),
         });
     }
-    if problem.moments.is_empty() {
+    if light.lit() == 0 {
         return Ok(TrainedTile {
             params: None,
             psnr_unquantised_db: None,
@@ -98,11 +133,30 @@ pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<
             left_out,
         });
     }
-    match profile.hidden {
+    let contents = choose(&light, &mut left_out);
+    let shape = Shape::new(&contents, source.width, source.height, source.sets.len(), recipe.coding());
+    let problem = Problem::new(source, &light, shape, recipe.coding());
+    match contents.hidden {
         16 => train_width::<16>(&problem, recipe, 1.0, left_out),
         64 => train_width::<64>(&problem, recipe, 1.0, left_out),
         other => Err(Error::unsupported("profile", format!("hidden width {other}; expected 16 or 64"))),
     }
+}
+
+/// The profile's maps without what a tile provably does not need; all of them by the paper's recipe.
+fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<String>) -> Contents {
+    let all = profile.contents(light.distinct, light.gates.len());
+    if recipe.paper {
+        return all;
+    }
+    if light.gates_left_out > 0 {
+        left_out.push(format!("{} gates; {} are kept", light.gates_left_out, light.gates.len()));
+    }
+    if light.distinct > 1 {
+        return all;
+    }
+    left_out.push("the same at every hour, means apart: F_uv alone".to_owned());
+    Contents { uvt: 0, slices: 0, ut: false, vt: false, rows: 0, gamma: false, gates: 0, ..all }
 }
 
 fn check(source: &TileSource) -> Result<()> {

@@ -1,13 +1,20 @@
 //! The decoder network on blocks of samples: forward, backward and Jacobian, one row of lanes per sample.
 //!
-//! A sample's 16 inputs and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
+//! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
 //! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
 
 use super::lanes::{Lanes, Quad};
-use crate::model::{GELU_BOUND, GELU_COEFFICIENTS, INPUTS};
+use super::problem::{Moment, Problem};
+use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
+use std::ops::Range;
 
 /// Samples per block; all of one block belong to one set.
 pub const BLOCK: usize = 32;
+
+/// Length of a row of features: V_uvt, V_uv, V_ut, V_vt, zeros. What the tile does not have is zero.
+pub const INPUTS: usize = 16;
+/// Where those of [`Shape::columns`] that are features stand in a row.
+const AT: [usize; 4] = [0, 4, 8, 10];
 
 /// Rows of a block, aligned to cache lines: a 512-bit access that straddles two lines costs twice.
 #[derive(Clone, Copy, Debug)]
@@ -37,13 +44,16 @@ impl<const N: usize> std::ops::DerefMut for Rows<N> {
     }
 }
 
-/// The decoder's weights and, by the same layout, their gradients. Both orientations of a matrix are kept.
+/// The decoder's weights. Both orientations of a matrix are kept.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Network<const H: usize> {
     w1: [[f32; INPUTS]; H],
-    w1_t: [[f32; H]; INPUTS],
-    b1: [f32; H],
+    w1_t: [[f32; H]; FEATURES],
+    /// Per moment: b₁ and what γ and the gates add to it.
+    biases: Vec<[f32; H]>,
+    /// Whether the tile has any of the features 0–3, 4–7, 8–11.
+    there: [bool; 3],
     w2: [[f32; H]; H],
     w2_t: [[f32; H]; H],
     b2: [f32; H],
@@ -57,7 +67,8 @@ pub struct Network<const H: usize> {
 #[repr(C, align(64))]
 pub struct NetworkGradient<const H: usize> {
     w1: [[f32; INPUTS]; H],
-    b1: [f32; H],
+    /// Per moment.
+    biases: Vec<[f32; H]>,
     w2: [[f32; H]; H],
     b2: [f32; H],
     w3: [[f32; H]; 4],
@@ -81,17 +92,29 @@ impl<const H: usize> Trace<H> {
 }
 
 impl<const H: usize> Network<H> {
-    /// From the stored order: W₁ b₁ W₂ b₂ W₃ b₃.
-    pub fn new(flat: &[f32]) -> Self {
-        let (w1, rest) = flat.split_at(H * INPUTS);
-        let (b1, rest) = rest.split_at(H);
-        let (w2, rest) = rest.split_at(H * H);
-        let (b2, rest) = rest.split_at(H);
-        let (w3, b3) = rest.split_at(3 * H);
+    /// From the stored order, W₁ b₁ W₂ b₂ W₃ b₃, and the moments.
+    pub fn new(flat: &[f32], problem: &Problem) -> Self {
+        let inputs = problem.shape.inputs();
+        let (features, time) = columns(&problem.shape);
+        let [stored, b1, w2, b2, w3, b3] = problem.shape.split_mlp(flat);
+        let mut w1 = [[0.0; INPUTS]; H];
+        for (j, row) in w1.iter_mut().enumerate() {
+            for (at, columns) in AT.into_iter().zip(&features) {
+                row[at..at + columns.len()].copy_from_slice(&stored[j * inputs..][columns.clone()]);
+            }
+        }
+        let bias = |moment: &Moment, j: usize| {
+            let weights = &stored[j * inputs..][time.clone()];
+            b1[j] + weights.iter().zip(&moment.time).map(|(w, x)| w * x).sum::<f32>()
+        };
         Network {
-            w1: std::array::from_fn(|j| std::array::from_fn(|i| w1[j * INPUTS + i])),
-            w1_t: std::array::from_fn(|i| std::array::from_fn(|j| w1[j * INPUTS + i])),
-            b1: std::array::from_fn(|j| b1[j]),
+            w1_t: std::array::from_fn(|i| std::array::from_fn(|j| w1[j][i])),
+            w1,
+            biases: problem.moments.iter().map(|m| std::array::from_fn(|j| bias(m, j))).collect(),
+            there: {
+                let [uvt, uv, ut, vt] = &features;
+                [!uvt.is_empty(), !uv.is_empty(), !ut.is_empty() || !vt.is_empty()]
+            },
             w2: std::array::from_fn(|j| std::array::from_fn(|i| w2[j * H + i])),
             w2_t: std::array::from_fn(|i| std::array::from_fn(|j| w2[j * H + i])),
             b2: std::array::from_fn(|j| b2[j]),
@@ -101,11 +124,11 @@ impl<const H: usize> Network<H> {
         }
     }
 
-    /// y (three channels and a zero) of a block of inputs.
+    /// y (three channels and a zero) of a block of inputs at a moment.
     #[inline(always)]
-    pub fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, trace: &mut Trace<H>) -> Rows<4> {
+    pub fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
-        product::<V, INPUTS, H>(x, &self.w1_t, Some(&self.b1), &mut trace.h1);
+        first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[moment], &mut trace.h1);
         gelu::<V, H>(&mut trace.h1, &mut trace.slope1);
         // h₂ = gelu(W₂ h₁ + b₂)
         product::<V, H, H>(&trace.h1, &self.w2_t, Some(&self.b2), &mut trace.h2);
@@ -121,6 +144,7 @@ impl<const H: usize> Network<H> {
     pub fn backward<V: Lanes>(
         &self,
         x: &Rows<INPUTS>,
+        moment: usize,
         trace: &Trace<H>,
         dy: &Rows<4>,
         gradient: &mut NetworkGradient<H>,
@@ -139,7 +163,7 @@ impl<const H: usize> Network<H> {
         product::<V, H, H>(&d2, &self.w2, None, &mut d1);
         scale::<V, H>(&mut d1, &trace.slope1);
         outer::<V, 8, H, INPUTS>(&d1, x, &mut gradient.w1);
-        column_sums::<V, H>(&d1, &mut gradient.b1);
+        column_sums::<V, H>(&d1, &mut gradient.biases[moment]);
         // dx = W₁ᵀ d₁
         if let Some(dx) = dx {
             product::<V, H, INPUTS>(&d1, &self.w1, None, dx);
@@ -162,10 +186,10 @@ impl<const H: usize> Network<H> {
 
 impl<const H: usize> NetworkGradient<H> {
     /// Zeros.
-    pub fn new() -> Self {
+    pub fn new(moments: usize) -> Self {
         NetworkGradient {
             w1: [[0.0; INPUTS]; H],
-            b1: [0.0; H],
+            biases: vec![[0.0; H]; moments],
             w2: [[0.0; H]; H],
             b2: [0.0; H],
             w3: [[0.0; H]; 4],
@@ -174,20 +198,67 @@ impl<const H: usize> NetworkGradient<H> {
     }
 
     /// Writes the gradient in the stored order: W₁ b₁ W₂ b₂ W₃ b₃.
-    pub fn flatten(&self, flat: &mut [f32]) {
-        let parts = [
-            self.w1.as_flattened(),
-            &self.b1,
-            self.w2.as_flattened(),
-            &self.b2,
-            self.w3[..3].as_flattened(),
-            &self.b3[..3],
-        ];
-        let mut rest = flat;
+    pub fn flatten(&self, problem: &Problem, flat: &mut [f32]) {
+        let inputs = problem.shape.inputs();
+        let (features, time) = columns(&problem.shape);
+        let (w1, rest) = flat.split_at_mut(H * inputs);
+        let (b1, mut rest) = rest.split_at_mut(H);
+        b1.fill(0.0);
+        for (j, (b1, row)) in b1.iter_mut().zip(&self.w1).enumerate() {
+            let w1 = &mut w1[j * inputs..][..inputs];
+            for (at, columns) in AT.into_iter().zip(&features) {
+                w1[columns.clone()].copy_from_slice(&row[at..at + columns.len()]);
+            }
+            // Inputs of a moment see the gradient of its bias.
+            w1[time.clone()].fill(0.0);
+            for (bias, moment) in self.biases.iter().zip(&problem.moments) {
+                *b1 += bias[j];
+                for (w, x) in w1[time.clone()].iter_mut().zip(&moment.time) {
+                    *w += bias[j] * x;
+                }
+            }
+        }
+        let parts = [self.w2.as_flattened(), &self.b2, self.w3[..3].as_flattened(), &self.b3[..3]];
         for part in parts {
             let (head, tail) = rest.split_at_mut(part.len());
             head.copy_from_slice(part);
             rest = tail;
+        }
+    }
+}
+
+/// The stored columns of W₁ of the four kinds of features, and those of γ and the gates.
+fn columns(shape: &Shape) -> ([Range<usize>; 4], Range<usize>) {
+    let [uvt, uv, ut, vt, gamma, gates] = shape.columns();
+    ([uvt, uv, ut, vt], gamma.start..gates.end)
+}
+
+/// `out[s] = bias + Σ_i input[s][i] · weights[i]` over the quads of features that are there, eight rows at a time.
+#[inline(always)]
+fn first_layer<V: Lanes, const H: usize>(
+    input: &Rows<INPUTS>,
+    weights: &[[f32; H]; FEATURES],
+    there: [bool; 3],
+    bias: &[f32; H],
+    out: &mut Rows<H>,
+) {
+    const GROUP: usize = 8;
+    for first in (0..BLOCK).step_by(GROUP) {
+        for lane in (0..H).step_by(V::N) {
+            let mut sums = [V::load(&bias[lane..]); GROUP];
+            for (quad, there) in there.into_iter().enumerate() {
+                if there {
+                    for i in 4 * quad..4 * quad + 4 {
+                        let w = V::load(&weights[i][lane..]);
+                        for s in 0..GROUP {
+                            sums[s] = V::splat(input[first + s][i]).mul_add(w, sums[s]);
+                        }
+                    }
+                }
+            }
+            for s in 0..GROUP {
+                sums[s].store(&mut out[first + s][lane..]);
+            }
         }
     }
 }

@@ -5,7 +5,7 @@ use super::lanes::Tier;
 use super::optimise::{Step, Trainer, schedule};
 use super::problem::Problem;
 use super::quantise::Blocks;
-use super::{Point, Recipe, TrainedTile};
+use super::{Aim, Point, Recipe, TrainedTile};
 use crate::clock::Clock;
 use crate::{Error, Result};
 
@@ -39,6 +39,7 @@ pub struct Attempt<const H: usize> {
     /// Factor of all rates.
     slower: f32,
     beta2: f32,
+    aim: Aim,
     clock: Clock,
     curve: Vec<Point>,
     /// Steps done.
@@ -69,6 +70,7 @@ impl<const H: usize> Attempt<H> {
             trainer: Trainer::new(problem.clone(), recipe.seed, tier),
             slower,
             beta2: if recipe.paper { PAPER_BETA2 } else { BETA2 },
+            aim: recipe.aim,
             curve: Vec::new(),
             iteration: 0,
             last: false,
@@ -87,6 +89,22 @@ impl<const H: usize> Attempt<H> {
             Err(Stop::Failed(error)) => return Err(error),
         };
         Ok(self.stored(&blocks, psnr_unquantised))
+    }
+
+    /// The main phase alone: the squared error of the float model relative to each set's peak, mean over channels, summed
+    /// over valid texels and sets; `None` if the training diverged.
+    pub fn trial(mut self, recipe: &Recipe) -> Result<Option<f64>> {
+        let rates = |i| RATES.map(|rate| rate * schedule(i, recipe.iterations, WARM_UP, LAST_RATE));
+        match self.main_phase(recipe.iterations, &ALIGNMENTS, rates) {
+            Ok(_) => {}
+            Err(Stop::Diverged) => return Ok(None),
+            Err(Stop::Failed(error)) => return Err(error),
+        }
+        let problem = &self.trainer.problem;
+        let errors = self.trainer.mean_squared_errors(problem.sets, problem.valid.div_ceil(2048));
+        let peaks = problem.moments.iter().map(|moment| f64::from(moment.peak).powi(2));
+        let sum = errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>();
+        Ok(Some(sum * problem.valid as f64).filter(|error| error.is_finite()))
     }
 
     /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite.
@@ -151,7 +169,7 @@ impl<const H: usize> Attempt<H> {
         let mut best = self.trainer.psnr(self.trainer.problem.valid.div_ceil(2048));
         for i in 0..iterations {
             if alignments.iter().any(|share| i == (share * iterations as f64) as usize) {
-                self.trainer.align_weights();
+                self.trainer.align_weights(self.aim);
             }
             self.step(Scope::All, rates(i), true)?;
             if (i + 1) % (iterations / POINTS).max(1) == 0 {
@@ -186,6 +204,7 @@ impl<const H: usize> Attempt<H> {
 #[cfg(test)]
 mod tests {
     use super::super::kernel::Samples;
+    use super::super::light::Light;
     use super::*;
     use crate::model::{PROFILES, Shape};
     use crate::tile::{Coverage, TileSource};
@@ -199,9 +218,12 @@ mod tests {
             // Blue is black: an output that is not a number would pass for it if it were shown as 0.
             sets: vec![vec![[1.0, 0.5, 0.0]; 64]; 2],
             coverage: vec![Coverage::Valid; 64],
+            gates: vec![],
         };
-        let recipe = Recipe { iterations: 20, paper: false, seed: 3 };
-        let problem = Problem::new(&source, Shape::new(&PROFILES[1], 8, 8, 2), recipe.coding());
+        let recipe = Recipe { iterations: 20, paper: false, seed: 3, aim: Aim::MeanPsnr };
+        let light = Light::new(&source, recipe.coding());
+        let shape = Shape::new(&PROFILES[1].contents(2, 0), 8, 8, 2, recipe.coding());
+        let problem = Problem::new(&source, &light, shape, recipe.coding());
         let stored = |poison: Option<usize>| {
             let mut attempt = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect());
             let Ok((blocks, psnr)) = attempt.standard(recipe.iterations) else { panic!("training stopped") };

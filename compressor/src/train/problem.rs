@@ -1,19 +1,15 @@
 //! What the training of one tile is given: its samples' targets and weights, and where each sample reads the maps.
 
 use super::lanes::Quad;
-use crate::model::{INPUTS, Shape};
-use crate::tile::{Coverage, TileSource};
-use crate::time::Coding;
+use super::light::{LEAST_MEAN_OF_PEAK, Light};
+use crate::model::Shape;
+use crate::tile::TileSource;
+use crate::time::{Axis, Coding};
 
 /// An epoch of training visits one of so many gutter texels.
 pub const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; a valid one has 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
-/// A set's channel is divided by at least this share of its largest texel, so that no ratio to the mean exceeds 1 / share.
-const LEAST_MEAN_OF_PEAK: f64 = 0.01;
-/// A channel is divided by at least this share of the set's strongest channel.
-const LEAST_MEAN_OF_CHANNELS: f64 = 0.003;
-
 /// Two neighbouring texels of a map along one axis: offsets, and the weight of the second.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pair {
@@ -31,8 +27,9 @@ impl Pair {
     }
 }
 
-/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends.
+/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; nothing for size 0.
 pub fn clamped(coordinate: f64, size: usize) -> Pair {
+    let size = size.max(1);
     let p = (coordinate * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
     let i = p.floor() as usize;
     Pair { at: [i, (i + 1).min(size - 1)], f: (p - i as f64) as f32 }
@@ -40,6 +37,7 @@ pub fn clamped(coordinate: f64, size: usize) -> Pair {
 
 /// The same for an axis of period 1.
 pub fn periodic(coordinate: f64, size: usize) -> Pair {
+    let size = size.max(1);
     let p = coordinate * size as f64 - 0.5;
     let i = p.floor();
     let wrap = |i: f64| (i as i64).rem_euclid(size as i64) as usize;
@@ -58,18 +56,23 @@ pub struct Site {
     pub plane: Pair,
 }
 
-/// One set that is trained on.
+/// The texels of a pair that have weight.
+fn touched(pair: &Pair) -> impl Iterator<Item = usize> {
+    pair.ends().into_iter().filter(|(_, f)| *f > 0.0).map(|(at, _)| at)
+}
+
+/// A moment that is trained on: a set, or between two.
 #[derive(Clone, Debug)]
 pub struct Moment {
-    /// Index among the tile's sets.
+    /// Index of the set, or of the one before.
     #[cfg(test)]
     pub index: usize,
     /// First texels of the two slices of F_uvt.
     pub slices: Pair,
     /// Rows of F_ut and F_vt.
     pub rows: Pair,
-    /// γ(τ)
-    pub gamma: [f32; 4],
+    /// What the first layer adds to its bias: γ(τ) and the gates, of those that the tile has.
+    pub time: Vec<f32>,
     /// Scale of each channel: E = mean · y^p; 0 for a black channel.
     pub means: [f32; 3],
     /// Largest valid value of the set.
@@ -100,8 +103,10 @@ pub struct Problem {
     pub columns: Vec<Site>,
     /// Per stored row.
     pub rows: Vec<Site>,
-    /// The sets that are not black.
+    /// The sets that are not black; then moments between neighbours among them, where decoders interpolate.
     pub moments: Vec<Moment>,
+    /// How many of the moments are sets.
+    pub sets: usize,
     /// Valid texels, then gutter texels.
     pub texels: Vec<Texel>,
     /// How many of them are valid.
@@ -110,32 +115,37 @@ pub struct Problem {
     pub targets: Vec<Quad>,
     /// Means of all sets, zero where black.
     pub means: Vec<[f32; 3]>,
+    /// The time axis.
+    pub axis: Axis,
+    /// Light groups that are gates.
+    pub gates: Vec<u16>,
 }
 
 impl Problem {
     /// Prepares a tile. The problem has no moments or no valid texels where there is nothing to train.
-    pub fn new(source: &TileSource, shape: Shape, coding: Coding) -> Self {
+    pub fn new(source: &TileSource, light: &Light, shape: Shape, coding: Coding) -> Self {
         let place = |i: usize| Texel { x: (i % source.width) as u16, y: (i / source.width) as u16 };
-        let of = |coverage| (0..source.coverage.len()).filter(move |&i| source.coverage[i] == coverage);
-        let valid: Vec<usize> = of(Coverage::Valid).collect();
-        let all: Vec<usize> = valid.iter().copied().chain(of(Coverage::Gutter)).collect();
-        let mut means = vec![[0.0f32; 3]; source.sets.len()];
-        let mut moments = Vec::new();
-        let mut targets = Vec::new();
-        for (index, light) in source.sets.iter().enumerate() {
-            let (scale, peak) = scales(light, &valid);
-            if peak == 0.0 {
-                continue;
-            }
-            means[index] = scale;
-            moments.push(moment(index, &source.hours, coding, &shape, scale, peak));
+        let valid = light.valid.len();
+        let all: Vec<usize> = light.valid.iter().chain(&light.gutter).copied().collect();
+        let taus = coding.taus(&source.hours, &light.axis);
+        let spans: Vec<Span> = (0..source.sets.len())
+            .filter(|&set| light.peaks[set] > 0.0)
+            .map(|set| Span { from: set, to: set, share: 0.0 })
+            .collect();
+        let sets = spans.len();
+        let spans: Vec<Span> = spans.into_iter().chain(between(source, light, &taus, &shape)).collect();
+        let moments: Vec<Moment> =
+            spans.iter().map(|span| moment(span, &taus, light, coding, &shape)).collect();
+        let mut targets = Vec::with_capacity(moments.len() * all.len());
+        for (span, moment) in spans.iter().zip(&moments) {
+            let (from, to) = (&source.sets[span.from], &source.sets[span.to]);
             targets.extend(all.iter().enumerate().map(|(j, &i)| {
-                let weight = if j < valid.len() { 1.0 } else { GUTTER_WEIGHT * GUTTER_SHARE as f32 };
+                let weight = if j < valid { 1.0 } else { GUTTER_WEIGHT * GUTTER_SHARE as f32 };
                 // A gutter texel may outshine all valid ones; it is only there to filter with.
-                let target = |c: usize| match scale[c] {
+                let target = |c: usize| match moment.means[c] {
                     0.0 => 0.0,
                     mean => {
-                        let ratio = f64::from(light[i][c]) / f64::from(mean);
+                        let ratio = span.mix(from[i][c], to[i][c]) / f64::from(mean);
                         coding.output(ratio.min(1.0 / LEAST_MEAN_OF_PEAK)) as f32
                     }
                 };
@@ -164,10 +174,13 @@ impl Problem {
                 })
                 .collect(),
             moments,
+            sets,
             texels: all.into_iter().map(place).collect(),
-            valid: valid.len(),
+            valid,
             targets,
-            means,
+            means: light.means.clone(),
+            axis: light.axis.clone(),
+            gates: if shape.contents.gates > 0 { light.gates.clone() } else { Vec::new() },
             shape,
             coding,
         }
@@ -175,6 +188,37 @@ impl Problem {
 }
 
 impl Problem {
+    /// Per block of F_uv and of F_uvt: whether any sample reads it.
+    pub fn blocks_read(&self) -> [Vec<bool>; 2] {
+        let [uv, uvt, ..] = self.shape.counts();
+        let mut read = [vec![false; uv], vec![false; uvt]];
+        let slices: Vec<usize> = self.moments.iter().flat_map(|moment| touched(&moment.slices)).collect();
+        for texel in &self.texels {
+            let (column, row) = (&self.columns[usize::from(texel.x)], &self.rows[usize::from(texel.y)]);
+            if uv > 0 {
+                read[0][(column.uv + row.uv) / 16] = true;
+            }
+            if uvt > 0 {
+                for y in touched(&row.uvt) {
+                    for x in touched(&column.uvt) {
+                        // In the first slice; those of the others follow.
+                        read[1][(x + y) / 16] = true;
+                    }
+                }
+            }
+        }
+        if uvt > 0 {
+            let (first, rest) = read[1].split_at_mut(uvt / self.shape.uvt[2]);
+            rest.chunks_exact_mut(first.len()).for_each(|slice| slice.copy_from_slice(first));
+            for (i, slice) in read[1].chunks_exact_mut(uvt / self.shape.uvt[2]).enumerate() {
+                if !slices.contains(&(i * 16 * slice.len())) {
+                    slice.fill(false);
+                }
+            }
+        }
+        read
+    }
+
     /// How often an epoch visits a texel: factor of its weight where every texel is visited.
     #[inline(always)]
     pub fn share(&self, texel: usize) -> f32 {
@@ -182,36 +226,66 @@ impl Problem {
     }
 }
 
-/// The value each channel of a set is divided by, and the set's largest value. Both over valid texels.
-fn scales(light: &[[f32; 3]], valid: &[usize]) -> ([f32; 3], f32) {
-    let (mut sum, mut peak) = ([0.0f64; 3], [0.0f64; 3]);
-    for &i in valid {
-        for c in 0..3 {
-            sum[c] += f64::from(light[i][c]);
-            peak[c] = peak[c].max(f64::from(light[i][c]));
-        }
-    }
-    let mean = sum.map(|s| s / valid.len().max(1) as f64);
-    let strongest = mean.iter().fold(0.0f64, |a, &b| a.max(b));
-    let scale = |c: usize| match peak[c] {
-        0.0 => 0.0,
-        peak => mean[c].max(LEAST_MEAN_OF_PEAK * peak).max(LEAST_MEAN_OF_CHANNELS * strongest) as f32,
-    };
-    ([scale(0), scale(1), scale(2)], peak.iter().fold(0.0f64, |a, &b| a.max(b)) as f32)
+/// A moment by the sets around it; at a set both are that one.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    from: usize,
+    to: usize,
+    /// Of the set after.
+    share: f64,
 }
 
-fn moment(index: usize, hours: &[f64], coding: Coding, shape: &Shape, means: [f32; 3], peak: f32) -> Moment {
-    let tau = coding.set_tau(hours, index);
+impl Span {
+    /// Linearly from one set's value to the other's.
+    fn mix(&self, from: f32, to: f32) -> f64 {
+        (1.0 - self.share) * f64::from(from) + self.share * f64::from(to)
+    }
+}
+
+/// Moments between neighbouring sets that decoders interpolate between and that do not look alike: the one halfway, and more where
+/// rows or slices would be left that no moment reads.
+fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> Vec<Span> {
+    let n = source.sets.len();
+    // The paper's recipe knows sets alone.
+    if n < 2 || !shape.axis {
+        return Vec::new();
+    }
+    let finest = shape.rows.max(shape.uvt[2]) as f64;
+    let span = |from: usize| {
+        let to = (from + 1) % n;
+        let apart = (taus[to] - taus[from]).rem_euclid(1.0);
+        let joined = source.gates.iter().all(|gate| gate.on[from] == gate.on[to]);
+        let lit = light.peaks[from] > 0.0 && light.peaks[to] > 0.0;
+        let count = match joined && lit && apart > 0.0 {
+            true => ((apart * finest).ceil() as usize).saturating_sub(1).max(1),
+            false => 0,
+        };
+        (1..=count).map(move |i| Span { from, to, share: i as f64 / (count + 1) as f64 })
+    };
+    (0..n).flat_map(span).collect()
+}
+
+fn moment(span: &Span, taus: &[f64], light: &Light, coding: Coding, shape: &Shape) -> Moment {
+    let Span { from, to, share } = *span;
+    let tau = taus[from] + share * (taus[to] - taus[from]).rem_euclid(1.0);
     let slice = shape.uvt[0] * shape.uvt[1];
     let slices = periodic(tau, shape.uvt[2]);
+    let means: [f32; 3] = std::array::from_fn(|c| span.mix(light.means[from][c], light.means[to][c]) as f32);
+    let mut time = Vec::new();
+    if shape.contents.gamma {
+        time.extend(coding.gamma(tau));
+    }
+    if shape.contents.gates > 0 {
+        time.extend(&light.gate_inputs[from]);
+    }
     Moment {
         #[cfg(test)]
-        index,
+        index: from,
         slices: Pair { at: slices.at.map(|i| i * slice), f: slices.f },
         rows: periodic(tau, shape.rows),
-        gamma: coding.gamma(tau),
+        time,
         means,
-        peak,
+        peak: span.mix(light.peaks[from], light.peaks[to]) as f32,
         base: [0, 1, 2, 3].map(|c| if c < 3 && means[c] > 0.0 { 1.0 } else { 0.0 }),
         slope: [0.0; 4],
     }
@@ -233,6 +307,3 @@ fn site(
         plane: clamped(coordinate, plane),
     }
 }
-
-/// Inputs 12 … 15 of a sample are γ; the rest are features.
-pub const FEATURES: usize = INPUTS - 4;

@@ -27,7 +27,7 @@ const STEP: f32 = CENTRE_SLOPE / 255.0;
 /// Share of the mean metric that is added to every texel's.
 const DAMPING: f32 = 0.003;
 /// F_uvt looks at no more sets than about this many (evenly spread): its memory is 64 bytes a texel and set.
-const MOST_MOMENTS: usize = 64;
+const MOST_SETS: usize = 64;
 
 /// The blocks of both maps.
 #[derive(Clone, Debug)]
@@ -100,20 +100,27 @@ impl<const H: usize> Trainer<H> {
         self.refresh();
     }
 
-    /// The stored form of rounded parameters and blocks.
+    /// The stored form of rounded parameters and blocks. Blocks that no sample reads are grey: the bundle leaves them out.
     pub fn store(&self, blocks: &Blocks) -> TileParams {
+        let [uv, uvt] = self.problem.blocks_read();
+        let stored = |blocks: &[Mode6], read: &[bool]| {
+            let grey = Mode6 { endpoints: [[128; 4]; 2], indices: [0; 16] };
+            blocks.iter().zip(read).map(|(block, read)| encode(if *read { block } else { &grey })).collect()
+        };
         let plane = |range: &Range<usize>| {
             let (pairs, _) = self.params[range.clone()].as_chunks::<2>();
             pairs.iter().map(|p| p.map(|v| (v * 255.0).round() as u8)).collect()
         };
         TileParams {
             shape: self.problem.shape,
-            f_uv: blocks.uv.iter().map(encode).collect(),
-            f_uvt: blocks.uvt.iter().map(encode).collect(),
+            f_uv: stored(&blocks.uv, &uv),
+            f_uvt: stored(&blocks.uvt, &uvt),
             f_ut: plane(&self.layout.ut),
             f_vt: plane(&self.layout.vt),
             mlp: self.params[self.layout.mlp.clone()].iter().map(|v| half::f16::from_f32(*v)).collect(),
             means: self.problem.means.clone(),
+            axis: self.problem.axis.clone(),
+            gates: self.problem.gates.clone(),
         }
     }
 
@@ -123,17 +130,15 @@ impl<const H: usize> Trainer<H> {
         endpoints.iter().map(|e| [0, 4].map(|k| std::array::from_fn(|c| 255.0 * e[k + c]))).collect()
     }
 
-    /// Everything in the order of the moments, in blocks; every `stride`-th moment.
+    /// Every texel of every `stride`-th set, in blocks.
     fn all_samples(&self, stride: usize) -> Vec<Samples> {
         let texels: Vec<u32> = (0..self.problem.texels.len() as u32).collect();
-        let moments = (0..self.problem.moments.len()).step_by(stride);
-        moments
-            .flat_map(|a| texels.chunks(BLOCK).map(move |t| Samples::new(a, t)).collect::<Vec<_>>())
-            .collect()
+        let sets = (0..self.problem.sets).step_by(stride);
+        sets.flat_map(|a| texels.chunks(BLOCK).map(move |t| Samples::new(a, t)).collect::<Vec<_>>()).collect()
     }
 
-    fn moment_stride(&self) -> usize {
-        self.problem.moments.len().div_ceil(MOST_MOMENTS)
+    fn set_stride(&self) -> usize {
+        self.problem.sets.div_ceil(MOST_SETS)
     }
 
     /// Calls `each(moment, texel, ∂y/∂x per channel, r, w)` for all samples.
@@ -157,8 +162,11 @@ impl<const H: usize> Trainer<H> {
     /// F_uvt's blocks nearest to the learned texels under Σ a² Jᵀ J.
     fn fit_uvt(&self) -> Vec<Mode6> {
         let problem = &self.problem;
+        if self.maps.uvt.is_empty() {
+            return Vec::new();
+        }
         let mut metric: Vec<Matrix> = vec![[[0.0; 4]; 4]; self.maps.uvt.len()];
-        self.linearise(self.moment_stride(), |a, t, jacobian, _, w| {
+        self.linearise(self.set_stride(), |a, t, jacobian, _, w| {
             let texel = problem.texels[t];
             let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
             let mut form = [[0.0; 4]; 4];
@@ -191,6 +199,9 @@ impl<const H: usize> Trainer<H> {
     fn fit_uv(&mut self, blocks: &mut Blocks, start: &[[Quad; 2]]) {
         let problem = &self.problem;
         let count = self.maps.uv.len();
+        if count == 0 {
+            return;
+        }
         let (mut metric, mut slope) = (vec![[[0.0; 4]; 4]; count], vec![[0.0; 4]; count]);
         self.linearise(1, |_, t, jacobian, r, w| {
             let texel = problem.texels[t];
@@ -201,12 +212,14 @@ impl<const H: usize> Trainer<H> {
                 slope[at] = Quad::splat(w[c] * r[c]).mul_add(j, slope[at]);
             }
         });
+        // The blocks there are, or else those fitted to the learned texels.
         let mut candidates = Vec::new();
-        if !blocks.uv.is_empty() {
-            candidates.push(std::mem::take(&mut blocks.uv));
+        let mut fits = vec![(DAMPING, true), (10.0 * DAMPING, true)];
+        match blocks.uv.is_empty() {
+            true => fits.insert(0, (DAMPING, false)),
+            false => candidates.push(std::mem::take(&mut blocks.uv)),
         }
-        for (damping, newton) in [(DAMPING, !candidates.is_empty()), (DAMPING, true), (10.0 * DAMPING, true)]
-        {
+        for (damping, newton) in fits {
             let mut metric = metric.clone();
             damp(&mut metric, damping);
             let mut texels = self.maps.uv.clone();
@@ -248,10 +261,13 @@ impl<const H: usize> Trainer<H> {
 
     /// Coordinate descent of F_uvt on the linearised loss.
     fn refine_uvt(&mut self, blocks: &mut [Mode6]) {
+        if blocks.is_empty() {
+            return;
+        }
         let problem = &self.problem;
-        let stride = self.moment_stride();
+        let stride = self.set_stride();
         let (width, height) = (problem.shape.width, problem.shape.height);
-        let kept = problem.moments.len().div_ceil(stride);
+        let kept = problem.sets.div_ceil(stride);
         let mut samples = vec![Sample::default(); kept * width * height];
         self.linearise(stride, |a, t, jacobian, r, w| {
             let texel = problem.texels[t];

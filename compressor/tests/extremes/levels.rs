@@ -18,12 +18,15 @@ fn noise(k: usize, x: usize, y: usize, c: usize) -> f32 {
     (bits >> 40) as f32 / (1 << 24) as f32
 }
 
+/// Said of a tile whose sets differ in their means alone.
+const STATIC: &str = "the same at every hour, means apart: F_uv alone";
+
 #[test]
 fn a_black_tile_beside_a_lit_one_stays_black_and_takes_no_payload() {
     let lit = |x: usize| x >= 130;
     let result = Case::new(200, 40, 4, |_, x, y| if lit(x) { [texture(x, y); 3] } else { [0.0; 3] }).run();
     assert_eq!((result.outcome.tiles, result.outcome.empty), (2, 1));
-    assert_eq!(result.left_out(), ["black at every set"]);
+    assert_eq!(result.left_out(), ["black at every set", STATIC]);
     for image in &result.decoded {
         assert!((0..40).all(|y| (0..126).all(|x| image.texels[y * 200 + x] == [0.0; 3])));
     }
@@ -36,7 +39,7 @@ fn black_hours_are_exactly_black() {
     let day = |k: usize| (3..9).contains(&k);
     let result =
         Case::new(48, 48, 12, |k, x, y| if day(k) { [texture(x, y), 0.5, 0.2] } else { [0.0; 3] }).run();
-    assert_eq!(result.left_out(), ["black at 6 of 12 sets"]);
+    assert_eq!(result.left_out(), ["black at 6 of 12 sets", STATIC]);
     for k in (0..12).filter(|&k| !day(k)) {
         assert!(result.decoded[k].texels.iter().all(|t| *t == [0.0; 3]), "{k}");
     }
@@ -50,7 +53,7 @@ fn light_that_is_constant_in_space_or_in_time_is_met() {
     let time =
         Case::new(48, 48, 12, |_, x, y| [texture(x, y), texture(y, x), 0.3]).run().worst_relative_error();
     let both = Case::new(48, 48, 12, |_, _, _| [0.7; 3]).run().worst_relative_error();
-    assert!(space < 0.003 && time < 0.02 && both < 0.001, "{space} {time} {both}");
+    assert!(space < 0.003 && time < 0.03 && both < 0.001, "{space} {time} {both}");
 }
 
 #[test]
@@ -87,7 +90,7 @@ fn a_peak_of_a_million_at_every_set_leaves_the_rest_of_its_tile_visible() {
     assert!(peaks.iter().all(|peak| (peak / 1e6 - 1.0).abs() < 0.01), "{peaks:?}");
     assert!(rest.iter().all(|error| *error < 0.5), "{rest:?}");
     assert!(judged.psnr_db.unwrap() > 80.0 && judged.psnr_log_db.unwrap() > 36.0, "{judged:?}");
-    assert_eq!(result.left_out(), [""; 0]);
+    assert_eq!(result.left_out(), [STATIC]);
 }
 
 #[test]

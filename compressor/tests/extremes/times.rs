@@ -79,3 +79,74 @@ fn hours_seconds_and_half_days_apart_are_met() {
     let between = result.decoder.decode_page(0, 5.501).unwrap().texels[24 * 48 + 11][0];
     assert!(a > b + 0.3 && (b - 0.1..a + 0.1).contains(&between), "{a} {between} {b}");
 }
+
+#[test]
+fn a_slit_of_one_texel_that_moves_is_at_every_set_where_it_belongs() {
+    let slit = |k: usize| 5 + 7 * k;
+    let result = Case::new(126, 126, 12, |k, x, _| [if x == slit(k) { 1.0 } else { 0.1 }; 3]).run();
+    for (k, image) in result.decoded.iter().enumerate() {
+        let line = &image.texels[60 * 126..61 * 126];
+        let brightest = (0..126).max_by(|&a, &b| line[a][1].total_cmp(&line[b][1]));
+        assert_eq!(brightest, Some(slit(k)), "set {k}");
+    }
+    let psnr = result.least_psnr_db();
+    assert!(psnr > 25.0, "{psnr} dB");
+}
+
+#[test]
+fn a_small_spot_at_one_set_is_there_and_then_alone() {
+    // 9 of 15876 texels: 0.7 % of the light's root mean square.
+    let spot = |x: usize, y: usize| (60..63).contains(&x) && (70..73).contains(&y);
+    let light = |k: usize, x: usize, y: usize| [if k == 6 && spot(x, y) { 0.8 } else { 0.5 }; 3];
+    let result = Case::new(126, 126, 12, light).run();
+    for (k, image) in result.decoded.iter().enumerate() {
+        let found = image.texels[71 * 126 + 61][1];
+        let expected = light(k, 61, 71)[0];
+        assert!((found / expected - 1.0).abs() < 0.1, "set {k}: {found} for {expected}");
+    }
+}
+
+#[test]
+fn at_dawn_after_a_black_night_only_the_dawn_shines() {
+    // Whole hours; the lamp until half past one, black from two to five.
+    let dawn = |x: usize| 0.1 + x as f32 / 47.0;
+    let light = |k: usize, x: usize, y: usize| match k {
+        0 | 1 | 19.. => [lamp(x, y); 3],
+        2..=5 => [0.0; 3],
+        _ => [dawn(x), 0.8 * dawn(x), 0.5 * dawn(47 - x)],
+    };
+    let hours: Vec<f64> = (0..24).map(f64::from).collect();
+    let result = Case::new(48, 48, 24, light).hours(&hours, &[[18.5, 1.5]]).run();
+    for (hour, share) in [(5.5, 0.5), (5.1, 0.1), (5.99, 0.99)] {
+        let page = result.decoder.decode_page(0, hour).unwrap();
+        for (found, sunrise) in page.texels.iter().zip(&result.decoded[6].texels) {
+            for c in 0..3 {
+                let expected = share * sunrise[c];
+                assert!((found[c] - expected).abs() < 1e-4, "{hour} h: {} for {expected}", found[c]);
+            }
+        }
+    }
+    assert!(result.worst_relative_error() < 0.03);
+}
+
+#[test]
+fn between_sets_far_apart_light_stays_between_theirs() {
+    // At one hour in the day everything is another; the rest hardly changes.
+    let light = |k: usize, x: usize, y: usize| {
+        let there = if k == 12 { lamp(47 - x, 47 - y) } else { lamp(x, y) };
+        [there + 0.02 * (k as f32 * 0.7).sin() * (x as f32 * 0.3).cos(), there, 0.3]
+    };
+    let result = Case::new(48, 48, 24, light).run();
+    for (before, hour, after) in
+        [(11, 11.25, 12), (11, 11.5, 12), (11, 11.75, 12), (12, 12.5, 13), (3, 3.5, 4)]
+    {
+        let page = result.decoder.decode_page(0, hour).unwrap();
+        let worst =
+            page.texels.iter().zip(&result.references[before].texels).zip(&result.references[after].texels);
+        let outside = |((found, a), b): ((&[f32; 3], &[f32; 3]), &[f32; 3])| {
+            (0..3).map(|c| (found[c] - a[c].max(b[c])).max(a[c].min(b[c]) - found[c])).fold(0.0, f32::max)
+        };
+        let worst = worst.map(outside).fold(0.0, f32::max);
+        assert!(worst < 0.06, "{hour} h: {worst} outside");
+    }
+}

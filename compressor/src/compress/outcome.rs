@@ -1,0 +1,172 @@
+//! What a run did: of every tile, of all together, and as `<bundle>.run.json`.
+
+use super::beside;
+use super::tiles::Work;
+use crate::bundle::{Header, Payload};
+use crate::grid::Place;
+use crate::lanes::Tier;
+use crate::mean::mean;
+use crate::model::Contents;
+use crate::{Error, Result};
+use dataset::files::write_atomically;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What training told about one tile.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TileStats {
+    /// PSNR before and after quantisation, in dB, where the tile has one.
+    pub psnr_unquantised_db: Option<f64>,
+    /// See [`TileStats::psnr_unquantised_db`].
+    pub psnr_db: Option<f64>,
+    /// (step, CPU seconds, dB) along the training.
+    pub curve: Vec<(usize, f64, f64)>,
+    /// What was left out and why.
+    pub left_out: Vec<String>,
+    /// CPU seconds.
+    pub seconds: f64,
+}
+
+/// One point of the training curve over all tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CurvePoint {
+    /// Steps done.
+    pub iteration: usize,
+    /// CPU seconds per tile, mean over tiles.
+    pub seconds: f64,
+    /// PSNR in dB, mean over tiles.
+    pub mean_db: f64,
+    /// The worst tile's.
+    pub worst_db: f64,
+}
+
+/// What a run did.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The bundle's path.
+    pub bundle: PathBuf,
+    /// Its length in bytes.
+    pub bytes: u64,
+    /// Tiles of all pages.
+    pub tiles: usize,
+    /// Of these, without light or valid texel, so nothing is stored.
+    pub empty: usize,
+    /// Of these, taken over from a run that was stopped.
+    pub resumed: usize,
+    /// Wall-clock seconds of this run.
+    pub seconds: f64,
+    /// Sum over tiles of CPU seconds of training, trials included.
+    pub training_seconds: f64,
+    /// Of these, of trials.
+    pub trial_seconds: f64,
+    /// PSNR before quantisation, mean over tiles, in dB (each tile: mean over its sets, peak = the set's largest valid value).
+    pub psnr_unquantised_db: Option<f64>,
+    /// The same of the stored tiles.
+    pub psnr_trained_db: Option<f64>,
+    /// PSNR against seconds.
+    pub curve: Vec<CurvePoint>,
+    /// What was left out and why, with the number of tiles, most frequent first.
+    pub left_out: Vec<(String, usize)>,
+    /// Every tile, in the order of the bundle's index.
+    pub per_tile: Vec<TileOutcome>,
+}
+
+/// What one tile has and reaches.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TileOutcome {
+    /// Page, column and row.
+    pub place: [usize; 3],
+    /// Its [`Contents`] in words; `None` for a tile of which nothing is stored.
+    pub has: Option<String>,
+    /// Length of its payload.
+    pub bytes: usize,
+    /// PSNR as stored, where it has one.
+    pub psnr_db: Option<f64>,
+    /// What was left out and why.
+    pub left_out: Vec<String>,
+}
+
+impl Outcome {
+    /// Of a run that began at `start` and wrote so many bytes.
+    pub(super) fn new(header: &Header, bundle: PathBuf, bytes: u64, work: &Work, start: Instant) -> Self {
+        let Work { payloads, stats, resumed, trial_seconds } = work;
+        let tile =
+            |(Place { page, column, row }, (payload, stats)): (Place, (&Payload, &TileStats))| TileOutcome {
+                place: [page, column, row],
+                has: Contents::of_word(payload.word)
+                    .filter(|_| !payload.bytes.is_empty())
+                    .map(|contents| contents.to_string()),
+                bytes: payload.bytes.len(),
+                psnr_db: stats.psnr_db,
+                left_out: stats.left_out.clone(),
+            };
+        Outcome {
+            bundle,
+            bytes,
+            tiles: payloads.len(),
+            empty: payloads.iter().filter(|payload| payload.bytes.is_empty()).count(),
+            resumed: *resumed,
+            seconds: start.elapsed().as_secs_f64(),
+            training_seconds: trial_seconds + stats.iter().map(|tile| tile.seconds).sum::<f64>(),
+            trial_seconds: *trial_seconds,
+            psnr_unquantised_db: mean(stats.iter().filter_map(|tile| tile.psnr_unquantised_db)),
+            psnr_trained_db: mean(stats.iter().filter_map(|tile| tile.psnr_db)),
+            curve: aggregate(stats),
+            left_out: count(stats),
+            per_tile: header.places().zip(payloads.iter().zip(stats)).map(tile).collect(),
+        }
+    }
+}
+
+/// The training curve over all tiles: the i-th points of all tiles that have one, averaged.
+fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
+    let points = stats.iter().map(|tile| tile.curve.len()).max().unwrap_or(0);
+    let at =
+        |i: usize| stats.iter().filter_map(move |tile| tile.curve.get(i)).filter(|point| point.2.is_finite());
+    (0..points)
+        .filter_map(|i| {
+            Some(CurvePoint {
+                iteration: at(i).map(|point| point.0).max()?,
+                seconds: mean(at(i).map(|point| point.1))?,
+                mean_db: mean(at(i).map(|point| point.2))?,
+                worst_db: at(i).map(|point| point.2).min_by(f64::total_cmp)?,
+            })
+        })
+        .collect()
+}
+
+/// Distinct remarks with the number of tiles they were made of.
+fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
+    let mut counts = BTreeMap::new();
+    for remark in stats.iter().flat_map(|tile| &tile.left_out) {
+        *counts.entry(remark.clone()).or_insert(0) += 1;
+    }
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+    counts
+}
+
+/// `<bundle>.run.json`: what changes from run to run.
+pub(super) fn write(out: &Path, outcome: &Outcome, checked: f64) -> Result<()> {
+    let run = json!({
+        "seconds": outcome.seconds,
+        "seconds_checking": checked,
+        "cpu_seconds_training": outcome.training_seconds,
+        "cpu_seconds_trials": outcome.trial_seconds,
+        "threads": rayon::current_num_threads(),
+        "instructions": format!("{:?}", Tier::detect()),
+        "tiles": outcome.tiles,
+        "tiles_empty": outcome.empty,
+        "tiles_resumed": outcome.resumed,
+        "psnr_unquantised_db": outcome.psnr_unquantised_db,
+        "psnr_trained_db": outcome.psnr_trained_db,
+        "curve": outcome.curve,
+        "left_out": outcome.left_out,
+        "per_tile": outcome.per_tile,
+    });
+    let text = serde_json::to_string_pretty(&run).map_err(|error| Error::invalid("run.json", error))?;
+    write_atomically(&beside(out, ".run.json"), format!("{text}\n").as_bytes())
+}

@@ -1,0 +1,278 @@
+//! Works through the tiles of a dataset, in parallel: the trials of all, where a target asks for them, then the training of all.
+
+use super::allocate::{self, Goal};
+use super::outcome::TileStats;
+use super::part::Part;
+use super::{Options, Rate};
+use crate::bundle::{self, Header, Payload};
+use crate::clock::Clock;
+use crate::grid::Place;
+use crate::lanes::Tier;
+use crate::model::{Contents, PROFILES};
+use crate::tile::Band;
+use crate::train::{self, Recipe, Trial};
+use crate::{Error, Result};
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::image::Mask;
+use dataset::store::Dataset;
+use rayon::prelude::*;
+use serde_json::json;
+
+/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 sets).
+const TILES_PER_THREAD: usize = 8;
+
+/// What came of all tiles, in the order of the bundle's index.
+pub(super) struct Work {
+    /// What the bundle stores.
+    pub payloads: Vec<Payload>,
+    /// What training told.
+    pub stats: Vec<TileStats>,
+    /// How many a stopped run had left.
+    pub resumed: usize,
+    /// CPU seconds of trials.
+    pub trial_seconds: f64,
+}
+
+/// A finished tile.
+struct Tile {
+    /// As [`bundle::encode_payload`] gives it; the default for a black tile.
+    payload: Payload,
+    stats: TileStats,
+    /// Whether a stopped run had left it.
+    resumed: bool,
+}
+
+/// All that decides the tiles.
+pub(super) struct Tiles<'a> {
+    pub dataset: &'a Dataset,
+    /// Of every page.
+    pub masks: &'a [Mask],
+    pub options: &'a Options,
+    pub header: &'a Header,
+    pub part: &'a Part,
+    /// Digest of what of the dataset decides a tile.
+    pub inputs: String,
+}
+
+impl Tiles<'_> {
+    /// Trials and training of every tile that a stopped run has not left.
+    pub(super) fn work(&self, console: &Console) -> Result<Work> {
+        let (chosen, trial_seconds) = self.chosen(console)?;
+        let tiles = self.trained(&chosen, console)?;
+        let resumed = tiles.iter().filter(|tile| tile.resumed).count();
+        let (payloads, stats) = tiles.into_iter().map(|tile| (tile.payload, tile.stats)).unzip();
+        Ok(Work { payloads, stats, resumed, trial_seconds })
+    }
+
+    /// All tiles in the order of the bundle's index, as [`Tiles::chosen`] chose.
+    fn trained(&self, chosen: &[Option<Contents>], console: &Console) -> Result<Vec<Tile>> {
+        let so_far = std::sync::Mutex::new((0.0, 0));
+        let contents = |place| self.header.position(place).and_then(|at| chosen.get(at).copied().flatten());
+        let note = |tile: &Tile| {
+            let (Some(db), Ok(mut so_far)) = (tile.stats.psnr_db, so_far.lock()) else { return None };
+            so_far.0 += db;
+            so_far.1 += 1;
+            Some(format!("{:.1} dB", so_far.0 / f64::from(so_far.1)))
+        };
+        let finished = |place| self.finished(&self.key(place, contents(place)));
+        self.each_tile(
+            console,
+            "training",
+            finished,
+            |place, band| self.train(place, contents(place), band),
+            note,
+        )
+    }
+
+    /// What the trials chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
+    /// seconds. No list where all tiles have the same profile.
+    fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
+        if let Rate::Profile(_) = self.options.rate {
+            return Ok((Vec::new(), 0.0));
+        }
+        type Tried = (Vec<Trial>, f64);
+        let finished = |place| self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried);
+        let work = |place: Place, band: &Band| {
+            let clock = Clock::start();
+            let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
+                .map_err(|error| of_tile(place, error))?;
+            let tried = (trials, clock.seconds());
+            self.part.write(&self.trial_key(place), &Payload::default(), &tried)?;
+            Ok(tried)
+        };
+        let tried = self.each_tile(console, "trying", finished, work, |_| None)?;
+        let (trials, seconds): (Vec<Vec<Trial>>, Vec<f64>) = tried.into_iter().unzip();
+        let chosen = allocate::choose(&trials, self.goal(&trials)?);
+        let contents = |(trials, at): (&Vec<Trial>, Option<usize>)| {
+            at.and_then(|at| trials.get(at)).and_then(|trial| Contents::of_word(trial.word))
+        };
+        Ok((trials.iter().zip(chosen).map(contents).collect(), seconds.iter().sum()))
+    }
+
+    /// What the tiles together must keep, in terms of their trials.
+    fn goal(&self, trials: &[Vec<Trial>]) -> Result<Goal> {
+        let header = bundle::encode(self.header, &vec![Payload::default(); trials.len()])?.len() as f64;
+        let texels: f64 = self.header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
+        let terms: u64 = trials.iter().filter_map(|trials| trials.first()).map(|trial| trial.terms).sum();
+        Ok(match self.options.rate {
+            Rate::Psnr(db) => {
+                Goal::Error(terms as f64 * 10f64.powf(-db / 10.0) * train::gain(self.options.iterations))
+            }
+            Rate::Bpp(bpp) => {
+                let bytes = bpp * texels * self.header.timeline.hours.len() as f64 / 8.0;
+                Goal::Bytes((bytes - header).max(0.0) as u64)
+            }
+            Rate::Profile(_) => Goal::Bytes(u64::MAX),
+        })
+    }
+
+    /// Does something with every tile that is not `finished`, in parallel; the results in the order of the bundle's index.
+    /// A few bands are in memory at a time.
+    fn each_tile<T: Send>(
+        &self,
+        console: &Console,
+        what: &str,
+        finished: impl Fn(Place) -> Option<T> + Sync,
+        work: impl Fn(Place, &Band) -> Result<T> + Sync,
+        note: impl Fn(&T) -> Option<String> + Sync,
+    ) -> Result<Vec<T>> {
+        let progress = console.progress(what, self.header.tiles() as u64);
+        let mut done = Vec::with_capacity(self.header.tiles());
+        for (page, grid) in self.header.pages.iter().enumerate() {
+            let wanted = TILES_PER_THREAD * rayon::current_num_threads();
+            let rows: Vec<usize> = (0..grid.rows()).collect();
+            for rows in rows.chunks(wanted.div_ceil(grid.columns())) {
+                // Bands of which every tile is finished already are not read.
+                let places: Vec<Place> = rows
+                    .iter()
+                    .flat_map(|&row| (0..grid.columns()).map(move |column| Place { page, column, row }))
+                    .collect();
+                let found: Vec<Option<T>> = places.par_iter().map(|&place| finished(place)).collect();
+                let missing =
+                    |row: usize| places.iter().zip(&found).any(|(p, tile)| p.row == row && tile.is_none());
+                let missing: Vec<bool> = rows.iter().map(|&row| missing(row)).collect();
+                let bands = rows
+                    .par_iter()
+                    .zip(missing)
+                    .map(|(&row, missing)| {
+                        missing.then(|| Band::load(self.dataset, &self.masks[page], page, row)).transpose()
+                    })
+                    .collect::<Result<Vec<Option<Band>>>>()?;
+                let tiles: Vec<Result<T>> = places
+                    .par_iter()
+                    .zip(found)
+                    .with_max_len(1)
+                    .map(|(&place, found)| {
+                        stop_if_interrupted()?;
+                        let tile = match (found, &bands[place.row - rows[0]]) {
+                            (Some(tile), _) => tile,
+                            (None, Some(band)) => work(place, band)?,
+                            (None, None) => unreachable!("a band with a missing tile is read"),
+                        };
+                        if let Some(note) = note(&tile) {
+                            progress.note(&note);
+                        }
+                        progress.advance(1);
+                        Ok(tile)
+                    })
+                    .collect();
+                for tile in tiles {
+                    done.push(tile?);
+                }
+            }
+        }
+        Ok(done)
+    }
+
+    /// The tile's own recipe: its randomness depends on its place, never on the order of work.
+    fn recipe(&self, place: Place) -> Recipe {
+        let recipe = self.options.recipe();
+        let numbers = [recipe.seed, place.page as u64, place.column as u64, place.row as u64];
+        let seed = bundle::checksum(&numbers.map(u64::to_le_bytes).each_ref().map(|n| &n[..]));
+        Recipe { seed, ..recipe }
+    }
+
+    /// A name in the work folder for what a list of values, the input, the place and the program decide.
+    fn name(&self, place: Place, values: &serde_json::Value) -> String {
+        let Place { page, column, row } = place;
+        let tier = format!("{:?}", Tier::detect());
+        let program = json!([env!("CARGO_PKG_VERSION"), bundle::VERSION, tier]);
+        let all = json!([program, self.inputs, page, column, row, self.recipe(place).seed, values]);
+        blake3::hash(all.to_string().as_bytes()).to_hex()[..32].to_owned()
+    }
+
+    /// What decides a tile, and so names its file in the work folder.
+    fn key(&self, place: Place, contents: Option<Contents>) -> String {
+        let Recipe { iterations, paper, seed: _, aim } = self.recipe(place);
+        let has = match (self.options.rate, contents) {
+            (Rate::Profile(profile), _) => json!(profile.name),
+            (_, contents) => json!(contents.and_then(|contents| contents.word())),
+        };
+        self.name(place, &json!(["tile", has, iterations, paper, format!("{aim:?}")]))
+    }
+
+    /// The same for its trials.
+    fn trial_key(&self, place: Place) -> String {
+        self.name(place, &json!(["trials"]))
+    }
+
+    /// The tile as a stopped run left it, if it did.
+    fn finished(&self, key: &str) -> Option<Tile> {
+        let (payload, stats) = self.part.read(key)?;
+        Some(Tile { payload, stats, resumed: true })
+    }
+
+    fn train(&self, place: Place, contents: Option<Contents>, band: &Band) -> Result<Tile> {
+        let clock = Clock::start();
+        let (source, recipe) = (band.tile(place.column), self.recipe(place));
+        let trained = match (self.options.rate, contents) {
+            (Rate::Profile(profile), _) => train::train(&source, &profile, &recipe),
+            (_, Some(contents)) => train::train_chosen(&source, &contents, &recipe),
+            // Nothing was tried, for there is nothing to store, or all trials diverged.
+            (_, None) => train::train(&source, &PROFILES[0], &recipe),
+        };
+        let trained = trained.map_err(|error| of_tile(place, error))?;
+        let faulty = |what| of_tile(place, Error::invalid("payload", format!("training failed: {what}")));
+        let payload = match &trained.params {
+            Some(params) => bundle::encode_payload(params).map_err(faulty)?,
+            None => Payload::default(),
+        };
+        let stats = TileStats {
+            psnr_unquantised_db: trained.psnr_unquantised_db,
+            psnr_db: trained.psnr_db,
+            curve: trained
+                .curve
+                .iter()
+                .map(|point| (point.iteration, point.seconds, point.psnr_db))
+                .collect(),
+            left_out: trained.left_out,
+            seconds: clock.seconds(),
+        };
+        self.part.write(&self.key(place, contents), &payload, &stats)?;
+        Ok(Tile { payload, stats, resumed: false })
+    }
+}
+
+/// The error, with the tile's place for its own where it is of the tile's content.
+fn of_tile(place: Place, error: Error) -> Error {
+    match error {
+        Error::Invalid { what, .. } => {
+            let Place { page, column, row } = place;
+            Error::invalid(format!("page {page}, tile ({column}, {row})"), what)
+        }
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_of_training_names_its_tile() {
+        let place = Place { page: 2, column: 3, row: 4 };
+        let message = of_tile(place, Error::invalid("tile", "training diverges")).to_string();
+        assert_eq!(message, "page 2, tile (3, 4): training diverges");
+        assert!(matches!(of_tile(place, Error::Interrupted), Error::Interrupted));
+    }
+}

@@ -1,0 +1,179 @@
+//! Quality between the sets: at hours of which the bundle has none.
+//!
+//! What light does there only another bake can tell, the *withheld* one: the same scene at other hours. Without it the decoder is
+//! compared with light that goes linearly from set to set, halfway.
+
+use crate::decode::Decoder;
+use crate::time::Moment;
+use crate::{Error, Result};
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::image::{Image, Mask};
+use dataset::metrics;
+use dataset::store::Dataset;
+use dataset::tiles::{Rect, TILE, tiles};
+
+/// Pooled PSNR between sets, as [`super::Quality::psnr_pooled_db`]: a mean of decibels would tell of the quietest hours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Between {
+    /// Of the decoder.
+    pub pooled_db: f64,
+    /// Of light linear between the dataset's uncompressed sets, against a withheld bake; without one it is the reference.
+    pub linear_pooled_db: Option<f64>,
+    /// Moments judged.
+    pub moments: usize,
+}
+
+/// Judges a bundle, which is the dataset's, between its sets. `None` where there is no moment to be judged: light is held at all
+/// of them, or does not change.
+///
+/// # Errors
+/// [`Error::Invalid`] where a withheld bake has other pages; [`Error::Io`]; [`Error::Interrupted`].
+pub fn between(
+    dataset: &Dataset,
+    withheld: Option<&Dataset>,
+    decoder: &Decoder,
+    console: &Console,
+) -> Result<Option<Between>> {
+    let pages = dataset.config.pages.len();
+    let mut masks = (0..pages).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+    if let Some(withheld) = withheld {
+        check_pages(dataset, withheld)?;
+        // More hours light a few texels more.
+        for (page, mask) in masks.iter_mut().enumerate() {
+            let also = withheld.mask(page)?.valid;
+            mask.valid.iter_mut().zip(also).for_each(|(valid, also)| *valid &= also);
+        }
+    }
+    let moments = moments(dataset, withheld, decoder);
+    let progress = console.progress("between sets", (moments.len() * pages) as u64);
+    let (mut of_decoder, mut of_linear) = (Pool::default(), Pool::default());
+    for (page, mask) in masks.iter().enumerate() {
+        let rects = tiles(mask.width, mask.height, TILE);
+        let mut sets = Sets { dataset, page, recent: Vec::new() };
+        for &(hour, moment, index) in &moments {
+            stop_if_interrupted()?;
+            let linear = sets.linear(&moment)?;
+            let decoded = decoder.decode_page(page, hour)?;
+            let truth = match (withheld, index) {
+                (Some(withheld), Some(index)) => Some(withheld.map(index, page)?),
+                _ => None,
+            };
+            for rect in &rects {
+                of_decoder.add(&decoded, truth.as_ref().unwrap_or(&linear), mask, rect);
+                truth.iter().for_each(|truth| of_linear.add(&linear, truth, mask, rect));
+            }
+            progress.advance(1);
+        }
+    }
+    Ok(of_decoder.db().map(|pooled_db| Between {
+        pooled_db,
+        linear_pooled_db: of_linear.db(),
+        moments: moments.len(),
+    }))
+}
+
+/// The moments to judge where light is interpolated: hours that only the withheld bake has, with its set; or halfway between sets
+/// that are not the same images.
+fn moments(
+    dataset: &Dataset,
+    withheld: Option<&Dataset>,
+    decoder: &Decoder,
+) -> Vec<(f64, Moment, Option<usize>)> {
+    let timeline = &decoder.bundle().header.timeline;
+    let hours: Vec<(f64, Option<usize>)> = match withheld {
+        Some(withheld) => {
+            withheld.config.sets.iter().enumerate().map(|(k, set)| (set.hour, Some(k))).collect()
+        }
+        None => {
+            let n = timeline.hours.len();
+            let next = |k: usize| timeline.hours[(k + 1) % n] + if k + 1 == n { 24.0 } else { 0.0 };
+            (0..n).map(|k| (crate::time::fold_hour((timeline.hours[k] + next(k)) / 2.0), None)).collect()
+        }
+    };
+    let files = |k: usize| dataset.config.sets[k].maps.iter().map(|map| &map.file.blake3);
+    let judged = |&(hour, index): &(f64, Option<usize>)| {
+        let moment = timeline.at(hour);
+        (moment.a != moment.b && files(moment.a).ne(files(moment.b))).then_some((hour, moment, index))
+    };
+    hours.iter().filter_map(judged).collect()
+}
+
+/// An error unless both have pages of the same sizes.
+fn check_pages(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
+    let sizes = |dataset: &Dataset| -> Vec<(u32, u32)> {
+        dataset.config.pages.iter().map(|page| (page.width, page.height)).collect()
+    };
+    let (found, expected) = (sizes(withheld), sizes(dataset));
+    if found == expected {
+        return Ok(());
+    }
+    let what = format!("has pages {found:?}; expected those of {}, {expected:?}", dataset.root.display());
+    Err(Error::invalid(withheld.root.display(), what))
+}
+
+/// One page of the dataset's sets; the last two read are kept.
+struct Sets<'a> {
+    dataset: &'a Dataset,
+    page: usize,
+    recent: Vec<(usize, Image)>,
+}
+
+impl Sets<'_> {
+    fn read(&mut self, set: usize) -> Result<()> {
+        if self.recent.iter().all(|(k, _)| *k != set) {
+            self.recent.truncate(1);
+            self.recent.insert(0, (set, self.dataset.map(set, self.page)?));
+        }
+        // The newest first.
+        self.recent.sort_by_key(|(k, _)| *k != set);
+        Ok(())
+    }
+
+    /// Light linear between the sets around a moment.
+    fn linear(&mut self, moment: &Moment) -> Result<Image> {
+        self.read(moment.a)?;
+        self.read(moment.b)?;
+        let [(_, b), (_, a)] = &self.recent[..] else { unreachable!("two sets that differ were read") };
+        let mix = |a: f32, b: f32| {
+            let share = f64::from(moment.fraction);
+            ((1.0 - share) * f64::from(a) + share * f64::from(b)) as f32
+        };
+        let texels = a.texels.iter().zip(&b.texels);
+        let texels = texels.map(|(a, b)| std::array::from_fn(|c| mix(a[c], b[c]))).collect();
+        Ok(Image { width: a.width, height: a.height, texels })
+    }
+}
+
+/// Squared errors relative to the peak of their tile and moment: sum and number.
+#[derive(Default)]
+struct Pool {
+    sum: f64,
+    count: usize,
+}
+
+impl Pool {
+    /// A tile's valid texels; a black one does not count.
+    fn add(&mut self, image: &Image, reference: &Image, mask: &Mask, rect: &Rect) {
+        let (mut sum, mut count, mut peak) = (0.0, 0, 0.0f64);
+        for y in rect.y0..rect.y1 {
+            for i in y * mask.width + rect.x0..y * mask.width + rect.x1 {
+                if mask.valid[i] {
+                    count += 3;
+                    for (found, wanted) in image.texels[i].into_iter().zip(reference.texels[i]) {
+                        let (found, wanted) = (f64::from(found), f64::from(wanted));
+                        peak = peak.max(wanted);
+                        sum += (found - wanted) * (found - wanted);
+                    }
+                }
+            }
+        }
+        if peak > 0.0 {
+            self.sum += sum / (peak * peak);
+            self.count += count;
+        }
+    }
+
+    fn db(&self) -> Option<f64> {
+        (self.count > 0).then(|| metrics::psnr_db(1.0, self.sum / self.count as f64))
+    }
+}
