@@ -18,6 +18,8 @@ pub use verify::Verification;
 pub const MANIFEST: &str = "config.json";
 /// The sub-folder of the files that carry their content's hash in their name.
 pub const DATA: &str = "data";
+/// Where `bake` keeps its work until the set is whole.
+pub const WORK: &str = ".bake";
 /// Hexadecimal digits of the hash in a file's name.
 const HASH_DIGITS: usize = 12;
 
@@ -201,6 +203,9 @@ impl Dataset {
         let manifest = root.join(MANIFEST);
         if !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
+                (true, _) if root.join(WORK).is_dir() => {
+                    "a bake there is not finished; the same `bake` command continues it".to_owned()
+                }
                 (true, _) => format!("there is no {MANIFEST} in it"),
                 (false, true) => "it is a file".to_owned(),
                 (false, false) => "it does not exist".to_owned(),

@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use std::path::Path;
 
 /// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
-pub fn expect(out: &Path) -> Result<()> {
+pub fn create(out: &Path) -> Result<()> {
     const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
     if let Some(file) = out.ancestors().find(|path| path.exists()).filter(|path| !path.is_dir()) {
         let file = if file == out { "it".to_owned() } else { file.display().to_string() };

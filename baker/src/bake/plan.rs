@@ -5,7 +5,7 @@ use crate::geometry::Geometry;
 use crate::light::emitter::emitters;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
-use crate::light::schedule::{Hours, Moment, moments};
+use crate::light::schedule::{Hours, Moment, moments, switches_outside};
 use crate::light::sky::{self, SkyTable};
 use crate::light::sun::{self, SunDisc};
 use crate::scene::{Lamp, Scene, Sky};
@@ -55,6 +55,13 @@ impl Plan {
     pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours) -> Self {
         let moments = moments(hours, &scene.groups);
         let mut left_out = Vec::new();
+        let outside = switches_outside(hours, &scene.groups);
+        if !outside.is_empty() {
+            left_out.push(format!(
+                "no sets beside the light switches at {}: the hours asked for end before or begin after",
+                outside.iter().map(|&at| hour(at)).collect::<Vec<_>>().join(", ")
+            ));
+        }
         let (suns, sun_of) = plan_suns(scene, &moments, &mut left_out);
         let (skies, sky_of) = plan_skies(scene, &moments, &mut left_out);
 

@@ -43,9 +43,9 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
         return Ok(outcome);
     }
-    folder::expect(&out)?;
+    folder::create(&out)?;
     let _lock = folder::lock(&out)?;
-    standing::announce(&out, &prepared, options, console)?;
+    standing::refuse_less(&out, &prepared, options, console)?;
     console.say(format!(
         "{}: {}, {}, {}",
         scene.name,

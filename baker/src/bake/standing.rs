@@ -32,12 +32,12 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
 }
 
-/// Says which dataset in `out` this bake replaces.
+/// Refuses a bake that would put less in the place of the dataset in `out`; says of any other which one it replaces.
 ///
 /// # Errors
 /// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or fewer texels. A quick
 /// look at one hour must not cost a day's bake; `--force` says that it may.
-pub fn announce(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
+pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
     // Nothing there, or nothing that could be read: nothing is lost. (The writer refuses a manifest that is no dataset's.)
     let Ok(Dataset { config: standing, .. }) = Dataset::open_manifest(out) else { return Ok(()) };
     let held = format!("{}, baked with {}", count(standing.sets.len(), "set"), samples(standing.samples));

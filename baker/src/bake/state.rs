@@ -260,7 +260,7 @@ impl StateFolder {
 }
 
 /// Name of the folder of work in progress inside a dataset.
-const FOLDER: &str = ".bake";
+const FOLDER: &str = dataset::store::WORK;
 
 #[cfg(test)]
 mod tests {

@@ -113,6 +113,19 @@ pub fn is_on(on: &[[f64; 2]], hour: f64) -> bool {
     lit_before(on, time) && lit_after(on, time)
 }
 
+/// Whether a switch lies among the requested moments: anywhere in a whole day, else between the first and the last.
+fn is_within(hours: &Hours, requested: &[i64], instant: i64) -> bool {
+    let ends = requested.first().zip(requested.last());
+    hours.whole_day || ends.is_some_and(|(a, b)| *a < instant && instant < *b)
+}
+
+/// The switches, in hours, that lie before the first or after the last of the hours, ascending: they get no sets beside them.
+pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
+    let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
+    let switches = sorted(groups.iter().flat_map(|g| switches_of(&g.on)).collect());
+    switches.into_iter().filter(|&at| !is_within(hours, &requested, at)).map(self::hours).collect()
+}
+
 /// The hours and the extras that show both sides of every switch, ascending.
 ///
 /// A side of a switch is shown when a set stands strictly on it, no farther away than an extra would stand (0.1 h, or half
@@ -124,9 +137,7 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
     let switches = sorted(groups.iter().flat_map(|g| switches_of(&g.on)).collect());
     let mut extras = Vec::new();
     for (i, &instant) in switches.iter().enumerate() {
-        if !hours.whole_day
-            && !requested.first().zip(requested.last()).is_some_and(|(a, b)| *a < instant && instant < *b)
-        {
+        if !is_within(hours, &requested, instant) {
             continue;
         }
         let at_instant = requested.binary_search(&instant).is_ok();

@@ -325,3 +325,12 @@ fn two_hundred_schedules() {
         }
     }
 }
+
+#[test]
+fn switches_outside_the_hours_are_told() {
+    let groups = [group(&[[20.25, 23.0]])];
+    let outside = |hours: &str| switches_outside(&parse_hours(hours).unwrap(), &groups);
+    assert_eq!(outside("0..24/2"), [0.0; 0]);
+    assert_eq!(outside("0,2,4,6,8,10,12,14,16,18,20,22"), [23.0]);
+    assert_eq!(outside("12"), [20.25, 23.0]);
+}

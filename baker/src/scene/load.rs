@@ -40,6 +40,9 @@ pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
         );
         return Err(Error::invalid(file, what));
     }
+    if !path.exists() {
+        return Err(Error::invalid(file, "no such file; expected a scene, which is a TOML file"));
+    }
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let text = std::str::from_utf8(&bytes).map_err(|e| {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
