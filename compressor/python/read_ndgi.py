@@ -50,6 +50,7 @@ class Bundle:
         check(np.all(np.diff(self.hours) > 0) and 0 <= self.hours[0] and self.hours[-1] < 24, 'hours out of order')
         group = lambda: (self.text(), [self.take('2d') for _ in range(*self.take('I'))], np.array(self.take(f'{self.n}B')))
         self.groups, offset = [group() for _ in range(groups)], end
+        check(all(max(on) <= 1 and all(0 <= x <= 24 for k in spans for x in k) for _, spans, on in self.groups), 'light groups')
         for page, (W, H) in enumerate(self.pages):
             for r, c in np.ndindex(-(-H // 126), -(-W // 126)):
                 self.index[page, c, r] = at, length, word, digest = self.take('QIIQ')
@@ -60,8 +61,7 @@ class Bundle:
     def take(self, form):
         self.at += struct.calcsize('<' + form)
         return struct.unpack_from('<' + form, self.data, self.at - struct.calcsize('<' + form))
-    def text(self):
-        return self.take(f'{self.take("I")[0]}s')[0].decode()
+    def text(self): return self.take(f'{self.take("I")[0]}s')[0].decode()
     def stored(self, page, c, r):  # height and width of what a tile stores
         return [4 * -(-(min(126, side - 126 * at) + 2) // 4) for side, at in zip(self.pages[page][::-1], (r, c))]
 
@@ -111,7 +111,8 @@ class Bundle:
         check(good and at + 15 & -16 == end, f'tile {c}, {r} of page {page}: means, time axis, decoder or length out of range')
         # The maps that there are, at this moment: height x width (or 1) x channels.
         tau = self.hours / 24 if self.coding else (axis[1:] + 0.5) / axis[0]
-        tau, maps = (tau[a] + f * ((tau[b] - tau[a]) % 1)) if means[a].any() and means[b].any() else tau[a if means[a].any() else b], []
+        share, whole = f * means[b].sum(), (1 - f) * means[a].sum() + f * means[b].sum()
+        tau, maps = tau[a] + (share / whole if whole > 0 and not self.coding else f) * ((tau[b] - tau[a]) % 1), []
         uvt = at_time(bc7(uvt, s[1]).reshape(S, 4 * s[0], 4 * s[1], 4), tau) if field(4, 3) else None
         maps += [stretch(stretch(uvt, 0, height), 1, width)] if field(4, 3) else []
         maps += [bc7(uv, width // 4)] if field(0) else []
@@ -133,15 +134,14 @@ class Bundle:
             own = out[126 * r:126 * r + 126, 126 * c:126 * c + 126]
             own[:] = self.tile(page, c, r, hour)[1:1 + own.shape[0], 1:1 + own.shape[1]]
         return out
-def hours(text):  # 18.05 or 18:03
-    return sum(float(part) / 60 ** i for i, part in enumerate(text.split(':')))
+def hours(text): return sum(float(part) / 60 ** i for i, part in enumerate(text.split(':')))  # 18.05 or 18:03
 if __name__ == '__main__':
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, kind in {'bundle': {}, '--hour': {'type': hours, 'required': True}, '--out': {'required': True},
                        '--page': {'type': int, 'default': 0}, '--tile': {'metavar': 'C,R'}}.items():
         args.add_argument(name, **kind)
-    args = args.parse_args()
     try:
+        args = args.parse_args()
         check(np.isfinite(args.hour), f'--hour {args.hour}: expected hours, such as 18.05 or 18:03')
         bundle, tile = Bundle(args.bundle), tuple(map(int, args.tile.split(','))) if args.tile else (0, 0)
         check((args.page, *tile) in bundle.index, f'page {args.page}, tile {tile}: not in the bundle; the last is {max(bundle.index)}')

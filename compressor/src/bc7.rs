@@ -25,6 +25,9 @@ pub struct Mode6 {
     pub indices: [u8; 16],
 }
 
+/// The block whose texels are all 128: the middle, so that what nothing reads decodes to no extreme.
+pub const GREY: Mode6 = Mode6 { endpoints: [[128; 4]; 2], indices: [0; 16] };
+
 /// The value between two endpoint channels at a weight in 64ths: `((64 − w) e₀ + w e₁ + 32) / 64`, rounded down.
 #[inline]
 pub fn interpolate(e0: u8, e1: u8, weight: u8) -> u8 {

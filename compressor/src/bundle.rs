@@ -33,7 +33,7 @@ const MAX_SIDE: usize = 1 << 20;
 pub struct Header {
     /// The scene's name.
     pub scene: String,
-    /// What wrote the bundle and how, as a JSON object; for the reader's information.
+    /// What wrote the bundle and how, as a JSON object. Decoding does not need it; `compress evaluate` and `bake` tell by it whether the bundle is of the dataset there.
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,
@@ -166,23 +166,8 @@ impl Source {
     }
 }
 
-#[cfg(unix)]
 fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Result<()> {
-    while !bytes.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, bytes, offset)? {
-            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
-            n => {
-                bytes = &mut bytes[n..];
-                offset += n as u64;
-            }
-        }
-    }
-    Ok(())
 }
 
 /// An opened bundle: header and index in memory, payloads where they were.

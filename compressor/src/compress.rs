@@ -213,7 +213,7 @@ fn trained_on(dataset: &Dataset) -> String {
         group.layers.iter().map(|file| file.blake3.clone()).collect::<Vec<_>>()
     };
     let layers: Vec<_> = dataset.config.groups.iter().map(digest).collect();
-    json!([inputs(dataset), layers]).to_string()
+    blake3::hash(json!([inputs(dataset), layers]).to_string().as_bytes()).to_hex().to_string()
 }
 
 /// `path` with `suffix` appended to its name.

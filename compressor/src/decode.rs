@@ -13,7 +13,7 @@ pub use tile::TileDecoder;
 use crate::bundle::Bundle;
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
-use crate::time::{Coding, Moment, Timeline};
+use crate::time::{self, Coding, Moment, Timeline};
 use crate::{Error, Result};
 use dataset::image::Image;
 use rayon::prelude::*;
@@ -54,15 +54,13 @@ fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
     std::array::from_fn(|c| lerp(a[c], b[c], moment.fraction))
 }
 
-/// A tile's time coordinate at a moment: beside a black set that of the lit one, so that light only fades.
+/// A tile's time coordinate at a moment.
 fn tau_at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> f64 {
     let taus = timeline.coding.taus(&timeline.hours, &tile.axis);
-    let black = |set: usize| tile.means[set] == [0.0; 3];
-    match (black(moment.a), black(moment.b)) {
-        (true, _) => taus[moment.b],
-        (_, true) => taus[moment.a],
-        _ => moment.tau(&taus),
-    }
+    moment.tau(&taus, |set| match timeline.coding {
+        Coding::Standard => time::brightness(&tile.means[set]),
+        Coding::Paper => 1.0,
+    })
 }
 
 /// Irradiance from the decoder's output: `mean · clamp(y, 0, Y_MAX)^p`, finite.
@@ -169,6 +167,7 @@ impl Decoder {
         // One band of tiles is one run of whole rows of the page.
         image.texels.par_chunks_mut(PAYLOAD * grid.width).enumerate().try_for_each(|(row, band)| {
             for column in 0..grid.columns() {
+                // Past the memory of recent tiles: a page may have more than it holds, and needs each once.
                 let Some(tile) = self.bundle.tile(Place { page, column, row })? else { continue };
                 let (own_width, own_height) = grid.payload(column, row);
                 let decoded = TileDecoder::new(&tile, timeline)?.decode_tile(&moment);

@@ -1,6 +1,6 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
-//! Every set is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page, valid texels only, linear RGB
+//! Every set is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own 126×126), valid texels only, linear RGB
 //! ([`dataset::metrics`]). A *sample* is one (tile, set). Samples of a tile that is all zero or has no valid texel are skipped;
 //! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
 
@@ -41,6 +41,8 @@ pub struct Sample {
     pub relative_error: f64,
     /// PSNR of the logarithm, as [`metrics::psnr_log_db`].
     pub psnr_log_db: Option<f64>,
+    /// Largest decoded value of a valid texel.
+    pub largest: f32,
 }
 
 /// Means over samples, for all sets or for one.
@@ -154,6 +156,7 @@ pub fn evaluate(
                     noise_ceiling_db: quality.psnr_db.and(noise.map(|tiles| ceiling(tiles[i]))),
                     relative_error: 0.0,
                     psnr_log_db: metrics::psnr_log_db(&decoded, &reference, mask, rect, page_mean),
+                    largest: largest(&decoded, mask, rect),
                 })
             }));
             brightnesses.add(&decoded, &reference, mask);
@@ -231,7 +234,7 @@ fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
     let mut worst: Vec<f64> = judged.iter().filter_map(|sample| sample.quality.psnr_db).collect();
     worst.sort_by(f64::total_cmp);
     worst.truncate(worst.len().div_ceil(100));
-    let largest = black.iter().map(|sample| sample.quality.mse().sqrt()).fold(0.0, f64::max);
+    let largest = black.iter().map(|sample| f64::from(sample.largest)).fold(0.0, f64::max);
     Quality {
         psnr_db: over(&|s| s.quality.psnr_db),
         psnr_range_db: over(&|s| s.quality.psnr_range_db),
@@ -249,6 +252,12 @@ fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
         black: black.len(),
         black_largest_error: largest,
     }
+}
+
+/// Largest value of a tile's valid texels.
+fn largest(image: &Image, mask: &Mask, rect: Rect) -> f32 {
+    let texels = (rect.y0..rect.y1).flat_map(|y| y * mask.width + rect.x0..y * mask.width + rect.x1);
+    texels.filter(|&i| mask.valid[i]).flat_map(|i| image.texels[i]).fold(0.0, f32::max)
 }
 
 /// PSNR of a tile whose decoded texels went through [`to_rgbe`].
@@ -339,6 +348,7 @@ mod tests {
             noise_ceiling_db: None,
             relative_error: mse.sqrt(),
             psnr_log_db: psnr.map(|db| db - 3.0),
+            largest: 2.0 * mse.sqrt() as f32,
         }
     }
 

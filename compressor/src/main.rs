@@ -46,8 +46,9 @@ Keys of the --json object (null where there is none):
   pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
   bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle
   seam_ratio             error of the step between neighbouring texels, across tile borders / inside tiles
-  between_pooled_db      psnr_pooled_db halfway between sets against light linear between them; or against a withheld bake
-  between_linear_pooled_db  of that linear light, against the withheld bake
+  between_median_db      psnr_pooled_db of moments between sets against light linear between them, or against a withheld bake: the
+                         median; between_worst_db the least
+  between_linear_median_db  of that linear light, against the withheld bake
   hours                  a list of hour, psnr_db, noise_ceiling_db, psnr_log_db, relative_error, dark_relative_error
   tiles, seconds         tiles of the bundle, wall-clock seconds
   bundle, report         paths written (compress only)
@@ -252,6 +253,7 @@ fn judge(
     console: &Console,
 ) -> Result<()> {
     let start = Instant::now();
+    csv.as_ref().map_or(Ok(()), |path| expect_extension(path, "csv", "--csv"))?;
     let dataset = Dataset::open(&root)?;
     let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
     let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
@@ -260,6 +262,9 @@ fn judge(
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
     let evaluation = evaluate(&dataset, withheld.as_ref(), &decoder, console)?;
+    if withheld.is_some() && evaluation.between.is_none() {
+        console.warn("--withheld: none of its hours lies between sets that the bundle interpolates; nothing to judge there");
+    }
     print(&evaluation, console);
     if let Some(path) = csv {
         evaluation.write_csv(&path)?;

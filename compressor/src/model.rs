@@ -354,18 +354,6 @@ pub fn gelu(x: f32) -> f32 {
     x * (0.5 + y * p)
 }
 
-/// The derivative of [`gelu`]: `½ + y P(y²) + y (P(y²) + 2 y² P′(y²))`, which is 0 or 1 beyond ±[`GELU_BOUND`].
-#[inline(always)]
-pub fn gelu_derivative(x: f32) -> f32 {
-    let y = x.clamp(-GELU_BOUND, GELU_BOUND);
-    let [p0, p1, p2, p3, p4, p5] = GELU_COEFFICIENTS;
-    let s = y * y;
-    let p = ((((p5 * s + p4) * s + p3) * s + p2) * s + p1) * s + p0;
-    // The derivative of y P(y²) is Σ (2 k + 1) p_k y^(2 k); it vanishes at the bound.
-    let d = ((((11.0 * p5 * s + 9.0 * p4) * s + 7.0 * p3) * s + 5.0 * p2) * s + 3.0 * p1) * s + p0;
-    0.5 + y * (p + d)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -383,26 +371,14 @@ mod tests {
 
     #[test]
     fn gelu_is_close_to_the_exact_one() {
-        let mut worst = (0.0f64, 0.0f64);
+        let mut worst = 0.0f64;
         for i in (-16_000..=16_000).filter(|i| *i != 0) {
             let x = f64::from(i) / 2000.0;
             let cdf = normal_distribution(x);
-            let pdf = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
-            worst.0 = worst.0.max((f64::from(gelu(x as f32)) - x * cdf).abs());
-            worst.1 = worst.1.max((f64::from(gelu_derivative(x as f32)) - (cdf + x * pdf)).abs());
+            worst = worst.max((f64::from(gelu(x as f32)) - x * cdf).abs());
         }
-        assert!(worst.0 < 5e-4, "{}", worst.0);
-        assert!(worst.1 < 6e-3, "{}", worst.1);
+        assert!(worst < 5e-4, "{worst}");
         assert_eq!(gelu(0.0), 0.0);
         assert!((gelu(50.0) - 50.0).abs() < 1e-4 && gelu(-50.0).abs() < 1e-4);
-    }
-
-    #[test]
-    fn gelu_derivative_is_the_slope() {
-        for i in -500..=500 {
-            let (x, h) = (i as f32 / 100.0, 1e-2);
-            let slope = (gelu(x + h) - gelu(x - h)) / (2.0 * h);
-            assert!((slope - gelu_derivative(x)).abs() < 6e-4, "{x}: {slope} {}", gelu_derivative(x));
-        }
     }
 }

@@ -10,7 +10,6 @@ use dataset::report::Section;
 use dataset::report::plot::Plot;
 use dataset::report::preview::{exposure, tone_mapped_png};
 use dataset::store::Dataset;
-use dataset::tiles::TILE;
 use std::collections::BTreeMap;
 
 /// Hours whose nearest sets are shown decoded beside the reference: morning, noon, right after an evening switch, midnight.
@@ -100,7 +99,7 @@ pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
         .iter()
         .take(8)
         .map(|(db, s)| {
-            let place = format!("({}, {})", s.rect.x0 / TILE, s.rect.y0 / TILE);
+            let place = format!("{}–{}, {}–{}", s.rect.x0, s.rect.x1, s.rect.y0, s.rect.y1);
             let ceiling = s.noise_ceiling_db.map_or("–".to_owned(), |db| format!("{db:.2}"));
             let hour = evaluation.by_hour[s.set].0;
             vec![
@@ -114,7 +113,7 @@ pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
         })
         .collect();
     section.subheading("The worst tiles");
-    section.table(&["hour", "page", "tile", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
+    section.table(&["hour", "page", "texels x, y", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
     section
 }
 

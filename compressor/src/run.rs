@@ -28,6 +28,9 @@ pub struct Judged {
 /// As [`compress`] and [`evaluate`].
 pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> Result<Judged> {
     let outcome = compress(root, options, console)?;
+    if outcome.resumed > 0 {
+        console.say(format!("{} of {} tiles taken over from an earlier run", outcome.resumed, outcome.tiles));
+    }
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle)?;
     let evaluation = evaluate(&dataset, None, &decoder, console)?;
@@ -52,7 +55,8 @@ fn missed(rate: Rate, evaluation: &Evaluation) -> Option<String> {
         Rate::Psnr(target) => {
             let reached = evaluation.all.psnr_pooled_db.filter(|db| *db < target - NEAR_DB)?;
             Some(format!(
-                "--target-psnr {target}: {reached:.2} dB were reached; more steps, a higher target, or --profile H may come closer"
+                "--target-psnr {target}: {reached:.2} dB were reached, less than brief trials foretold, or the most that the dearest of \
+                 them give"
             ))
         }
         Rate::Bpp(target) if evaluation.bpp > target => Some(format!(

@@ -4,7 +4,7 @@
 
 use crate::Result;
 use crate::grid::mirrored;
-pub use crate::grid::{Grid, Place};
+use crate::grid::{Grid, Place};
 use crate::model::BORDER;
 use dataset::image::Mask;
 use dataset::store::Dataset;
@@ -15,8 +15,10 @@ use std::sync::Arc;
 /// Texels around a valid one that filtering near a chart's edge may read.
 pub const GUTTER: usize = 2;
 
-/// A light group whose light (RMS) is below this share of every set's does not light a tile.
+/// A light group whose light is below this share of every set's, RMS over the tile, does not light it,
 const TRIFLE: f64 = 1e-3;
+/// unless it is above this share in some texel.
+const TRIFLE_ANYWHERE: f32 = 0.01;
 
 /// How much a stored texel counts in training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,12 +141,6 @@ impl Band {
         Ok(Band { grid, page, row, hours, coverage: coverage(mask, rows.clone()), rows, sets, groups })
     }
 
-    /// The band's places, left to right.
-    pub fn places(&self) -> impl Iterator<Item = Place> + use<> {
-        let (page, row) = (self.page, self.row);
-        (0..self.grid.columns()).map(move |column| Place { page, column, row })
-    }
-
     /// Cuts out one tile. Past the page's edge texels are mirrored; filler past the border is never read, so it is `Outside`.
     pub fn tile(&self, column: usize) -> TileSource {
         let (width, height) = self.grid.stored(column, self.row);
@@ -171,7 +167,7 @@ impl Band {
         TileSource { width, height, hours: self.hours.clone(), coverage, sets, gates }
     }
 
-    /// Whether a group's light is more than a trifle of some set's, over the valid texels of a tile. Without the group's own
+    /// Whether a group's light is more than a trifle of some set's, over the valid texels of a tile or in one of them. Without the group's own
     /// light: unless two sets between which it alone switches are the same.
     fn lights(&self, gate: &Gate, layer: Option<&[[f32; 3]]>, valid: &[usize]) -> bool {
         let square = |texels: &[[f32; 3]]| -> f64 {
@@ -181,7 +177,12 @@ impl Band {
         match layer {
             Some(layer) => {
                 let own = square(layer);
-                own > 0.0 && on().any(|k| own > TRIFLE * TRIFLE * square(&self.sets[k]))
+                let somewhere = |set: &[[f32; 3]]| {
+                    valid.iter().any(|&i| (0..3).any(|c| layer[i][c] > TRIFLE_ANYWHERE * set[i][c]))
+                };
+                let lights =
+                    |k: usize| own > TRIFLE * TRIFLE * square(&self.sets[k]) || somewhere(&self.sets[k]);
+                own > 0.0 && on().any(lights)
             }
             None => {
                 let alone = |a: usize, b: usize| {
@@ -262,6 +263,17 @@ mod tests {
         let layer = |left: f32, right: f32| Some(set(left, right).to_vec());
         band.groups = vec![(first.clone(), layer(0.01, 0.0)), (second.clone(), layer(1e-4, 0.5))];
         assert_eq!((groups(&band, 0), groups(&band, 2)), (vec![3], vec![5]));
+        // Or by one texel, however bright others are.
+        let spot = |i: usize| [if i == 40 { 0.1 } else { 0.0 }; 3];
+        let bright = |i: usize| [if i == 41 { 1e6 } else { 2.0 }; 3];
+        let sets = std::mem::replace(
+            &mut band.sets,
+            (0..4).map(|_| Arc::new((0..6000).map(bright).collect())).collect(),
+        );
+        band.groups =
+            vec![(first.clone(), Some((0..6000).map(spot).collect())), (second.clone(), layer(0.001, 0.0))];
+        assert_eq!(groups(&band, 0), [3]);
+        band.sets = sets;
         // Without it, by what happens where one switches alone.
         band.groups = vec![(first, None), (second, None)];
         assert_eq!((groups(&band, 0), groups(&band, 2)), (vec![3], vec![5]));
@@ -274,11 +286,11 @@ mod tests {
             let grid = Grid { width, height };
             for row in 0..grid.rows() {
                 let band = band(&mask, row);
-                for place in band.places() {
-                    let tile = band.tile(place.column);
-                    let (left, top) = place.origin();
-                    let (own_width, own_height) = grid.payload(place.column, row);
-                    assert_eq!((tile.width, tile.height), grid.stored(place.column, row));
+                for column in 0..grid.columns() {
+                    let tile = band.tile(column);
+                    let (left, top) = Place { page: 0, column, row }.origin();
+                    let (own_width, own_height) = grid.payload(column, row);
+                    assert_eq!((tile.width, tile.height), grid.stored(column, row));
                     for (i, texel) in tile.sets[0].iter().enumerate() {
                         let (x, y) = (i % tile.width, i / tile.width);
                         let expected = [

@@ -109,10 +109,30 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// The time coordinate, those of the sets given: forwards from that of `a` to that of `b`; may pass 1.
-    pub fn tau(&self, taus: &[f64]) -> f64 {
-        taus[self.a] + f64::from(self.fraction) * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
+    /// The time coordinate, those of the sets given, and how bright a tile is at each: forwards from that of `a` to that of `b`, so
+    /// far as `b` has a share of the light. Beside a set a thousand times brighter the picture is that set's almost at once, and
+    /// beside a black one light only fades. May pass 1.
+    pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64) -> f64 {
+        let along = light_share(self.fraction.into(), brightness(self.a), brightness(self.b));
+        taus[self.a] + along * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
     }
+}
+
+/// The second set's share of the light at a fraction of the way between two sets; the fraction itself where both are black.
+fn light_share(fraction: f64, a: f64, b: f64) -> f64 {
+    let (a, b) = ((1.0 - fraction) * a, fraction * b);
+    if a + b > 0.0 { b / (a + b) } else { fraction }
+}
+
+/// The inverse of that: the fraction of the way at which the second of two sets, neither of them black, has this share of the light.
+pub fn fraction_of_share(share: f64, a: f64, b: f64) -> f64 {
+    let (a, b) = (share * a, (1.0 - share) * b);
+    a / (a + b)
+}
+
+/// How bright a set is for [`Moment::tau`]: the sum of its means.
+pub fn brightness(means: &[f32; 3]) -> f64 {
+    means.iter().map(|&mean| f64::from(mean)).sum()
 }
 
 /// Whether a group with these open on-intervals is lit at `hour`. `[0, 24]` (and longer) is always on, midnight included.
@@ -206,7 +226,7 @@ mod tests {
     fn tau(timeline: &Timeline, moment: Moment) -> f64 {
         let length = timeline.hours.len() as u16;
         let axis = Axis { length, places: (0..length).collect() };
-        moment.tau(&timeline.coding.taus(&timeline.hours, &axis))
+        moment.tau(&timeline.coding.taus(&timeline.hours, &axis), |_| 1.0)
     }
 
     fn set(timeline: &Timeline, hour: f64) -> usize {
@@ -270,11 +290,24 @@ mod tests {
         let taus = Coding::Standard.taus(&t.hours, &axis);
         assert_eq!(taus[0], 0.5 / 15.0);
         for hour in [23.5, 0.0, 0.5, 3.3] {
-            assert_eq!(t.at(hour).tau(&taus), 0.5 / 15.0, "{hour}");
+            assert_eq!(t.at(hour).tau(&taus, |_| 1.0), 0.5 / 15.0, "{hour}");
         }
         // Forwards past 1 from the last place to the first.
         let late = Moment { a: 19, b: 20, fraction: 0.75 };
-        assert!((late.tau(&taus) - (14.5 + 0.75) / 15.0).abs() < 1e-12);
+        assert!((late.tau(&taus, |_| 1.0) - (14.5 + 0.75) / 15.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_time_coordinate_goes_with_the_light() {
+        let moment = |fraction: f32| Moment { a: 0, b: 1, fraction };
+        let tau = |fraction: f32, light: [f64; 2]| moment(fraction).tau(&[0.25, 0.75], |set| light[set]);
+        // Beside a black set that of the lit one; a thousandth of the way to a set a thousand times as bright, halfway.
+        assert_eq!([tau(0.01, [0.0, 2.0]), tau(0.99, [2.0, 0.0]), tau(0.5, [0.0, 0.0])], [0.75, 0.25, 0.5]);
+        assert!((tau(0.001, [1.0, 999.0]) - 0.5).abs() < 1e-6);
+        for (share, a, b) in [(0.5, 1.0, 1.0), (1.0 / 3.0, 1e-8, 1.0), (0.7, 3.0, 1e9)] {
+            let fraction = fraction_of_share(share, a, b);
+            assert!((0.0..1.0).contains(&fraction) && (light_share(fraction, a, b) - share).abs() < 1e-12);
+        }
     }
 
     #[test]

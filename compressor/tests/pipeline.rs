@@ -325,18 +325,19 @@ fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
     let judged = between(Some(&withheld));
     let expected = -10.0 * ((1.0 / 9.0f64).powi(2) / 3.0 / 4.0).log10();
     assert_eq!(judged.moments, 1);
-    assert!((judged.linear_pooled_db.unwrap() - expected).abs() < 0.01, "{judged:?} {expected}");
-    assert!((judged.pooled_db - expected).abs() < 0.5, "{judged:?} {expected}");
-    // Not at midnight: the lamp is on then.
+    assert!((judged.linear_median_db.unwrap() - expected).abs() < 0.01, "{judged:?} {expected}");
+    assert!((judged.median_db - expected).abs() < 0.5, "{judged:?} {expected}");
+    assert_eq!(judged.worst, (judged.median_db, 12.0));
+    // At 10 h and 14 h. Not at midnight: the lamp is on then.
     let judged = between(None);
-    assert_eq!((judged.moments, judged.linear_pooled_db), (1, None));
-    assert!((35.0..90.0).contains(&judged.pooled_db), "{judged:?}");
+    assert_eq!((judged.moments, judged.linear_median_db), (2, None));
+    assert!((35.0..90.0).contains(&judged.worst.0) && judged.worst.0 <= judged.median_db, "{judged:?}");
     // A bake of other pages is none of this scene.
     let small = folder.path().join("small");
     Scene { width: 39, ..scene(&[12.0]) }.write(&small);
     let small = Dataset::open(&small).unwrap();
     let message = evaluate(&dataset, Some(&small), &decoder, &Console::silent()).unwrap_err().to_string();
-    assert!(message.contains("small") && message.contains("(39, 40)"), "{message}");
+    assert!(message.contains("small") && message.contains("39 × 40"), "{message}");
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub struct Payload {
     pub bytes: Vec<u8>,
 }
 
-/// The block that a map may leave out: all texels 128, the middle, so that what nothing reads decodes to no extreme.
+/// The block that a map may leave out: [`bc7::GREY`].
 const GREY: [u8; 16] = [0x40, 0x20, 0x10, 0x08, 0x04, 0x02, 0x81, 0x40, 0, 0, 0, 0, 0, 0, 0, 0];
 
 /// The word's bit that says that F_uv (map 0) or F_uvt (map 1) leaves out its grey blocks.

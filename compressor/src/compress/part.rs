@@ -1,4 +1,4 @@
-//! The work folder `<bundle>.part/`: one file per finished tile, named by what decided it.
+//! The work folder `<bundle>.part/`: one file per finished tile and per finished list of trials, named by what decided it.
 
 use super::beside;
 use crate::bundle::{self, Payload};

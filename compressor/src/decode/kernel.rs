@@ -31,7 +31,7 @@ pub(super) struct Folded<'a> {
     pub w_lines: Vec<[f32; EXPANDED]>,
     /// Per row of texels: the two rows of F_uvt around it, and the second's share.
     pub across: Vec<(usize, usize, f32)>,
-    /// First layer's share of F_vt, γ and the bias: by row of texels, unit.
+    /// First layer's share of F_vt, γ, the gates and the bias: by row of texels, unit.
     pub rows: Vec<f32>,
     /// First layer's weights of F_uv, by unit.
     pub w_uv: Vec<[f32; 4]>,

@@ -1,4 +1,4 @@
-//! A tile unpacked for decoding whole: what depends on the time alone is folded once per tile.
+//! A tile unpacked for decoding whole: what depends on the time alone is folded once per moment.
 
 use super::kernel::{self, EXPANDED, Folded, LANES};
 use super::{clamped, lerp, means_at, periodic, tau_at};

@@ -1,7 +1,7 @@
 //! Quality between the sets: at hours of which the bundle has none.
 //!
 //! What light does there only another bake can tell, the *withheld* one: the same scene at other hours. Without it the decoder is
-//! compared with light that goes linearly from set to set, halfway.
+//! compared with light that goes linearly from set to set, a quarter and three quarters of the way, where training does not look.
 
 use crate::decode::Decoder;
 use crate::time::Moment;
@@ -12,13 +12,15 @@ use dataset::metrics;
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 
-/// Pooled PSNR between sets, as [`super::Quality::psnr_pooled_db`]: a mean of decibels would tell of the quietest hours.
+/// PSNR between sets, each moment's pooled over its texels: from the mean squared error relative to the tile's peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
-    /// Of the decoder.
-    pub pooled_db: f64,
-    /// Of light linear between the dataset's uncompressed sets, against a withheld bake; without one it is the reference.
-    pub linear_pooled_db: Option<f64>,
+    /// Of the decoder: the median over the moments. (A mean would tell of the quietest ones, or of the worst one.)
+    pub median_db: f64,
+    /// The worst moment's, and its hour.
+    pub worst: (f64, f64),
+    /// The median of light linear between the dataset's uncompressed sets, against a withheld bake; without one it is the reference.
+    pub linear_median_db: Option<f64>,
     /// Moments judged.
     pub moments: usize,
 }
@@ -27,7 +29,7 @@ pub struct Between {
 /// of them, or does not change.
 ///
 /// # Errors
-/// [`Error::Invalid`] where a withheld bake has other pages; [`Error::Io`]; [`Error::Interrupted`].
+/// [`Error::Invalid`] where a withheld bake is of another scene or has other pages; [`Error::Io`]; [`Error::Interrupted`].
 pub fn between(
     dataset: &Dataset,
     withheld: Option<&Dataset>,
@@ -37,7 +39,7 @@ pub fn between(
     let pages = dataset.config.pages.len();
     let mut masks = (0..pages).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     if let Some(withheld) = withheld {
-        check_pages(dataset, withheld)?;
+        check_kind(dataset, withheld)?;
         // More hours light a few texels more.
         for (page, mask) in masks.iter_mut().enumerate() {
             let also = withheld.mask(page)?.valid;
@@ -46,11 +48,11 @@ pub fn between(
     }
     let moments = moments(dataset, withheld, decoder);
     let progress = console.progress("between sets", (moments.len() * pages) as u64);
-    let (mut of_decoder, mut of_linear) = (Pool::default(), Pool::default());
+    let mut pools: Vec<[Pool; 2]> = moments.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
         let rects = tiles(mask.width, mask.height, TILE);
         let mut sets = Sets { dataset, page, recent: Vec::new() };
-        for &(hour, moment, index) in &moments {
+        for (&(hour, moment, index), [of_decoder, of_linear]) in moments.iter().zip(&mut pools) {
             stop_if_interrupted()?;
             let linear = sets.linear(&moment)?;
             let decoded = decoder.decode_page(page, hour)?;
@@ -65,15 +67,26 @@ pub fn between(
             progress.advance(1);
         }
     }
-    Ok(of_decoder.db().map(|pooled_db| Between {
-        pooled_db,
-        linear_pooled_db: of_linear.db(),
-        moments: moments.len(),
+    let hours = moments.iter().map(|(hour, ..)| *hour);
+    let decoded: Vec<(f64, f64)> =
+        pools.iter().zip(hours).filter_map(|(pools, hour)| Some((pools[0].db()?, hour))).collect();
+    let worst = decoded.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(worst.map(|worst| Between {
+        median_db: median(decoded.iter().map(|(db, _)| *db).collect()).unwrap_or(worst.0),
+        worst,
+        linear_median_db: median(pools.iter().filter_map(|pools| pools[1].db()).collect()),
+        moments: decoded.len(),
     }))
 }
 
-/// The moments to judge where light is interpolated: hours that only the withheld bake has, with its set; or halfway between sets
-/// that are not the same images.
+/// The lower median; nothing of nothing.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len().saturating_sub(1) / 2).copied()
+}
+
+/// The moments to judge where light is interpolated: hours that only the withheld bake has, with its set; or a quarter and three
+/// quarters of the way between sets that are not the same images.
 fn moments(
     dataset: &Dataset,
     withheld: Option<&Dataset>,
@@ -87,7 +100,10 @@ fn moments(
         None => {
             let n = timeline.hours.len();
             let next = |k: usize| timeline.hours[(k + 1) % n] + if k + 1 == n { 24.0 } else { 0.0 };
-            (0..n).map(|k| (crate::time::fold_hour((timeline.hours[k] + next(k)) / 2.0), None)).collect()
+            let way = |k: usize| {
+                [0.25, 0.75].map(|share| timeline.hours[k] + share * (next(k) - timeline.hours[k]))
+            };
+            (0..n).flat_map(way).map(|hour| (crate::time::fold_hour(hour), None)).collect()
         }
     };
     let files = |k: usize| dataset.config.sets[k].maps.iter().map(|map| &map.file.blake3);
@@ -98,16 +114,18 @@ fn moments(
     hours.iter().filter_map(judged).collect()
 }
 
-/// An error unless both have pages of the same sizes.
-fn check_pages(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
-    let sizes = |dataset: &Dataset| -> Vec<(u32, u32)> {
-        dataset.config.pages.iter().map(|page| (page.width, page.height)).collect()
+/// An error unless both are of one scene, in one unit, with pages of the same sizes.
+fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
+    let kind = |dataset: &Dataset| {
+        let pages = dataset.config.pages.iter().map(|page| format!("{} × {}", page.width, page.height));
+        let (scene, unit) = (&dataset.config.scene, &dataset.config.unit);
+        format!("scene {scene}, in {unit}, pages {}", pages.collect::<Vec<_>>().join(", "))
     };
-    let (found, expected) = (sizes(withheld), sizes(dataset));
+    let (found, expected) = (kind(withheld), kind(dataset));
     if found == expected {
         return Ok(());
     }
-    let what = format!("has pages {found:?}; expected those of {}, {expected:?}", dataset.root.display());
+    let what = format!("{found}; expected that of {}: {expected}", dataset.root.display());
     Err(Error::invalid(withheld.root.display(), what))
 }
 

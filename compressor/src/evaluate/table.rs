@@ -118,14 +118,18 @@ impl Evaluation {
                 ranges.collect::<Vec<_>>().join(", ")
             ));
         }
-        if let Some(Between { pooled_db, linear_pooled_db, moments }) = self.between {
-            remarks.push(match linear_pooled_db {
+        if let Some(Between { median_db, worst, linear_median_db, moments }) = self.between {
+            let (worst, hour) = worst;
+            let decoder = format!(
+                "the decoder has {median_db:.2} dB, pooled, in the median (least {worst:.2} dB at {hour:.2} h)"
+            );
+            remarks.push(match linear_median_db {
                 None => format!(
-                    "halfway between sets ({moments} moments) the decoder has {pooled_db:.2} dB, pooled, against light interpolated linearly from set to set"
+                    "between sets, at {moments} moments: {decoder} against light interpolated linearly from set to set"
                 ),
                 Some(linear) => format!(
-                    "at {moments} moments between sets the decoder has {pooled_db:.2} dB, pooled, against the withheld bake; light interpolated \
-                     linearly between the uncompressed sets has {linear:.2} dB"
+                    "between sets, at {moments} moments of the withheld bake: {decoder}; light interpolated linearly between the \
+                     uncompressed sets has {linear:.2} dB"
                 ),
             });
         }
@@ -191,8 +195,9 @@ impl Evaluation {
             "bpp": self.bpp,
             "bytes": self.bytes,
             "seam_ratio": self.seam_ratio,
-            "between_pooled_db": self.between.map(|between| between.pooled_db),
-            "between_linear_pooled_db": self.between.and_then(|between| between.linear_pooled_db),
+            "between_median_db": self.between.map(|between| between.median_db),
+            "between_worst_db": self.between.map(|between| between.worst.0),
+            "between_linear_median_db": self.between.and_then(|between| between.linear_median_db),
             "hours": hours,
         })
     }

@@ -7,8 +7,8 @@
     reason = "rows and columns of small matrices, as the formulas index them"
 )]
 
-use super::lanes::{Lanes, Quad};
 use crate::bc7::{Mode6, WEIGHTS, palette};
+use crate::lanes::{Lanes, Quad};
 
 /// A symmetric 4×4 matrix.
 pub type Matrix = [Quad; 4];
@@ -94,10 +94,7 @@ impl Wanted {
                 std::array::from_fn(|c| endpoints[0][c] + w * (endpoints[1][c] - endpoints[0][c]))
             });
             let (indices, _) = self.select(&values);
-            match self.least_squares(&indices, &endpoints) {
-                Some(better) => endpoints = better,
-                None => break,
-            }
+            endpoints = self.least_squares(&indices, &endpoints);
         }
         let (mut best, mut least) = (Mode6 { endpoints: [[0; 4]; 2], indices: [0; 16] }, f32::INFINITY);
         for candidate in rounded(&endpoints) {
@@ -137,9 +134,9 @@ impl Wanted {
         }
     }
 
-    /// The endpoints of least cost for given indices; `None` where they are not determined.
+    /// The endpoints of least cost for given indices.
     #[inline(always)]
-    fn least_squares(&self, indices: &[u8; 16], near: &[Quad; 2]) -> Option<[Quad; 2]> {
+    fn least_squares(&self, indices: &[u8; 16], near: &[Quad; 2]) -> [Quad; 2] {
         let mut system = System::default();
         for q in 0..16 {
             let w = f32::from(WEIGHTS[usize::from(indices[q])]) / 64.0;
@@ -153,7 +150,7 @@ impl Wanted {
         // A weak pull to the present endpoints decides what the texels leave open.
         system.damp(1e-4, near);
         let e = system.solve_within(near, 0.0, 255.0);
-        Some([0, 4].map(|k| std::array::from_fn(|c| e[k + c])))
+        [0, 4].map(|k| std::array::from_fn(|c| e[k + c]))
     }
 }
 

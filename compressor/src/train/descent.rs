@@ -8,9 +8,9 @@
 
 use super::blocks::{System, add_outer, dot, rounded, times, values};
 use super::kernel::Kernel;
-use super::lanes::{Lanes, Quad};
 use super::problem::{Pair, Problem};
 use crate::bc7::{Mode6, WEIGHTS, palette};
+use crate::lanes::{Lanes, Quad};
 
 /// √w J with respect to F_uvt's four features, in 8-bit steps, and √w r, of one sample.
 #[derive(Clone, Copy, Debug, Default)]

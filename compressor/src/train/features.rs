@@ -1,11 +1,11 @@
 //! The learned parameters, the feature maps made of them, and the way back of the gradient.
 //!
 //! F_uv and each slice of F_uvt are blocks of 4×4 texels between two endpoints, `f = e₀ + w (e₁ − e₀)` (paper, eq. 7).
-//! The maps hold *centred* values, c(f) = 3 (f − ½), block by block; planes are held as sampled at every (set, column).
+//! The maps hold *centred* values, c(f) = 3 (f − ½), block by block; planes are held as sampled at every (moment, column).
 
-use super::lanes::{Lanes, Quad};
 use super::problem::{Problem, Site};
 use super::random::Random;
+use crate::lanes::{Lanes, Quad};
 use crate::model::{STORED, Shape};
 use std::ops::Range;
 

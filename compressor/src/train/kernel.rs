@@ -1,11 +1,11 @@
 //! The loops over samples and parameters, compiled once per instruction set.
 
 use super::features::{Layout, Maps};
-#[cfg(target_arch = "x86_64")]
-use super::lanes::{Avx2, Avx512};
-use super::lanes::{Instructions, Lanes, Quad, Tier, prefetch};
-use super::network::{BLOCK, INPUTS, Network, NetworkGradient, Rows, Trace};
+use super::network::{BLOCK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
 use super::problem::Problem;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::{Avx2, Avx512};
+use crate::lanes::{Instructions, Lanes, Quad, Tier, prefetch};
 use crate::model::{FEATURES, Shape};
 
 /// Largest loss weight of a sample's channel.
@@ -90,7 +90,7 @@ pub struct Gradient<const H: usize> {
 /// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile has.
 #[derive(Clone, Debug)]
 pub struct Noise {
-    rows: Vec<[f32; INPUTS]>,
+    rows: Vec<[f32; FEATURE_ROW]>,
 }
 
 impl Noise {
@@ -111,7 +111,7 @@ impl Noise {
     }
 
     #[inline(always)]
-    fn run(&self, salt: u64) -> &[[f32; INPUTS]] {
+    fn run(&self, salt: u64) -> &[[f32; FEATURE_ROW]] {
         let start = (salt.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 54) as usize % Self::ROWS;
         &self.rows[start..start + BLOCK]
     }
@@ -148,7 +148,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
             gather(self.problem, self.maps, samples, &mut x);
             if let Some((noise, salt)) = self.noise {
                 for (x, n) in x.iter_mut().zip(noise.run(salt.wrapping_add(b as u64))) {
-                    for lane in (0..INPUTS).step_by(V::N) {
+                    for lane in (0..FEATURE_ROW).step_by(V::N) {
                         V::load(&x[lane..]).add(V::load(&n[lane..])).store(&mut x[lane..]);
                     }
                 }
@@ -195,7 +195,7 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
 
 /// The features of a block of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
 #[inline(always)]
-fn gather(problem: &Problem, maps: &Maps, samples: &Samples, x: &mut Rows<INPUTS>) {
+fn gather(problem: &Problem, maps: &Maps, samples: &Samples, x: &mut Rows<FEATURE_ROW>) {
     let moment = &problem.moments[samples.moment];
     let has = &problem.shape.contents;
     let line = |plane: &[[f32; 2]], side: usize| samples.moment * side.min(plane.len());
@@ -229,7 +229,7 @@ fn gather(problem: &Problem, maps: &Maps, samples: &Samples, x: &mut Rows<INPUTS
 
 /// The way back of [`gather`].
 #[inline(always)]
-fn scatter(problem: &Problem, samples: &Samples, dx: &Rows<INPUTS>, maps: &mut Maps, scope: Scope) {
+fn scatter(problem: &Problem, samples: &Samples, dx: &Rows<FEATURE_ROW>, maps: &mut Maps, scope: Scope) {
     let moment = &problem.moments[samples.moment];
     let has = &problem.shape.contents;
     let (first_ut, first_vt) = (
@@ -359,7 +359,7 @@ pub struct Linearised {
     /// Three channels and a zero.
     pub y: Rows<4>,
     /// ∂y_c/∂x
-    pub jacobian: [Rows<INPUTS>; 3],
+    pub jacobian: [Rows<FEATURE_ROW>; 3],
 }
 
 /// Linearises the decoder on blocks of samples and hands each to a function.

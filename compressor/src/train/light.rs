@@ -10,8 +10,8 @@ pub const LEAST_MEAN_OF_PEAK: f64 = 0.01;
 const LEAST_MEAN_OF_CHANNELS: f64 = 0.003;
 /// Sets share a place on the time axis where their outputs (about 1 in the mean) differ by no more than this (RMS): 0.2 % in light.
 const ALIKE: f64 = 1e-3;
-/// And by no more than this in any texel.
-const ALIKE_ANYWHERE: f64 = 0.02;
+/// And in no texel by more than this share of its own output: 2 % of its light, however dim beside the tile's brightest.
+const ALIKE_ANYWHERE: f64 = 0.01;
 
 /// The light of a tile, surveyed.
 #[derive(Clone, Debug)]
@@ -117,16 +117,16 @@ fn axis(source: &TileSource, valid: &[usize], means: &[[f32; 3]]) -> (Axis, usiz
     };
     // RMS over texels and channels, and whether two sets look alike.
     let compare = |a: usize, b: usize| {
-        let (mut sum, mut largest) = (0.0, 0.0f64);
+        let (mut sum, mut alike) = (0.0, true);
         for &i in valid {
             for c in 0..3 {
-                let difference = output(a, i, c) - output(b, i, c);
-                sum += difference * difference;
-                largest = largest.max(difference.abs());
+                let (a, b) = (output(a, i, c), output(b, i, c));
+                sum += (a - b) * (a - b);
+                alike &= (a - b).abs() <= ALIKE_ANYWHERE * a.max(b);
             }
         }
         let rms = (sum / (3 * valid.len()) as f64).sqrt();
-        (rms, rms <= ALIKE && largest <= ALIKE_ANYWHERE)
+        (rms, alike && rms <= ALIKE)
     };
     // Of a difference that a gate tells, a part counts.
     let share = |a: usize, b: usize| match source.gates.iter().any(|gate| gate.on[a] != gate.on[b]) {

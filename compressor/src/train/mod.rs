@@ -17,7 +17,7 @@ mod tests;
 
 pub use trial::{Trial, gain, trials};
 
-use crate::lanes::{self, Tier};
+use crate::lanes::Tier;
 use crate::model::{Contents, Profile, Shape, TileParams};
 use crate::tile::TileSource;
 use crate::time::Coding;
@@ -62,9 +62,10 @@ impl Recipe {
 pub struct Point {
     /// Steps done.
     pub iteration: usize,
-    /// CPU seconds this tile has taken so far.
+    /// CPU seconds since this attempt began.
     pub seconds: f64,
-    /// PSNR of the float model, mean over the tile's sets, peak = the set's largest valid value.
+    /// PSNR of the model as it is then (towards the end quantised), mean over the tile's sets, over some 2000 of its valid texels;
+    /// peak = the set's largest valid value.
     pub psnr_db: f64,
 }
 

@@ -3,16 +3,16 @@
 //! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
 //! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
 
-use super::lanes::{Lanes, Quad};
 use super::problem::{Moment, Problem};
+use crate::lanes::{Lanes, Quad};
 use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use std::ops::Range;
 
-/// Samples per block; all of one block belong to one set.
+/// Samples per block; all of one block belong to one moment.
 pub const BLOCK: usize = 32;
 
 /// Length of a row of features: V_uvt, V_uv, V_ut, V_vt, zeros. What the tile does not have is zero.
-pub const INPUTS: usize = 16;
+pub const FEATURE_ROW: usize = 16;
 /// Where those of [`Shape::columns`] that are features stand in a row.
 const AT: [usize; 4] = [0, 4, 8, 10];
 
@@ -48,7 +48,7 @@ impl<const N: usize> std::ops::DerefMut for Rows<N> {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Network<const H: usize> {
-    w1: [[f32; INPUTS]; H],
+    w1: [[f32; FEATURE_ROW]; H],
     w1_t: [[f32; H]; FEATURES],
     /// Per moment: b₁ and what γ and the gates add to it.
     biases: Vec<[f32; H]>,
@@ -66,7 +66,7 @@ pub struct Network<const H: usize> {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct NetworkGradient<const H: usize> {
-    w1: [[f32; INPUTS]; H],
+    w1: [[f32; FEATURE_ROW]; H],
     /// Per moment.
     biases: Vec<[f32; H]>,
     w2: [[f32; H]; H],
@@ -97,7 +97,7 @@ impl<const H: usize> Network<H> {
         let inputs = problem.shape.inputs();
         let (features, time) = columns(&problem.shape);
         let [stored, b1, w2, b2, w3, b3] = problem.shape.split_mlp(flat);
-        let mut w1 = [[0.0; INPUTS]; H];
+        let mut w1 = [[0.0; FEATURE_ROW]; H];
         for (j, row) in w1.iter_mut().enumerate() {
             for (at, columns) in AT.into_iter().zip(&features) {
                 row[at..at + columns.len()].copy_from_slice(&stored[j * inputs..][columns.clone()]);
@@ -126,7 +126,7 @@ impl<const H: usize> Network<H> {
 
     /// y (three channels and a zero) of a block of inputs at a moment.
     #[inline(always)]
-    pub fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
+    pub fn forward<V: Lanes>(&self, x: &Rows<FEATURE_ROW>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
         first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[moment], &mut trace.h1);
         gelu::<V, H>(&mut trace.h1, &mut trace.slope1);
@@ -143,12 +143,12 @@ impl<const H: usize> Network<H> {
     #[inline(always)]
     pub fn backward<V: Lanes>(
         &self,
-        x: &Rows<INPUTS>,
+        x: &Rows<FEATURE_ROW>,
         moment: usize,
         trace: &Trace<H>,
         dy: &Rows<4>,
         gradient: &mut NetworkGradient<H>,
-        dx: Option<&mut Rows<INPUTS>>,
+        dx: Option<&mut Rows<FEATURE_ROW>>,
     ) {
         let (mut d2, mut d1) = (Rows::new(), Rows::new());
         // ∂W₃ = dyᵀ h₂, ∂b₃ = Σ dy
@@ -162,24 +162,24 @@ impl<const H: usize> Network<H> {
         // d₁ = (W₂ᵀ d₂) ∘ gelu′
         product::<V, H, H>(&d2, &self.w2, None, &mut d1);
         scale::<V, H>(&mut d1, &trace.slope1);
-        outer::<V, 8, H, INPUTS>(&d1, x, &mut gradient.w1);
+        outer::<V, 8, H, FEATURE_ROW>(&d1, x, &mut gradient.w1);
         column_sums::<V, H>(&d1, &mut gradient.biases[moment]);
         // dx = W₁ᵀ d₁
         if let Some(dx) = dx {
-            product::<V, H, INPUTS>(&d1, &self.w1, None, dx);
+            product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, dx);
         }
     }
 
     /// ∂y_c/∂x for the three channels c.
     #[inline(always)]
-    pub fn jacobian<V: Lanes>(&self, trace: &Trace<H>, jacobian: &mut [Rows<INPUTS>; 3]) {
+    pub fn jacobian<V: Lanes>(&self, trace: &Trace<H>, jacobian: &mut [Rows<FEATURE_ROW>; 3]) {
         let (mut d2, mut d1) = (Rows::new(), Rows::new());
         for (row, dx) in self.w3.iter().zip(jacobian) {
             d2.fill(*row);
             scale::<V, H>(&mut d2, &trace.slope2);
             product::<V, H, H>(&d2, &self.w2, None, &mut d1);
             scale::<V, H>(&mut d1, &trace.slope1);
-            product::<V, H, INPUTS>(&d1, &self.w1, None, dx);
+            product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, dx);
         }
     }
 }
@@ -188,7 +188,7 @@ impl<const H: usize> NetworkGradient<H> {
     /// Zeros.
     pub fn new(moments: usize) -> Self {
         NetworkGradient {
-            w1: [[0.0; INPUTS]; H],
+            w1: [[0.0; FEATURE_ROW]; H],
             biases: vec![[0.0; H]; moments],
             w2: [[0.0; H]; H],
             b2: [0.0; H],
@@ -236,7 +236,7 @@ fn columns(shape: &Shape) -> ([Range<usize>; 4], Range<usize>) {
 /// `out[s] = bias + Σ_i input[s][i] · weights[i]` over the quads of features that are there, eight rows at a time.
 #[inline(always)]
 fn first_layer<V: Lanes, const H: usize>(
-    input: &Rows<INPUTS>,
+    input: &Rows<FEATURE_ROW>,
     weights: &[[f32; H]; FEATURES],
     there: [bool; 3],
     bias: &[f32; H],
@@ -349,10 +349,32 @@ fn gelu<V: Lanes, const N: usize>(rows: &mut Rows<N>, slopes: &mut Rows<N>) {
             let horner = |k: &[V; 6]| {
                 k[5].mul_add(s, k[4]).mul_add(s, k[3]).mul_add(s, k[2]).mul_add(s, k[1]).mul_add(s, k[0])
             };
-            // Φ ≈ ½ + y P(y²), its slope from the same polynomial (model::gelu_derivative).
+            // Φ ≈ ½ + y P(y²), its slope ½ + y P(y²) + y (P(y²) + 2 y² P′(y²)) from the same polynomial; 0 or 1 beyond the bound.
             let cdf = y.mul_add(horner(&p), half);
             x.mul(cdf).store(&mut row[lane..]);
             y.mul_add(horner(&q), cdf).store(&mut slope[lane..]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_activation_is_the_model_s_and_its_slope_that_of_the_activation() {
+        let at = |x: f32| {
+            let (mut rows, mut slopes) = (Rows::<16>::new(), Rows::<16>::new());
+            rows[3][5] = x;
+            gelu::<Quad, 16>(&mut rows, &mut slopes);
+            (rows[3][5], slopes[3][5])
+        };
+        for i in -500..=500 {
+            let (x, h) = (i as f32 / 100.0, 1e-2);
+            let (value, slope) = at(x);
+            assert!((value - crate::model::gelu(x)).abs() < 1e-6, "{x}: {value}");
+            let difference = (at(x + h).0 - at(x - h).0) / (2.0 * h);
+            assert!((difference - slope).abs() < 6e-4, "{x}: {difference} {slope}");
         }
     }
 }

@@ -5,11 +5,11 @@ use super::features::{Layout, Maps};
 use super::kernel::{
     Adam, Batch, Contract, FillMaps, Gradient, Noise, Samples, Scope, SquaredErrors, WEIGHT_CAP, run,
 };
-use super::lanes::Tier;
 use super::network::{BLOCK, Network, NetworkGradient};
 use super::problem::{GUTTER_SHARE, Problem};
 use super::random::Random;
 use crate::Result;
+use crate::lanes::Tier;
 use dataset::console::stop_if_interrupted;
 use dataset::metrics::psnr_db;
 
@@ -267,8 +267,8 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// An epoch visits one of so many samples between sets.
-const BETWEEN_SHARE: usize = 4;
+/// An epoch visits one of so many samples of a moment between sets.
+const BETWEEN_SHARE: usize = 8;
 
 /// Draws batches: every sample of a set once an epoch, in random order; consecutive blocks go round the moments.
 #[derive(Debug, Default)]

@@ -1,12 +1,12 @@
 //! The phases of one tile's training, by either recipe: the float model, its quantisation, fine-tuning in between.
 
 use super::kernel::Scope;
-use super::lanes::Tier;
 use super::optimise::{Step, Trainer, schedule};
 use super::problem::Problem;
 use super::quantise::Blocks;
 use super::{Aim, Point, Recipe, TrainedTile};
 use crate::clock::Clock;
+use crate::lanes::Tier;
 use crate::{Error, Result};
 
 /// Largest learning rate of the main phase, and of the decoder in it.

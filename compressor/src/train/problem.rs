@@ -1,10 +1,10 @@
 //! What the training of one tile is given: its samples' targets and weights, and where each sample reads the maps.
 
-use super::lanes::Quad;
 use super::light::{LEAST_MEAN_OF_PEAK, Light};
+use crate::lanes::Quad;
 use crate::model::Shape;
 use crate::tile::TileSource;
-use crate::time::{Axis, Coding};
+use crate::time::{self, Axis, Coding};
 
 /// An epoch of training visits one of so many gutter texels.
 pub const GUTTER_SHARE: usize = 5;
@@ -130,7 +130,7 @@ impl Problem {
         let taus = coding.taus(&source.hours, &light.axis);
         let spans: Vec<Span> = (0..source.sets.len())
             .filter(|&set| light.peaks[set] > 0.0)
-            .map(|set| Span { from: set, to: set, share: 0.0 })
+            .map(|set| Span { from: set, to: set, fraction: 0.0, share: 0.0 })
             .collect();
         let sets = spans.len();
         let spans: Vec<Span> = spans.into_iter().chain(between(source, light, &taus, &shape)).collect();
@@ -231,19 +231,21 @@ impl Problem {
 struct Span {
     from: usize,
     to: usize,
-    /// Of the set after.
+    /// How far it is from the one to the other in time.
+    fraction: f64,
+    /// The same on the time axis: the share of the light that is the second set's ([`time::fraction_of_share`]).
     share: f64,
 }
 
 impl Span {
     /// Linearly from one set's value to the other's.
     fn mix(&self, from: f32, to: f32) -> f64 {
-        (1.0 - self.share) * f64::from(from) + self.share * f64::from(to)
+        (1.0 - self.fraction) * f64::from(from) + self.fraction * f64::from(to)
     }
 }
 
-/// Moments between neighbouring sets that decoders interpolate between and that do not look alike: the one halfway, and more where
-/// rows or slices would be left that no moment reads.
+/// Moments between neighbouring sets that do not look alike and show the same gates, where decoders may interpolate: at a third and
+/// two thirds of the way on the time axis, and more where rows or slices would be left that no moment reads.
 fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> Vec<Span> {
     let n = source.sets.len();
     // The paper's recipe knows sets alone.
@@ -257,16 +259,20 @@ fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> V
         let joined = source.gates.iter().all(|gate| gate.on[from] == gate.on[to]);
         let lit = light.peaks[from] > 0.0 && light.peaks[to] > 0.0;
         let count = match joined && lit && apart > 0.0 {
-            true => ((apart * finest).ceil() as usize).saturating_sub(1).max(1),
+            true => ((apart * finest).ceil() as usize).saturating_sub(1).max(2),
             false => 0,
         };
-        (1..=count).map(move |i| Span { from, to, share: i as f64 / (count + 1) as f64 })
+        let [a, b] = [from, to].map(|set| time::brightness(&light.means[set]));
+        (1..=count).map(move |i| {
+            let share = i as f64 / (count + 1) as f64;
+            Span { from, to, fraction: time::fraction_of_share(share, a, b), share }
+        })
     };
     (0..n).flat_map(span).collect()
 }
 
 fn moment(span: &Span, taus: &[f64], light: &Light, coding: Coding, shape: &Shape) -> Moment {
-    let Span { from, to, share } = *span;
+    let Span { from, to, share, .. } = *span;
     let tau = taus[from] + share * (taus[to] - taus[from]).rem_euclid(1.0);
     let slice = shape.uvt[0] * shape.uvt[1];
     let slices = periodic(tau, shape.uvt[2]);

@@ -15,10 +15,10 @@ use super::blocks::{Matrix, Wanted, add_outer};
 use super::descent::{Descent, Sample};
 use super::features::{CENTRE_SLOPE, centred};
 use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, Samples, residual, run};
-use super::lanes::{Lanes, Quad};
 use super::network::BLOCK;
 use super::optimise::Trainer;
-use crate::bc7::{Mode6, encode};
+use crate::bc7::{GREY, Mode6, encode};
+use crate::lanes::{Lanes, Quad};
 use crate::model::TileParams;
 use std::ops::Range;
 
@@ -104,8 +104,7 @@ impl<const H: usize> Trainer<H> {
     pub fn store(&self, blocks: &Blocks) -> TileParams {
         let [uv, uvt] = self.problem.blocks_read();
         let stored = |blocks: &[Mode6], read: &[bool]| {
-            let grey = Mode6 { endpoints: [[128; 4]; 2], indices: [0; 16] };
-            blocks.iter().zip(read).map(|(block, read)| encode(if *read { block } else { &grey })).collect()
+            blocks.iter().zip(read).map(|(block, read)| encode(if *read { block } else { &GREY })).collect()
         };
         let plane = |range: &Range<usize>| {
             let (pairs, _) = self.params[range.clone()].as_chunks::<2>();

@@ -150,3 +150,40 @@ fn between_sets_far_apart_light_stays_between_theirs() {
         assert!(worst < 0.06, "{hour} h: {worst} outside");
     }
 }
+
+#[test]
+fn between_moonlight_and_the_sun_neither_outshines_both() {
+    // Moon on the left, ten thousand times dimmer than the sun on the right.
+    let side = |x: usize| 1.0 / (1.0 + (-(x as f32 - 23.5) * 0.4).exp());
+    let light = |k: usize, x: usize, _: usize| match k {
+        6..=18 => [10.0 * side(x) * (1.0 + 0.1 * k as f32) + 1e-4; 3],
+        _ => [1e-3 * (1.0 - side(x)) + 1e-5; 3],
+    };
+    let result = Case::new(48, 48, 24, light).run();
+    for (hour, share) in [(5.005, 0.005), (5.1, 0.1), (5.3, 0.3), (5.5, 0.5), (5.8, 0.8), (5.98, 0.98)] {
+        let page = result.decoder.decode_page(0, hour).unwrap();
+        let (mut sum, mut mean) = (0.0, 0.0);
+        for (i, found) in page.texels.iter().enumerate() {
+            let linear =
+                (1.0 - share) * result.references[5].texels[i][1] + share * result.references[6].texels[i][1];
+            sum += f64::from((found[1] - linear).powi(2));
+            mean += f64::from(linear);
+        }
+        let texels = page.texels.len() as f64;
+        let error = (sum / texels).sqrt() / (mean / texels);
+        assert!(error < 0.08, "{hour} h: {error}");
+    }
+}
+
+#[test]
+fn a_lamp_is_not_lost_beside_a_hot_texel() {
+    // A lamp of half the light of all but one texel, which is a million times as bright.
+    let light = |k: usize, x: usize, y: usize| match (x, y) {
+        (20, 21) => [1e6; 3],
+        _ => [1.0 + if (1..=2).contains(&k) { 0.5 * lamp(x, y) } else { 0.0 }; 3],
+    };
+    let result = Case::new(48, 48, 4, light).hours(&[12.0, 18.1, 20.0, 23.0], &[[18.0, 22.0]]).run();
+    let centre = |k: usize| f64::from(result.decoded[k].texels[28 * 48 + 19][1]);
+    let (on, off) = (centre(1) + centre(2), centre(0) + centre(3));
+    assert!((1.15..1.75).contains(&(on / off)), "{on} {off}");
+}
