@@ -33,7 +33,8 @@ const MAX_SIDE: usize = 1 << 20;
 pub struct Header {
     /// The scene's name.
     pub scene: String,
-    /// What wrote the bundle and how, as a JSON object. Decoding does not need it; `compress evaluate` and `bake` tell by it whether the bundle is of the dataset there.
+    /// What wrote the bundle and how, as a JSON object. Decoding does not need it; `compress evaluate` and `bake` tell by it whether
+    /// the bundle is of the dataset there.
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,

@@ -36,7 +36,7 @@ pub const PAPER_ITERATIONS: usize = 100_000;
 /// What tiles have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// The maps of a profile, all tiles alike; only what a tile provably does not need is left out.
+    /// The maps of a profile, all tiles alike; only what a tile does not need is left out.
     Profile(Profile),
     /// What brief trials of each tile find: so much that all tiles together reach this pooled PSNR in dB, about.
     Psnr(f64),

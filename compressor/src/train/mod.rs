@@ -80,14 +80,14 @@ pub struct TrainedTile {
     pub psnr_db: Option<f64>,
     /// Quality against time.
     pub curve: Vec<Point>,
-    /// What was left out and why, in words, e.g. "black at 9 of 26 sets".
+    /// What was left out and why, and what else is to be said of the training, e.g. "black at 9 of 26 sets".
     pub left_out: Vec<String>,
 }
 
 /// How often a training that diverges is tried again at half the rate.
 const RETRIES: i32 = 6;
 
-/// Trains a tile to the maps of a profile, without those that it provably does not need. Deterministic in (source, recipe) on
+/// Trains a tile to the maps of a profile, without those that it does not need. Deterministic in (source, recipe) on
 /// one instruction set.
 ///
 /// # Errors
@@ -144,7 +144,7 @@ fn train_as(
     }
 }
 
-/// The profile's maps without what a tile provably does not need; all of them by the paper's recipe.
+/// The profile's maps without what a tile does not need; all of them by the paper's recipe.
 fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<String>) -> Contents {
     let all = profile.contents(light.distinct, light.gates.len());
     if recipe.paper {
