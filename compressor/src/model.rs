@@ -99,6 +99,19 @@ pub struct Contents {
 }
 
 impl Contents {
+    /// No map and no input: the means alone, and a decoder of 16 that gives one colour.
+    pub const NONE: Contents = Contents {
+        uv: false,
+        uvt: 0,
+        slices: 0,
+        ut: false,
+        vt: false,
+        rows: 0,
+        gamma: false,
+        gates: 0,
+        hidden: 16,
+    };
+
     /// Bits of a word that say nothing of the contents; the payload's coding uses them.
     pub const SPARE: u32 = 0b11 << 30;
 

@@ -25,17 +25,7 @@ fn assert_close(fast: [f32; 3], oracle: [f32; 3], mean: [f32; 3], what: &str) {
 /// Contents with and without each map, and all of them under the paper's coding.
 fn kinds(profile: Profile, sets: usize) -> Vec<(Contents, Coding)> {
     let all = profile.contents(sets, 2);
-    let none = Contents {
-        uv: false,
-        uvt: 0,
-        slices: 0,
-        ut: false,
-        vt: false,
-        rows: 0,
-        gamma: false,
-        gates: 0,
-        ..all
-    };
+    let none = Contents { hidden: all.hidden, ..Contents::NONE };
     let rows = all.rows;
     let standard = [
         all,

@@ -41,6 +41,17 @@ fn row(name: String, q: &Quality) -> Vec<String> {
     ]
 }
 
+/// The hours of the sets that are marked, neighbours as one range.
+fn ranges(hours: &[f64], marked: &[bool]) -> String {
+    let firsts = (0..marked.len()).filter(|&k| marked[k] && (k == 0 || !marked[k - 1]));
+    let range = |first: usize| {
+        let last = (first..marked.len()).take_while(|&k| marked[k]).last().unwrap_or(first);
+        let (from, to) = (hours[first], hours[last]);
+        if first == last { format!("{from}") } else { format!("{from}–{to}") }
+    };
+    firsts.map(range).collect::<Vec<_>>().join(", ")
+}
+
 impl Evaluation {
     /// The quality table's rows: every set, then all of them.
     pub fn rows(&self) -> Vec<Vec<String>> {
@@ -103,19 +114,27 @@ impl Evaluation {
         }
         let below =
             |q: &Quality| q.noise_ceiling_db.zip(q.psnr_db).is_some_and(|(ceiling, psnr)| ceiling < psnr);
+        let hours: Vec<f64> = self.by_hour.iter().map(|(hour, _)| *hour).collect();
         let met: Vec<bool> = self.by_hour.iter().map(|(_, q)| below(q)).collect();
+        let dark: Vec<bool> = self
+            .by_hour
+            .iter()
+            .map(|(_, q)| q.dark_relative_error.is_some_and(|error| error > 1.0))
+            .collect();
+        if dark.contains(&true) {
+            remarks.push(format!(
+                "in the darkest quarter of {} of {} sets the error is larger than the light, which PSNR does not see ({} h)",
+                dark.iter().filter(|dark| **dark).count(),
+                self.by_hour.len(),
+                ranges(&hours, &dark)
+            ));
+        }
         if met.contains(&true) {
-            // Neighbouring sets as one range.
-            let ranges = (0..met.len()).filter(|&k| met[k] && (k == 0 || !met[k - 1])).map(|first| {
-                let last = (first..met.len()).take_while(|&k| met[k]).last().unwrap_or(first);
-                let [from, to] = [first, last].map(|k| self.by_hour[k].0);
-                if first == last { format!("{from}") } else { format!("{from}–{to}") }
-            });
             remarks.push(format!(
                 "the PSNR of {} of {} sets is above their noise ceiling: it says how well the bake's noise is met ({} h)",
                 met.iter().filter(|met| **met).count(),
                 self.by_hour.len(),
-                ranges.collect::<Vec<_>>().join(", ")
+                ranges(&hours, &met)
             ));
         }
         if let Some(Between { median_db, worst, linear_median_db, moments }) = self.between {
@@ -200,5 +219,19 @@ impl Evaluation {
             "between_linear_median_db": self.between.and_then(|between| between.linear_median_db),
             "hours": hours,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbouring_sets_are_one_range() {
+        let hours = [0.0, 1.0, 5.9, 6.0, 23.6];
+        assert_eq!(ranges(&hours, &[true, true, false, true, true]), "0–1, 6–23.6");
+        assert_eq!(ranges(&hours, &[false, false, true, false, false]), "5.9");
+        assert_eq!(ranges(&hours, &[true; 5]), "0–23.6");
+        assert_eq!(ranges(&hours, &[false; 5]), "");
     }
 }

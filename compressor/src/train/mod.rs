@@ -13,6 +13,8 @@ mod quantise;
 mod random;
 mod trial;
 #[cfg(test)]
+mod oracle;
+#[cfg(test)]
 mod tests;
 
 pub use trial::{Trial, gain, trials};
@@ -157,7 +159,7 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<
         return all;
     }
     left_out.push("the same at every hour, means apart: F_uv alone".to_owned());
-    Contents { uvt: 0, slices: 0, ut: false, vt: false, rows: 0, gamma: false, gates: 0, ..all }
+    Contents { uv: true, hidden: all.hidden, ..Contents::NONE }
 }
 
 fn check(source: &TileSource) -> Result<()> {

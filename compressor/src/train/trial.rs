@@ -62,17 +62,7 @@ pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<Trial>> {
 /// What is tried.
 fn candidates(light: &Light) -> Vec<Contents> {
     let (distinct, gates) = (light.distinct, light.gates.len());
-    let none = Contents {
-        uv: false,
-        uvt: 0,
-        slices: 0,
-        ut: false,
-        vt: false,
-        rows: 0,
-        gamma: false,
-        gates: 0,
-        hidden: 16,
-    };
+    let none = Contents::NONE;
     let map = |uvt: usize, slices: usize| Contents { uvt, slices, ..none };
     if distinct == 1 {
         let with = |contents: Contents| Contents { uv: true, ..contents };
