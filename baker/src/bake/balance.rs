@@ -149,11 +149,12 @@ impl System {
 
     /// source + T light, at one entry.
     fn pass(&self, light: &CacheHalf, entry: usize, out: &mut [Rgb]) {
-        for landing in &self.landings[entry * PILOT..(entry + 1) * PILOT] {
-            if landing.entry != NOWHERE.entry {
-                let weight = Rgb::from_array(landing.weight) * self.share[entry];
-                light.add(landing.entry, weight, out);
-            }
+        let landings = &self.landings[entry * PILOT..(entry + 1) * PILOT];
+        let landed = || landings.iter().filter(|l| l.entry != NOWHERE.entry);
+        landed().for_each(|l| light.prefetch(l.entry));
+        for landing in landed() {
+            let weight = Rgb::from_array(landing.weight) * self.share[entry];
+            light.add(landing.entry, weight, out);
         }
         for (out, source) in out.iter_mut().zip(&self.source[entry * self.layers..]) {
             *out += *source;

@@ -285,7 +285,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
             let Some(at) = worker.receiver(&surface, texel, sample, outside, &mut counts) else { continue };
             taken += 1;
             worker.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut sums, &mut counts);
-            worker.walk(&at, sample, None, &[], &mut sums, &mut counts);
+            worker.walk(&at, sample, None, &mut sums, &mut counts);
         }
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);
         sums

@@ -14,6 +14,7 @@ use crate::trace::space::Receiver;
 use crate::trace::walk::{Arrival, balance_heuristic};
 use dataset::console::interrupted;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 /// A filled cache: where its entries are, and its two halves.
@@ -53,6 +54,36 @@ impl<'a> Cache<'a> {
     }
 }
 
+/// An entry of the cache that a walk ended at, to be read a few samples later: by then it has come from memory.
+pub struct Reading {
+    entry: u32,
+    /// Irradiance at the texel per unit of it there.
+    weight: Rgb,
+    /// The layers it counts for.
+    layers: Range<usize>,
+}
+
+/// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
+const READ_EVERY: u32 = 8;
+
+/// One half of the cache, as the walks of one texel read it.
+pub struct Reader<'a> {
+    map: &'a CacheMap<'a>,
+    half: &'a CacheHalf,
+    /// The bright surfaces, and what the texel's cell sees of them.
+    seen: &'a [(&'a Reflectors, &'a View)],
+    readings: &'a mut Vec<Reading>,
+}
+
+impl Reader<'_> {
+    /// Adds what was put down to the sums.
+    fn read(&mut self, out: &mut [Rgb]) {
+        for Reading { entry, weight, layers } in self.readings.drain(..) {
+            self.half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
+        }
+    }
+}
+
 impl Worker<'_> {
     /// Brings the indirect light of the texels of the `active` cells to `target` samples a half.
     pub fn indirect(
@@ -75,7 +106,7 @@ impl Worker<'_> {
             .zip(&state.outside)
             .zip(&covered)
             .with_min_len(64);
-        let traced = texels.map(|(((sums, taken), &outside), &texel)| {
+        let traced = texels.map_init(Vec::new, |readings, (((sums, taken), &outside), &texel)| {
             let mut counts = RayCounts::default();
             let cell = cell_of(surface, texel);
             if outside == 0 || !active[cell] || interrupted() {
@@ -85,13 +116,19 @@ impl Worker<'_> {
             for half in 0..2 {
                 let sequence = self.sequence(surface, texel, Stream::Indirect, half);
                 let out = &mut sums[half * layers..(half + 1) * layers];
+                let mut reader =
+                    cache.map(|c| Reader { map: &c.map, half: &c.halves[half], seen: &seen, readings });
                 for i in drawn[cell]..target {
                     let sample = sequence.sample(i);
-                    let at = self.receiver(surface, texel, sample, outside, &mut counts);
-                    let Some(at) = at else { continue };
-                    taken[half] += 1;
-                    let cache = cache.map(|c| (&c.map, &c.halves[half]));
-                    self.walk(&at, sample, cache, &seen, out, &mut counts);
+                    if let Some(at) = self.receiver(surface, texel, sample, outside, &mut counts) {
+                        taken[half] += 1;
+                        self.walk(&at, sample, reader.as_mut(), out, &mut counts);
+                    }
+                    if let Some(reader) = &mut reader
+                        && (i % READ_EVERY == READ_EVERY - 1 || i + 1 == target)
+                    {
+                        reader.read(out);
+                    }
                 }
             }
             counts
@@ -105,49 +142,51 @@ impl Worker<'_> {
         counts
     }
 
-    /// One walk, ended where the cache knows the light, and a look at the bright surfaces `seen`.
+    /// One walk, ended where the cache knows the light, and a look at its bright surfaces. What is to be read of the cache is put
+    /// down, and added with [`Reader::read`].
     pub fn walk(
         &self,
         at: &Receiver,
         sample: Sample,
-        cache: Option<(&CacheMap, &CacheHalf)>,
-        seen: &[(&Reflectors, &View)],
+        reader: Option<&mut Reader>,
         out: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
-        let Some((map, half)) = cache else {
+        let Some(Reader { map, half, seen, readings }) = reader else {
             return self.transport.indirect(at, sample, |_, _, _| false, out, counts);
         };
         let transport = &self.transport;
-        let land = |arrival: &Arrival, out: &mut [Rgb], counts: &mut RayCounts| {
-            let Arrival { hit, is_back, .. } = arrival;
+        let layers = out.len();
+        let land = |arrival: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
+            let Arrival { hit, is_back, weight, .. } = arrival;
             let Some(entry) = map.entry(&transport.space, hit, *is_back, counts) else { return false };
+            half.prefetch(entry);
+            let mut put = |weight, layers: Range<usize>| readings.push(Reading { entry, weight, layers });
             // What a look at the bright surfaces finds too is shared between both.
             // (They stand in the order of their layers, which do not overlap.)
             let mut rest = 0;
-            let shared = if arrival.is_first { seen } else { &[] };
+            let shared = if arrival.is_first { *seen } else { &[] };
             for (reflectors, view) in shared {
                 let density = reflectors.density_at(view, hit, *is_back);
                 if density > 0.0 {
                     let from = transport.space.front(hit.triangle).dot(arrival.direction).abs();
                     let share = balance_heuristic(arrival.pdf, density * hit.t * hit.t / from);
-                    let layers = reflectors.layers.clone();
-                    half.add_layers(entry, arrival.weight, rest..layers.start, &mut out[rest..]);
-                    half.add_layers(entry, arrival.weight * share, layers.clone(), &mut out[layers.start..]);
-                    rest = layers.end;
+                    put(*weight, rest..reflectors.layers.start);
+                    put(*weight * share, reflectors.layers.clone());
+                    rest = reflectors.layers.end;
                 }
             }
-            half.add_layers(entry, arrival.weight, rest..out.len(), &mut out[rest..]);
+            put(*weight, rest..layers);
             true
         };
         transport.indirect(at, sample, land, out, counts);
-        for seen in seen {
+        for (reflectors, view) in *seen {
             if let Some((hit, is_back, weight)) =
-                seen.0.reflected(&transport.space, at, seen.1, sample, counts)
+                reflectors.reflected(&transport.space, at, view, sample, counts)
                 && let Some(entry) = map.entry(&transport.space, &hit, is_back, counts)
             {
-                let layers = seen.0.layers.clone();
-                half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
+                half.prefetch(entry);
+                readings.push(Reading { entry, weight, layers: reflectors.layers.clone() });
             }
         }
     }

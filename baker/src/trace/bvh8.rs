@@ -11,7 +11,7 @@ use super::triangle::{Meeting, Shear};
 use glam::Vec3;
 
 /// Eight boxes and where they lead.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Node {
     /// Low x, high x, low y, high y, low z, high z of the children; low = ∞, high = −∞ where there is none.
@@ -21,7 +21,7 @@ pub(super) struct Node {
 }
 
 /// Up to eight triangles.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Packet {
     /// By corner, dimension, lane. NaN in empty lanes.

@@ -3,6 +3,7 @@
 //! "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3.1).
 
 use super::bvh8::{Bvh8, CUT_OUT, LEAF, Node, Packet, STACK, Tier};
+use super::pages::in_large;
 use crate::geometry::Geometry;
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -53,8 +54,8 @@ impl Bvh8 {
             let fits = bvh.merge(geometry, &binary);
             assert!(fits, "a balanced hierarchy is shallow");
         }
-        bvh.nodes.shrink_to_fit();
-        bvh.packets.shrink_to_fit();
+        bvh.nodes = in_large(&bvh.nodes);
+        bvh.packets = in_large(&bvh.packets);
         bvh
     }
 

@@ -1,10 +1,11 @@
 //! The values of the cache: irradiance of all layers per entry.
 //!
-//! Kernel file (holds `unsafe`): reading an entry.
+//! Kernel file (holds `unsafe`): reading and storing an entry.
 //!
 //! Values are half floats, scaled per layer and channel: 0.05 % of rounding, over a range of 10⁹. Two halves hold independently
 //! sampled estimates, so that the cache's own noise shows in the difference of the halves of a bake.
 
+use super::pages::prefer_large;
 use crate::Rgb;
 use half::f16;
 use std::ops::Range;
@@ -34,7 +35,9 @@ impl CacheHalf {
             let exponent = if most > 0.0 { (most.log2().floor() as i32 - 12).clamp(-120, 110) } else { 0 };
             scale[3 * layer..3 * layer + 3].fill((exponent as f32).exp2());
         }
-        CacheHalf { stride, values: vec![f16::ZERO; entries * stride], scale, layers }
+        let values = vec![f16::ZERO; entries * stride];
+        prefer_large(&values);
+        CacheHalf { stride, values, scale, layers }
     }
 
     /// Bytes per entry for so many layers.
@@ -121,6 +124,22 @@ impl CacheHalf {
         values.chunks_exact(3).take(self.layers).map(|c| c[0].max(c[1]).max(c[2])).collect()
     }
 
+    /// Fetches an entry that is soon to be read: the cache is larger than the processor's, and reading it is mostly waiting.
+    #[inline]
+    pub fn prefetch(&self, entry: u32) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            /// Half floats of a line.
+            const LINE: usize = 32;
+            let first = entry as usize * self.stride;
+            for at in (first..first + self.stride).step_by(LINE) {
+                // SAFETY: a hint; nothing is read, whatever the address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(self.values.as_ptr().wrapping_add(at).cast()) };
+            }
+        }
+    }
+
     /// `out += weight · E` for all layers of an entry.
     #[inline]
     pub fn add(&self, entry: u32, weight: Rgb, out: &mut [Rgb]) {
@@ -141,9 +160,39 @@ impl CacheHalf {
 
 fn encode(layers: &[Rgb], scale: &[f32], stored: &mut [f16]) {
     let values: &[f32] = bytemuck::cast_slice(layers);
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("f16c") {
+        // SAFETY: the processor has both.
+        return unsafe { encode_f16c(values, scale, stored) };
+    }
+    encode_portable(values, scale, stored);
+}
+
+fn encode_portable(values: &[f32], scale: &[f32], stored: &mut [f16]) {
     for ((stored, &value), &scale) in stored.iter_mut().zip(values).zip(scale) {
         *stored = f16::from_f32((value / scale).min(f16::MAX.to_f32()));
     }
+}
+
+/// [`encode_portable`], the same to the bit.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,f16c")]
+fn encode_f16c(values: &[f32], scale: &[f32], stored: &mut [f16]) {
+    use std::arch::x86_64::*;
+    let most = _mm256_set1_ps(f16::MAX.to_f32());
+    let (values, rest) = values.as_chunks::<8>();
+    for ((stored, value), scale) in
+        stored.as_chunks_mut::<8>().0.iter_mut().zip(values).zip(scale.as_chunks::<8>().0)
+    {
+        // SAFETY: each of the three holds 8 values.
+        unsafe {
+            let value = _mm256_div_ps(_mm256_loadu_ps(value.as_ptr()), _mm256_loadu_ps(scale.as_ptr()));
+            let half = _mm256_cvtps_ph::<_MM_FROUND_TO_NEAREST_INT>(_mm256_min_ps(value, most));
+            _mm_storeu_si128(stored.as_mut_ptr().cast(), half);
+        }
+    }
+    let done = 8 * values.len();
+    encode_portable(rest, &scale[done..], &mut stored[done..]);
 }
 
 fn add(stored: &[f16], scale: &[f32], weight: Rgb, out: &mut [f32]) {
@@ -194,7 +243,25 @@ fn add_f16c(stored: &[f16], scale: &[f32], weight: Rgb, out: &mut [f32]) {
         one(i, weights[(i - whole) / 8], out);
         i += 8;
     }
-    for (k, out) in out.iter_mut().enumerate().skip(i) {
+    let (done, from) = (i, out.len().saturating_sub(8));
+    if done < out.len() && from > 0 {
+        // The last eight once more, of which only those not yet done are kept.
+        let phase = [weights[0], weights[2], weights[1]][from % 3];
+        let (stored, scale, out) =
+            (&stored[from..from + 8], &scale[from..from + 8], &mut out[from..from + 8]);
+        // SAFETY: each of the three slices holds 8 values.
+        unsafe {
+            let lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+            let fresh = _mm256_cmpgt_epi32(lane, _mm256_set1_epi32((done - from) as i32 - 1));
+            let value = _mm256_cvtph_ps(_mm_loadu_si128(stored.as_ptr().cast()));
+            let value = _mm256_mul_ps(value, _mm256_loadu_ps(scale.as_ptr()));
+            let old = _mm256_loadu_ps(out.as_ptr());
+            let sum = _mm256_add_ps(old, _mm256_mul_ps(value, phase));
+            _mm256_storeu_ps(out.as_mut_ptr(), _mm256_blendv_ps(old, sum, _mm256_castsi256_ps(fresh)));
+        }
+        return;
+    }
+    for (k, out) in out.iter_mut().enumerate().skip(done) {
         *out += (stored[k].to_f32() * scale[k]) * [r, g, b][k % 3];
     }
 }
@@ -210,6 +277,10 @@ mod tests {
             let mut half = CacheHalf::new(3, &most);
             let value = |entry: u32, l: usize| most[l] * Rgb::new(1.0, 0.3, 1e-6) / (1.0 + entry as f32);
             half.set_all(|entry, out| out.iter_mut().enumerate().for_each(|(l, o)| *o = value(entry, l)));
+            let entry: Vec<Rgb> = (0..layers).map(|l| value(2, l)).collect();
+            let mut plain = vec![f16::ZERO; half.stride];
+            encode_portable(bytemuck::cast_slice(&entry), &half.scale, &mut plain);
+            assert_eq!(plain, half.values[2 * half.stride..]);
             let weight = Rgb::new(0.5, 2.0, 3.0);
             let (mut fast, mut oracle) = (vec![Rgb::ONE; layers], vec![Rgb::ONE; layers]);
             half.add(2, weight, &mut fast);

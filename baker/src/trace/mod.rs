@@ -3,6 +3,7 @@
 pub mod sampler;
 pub mod triangle;
 mod lanes;
+mod pages;
 pub mod bvh8;
 mod kernel;
 #[cfg(target_arch = "x86_64")]
