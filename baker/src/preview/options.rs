@@ -30,7 +30,7 @@ pub struct Options {
     #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub samples: u32,
     /// Radiance in kcd/m² is multiplied by 2 to the power of this: the same for several hours makes them comparable [default: so that the
-    /// surfaces' log-average luminance becomes 0.18].
+    /// surfaces' log-average luminance becomes 0.18, and its 95th percentile at most 1].
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
     /// The dataset's folder [default: dataset/<scene>].
@@ -72,8 +72,8 @@ Examples:
 
 Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
 without texels (lightmap = false, and the backs of two-sided ones) have no baked light. Theirs is estimated at every sample, by
-shadow rays to sun and lamps, and by walks that end where they read baked light or meet the sky: it is noisier, and is no part of the
-dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible; emissive surfaces and the sky are not.
+shadow rays to sun and lamps, and by walks that end where they read baked light or meet the sky: it is noisier (less with more
+--samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible; emissive surfaces and the sky are not.
 
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 

@@ -8,18 +8,21 @@ pub const MIDDLE_GREY: f64 = 0.18;
 /// Where the tone curve leaves the straight line.
 const KNEE: f32 = 0.7;
 
-/// The exposure at which the log-average luminance of `pixels` becomes middle grey, as a power of two; 0 where all are black.
+/// The exposure that suits `pixels`, as a power of two: their log-average luminance becomes middle grey, or less where the 95th
+/// percentile of their luminance would come out above 1; 0 where all are black.
 pub fn automatic_exposure(pixels: impl Iterator<Item = Rgb>) -> f64 {
     /// What is darker than this share of the mean counts as it: black corners do not burn out the rest.
     const DARKEST: f64 = 0.01;
-    let luminances: Vec<f64> = pixels.map(|pixel| luminance(pixel).into()).collect();
+    let mut luminances: Vec<f64> = pixels.map(|pixel| luminance(pixel).into()).collect();
     let n = luminances.len().max(1) as f64;
     let mean = luminances.iter().sum::<f64>() / n;
     if mean <= 0.0 || !mean.is_finite() {
         return 0.0;
     }
     let log_average = luminances.iter().map(|l| l.max(DARKEST * mean).log2()).sum::<f64>() / n;
-    MIDDLE_GREY.log2() - log_average
+    let bright = (luminances.len() - 1) * 95 / 100;
+    let (_, bright, _) = luminances.select_nth_unstable_by(bright, f64::total_cmp);
+    (MIDDLE_GREY.log2() - log_average).min(-bright.max(DARKEST * mean).log2())
 }
 
 /// 8-bit sRGB of exposed light: linear up to the knee, then towards 1 without reaching it.
@@ -48,13 +51,19 @@ mod tests {
     }
 
     #[test]
-    fn the_log_average_becomes_middle_grey() {
+    fn the_log_average_becomes_middle_grey_and_the_brightest_stay_below_white() {
         let greys = |values: &'static [f32]| values.iter().map(|v| Rgb::splat(*v));
-        // Log-average 2 of 1 and 4: 2 · 2^EV = 0.18.
-        assert!((automatic_exposure(greys(&[1.0, 4.0])) - 0.09f64.log2()).abs() < 1e-6);
+        let check = |values: &'static [f32], expected: f64| {
+            let found = automatic_exposure(greys(values));
+            assert!((found - expected).abs() < 1e-6, "{values:?}: {found}");
+        };
+        // The log-average of 1 and 4 is 2: 2 · 2^EV = 0.18.
+        check(&[1.0, 4.0], 0.09f64.log2());
         // Black counts as a hundredth of the mean, here of 1: a log-average of √(2 · 0.01).
-        assert!((automatic_exposure(greys(&[0.0, 2.0])) - (0.18 / 0.02f64.sqrt()).log2()).abs() < 1e-6);
-        assert_eq!(automatic_exposure(greys(&[0.0])), 0.0);
-        assert_eq!(automatic_exposure(greys(&[])), 0.0);
+        check(&[0.0, 2.0], (0.18 / 0.02f64.sqrt()).log2());
+        // Three of ten a hundred times as bright: a log-average of 100^0.3 would make them 4.5.
+        check(&[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0], 0.01f64.log2());
+        check(&[0.0], 0.0);
+        check(&[], 0.0);
     }
 }
