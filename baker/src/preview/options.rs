@@ -73,7 +73,8 @@ Examples:
 Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
 without texels (lightmap = false, and the backs of two-sided ones) have no baked light. Theirs is estimated at every sample, by
 shadow rays to sun and lamps, and by walks that end where they read baked light or meet the sky: it is noisier (less with more
---samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible; emissive surfaces and the sky are not.
+--samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
+emissive surfaces and the sky are not. A computed sky is black below the horizon.
 
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 

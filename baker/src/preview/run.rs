@@ -11,7 +11,7 @@ use super::{standing, view};
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::trace::walk::Transport;
-use crate::{Result, geometry, scene};
+use crate::{Error, Result, geometry, scene};
 use dataset::console::Console;
 use dataset::files::write_atomically;
 use serde_json::json;
@@ -28,6 +28,10 @@ const WALKS: u32 = 32;
 pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
     let start = Instant::now();
     options.backend.expect_built()?;
+    let is_png = |out: &Path| out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if let Some(out) = options.out.as_deref().filter(|out| !is_png(out)) {
+        return Err(Error::invalid("--out", format!("{}: expected a name that ends in .png", out.display())));
+    }
     let (scene, mut warnings) = scene::load(scene_file)?;
     let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
     standing::expect_finished(&folder, scene_file, &scene.name)?;

@@ -161,6 +161,9 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
     case.stage.write("case.toml", format!("{}{SAMPLES}", case.text).as_bytes());
     let message = case.stage.refusal(Options::new(8.0));
     assert!(message.contains("no finished dataset; expected one of the scene \"case\""), "{message}");
+    let jpeg = Options { out: Some("a.jpg".into()), ..Options::new(8.0) };
+    let message = preview(&case.stage.path("case.toml"), &jpeg, &Console::silent()).unwrap_err().to_string();
+    assert!(message.contains("a.jpg: expected a name that ends in .png"), "{message}");
     // A draft lays out other pages than the scene asks for; it is shown as it is.
     case.stage.bake(&format!("{}{SAMPLES}", case.text), SET, case.hours, |options| options.draft = true);
     let small = || Options { size: [16, 9], ..Options::new(8.0) };
