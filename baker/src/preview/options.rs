@@ -13,7 +13,7 @@ pub struct Options {
     /// where lamps switch between them, is that of the one whose lamps are as they are at this hour.
     #[arg(long, value_name = "HOUR", value_parser = parse_hour)]
     pub hour: f64,
-    /// A [[camera]] of the scene, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
+    /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
     /// above open scenes, inside closed ones].
     #[arg(long, value_name = "NAME|X,Y,Z", allow_hyphen_values = true)]
     pub camera: Option<String>,
@@ -33,10 +33,10 @@ pub struct Options {
     /// surfaces' log-average luminance becomes 0.18, and its 95th percentile at most 1].
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
-    /// The dataset's folder [default: dataset/<scene>].
+    /// The dataset's folder [default: the scene's in dataset/].
     #[arg(long, value_name = "DIR")]
     pub dataset: Option<PathBuf>,
-    /// The picture to write [default: preview-<camera>-<hour>.png in the dataset's folder].
+    /// The picture to write [default: in the dataset's folder, named by camera and hour].
     #[arg(long, value_name = "FILE.png")]
     pub out: Option<PathBuf>,
     /// What finds the hits of rays: obvhs, or embree in builds with that feature.
