@@ -11,6 +11,7 @@ pub mod atlas;
 pub mod surface;
 pub mod trace;
 pub mod bake;
+pub mod preview;
 pub mod report;
 
 pub use dataset::{Error, Result};

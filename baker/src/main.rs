@@ -3,13 +3,15 @@
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast};
 use baker::bake::run::{Integrator, Options, Outcome, bake, prepare};
 use baker::light::schedule::parse_hours;
+use baker::preview::options::{HELP, Options as PreviewOptions};
+use baker::preview::run::preview;
 use baker::trace::backend::Backend;
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options as CompressOptions, default_bundle};
 use compressor::run::compress_and_judge;
 use dataset::console::{self, Console, ConsoleArgs, count};
-use dataset::report::{Report, preview};
+use dataset::report::{self, Report};
 use dataset::store::Dataset;
 use dataset::{Error, Result};
 use serde_json::json;
@@ -19,10 +21,33 @@ use std::time::Duration;
 
 /// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light switch.
 #[derive(Parser)]
-#[command(version, after_help = EXAMPLES)]
+#[command(version, after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    bake: Args,
+    #[command(flatten)]
+    console: ConsoleArgs,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Draw the baked light from any viewpoint at any hour.
+    #[command(after_help = HELP)]
+    Preview {
+        /// The scene file that was baked.
+        scene: PathBuf,
+        #[command(flatten)]
+        options: PreviewOptions,
+    },
+}
+
+#[derive(clap::Args)]
 struct Args {
     /// The scene file (TOML; every key is described in scenes/README.md).
-    scene: PathBuf,
+    #[arg(required = true)]
+    scene: Option<PathBuf>,
     /// Hours to bake: a half-open range, a range with a step, or a list.
     #[arg(long, default_value = "0..24", value_name = "HOURS")]
     hours: String,
@@ -61,8 +86,6 @@ struct Args {
     /// Start over, whatever an earlier run left, even where its dataset holds more than this bake will.
     #[arg(long)]
     force: bool,
-    #[command(flatten)]
-    console: ConsoleArgs,
 }
 
 const EXAMPLES: &str = "\
@@ -74,6 +97,7 @@ Examples:
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
   bake scenes/yard.toml --plan                     what would run, what is left out and why
+  bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (at most),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
@@ -108,16 +132,24 @@ fn parse_time(text: &str) -> std::result::Result<Duration, String> {
 }
 
 fn main() -> ExitCode {
-    let args = Args::parse();
+    let cli = Cli::parse();
     console::catch_interrupts();
-    match run(&args) {
+    let console = Console::new(cli.console);
+    let done = match cli.command {
+        None => run(&cli.bake, &console),
+        Some(Command::Preview { scene, options }) => {
+            preview(&scene, &options, &console).and_then(|result| console.result(&result))
+        }
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => console::fail(&error),
     }
 }
 
-fn run(args: &Args) -> Result<()> {
-    let console = Console::new(args.console);
+fn run(args: &Args, console: &Console) -> Result<()> {
+    let scene =
+        args.scene.as_deref().ok_or_else(|| Error::invalid("command line", "expected a scene file"))?;
     let hours = parse_hours(&args.hours).map_err(|what| Error::invalid("--hours", what))?;
     let options = Options {
         samples: args.samples,
@@ -132,14 +164,14 @@ fn run(args: &Args) -> Result<()> {
         ..Options::new(hours)
     };
     if args.plan {
-        return plan(&args.scene, &options, &console);
+        return plan(scene, &options, console);
     }
-    let outcome = bake(&args.scene, &options, &console)?;
+    let outcome = bake(scene, &options, console)?;
     let set = Dataset::open(&outcome.dataset)?;
     let mut report = Report::new(&format!("{}: temporal lightmaps", outcome.scene));
-    report.push(preview::section(&set)?);
+    report.push(report::preview::section(&set)?);
     report.push(baker::report::section(&outcome));
-    say(&outcome, args.check.is_some(), &console);
+    say(&outcome, args.check.is_some(), console);
     if let Some(bundle) = stale_bundle(&set).filter(|_| !args.compress) {
         console.warn(format!(
             "{} was made from another bake than this one; `compress {}` renews it",
@@ -152,7 +184,7 @@ fn run(args: &Args) -> Result<()> {
     if args.compress {
         let iterations = if args.draft { DRAFT_ITERATIONS } else { ITERATIONS };
         let options = CompressOptions { iterations, force: args.force, ..CompressOptions::default() };
-        let judged = compress_and_judge(&outcome.dataset, &options, &console)?;
+        let judged = compress_and_judge(&outcome.dataset, &options, console)?;
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();
         judged.sections.into_iter().for_each(|section| report.push(section));

@@ -438,6 +438,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         lightmap: Lightmap::default(),
         size_as_written: String::new(),
         bake: Sampling::default(),
+        cameras: Vec::new(),
     }
 }
 

@@ -26,6 +26,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         lightmap: Lightmap::default(),
         size_as_written: String::new(),
         bake: Sampling::default(),
+        cameras: Vec::new(),
     }
 }
 

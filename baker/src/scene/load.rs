@@ -2,15 +2,26 @@
 
 use super::raw::{Source, Table, parse};
 use super::{
-    Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey, SunTrack, lamp,
-    object, sky,
+    Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey, SunTrack, camera,
+    lamp, object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
 
-const TOP: &[&str] =
-    &["name", "description", "place", "sun", "sky", "portal", "object", "group", "lightmap", "bake"];
+const TOP: &[&str] = &[
+    "name",
+    "description",
+    "place",
+    "sun",
+    "sky",
+    "portal",
+    "object",
+    "group",
+    "lightmap",
+    "bake",
+    "camera",
+];
 const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
 const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
@@ -94,6 +105,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         Some(table) => self::bake(&table)?,
         None => Sampling::default(),
     };
+    let cameras = camera::read(top.tables("camera", camera::KEYS)?)?;
     let scene = Scene {
         name,
         description,
@@ -106,6 +118,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         lightmap,
         size_as_written,
         bake,
+        cameras,
     };
     Ok((scene, warnings))
 }

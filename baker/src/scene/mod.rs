@@ -6,6 +6,7 @@ mod sky;
 mod schedule;
 mod lamp;
 mod object;
+mod camera;
 mod load;
 
 pub use load::load;
@@ -22,6 +23,8 @@ fn is_light(x: f64) -> bool {
 
 /// Most samples per texel.
 pub const MAX_SAMPLES: u32 = 1 << 20;
+/// Widest angle of view of a camera, in degrees.
+pub const MAX_FOV: f64 = 170.0;
 /// Albedos above this are warned about: light hardly fades between bounces.
 pub(crate) const WHITE: f64 = 0.98;
 
@@ -51,6 +54,27 @@ pub struct Scene {
     pub size_as_written: String,
     /// Sampling.
     pub bake: Sampling,
+    /// Viewpoints for pictures, in file order; names are unique. No part of what is baked, nor of any digest.
+    #[serde(skip)]
+    pub cameras: Vec<Camera>,
+}
+
+/// A viewpoint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Unique.
+    pub name: String,
+    /// World.
+    pub position: DVec3,
+    /// The point in the middle of the picture, world; another one than `position`.
+    pub look_at: DVec3,
+    /// Angle of view across the picture, from left to right, in degrees.
+    pub fov: f64,
+}
+
+impl Camera {
+    /// Angle of view where none is given, in degrees.
+    pub const FOV: f64 = 60.0;
 }
 
 /// A place on Earth and a civil date.
@@ -264,7 +288,7 @@ impl Lamp {
 }
 
 /// Lightmap layout.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Lightmap {
     /// How large the pages are.
     pub size: LightmapSize,

@@ -18,6 +18,8 @@ pub enum Kind {
     Patch = 1,
     /// A ray of `--plan`.
     PlanRay = 2,
+    /// A pixel of a preview.
+    Pixel = 3,
 }
 
 impl Sequence {

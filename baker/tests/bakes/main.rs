@@ -3,6 +3,7 @@
 mod adaptive;
 mod golden;
 mod pages;
+mod preview;
 mod relight;
 mod scenes;
 mod statistics;

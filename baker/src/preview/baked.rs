@@ -1,0 +1,86 @@
+//! The texels of a moment, read as a game reads them.
+
+use super::moment::Moment;
+use crate::atlas::Atlas;
+use crate::geometry::Geometry;
+use crate::{Result, Rgb};
+use dataset::image::Image;
+use dataset::store::Dataset;
+use glam::{Vec2, Vec3};
+
+/// No texels.
+const NONE: u32 = u32::MAX;
+
+/// Baked irradiance.
+pub struct Baked {
+    atlas: Atlas,
+    /// Per triangle, its face of the atlas.
+    face_of: Vec<u32>,
+    pages: Vec<Image>,
+}
+
+impl Baked {
+    /// Reads the sets of a moment and sums them.
+    pub fn read(dataset: &Dataset, moment: &Moment, geometry: &Geometry, atlas: Atlas) -> Result<Self> {
+        let sum = |page: usize| -> Result<Image> {
+            let mut sum: Option<Image> = None;
+            for &(set, weight) in &moment.parts {
+                let map = dataset.map(set, page)?;
+                let sum = sum.get_or_insert_with(|| Image::black(map.width, map.height));
+                let values = sum.texels.as_flattened_mut().iter_mut().zip(map.texels.as_flattened());
+                values.for_each(|(sum, value)| *sum += weight * value);
+            }
+            Ok(sum.unwrap_or_else(|| Image::black(1, 1)))
+        };
+        let pages = (0..atlas.pages as usize).map(sum).collect::<Result<_>>()?;
+        let mut face_of = vec![NONE; geometry.triangles.len()];
+        for (i, face) in atlas.faces.iter().enumerate() {
+            face_of[face.triangle as usize] = i as u32;
+        }
+        Ok(Baked { atlas, face_of, pages })
+    }
+
+    /// Irradiance at a point of the front of a triangle; `None` where it has no texels.
+    pub fn irradiance(&self, triangle: u32, barycentric: Vec3) -> Option<Rgb> {
+        let face = self.atlas.faces.get(self.face_of[triangle as usize] as usize)?;
+        let page = self.atlas.page_of(face);
+        let [a, b, c] = face.corners;
+        let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
+        let top = Vec2::new(0.0, self.atlas.page_rows(page).start as f32);
+        Some(bilinear(&self.pages[page as usize], texel - top))
+    }
+}
+
+/// The image at a place in texels, whose centres stand at (i + ½); its edge goes on outside.
+fn bilinear(image: &Image, place: Vec2) -> Rgb {
+    let (place, last) = (place - 0.5, [image.width - 1, image.height - 1]);
+    let (low, f) = (place.floor(), place - place.floor());
+    // (Negative numbers become 0.)
+    let column = |x: f32| (x as usize).min(last[0]);
+    let row = |y: f32| (y as usize).min(last[1]);
+    let at = |x: f32, y: f32| Rgb::from_array(image.texels[row(y) * image.width + column(x)]);
+    let upper = at(low.x, low.y).lerp(at(low.x + 1.0, low.y), f.x);
+    let lower = at(low.x, low.y + 1.0).lerp(at(low.x + 1.0, low.y + 1.0), f.x);
+    upper.lerp(lower, f.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_are_read_at_their_centres_and_between() {
+        let texels = [[0.0, 0.0, 4.0], [1.0, 0.0, 4.0], [2.0, 8.0, 4.0], [3.0, 8.0, 4.0]].to_vec();
+        let image = Image { width: 2, height: 2, texels };
+        for (place, expected) in [
+            ([0.5, 0.5], [0.0, 0.0, 4.0]),
+            ([1.5, 1.5], [3.0, 8.0, 4.0]),
+            ([1.0, 0.5], [0.5, 0.0, 4.0]),
+            ([1.0, 1.25], [2.0, 6.0, 4.0]),
+            ([0.0, 0.0], [0.0, 0.0, 4.0]),
+            ([9.0, 1.5], [3.0, 8.0, 4.0]),
+        ] {
+            assert_eq!(bilinear(&image, Vec2::from_array(place)).to_array(), expected, "{place:?}");
+        }
+    }
+}

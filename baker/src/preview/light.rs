@@ -1,0 +1,63 @@
+//! What shines at a moment: the layers that its sets are made of, each with its share.
+
+use super::moment::Moment;
+use crate::Rgb;
+use crate::bake::plan::Plan;
+use crate::geometry::Geometry;
+use crate::light::schedule::Hours;
+use crate::scene::Scene;
+use crate::trace::lights::Lights;
+use dataset::config::Config;
+use glam::Vec3;
+use std::collections::BTreeMap;
+
+/// The light of a moment.
+pub struct Light {
+    /// One layer per distinct sun, sky and group that shines.
+    pub lights: Lights,
+    /// Per layer, what its light is multiplied by.
+    weights: Vec<Rgb>,
+}
+
+impl Light {
+    /// The light at the hours of a moment's sets, in the same shares as their texels.
+    pub fn new(scene: &Scene, geometry: &Geometry, config: &Config, moment: &Moment) -> Self {
+        let mut list: Vec<f64> = moment.parts.iter().map(|&(set, _)| config.sets[set].hour).collect();
+        list.sort_by(f64::total_cmp);
+        let plan = Plan::new(scene, geometry, &Hours { list, whole_day: false });
+        let mut shares: BTreeMap<usize, Rgb> = BTreeMap::new();
+        for &(set, weight) in &moment.parts {
+            let hour = config.sets[set].hour;
+            if let Some(m) = plan.moments.iter().position(|m| (m.hour - hour).abs() < 1e-6) {
+                for layer in plan.layers_of(m) {
+                    *shares.entry(layer).or_default() += weight * plan.scale_of(layer);
+                }
+            }
+        }
+        let layers: Vec<usize> = shares.keys().copied().collect();
+        Light { lights: plan.lights(scene, geometry, &layers), weights: shares.into_values().collect() }
+    }
+
+    /// The sum of all layers' light.
+    pub fn sum(&self, layers: &[Rgb]) -> Rgb {
+        layers.iter().zip(&self.weights).map(|(light, weight)| *light * *weight).sum()
+    }
+
+    /// Radiance of the sky.
+    pub fn sky(&self, direction: Vec3) -> Rgb {
+        let layers = self.lights.sky_layers();
+        let mut radiance = vec![Rgb::ZERO; layers.len()];
+        self.lights.sky.add(direction, Rgb::ONE, &mut radiance);
+        radiance.iter().zip(&self.weights[layers]).map(|(light, weight)| *light * *weight).sum()
+    }
+
+    /// Radiance that a material of the geometry emits.
+    pub fn emission(&self, geometry: &Geometry, material: u32) -> Rgb {
+        let group = geometry.materials[material as usize].emission.map(|(_, group)| group as usize);
+        let place = group.and_then(|group| self.lights.place_of_group.get(group).copied().flatten());
+        place.map_or(Rgb::ZERO, |place| {
+            self.lights.groups[place].emission[material as usize]
+                * self.weights[self.lights.group_layer(place)]
+        })
+    }
+}

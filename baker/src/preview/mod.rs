@@ -1,0 +1,16 @@
+//! Pictures of baked light: camera rays meet the scene's surfaces, which are shown by the irradiance that a dataset holds for them.
+//!
+//! `options` says what is asked for, `standing` opens the dataset and holds it to the scene, `moment` finds the sets to show, `baked`
+//! reads their texels, `light` holds what shines then, `view` is the camera, `shade` what a ray of it sees, `tone` what a screen shows
+//! of that, `picture` all pixels, `run` the whole of it.
+
+pub mod options;
+mod standing;
+pub mod moment;
+mod baked;
+mod light;
+mod view;
+mod shade;
+pub mod tone;
+mod picture;
+pub mod run;

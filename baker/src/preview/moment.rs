@@ -1,0 +1,116 @@
+//! Which sets of a dataset show an hour.
+
+use crate::light::schedule::is_on;
+use dataset::config::Config;
+
+/// The sets that show an hour, each with its weight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moment {
+    /// Indices of sets; the weights sum to 1.
+    pub parts: Vec<(usize, f32)>,
+    /// What was chosen, in words.
+    pub note: String,
+    /// Whether the lamps are not as they are at that hour.
+    pub is_doubtful: bool,
+}
+
+impl Moment {
+    /// The set of this hour; else its two neighbours on the circle of the day, linearly, or, where groups switch between them, the one
+    /// whose groups are as they are then.
+    pub fn new(config: &Config, hour: f64) -> Self {
+        /// Two times of day nearer than this are one, in hours.
+        const SAME: f64 = 1e-6;
+        let sets = &config.sets;
+        let name = |set: usize| format!("{:.2} h", sets[set].hour);
+        let whole = |set: usize, note: String, is_doubtful: bool| Moment {
+            parts: vec![(set, 1.0)],
+            note,
+            is_doubtful,
+        };
+        if let Some(set) = sets.iter().position(|set| (set.hour - hour).abs() < SAME) {
+            return whole(set, format!("the set of {}", name(set)), false);
+        }
+        let after = sets.iter().position(|set| set.hour > hour).unwrap_or(0);
+        let before = (after + sets.len() - 1) % sets.len();
+        let on: Vec<bool> = config.groups.iter().map(|group| is_on(&group.on, hour)).collect();
+        let fits = |set: usize| sets[set].groups_on == on;
+        let (since, until) =
+            ((hour - sets[before].hour).rem_euclid(24.0), (sets[after].hour - hour).rem_euclid(24.0));
+        let nearer = if since <= until { before } else { after };
+        if before == after {
+            let note = format!("the set of {}, the only one", name(before));
+            return whole(before, note, !fits(before));
+        }
+        match (fits(before), fits(after)) {
+            (true, true) => {
+                let weight = (since / (since + until)) as f32;
+                Moment {
+                    parts: vec![(before, 1.0 - weight), (after, weight)],
+                    note: format!("linear between the sets of {} and {}", name(before), name(after)),
+                    is_doubtful: false,
+                }
+            }
+            (true, false) => {
+                whole(before, format!("the set of {}: lamps switch before the next", name(before)), false)
+            }
+            (false, true) => {
+                whole(after, format!("the set of {}: lamps switch after the one before", name(after)), false)
+            }
+            (false, false) => whole(
+                nearer,
+                format!(
+                    "the set of {}, the nearest: no neighbour has the lamps as they are then",
+                    name(nearer)
+                ),
+                true,
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// A dataset of these hours with one group; it is lit at the sets as told.
+    fn config(on: [f64; 2], sets: &[(f64, bool)]) -> Config {
+        let file = json!({ "path": "data/a.exr", "bytes": 1, "blake3": "" });
+        let map = json!({ "file": file, "sun": null, "sky": null });
+        let set = |&(hour, on): &(f64, bool)| json!({ "hour": hour, "groups_on": [on], "relative_error": null, "maps": [map] });
+        serde_json::from_value(json!({
+            "format": "temporal-lightmaps", "version": 1, "scene": "s", "generator": "", "unit": "", "seed": 1, "inputs": "",
+            "samples": 1, "pages": [], "groups": [{ "name": "lamp", "on": [on], "layers": [] }],
+            "sets": sets.iter().map(set).collect::<Vec<_>>(), "noise": null, "geometry": null, "instances": [], "settings": null,
+        }))
+        .unwrap()
+    }
+
+    #[test]
+    fn hours_are_linear_between_sets_but_not_across_a_switch() {
+        let day = [(6.0, false), (12.0, false), (18.0, false), (18.1, true), (22.0, true)];
+        let config = config([18.0, 23.0], &day);
+        let parts = |hour: f64| Moment::new(&config, hour).parts;
+        assert_eq!(parts(12.0), [(1, 1.0)]);
+        assert_eq!(parts(7.5), [(0, 0.75), (1, 0.25)]);
+        // Lit from 18: at the very instant off, right after it on.
+        assert_eq!(parts(18.0), [(2, 1.0)]);
+        assert_eq!(parts(18.01), [(3, 1.0)]);
+        assert_eq!(parts(17.9), [(1, 1.0 - 5.9f32 / 6.0), (2, 5.9 / 6.0)]);
+        // Out at 23: before it the set of 22, after it that of 6.
+        assert_eq!(parts(22.9), [(4, 1.0)]);
+        assert_eq!(parts(23.5), [(0, 1.0)]);
+        assert!(!Moment::new(&config, 23.5).is_doubtful);
+    }
+
+    #[test]
+    fn across_midnight_and_where_nothing_fits() {
+        let off = config([1.0, 2.0], &[(6.0, false), (22.0, false)]);
+        assert_eq!(Moment::new(&off, 0.0).parts, [(1, 0.75), (0, 0.25)]);
+        // Lit at 1:30, when no set shows it.
+        let lit = Moment::new(&off, 1.5);
+        assert!(lit.is_doubtful && lit.parts == [(1, 1.0)] && lit.note.contains("nearest"), "{lit:?}");
+        let one = Moment::new(&config([1.0, 2.0], &[(6.0, false)]), 1.5);
+        assert!(one.is_doubtful && one.parts == [(0, 1.0)], "{one:?}");
+    }
+}

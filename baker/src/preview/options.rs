@@ -1,0 +1,143 @@
+//! What a preview is asked for.
+
+use crate::light::schedule::parse_hours;
+use crate::scene::MAX_FOV;
+use crate::trace::backend::Backend;
+use glam::DVec3;
+use std::path::PathBuf;
+
+/// What to show, how, and where to.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// The hour, such as 18.5 or 18:30: where no set is of this hour, light goes linearly from the set before to the one after, or,
+    /// where lamps switch between them, is that of the one whose lamps are as they are at this hour.
+    #[arg(long, value_name = "HOUR", value_parser = parse_hour)]
+    pub hour: f64,
+    /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
+    /// above open scenes, inside closed ones].
+    #[arg(long, value_name = "NAME|X,Y,Z", allow_hyphen_values = true)]
+    pub camera: Option<String>,
+    /// The point in the middle of the picture [default: the camera's; else the middle of the lightmapped surfaces].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_point)]
+    pub look_at: Option<DVec3>,
+    /// Angle of view from left to right, in degrees [default: the camera's, else 60].
+    #[arg(long, value_name = "DEGREES", value_parser = parse_fov)]
+    pub fov: Option<f64>,
+    /// Width and height in pixels.
+    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = parse_size)]
+    pub size: [u32; 2],
+    /// Camera rays per pixel, stratified (16: 4 × 4); best a power of two.
+    #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub samples: u32,
+    /// Radiance in kcd/m² is multiplied by 2 to the power of this: the same for several hours makes them comparable [default: so that the
+    /// surfaces' log-average luminance becomes 0.18, and its 95th percentile at most 1].
+    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_exposure)]
+    pub exposure: Option<f64>,
+    /// The dataset's folder [default: the scene's in dataset/].
+    #[arg(long, value_name = "DIR")]
+    pub dataset: Option<PathBuf>,
+    /// The picture to write [default: in the dataset's folder, named by camera and hour].
+    #[arg(long, value_name = "FILE.png")]
+    pub out: Option<PathBuf>,
+    /// What finds the hits of rays: obvhs, or embree in builds with that feature.
+    #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
+    pub backend: Backend,
+}
+
+impl Options {
+    /// The defaults, at an hour.
+    pub fn new(hour: f64) -> Self {
+        Options {
+            hour,
+            camera: None,
+            look_at: None,
+            fov: None,
+            size: [1280, 720],
+            samples: 16,
+            exposure: None,
+            dataset: None,
+            out: None,
+            backend: Backend::default(),
+        }
+    }
+}
+
+/// For `--help`.
+pub const HELP: &str = "\
+Examples:
+  bake preview scenes/yard.toml --hour 18.5
+  bake preview scenes/yard.toml --hour 12 --camera gate --out gate.png
+  bake preview scenes/yard.toml --hour 21 --camera \"0,1.7,5\" --look-at \"0,1,-5\" --fov 75
+  bake preview scenes/yard.toml --hour 7 --exposure -3 --size 640x360 --samples 4
+
+Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
+without texels (lightmap = false, and the backs of two-sided ones) have no baked light. Theirs is estimated at every sample, by
+shadow rays to sun and lamps, and by walks that end where they read baked light or meet the sky: it is noisier (less with more
+--samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
+emissive surfaces and the sky are not. A computed sky is black below the horizon.
+
+Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
+
+With --json, one object on stdout: scene, dataset, image, hour, sets (hour, weight), camera (name, position, look_at, fov), size,
+samples, exposure, seconds, warnings.";
+
+/// One hour.
+fn parse_hour(text: &str) -> Result<f64, String> {
+    let hours = parse_hours(text).ok().filter(|hours| hours.list.len() == 1 && !text.contains(".."));
+    let expected = || "expected an hour from 0 to below 24, such as 18.5 or 18:30".to_owned();
+    hours.map(|hours| hours.list[0]).ok_or_else(expected)
+}
+
+/// `x,y,z`.
+pub fn parse_point(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err("expected three numbers in metres, such as \"0,1.7,5\"".to_owned()),
+    }
+}
+
+fn parse_fov(text: &str) -> Result<f64, String> {
+    let fov = text.parse().ok().filter(|fov| (1.0..=MAX_FOV).contains(fov));
+    fov.ok_or_else(|| format!("expected degrees from 1 to {MAX_FOV}"))
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    /// Longest side of a picture.
+    const MOST: u32 = 16384;
+    let side = |text: &str| text.trim().parse().ok().filter(|side| (1..=MOST).contains(side));
+    let sides = text.split_once('x').and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    sides.ok_or_else(|| format!("expected a width and a height from 1 to {MOST}, such as 1280x720"))
+}
+
+fn parse_exposure(text: &str) -> Result<f64, String> {
+    let exposure = text.parse().ok().filter(|ev| (-60.0..=60.0).contains(ev));
+    exposure.ok_or_else(|| "expected a power of two from -60 to 60, such as -2.5".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_hour_is_asked_for() {
+        assert_eq!(parse_hour("18.5"), Ok(18.5));
+        assert_eq!(parse_hour("18:30"), Ok(18.5));
+        for bad in ["", "24", "12,13", "0..24", "3..4", "noon"] {
+            assert!(parse_hour(bad).is_err_and(|e| e.contains("18:30")), "{bad}");
+        }
+    }
+
+    #[test]
+    fn points_and_sizes_are_parsed() {
+        assert_eq!(parse_point("-1, 2.5,3e1"), Ok(DVec3::new(-1.0, 2.5, 30.0)));
+        for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,inf"] {
+            assert!(parse_point(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_size("64x32"), Ok([64, 32]));
+        for bad in ["64", "0x3", "3x0", "x", "99999x1", "64×32"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! All pixels of a view.
+
+use super::shade::Shader;
+use super::tone::{automatic_exposure, srgb8};
+use super::view::Lens;
+use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::walk::point_pair;
+use crate::{Result, Rgb};
+use dataset::console::{Console, stop_if_interrupted};
+use glam::Vec2;
+use image::ImageEncoder;
+use rayon::prelude::*;
+
+/// A view in linear light.
+pub struct Picture {
+    size: [u32; 2],
+    /// Row by row from the top: mean radiance, and the share of rays that met a surface.
+    pixels: Vec<(Rgb, f32)>,
+}
+
+impl Picture {
+    /// Traces a view; a pixel's random numbers are a function of its place, so that threads change nothing.
+    pub fn trace(
+        shader: &Shader,
+        lens: &Lens,
+        size: [u32; 2],
+        samples: u32,
+        seed: u64,
+        console: &Console,
+    ) -> Result<Self> {
+        let [width, height] = size;
+        let progress = console.progress("drawing", height.into());
+        let pixel = |x: u32, y: u32| {
+            let of = |stream| Sequence::new(seed, Kind::Pixel, y * width + x, stream);
+            let (places, walks) = (of(0), of(1));
+            let (mut sum, mut met) = (Rgb::ZERO, 0);
+            for i in 0..samples {
+                let place = Vec2::new(x as f32, y as f32) + point_pair(places.sample(i));
+                let (radiance, is_surface) = shader.radiance(lens.origin, lens.direction(place), walks, i);
+                sum += radiance;
+                met += u32::from(is_surface);
+            }
+            (sum / samples as f32, met as f32 / samples as f32)
+        };
+        let rows: Vec<Vec<(Rgb, f32)>> = (0..height)
+            .into_par_iter()
+            .map(|y| {
+                stop_if_interrupted()?;
+                let row = (0..width).map(|x| pixel(x, y)).collect();
+                progress.advance(1);
+                Ok(row)
+            })
+            .collect::<Result<_>>()?;
+        Ok(Picture { size, pixels: rows.concat() })
+    }
+
+    /// The share of rays that met a surface.
+    pub fn covered(&self) -> f64 {
+        self.pixels.iter().map(|(_, met)| f64::from(*met)).sum::<f64>() / self.pixels.len() as f64
+    }
+
+    /// The exposure that suits its surfaces, as a power of two: see [`automatic_exposure`].
+    pub fn exposure(&self) -> f64 {
+        automatic_exposure(self.pixels.iter().filter(|(_, met)| *met > 0.5).map(|(radiance, _)| *radiance))
+    }
+
+    /// The bytes of a PNG file.
+    pub fn to_png(&self, exposure: f64) -> Vec<u8> {
+        let scale = exposure.exp2() as f32;
+        let samples: Vec<u8> =
+            self.pixels.iter().flat_map(|(radiance, _)| srgb8(*radiance * scale)).collect();
+        let mut bytes = Vec::new();
+        image::codecs::png::PngEncoder::new(&mut bytes)
+            .write_image(&samples, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)
+            .expect("writing a picture into memory cannot fail");
+        bytes
+    }
+}

@@ -1,0 +1,95 @@
+//! A preview from end to end.
+
+use super::baked::Baked;
+use super::light::Light;
+use super::moment::Moment;
+use super::options::Options;
+use super::picture::Picture;
+use super::shade::Shader;
+use super::view::Lens;
+use super::{standing, view};
+use crate::trace::rays::Rays;
+use crate::trace::space::Space;
+use crate::trace::walk::Transport;
+use crate::{Error, Result, geometry, scene};
+use dataset::console::Console;
+use dataset::files::write_atomically;
+use serde_json::json;
+use std::path::Path;
+use std::time::Instant;
+
+/// Walks per pixel that estimate the light of what has no texels, at least.
+const WALKS: u32 = 32;
+
+/// Draws the baked light of a scene and writes the picture; gives what `--json` prints.
+///
+/// # Errors
+/// Bad input; no dataset, or one of another scene; a picture that cannot be written.
+pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
+    let start = Instant::now();
+    options.backend.expect_built()?;
+    let is_png = |out: &Path| out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if let Some(out) = options.out.as_deref().filter(|out| !is_png(out)) {
+        return Err(Error::invalid("--out", format!("{}: expected a name that ends in .png", out.display())));
+    }
+    let (scene, mut warnings) = scene::load(scene_file)?;
+    let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
+    standing::expect_finished(&folder, scene_file, &scene.name)?;
+    let (geometry, geometry_warnings) = geometry::load(&scene)?;
+    warnings.extend(geometry_warnings);
+    warnings.iter().for_each(|warning| console.warn(warning));
+    let rays = Rays::with_backend(&geometry, options.backend)?;
+    let camera = view::choose(options, &scene, &geometry, &rays)?;
+    let (dataset, atlas, changed) = standing::open(&folder, scene_file, &scene, &geometry, console)?;
+    warnings.extend(changed);
+
+    let moment = Moment::new(&dataset.config, options.hour);
+    if moment.is_doubtful {
+        console.warn(&moment.note);
+        warnings.push(moment.note.clone());
+    } else {
+        console.say(format!("{:.2} h: {}", options.hour, moment.note));
+    }
+    let light = Light::new(&scene, &geometry, &dataset.config, &moment);
+    let baked = Baked::read(&dataset, &moment, &geometry, atlas)?;
+    let transport = Transport::new(Space::new(&geometry, &rays), &light.lights, scene.bake.bounces);
+    let walks = WALKS.div_ceil(options.samples);
+    let shader = Shader { transport, light: &light, baked: &baked, walks };
+    let lens = Lens::new(&camera, geometry.origin, options.size);
+    let picture = Picture::trace(&shader, &lens, options.size, options.samples, scene.bake.seed, console)?;
+    if picture.covered() == 0.0 {
+        let nothing = "the camera sees no surface";
+        console.warn(nothing);
+        warnings.push(nothing.to_owned());
+    }
+    let exposure = options.exposure.unwrap_or_else(|| picture.exposure());
+    let out = options.out.clone().unwrap_or_else(|| {
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
+        let name: String = camera.name.chars().map(plain).collect();
+        folder.join(format!("preview-{name}-{:05.2}.png", options.hour))
+    });
+    write_atomically(&out, &picture.to_png(exposure))?;
+
+    let [x, y, z] = camera.position.to_array();
+    console.say(format!(
+        "{}: from {x:.2},{y:.2},{z:.2} ({}), exposure {exposure:.2} EV{}",
+        out.display(),
+        camera.name,
+        if options.exposure.is_none() { " (--exposure fixes it)" } else { "" }
+    ));
+    let set =
+        |&(set, weight): &(usize, f32)| json!({ "hour": dataset.config.sets[set].hour, "weight": weight });
+    Ok(json!({
+        "scene": scene.name,
+        "dataset": folder,
+        "image": out,
+        "hour": options.hour,
+        "sets": moment.parts.iter().map(set).collect::<Vec<_>>(),
+        "camera": { "name": camera.name, "position": camera.position, "look_at": camera.look_at, "fov": camera.fov },
+        "size": options.size,
+        "samples": options.samples,
+        "exposure": exposure,
+        "seconds": start.elapsed().as_secs_f64(),
+        "warnings": warnings,
+    }))
+}

@@ -1,0 +1,85 @@
+//! What a camera ray sees.
+
+use super::baked::Baked;
+use super::light::Light;
+use super::view::NOWHERE;
+use crate::Rgb;
+use crate::surface::SurfacePoint;
+use crate::trace::counts::RayCounts;
+use crate::trace::rays::{Hit, offset_point};
+use crate::trace::sampler::Sequence;
+use crate::trace::walk::Transport;
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Radiance along camera rays.
+pub struct Shader<'a> {
+    /// The scene, and walks in it.
+    pub transport: Transport<'a>,
+    /// What shines.
+    pub light: &'a Light,
+    /// Its light on surfaces with texels.
+    pub baked: &'a Baked,
+    /// Walks that estimate the light of a surface without texels, per camera ray.
+    pub walks: u32,
+}
+
+impl Shader<'_> {
+    /// Radiance that arrives along a camera ray, and whether it is a surface's; `number` is the ray's place in its pixel's `walks`.
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, walks: Sequence, number: u32) -> (Rgb, bool) {
+        /// Backs that one ray passes; more are the walls of an endless stack.
+        const MOST_BACKS: usize = 256;
+        let (space, geometry) = (&self.transport.space, self.transport.space.geometry);
+        let (mut from, mut start) = (NOWHERE, origin);
+        for _ in 0..MOST_BACKS {
+            let Some(hit) = space.rays.nearest(start, direction, from) else { break };
+            let (triangle, front) = (hit.triangle as usize, space.front(hit.triangle));
+            let is_back = front.dot(direction) > 0.0;
+            let material = geometry.material_of[triangle];
+            if is_back && !geometry.materials[material as usize].two_sided {
+                // Not drawn, as in a game: on from its other side.
+                (from, start) =
+                    (hit.triangle, offset_point(&geometry.corners(triangle), hit.barycentric, front));
+                continue;
+            }
+            let irradiance =
+                self.of_texel(&hit, is_back).unwrap_or_else(|| self.estimate(&hit, is_back, walks, number));
+            let reflected = geometry.albedo_at(triangle, hit.barycentric) * irradiance / PI;
+            return (reflected + self.light.emission(geometry, material), true);
+        }
+        (self.light.sky(direction), false)
+    }
+
+    /// Baked irradiance, where there is any.
+    fn of_texel(&self, hit: &Hit, is_back: bool) -> Option<Rgb> {
+        if is_back { None } else { self.baked.irradiance(hit.triangle, hit.barycentric) }
+    }
+
+    /// Irradiance where nothing was baked: light straight from sun and lamps, and walks that end at the first baked surface.
+    fn estimate(&self, hit: &Hit, is_back: bool, walks: Sequence, number: u32) -> Rgb {
+        let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
+        let space = &self.transport.space;
+        let at = if is_back { space.flat_receiver(&point, true) } else { space.receiver(&point) };
+        let Some(at) = at else { return Rgb::ZERO };
+        let (mut layers, mut read) = (vec![Rgb::ZERO; self.light.lights.layers()], Rgb::ZERO);
+        let mut counts = RayCounts::default();
+        for walk in number * self.walks..(number + 1) * self.walks {
+            let sample = walks.sample(walk);
+            self.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut layers, &mut counts);
+            self.transport.indirect(
+                &at,
+                sample,
+                |arrival, _, _| match self.of_texel(&arrival.hit, arrival.is_back) {
+                    Some(irradiance) => {
+                        read += arrival.weight * irradiance;
+                        true
+                    }
+                    None => false,
+                },
+                &mut layers,
+                &mut counts,
+            );
+        }
+        (self.light.sum(&layers) + read) / self.walks as f32
+    }
+}

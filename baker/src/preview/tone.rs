@@ -1,0 +1,69 @@
+//! From radiance to what a screen shows.
+
+use crate::Rgb;
+use crate::light::luminance;
+
+/// What the log-average luminance of the surfaces becomes by default: middle grey.
+pub const MIDDLE_GREY: f64 = 0.18;
+/// Where the tone curve leaves the straight line.
+const KNEE: f32 = 0.7;
+
+/// The exposure that suits `pixels`, as a power of two: their log-average luminance becomes middle grey, or less where the 95th
+/// percentile of their luminance would come out above 1; 0 where all are black.
+pub fn automatic_exposure(pixels: impl Iterator<Item = Rgb>) -> f64 {
+    /// What is darker than this share of the mean counts as it: black corners do not burn out the rest.
+    const DARKEST: f64 = 0.01;
+    let mut luminances: Vec<f64> = pixels.map(|pixel| luminance(pixel).into()).collect();
+    let n = luminances.len().max(1) as f64;
+    let mean = luminances.iter().sum::<f64>() / n;
+    if mean <= 0.0 || !mean.is_finite() {
+        return 0.0;
+    }
+    let log_average = luminances.iter().map(|l| l.max(DARKEST * mean).log2()).sum::<f64>() / n;
+    let bright = (luminances.len() - 1) * 95 / 100;
+    let (_, bright, _) = luminances.select_nth_unstable_by(bright, f64::total_cmp);
+    (MIDDLE_GREY.log2() - log_average).min(-bright.max(DARKEST * mean).log2())
+}
+
+/// 8-bit sRGB of exposed light: linear up to the knee, then towards 1 without reaching it.
+pub fn srgb8(exposed: Rgb) -> [u8; 3] {
+    exposed.to_array().map(|x| {
+        let shown =
+            if x <= KNEE { x.max(0.0) } else { 1.0 - (1.0 - KNEE) * (-(x - KNEE) / (1.0 - KNEE)).exp() };
+        // IEC 61966-2-1.
+        let code = if shown <= 0.003_130_8 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
+        (code * 255.0).round() as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_is_linear_below_its_knee_and_never_above_white() {
+        // sRGB of 0.18 is 0.4614, of 0.5 is 0.7354, of 0.7 is 0.8545.
+        for (x, code) in [(-1.0, 0), (0.0, 0), (0.001, 3), (0.18, 118), (0.5, 188), (0.7, 218), (1e9, 255)] {
+            assert_eq!(srgb8(Rgb::splat(x)), [code; 3], "{x}");
+        }
+        // 1 becomes 1 − 0.3 e⁻¹ = 0.8896, whose sRGB is 0.9498.
+        assert_eq!(srgb8(Rgb::ONE), [242; 3]);
+    }
+
+    #[test]
+    fn the_log_average_becomes_middle_grey_and_the_brightest_stay_below_white() {
+        let greys = |values: &'static [f32]| values.iter().map(|v| Rgb::splat(*v));
+        let check = |values: &'static [f32], expected: f64| {
+            let found = automatic_exposure(greys(values));
+            assert!((found - expected).abs() < 1e-6, "{values:?}: {found}");
+        };
+        // The log-average of 1 and 4 is 2: 2 · 2^EV = 0.18.
+        check(&[1.0, 4.0], 0.09f64.log2());
+        // Black counts as a hundredth of the mean, here of 1: a log-average of √(2 · 0.01).
+        check(&[0.0, 2.0], (0.18 / 0.02f64.sqrt()).log2());
+        // Three of ten a hundred times as bright: a log-average of 100^0.3 would make them 4.5.
+        check(&[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0], 0.01f64.log2());
+        check(&[0.0], 0.0);
+        check(&[], 0.0);
+    }
+}

@@ -1,0 +1,167 @@
+//! Where the camera stands.
+
+use super::options::{Options, parse_point};
+use crate::geometry::Geometry;
+use crate::scene::{Camera, Scene};
+use crate::trace::rays::Rays;
+use crate::{Error, Result};
+use glam::{DVec3, Vec2, Vec3};
+use std::f64::consts::TAU;
+
+/// The triangle of a ray that starts on none.
+pub const NOWHERE: u32 = u32::MAX;
+
+/// The camera that is asked for: of the scene, of the command line, or one that shows something of most scenes.
+///
+/// # Errors
+/// A name that no camera has; a camera that looks at where it stands.
+pub fn choose(options: &Options, scene: &Scene, geometry: &Geometry, rays: &Rays) -> Result<Camera> {
+    let of_scene = match &options.camera {
+        None => scene.cameras.first().cloned(),
+        Some(name) => scene.cameras.iter().find(|camera| camera.name == *name).cloned(),
+    };
+    let mut camera = match (of_scene, &options.camera) {
+        (Some(camera), _) => camera,
+        (None, None) => default(geometry, rays),
+        (None, Some(text)) => {
+            let position = parse_point(text).map_err(|_| {
+                let names: Vec<String> = scene.cameras.iter().map(|c| format!("{:?}", c.name)).collect();
+                let names = if names.is_empty() { "the scene has none".to_owned() } else { names.join(", ") };
+                Error::invalid(
+                    "--camera",
+                    format!("{text:?}: expected the name of a [[camera]] ({names}) or \"x,y,z\""),
+                )
+            })?;
+            Camera {
+                name: "view".to_owned(),
+                position,
+                look_at: Bounds::new(geometry).middle(),
+                fov: Camera::FOV,
+            }
+        }
+    };
+    camera.look_at = options.look_at.unwrap_or(camera.look_at);
+    camera.fov = options.fov.unwrap_or(camera.fov);
+    if camera.look_at == camera.position {
+        return Err(Error::invalid("--look-at", "expected another point than the camera's position"));
+    }
+    Ok(camera)
+}
+
+/// The box around what has texels, in the world.
+struct Bounds {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Bounds {
+    fn new(geometry: &Geometry) -> Self {
+        let lit = geometry.instances.iter().filter(|instance| instance.lightmap);
+        let points = lit.flat_map(|instance| &geometry.positions[instance.vertices.clone()]);
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) =
+            points.fold(empty, |(low, high), p| (low.min(p.as_dvec3()), high.max(p.as_dvec3())));
+        Bounds { low: low + geometry.origin, high: high + geometry.origin }
+    }
+
+    fn middle(&self) -> DVec3 {
+        0.5 * (self.low + self.high)
+    }
+}
+
+/// From outside and above, looking at the middle from the south-west; inside, where hardly any ray from the middle leaves the scene
+/// upwards: from the same side of the room.
+fn default(geometry: &Geometry, rays: &Rays) -> Camera {
+    /// Rays from the middle, and how many may leave a closed room, by its windows.
+    const RAYS: usize = 64;
+    const MOST_LEAVING: usize = RAYS / 4;
+    let bounds = Bounds::new(geometry);
+    let (middle, size) = (bounds.middle(), bounds.high - bounds.low);
+    let local = |point: DVec3| (point - geometry.origin).as_vec3();
+    let leaves = |i: &usize| {
+        // Evenly over the upper hemisphere, turned by the golden ratio.
+        let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
+        let r = (1.0 - y * y).sqrt();
+        let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
+        rays.nearest(local(middle), direction, NOWHERE).is_none()
+    };
+    let name = "default".to_owned();
+    if (0..RAYS).filter(leaves).count() <= MOST_LEAVING {
+        // As far towards that corner as nothing stands in the way, and a little back.
+        let back = DVec3::new(-size.x, 0.3 * size.y, size.z);
+        let (distance, direction) = (0.5 * back.length(), back.normalize());
+        let free =
+            rays.nearest(local(middle), direction.as_vec3(), NOWHERE).map_or(distance, |hit| hit.t.into());
+        let position = middle + direction * (0.9 * free.min(distance));
+        return Camera {
+            name,
+            position,
+            look_at: middle - direction * distance - 0.2 * size.y * DVec3::Y,
+            fov: 80.0,
+        };
+    }
+    let direction = DVec3::new(-0.6, 0.6, 1.0).normalize();
+    let distance = 0.5 * size.length() / (0.5 * Camera::FOV.to_radians()).sin();
+    Camera { name, position: middle + direction * distance, look_at: middle, fov: Camera::FOV }
+}
+
+/// A camera ready to see: rays through its picture.
+pub struct Lens {
+    /// Where it stands, relative to the geometry's origin.
+    pub origin: Vec3,
+    forward: Vec3,
+    /// To the right and upper edge of the picture, at distance 1.
+    right: Vec3,
+    up: Vec3,
+    size: [u32; 2],
+}
+
+impl Lens {
+    /// A camera for a picture of `size` pixels.
+    pub fn new(camera: &Camera, origin: DVec3, size: [u32; 2]) -> Self {
+        /// Nearer to straight up or down than this, +Y is no help.
+        const STEEP: f64 = 0.9999;
+        let forward = (camera.look_at - camera.position).normalize();
+        let upwards = if forward.y.abs() < STEEP { DVec3::Y } else { DVec3::NEG_Z };
+        let right = forward.cross(upwards).normalize();
+        let half = (0.5 * camera.fov.to_radians()).tan();
+        let up = right.cross(forward) * (half * f64::from(size[1]) / f64::from(size[0]));
+        Lens {
+            origin: (camera.position - origin).as_vec3(),
+            forward: forward.as_vec3(),
+            right: (right * half).as_vec3(),
+            up: up.as_vec3(),
+            size,
+        }
+    }
+
+    /// The unit direction through a place in pixels; (0, 0) is the top left corner.
+    pub fn direction(&self, place: Vec2) -> Vec3 {
+        let x = 2.0 * place.x / self.size[0] as f32 - 1.0;
+        let y = 1.0 - 2.0 * place.y / self.size[1] as f32;
+        (self.forward + self.right * x + self.up * y).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_picture_is_upright_and_as_wide_as_asked_for() {
+        let camera =
+            Camera { name: "c".into(), position: DVec3::X, look_at: DVec3::new(1.0, 0.0, -5.0), fov: 90.0 };
+        let lens = Lens::new(&camera, DVec3::X, [200, 100]);
+        let near = |place: [f32; 2], expected: Vec3| {
+            let found = lens.direction(Vec2::from_array(place));
+            assert!((found - expected.normalize()).length() < 1e-6, "{place:?}: {found}");
+        };
+        assert_eq!(lens.origin, Vec3::ZERO);
+        near([100.0, 50.0], Vec3::NEG_Z);
+        near([0.0, 50.0], Vec3::new(-1.0, 0.0, -1.0));
+        near([200.0, 0.0], Vec3::new(1.0, 0.5, -1.0));
+        let down = Lens::new(&Camera { look_at: DVec3::new(1.0, -3.0, 0.0), ..camera }, DVec3::X, [9, 9]);
+        assert!((down.direction(Vec2::splat(4.5)) - Vec3::NEG_Y).length() < 1e-6);
+        assert!(down.up.z < 0.0, "north is up in a plan");
+    }
+}

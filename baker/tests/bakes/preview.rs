@@ -1,0 +1,184 @@
+//! Pictures of bakes, pixel by pixel.
+
+use super::Stage;
+use super::scenes::{Obj, furnace, instances, outdoors};
+use baker::preview::options::Options;
+use baker::preview::run::preview;
+use dataset::console::Console;
+use glam::DVec3;
+use image::{ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
+use std::io::Cursor;
+
+const SET: &str = "set";
+const SAMPLES: &str = "[bake]\nsamples = 16\n";
+
+impl Stage {
+    /// Draws the dataset `set` of the scene that was baked last.
+    fn draw(&self, options: Options) -> dataset::Result<(serde_json::Value, RgbImage)> {
+        let out = self.path("picture.png");
+        let options = Options { dataset: Some(self.path(SET)), out: Some(out.clone()), ..options };
+        let told = preview(&self.path("case.toml"), &options, &Console::silent())?;
+        Ok((told, image::open(&out).expect("a picture").into_rgb8()))
+    }
+
+    /// The message of a picture that must fail.
+    #[track_caller]
+    fn refusal(&self, options: Options) -> String {
+        self.draw(options).expect_err("the preview was accepted").to_string()
+    }
+}
+
+/// A small square picture from `camera` at `look_at`.
+fn from(camera: &str, look_at: [f64; 3]) -> Options {
+    Options {
+        camera: Some(camera.to_owned()),
+        look_at: Some(DVec3::from(look_at)),
+        size: [40, 40],
+        samples: 4,
+        ..Options::new(12.0)
+    }
+}
+
+/// A floor of albedo ½ under an even sky of 1 kcd/m²: its irradiance is π, its radiance ½.
+const FLOOR: &str = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n\
+    [[object]]\nfile = \"floor.obj\"\nalbedo = 0.5\n[lightmap]\nsize = 40\n";
+
+fn floor() -> (&'static str, Vec<u8>) {
+    ("floor.obj", Obj::default().mesh("floor").floor([-2.0, 0.0, -2.0], 4.0, 4.0).bytes())
+}
+
+#[test]
+fn a_known_irradiance_shows_its_value() {
+    let stage = Stage::new(&[floor()]);
+    stage.bake(&format!("{FLOOR}{SAMPLES}"), SET, "12", |_| ());
+    let middle = |exposure: Option<f64>| {
+        let (told, picture) = stage.draw(Options { exposure, ..from("0,3,0.1", [0.0; 3]) }).unwrap();
+        (told["exposure"].as_f64().unwrap(), *picture.get_pixel(20, 20))
+    };
+    // ½ · 2⁻¹ = ¼, whose sRGB is 0.5371; ½ · 2 = 1, which the curve takes to 0.8896 and sRGB to 0.9498.
+    assert_eq!(middle(Some(-1.0)).1, Rgb([137; 3]));
+    assert_eq!(middle(Some(1.0)).1, Rgb([242; 3]));
+    // By itself it comes out middle grey: ½ · 2^EV = 0.18.
+    let (exposure, pixel) = middle(None);
+    assert!((exposure - 0.36f64.log2()).abs() < 0.01, "{exposure}");
+    assert_eq!(pixel, Rgb([118; 3]));
+}
+
+#[test]
+fn a_hole_shows_what_is_behind_it() {
+    // Open on its left half, red on its right.
+    let mut png = Cursor::new(Vec::new());
+    let texel = |x: u32| if x < 4 { [255, 255, 255, 0] } else { [255, 0, 0, 255] };
+    RgbaImage::from_fn(8, 1, |x, _| Rgba(texel(x))).write_to(&mut png, ImageFormat::Png).unwrap();
+    let sheet = "mtllib sheet.mtl\nusemtl holed\nv -0.5 1 0.5\nvt 0 0\nv 0.5 1 0.5\nvt 1 0\nv 0.5 1 -0.5\nvt 1 1\nv -0.5 1 -0.5\n\
+        vt 0 1\nf 1/1 2/2 3/3 4/4\n";
+    let mtl = "newmtl holed\nKd 1 1 1\nmap_Kd holed.png\nmap_d holed.png\n";
+    let stage = Stage::new(&[
+        floor(),
+        ("sheet.obj", sheet.into()),
+        ("sheet.mtl", mtl.into()),
+        ("holed.png", png.into_inner()),
+    ]);
+    let sheet = "[[object]]\nfile = \"sheet.obj\"\nlightmap = false\ntwo_sided = true\n";
+    stage.bake(&format!("{FLOOR}{sheet}{SAMPLES}"), SET, "12", |_| ());
+    // 1.15 m on either side of the middle at the sheet's height: its halves' middles are 4 pixels off.
+    let (_, picture) = stage.draw(Options { exposure: Some(-1.0), ..from("0,3,0", [0.0; 3]) }).unwrap();
+    let (hole, red) = (picture.get_pixel(15, 20).0, picture.get_pixel(24, 20).0);
+    assert!(hole.iter().all(|c| (110..=137).contains(c)), "the floor, a little shaded: {hole:?}");
+    assert!(red[0] > 150 && red[1] < 10, "{red:?}");
+}
+
+#[test]
+fn what_has_no_texels_looks_like_what_has() {
+    // All of radiance 1 in the furnace: ½ emitted, and ½ of an irradiance of π.
+    let case = furnace();
+    let block = Obj::default().mesh("block").block([-0.3, -0.05, -0.3], [0.6, 0.65, 0.6]);
+    case.stage.write("block.obj", &block.bytes());
+    let block = "[[object]]\nfile = \"block.obj\"\nalbedo = 0.5\nemission = [0.5, 0.5, 0.5]\ngroup = \"walls\"\nlightmap = false\n";
+    case.stage.bake(&format!("{block}{}[bake]\nsamples = 64\n", case.text), SET, "12", |_| ());
+    let view = Options {
+        exposure: Some(-2.0),
+        samples: 16,
+        fov: Some(90.0),
+        ..from("-0.8,1.4,0.8", [0.0, 0.4, 0.0])
+    };
+    let (_, picture) = case.stage.draw(view).unwrap();
+    // ¼ is 137; a code more or less is a hundredth of the light.
+    for (name, x, y) in [("block", 20, 20), ("block", 21, 24), ("wall", 2, 2), ("floor", 20, 38)] {
+        let pixel = picture.get_pixel(x, y).0;
+        assert!(pixel.iter().all(|c| (134..=140).contains(c)), "{name}: {pixel:?}");
+    }
+    // Without the half that it is lit by, the block would show ⅛.
+    let mean = picture.pixels().map(|p| f64::from(p.0[1])).sum::<f64>() / 1600.0;
+    assert!((mean - 137.0).abs() < 1.5, "{mean}");
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    let case = instances();
+    case.stage.bake(&format!("{}{SAMPLES}", case.text), SET, case.hours, |_| ());
+    let of_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| case.stage.draw(from("-1,2,2.5", [0.0, 0.3, 0.0]))).unwrap();
+        std::fs::read(case.stage.path("picture.png")).unwrap()
+    };
+    assert!(of_threads(1) == of_threads(3));
+}
+
+#[test]
+fn a_camera_is_chosen_by_name_and_changes_no_bake() {
+    let case = outdoors();
+    let scene = format!("{}{SAMPLES}", case.text);
+    case.stage.bake(&scene, SET, case.hours, |_| ());
+    let message = case.stage.refusal(Options { camera: Some("gate".into()), ..Options::new(8.0) });
+    assert!(message.contains("\"gate\": expected") && message.contains("the scene has none"), "{message}");
+
+    let camera = "[[camera]]\nname = \"gate\"\nposition = [1, 2, 3]\nlook_at = [0, 0.5, 0]\nfov = 40\n";
+    let (outcome, _) = case.stage.bake(&format!("{scene}{camera}"), SET, case.hours, |_| ());
+    assert!(outcome.up_to_date);
+    let small = || Options { size: [16, 9], ..Options::new(9.0) };
+    for camera in [None, Some("gate".to_owned())] {
+        let (told, picture) = case.stage.draw(Options { camera, ..small() }).unwrap();
+        assert_eq!(told["camera"]["name"], "gate");
+        assert_eq!(
+            (told["camera"]["position"][2].as_f64(), told["camera"]["fov"].as_f64()),
+            (Some(3.0), Some(40.0))
+        );
+        // A quarter of the way from 8 to 12.
+        assert_eq!(told["sets"].to_string(), r#"[{"hour":8.0,"weight":0.75},{"hour":12.0,"weight":0.25}]"#);
+        assert_eq!(told["warnings"].as_array().map(Vec::len), Some(0), "{told}");
+        assert_eq!(picture.dimensions(), (16, 9));
+    }
+    let message = case.stage.refusal(Options { camera: Some("moon".into()), ..Options::new(8.0) });
+    assert!(message.contains("\"moon\": expected") && message.contains("(\"gate\")"), "{message}");
+    let message = case.stage.refusal(from("0,0,0", [0.0; 3]));
+    assert!(message.contains("--look-at: expected another point"), "{message}");
+}
+
+#[test]
+fn only_a_finished_dataset_of_this_scene_is_shown() {
+    let case = outdoors();
+    case.stage.write("case.toml", format!("{}{SAMPLES}", case.text).as_bytes());
+    let message = case.stage.refusal(Options::new(8.0));
+    assert!(message.contains("no finished dataset; expected one of the scene \"case\""), "{message}");
+    let jpeg = Options { out: Some("a.jpg".into()), ..Options::new(8.0) };
+    let message = preview(&case.stage.path("case.toml"), &jpeg, &Console::silent()).unwrap_err().to_string();
+    assert!(message.contains("a.jpg: expected a name that ends in .png"), "{message}");
+    // A draft lays out other pages than the scene asks for; it is shown as it is.
+    case.stage.bake(&format!("{}{SAMPLES}", case.text), SET, case.hours, |options| options.draft = true);
+    let small = || Options { size: [16, 9], ..Options::new(8.0) };
+    case.stage.draw(small()).unwrap();
+    let changed = |from: &str, to: &str| {
+        assert!(case.text.contains(from));
+        case.stage.write("case.toml", format!("{}{SAMPLES}", case.text.replace(from, to)).as_bytes());
+    };
+    changed("2026-06-21", "2026-07-21");
+    let (told, _) = case.stage.draw(small()).unwrap();
+    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("(place)")), "{told}");
+    changed("[0.6, 0.5, 0.3]", "[0.6, 0.5, 0.4]");
+    let message = case.stage.refusal(small());
+    assert!(
+        message.contains("geometry, materials or layout") && message.contains("expected a dataset"),
+        "{message}"
+    );
+}
