@@ -57,6 +57,9 @@ struct Args {
     /// A quick look: half the lightmap's side, a quarter of the samples, short training.
     #[arg(long)]
     draft: bool,
+    /// For shipping: twice the lightmap's side, twice the samples.
+    #[arg(long, conflicts_with = "draft")]
+    r#final: bool,
     /// Samples of indirect light per texel, a power of two: all of them, or at most so many with a target or a time limit
     /// [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
@@ -151,6 +154,11 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     let scene =
         args.scene.as_deref().ok_or_else(|| Error::invalid("command line", "expected a scene file"))?;
     let hours = parse_hours(&args.hours).map_err(|what| Error::invalid("--hours", what))?;
+    let preset = match (args.draft, args.r#final) {
+        (true, _) => Preset::Draft,
+        (_, true) => Preset::Final,
+        _ => Preset::Default,
+    };
     let options = Options {
         samples: args.samples,
         target_error: args.target_error,
@@ -158,7 +166,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         integrator: args.integrator,
         backend: args.backend,
         check: args.check,
-        draft: args.draft,
+        preset,
         out: args.out.clone(),
         force: args.force,
         ..Options::new(hours)

@@ -197,9 +197,9 @@ fn broken_objs_say_where() {
     let text = "[[object]]\nfile = \"broken.obj\"\n";
     for (obj, expected) in [
         ("o roof\nv 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n", "broken.obj: roof: vertex 1: position"),
-        ("v 0 0 0\nv 1 x 0\n", "broken.obj:2: position parse error"),
-        ("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n", "broken.obj:4: face vertex index out of bounds"),
-        ("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 -9\n", "broken.obj:4: "),
+        ("v 0 0 0\nv 1 x 0\n", "broken.obj:2: `v 1 x 0`: position parse error"),
+        ("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n", "broken.obj:4: `f 1 2 9`: face vertex index out of bounds"),
+        ("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 -9\n", "broken.obj:4: `f 1 2 -9`: "),
         ("v 0 0 0\nv 1 0 0\nv 1 1 0\nvt nan 0\nf 1/1 2/1 3/1\n", "vertex 0: texture coordinate"),
         ("v 0 0 0\n", "broken.obj: expected at least one triangle"),
         ("", "broken.obj: expected at least one triangle"),

@@ -26,8 +26,8 @@ pub struct Options {
     pub backend: Backend,
     /// Check some texels against so many walks each that are followed to their end.
     pub check: Option<u32>,
-    /// Half the lightmap's side, a quarter of the samples.
-    pub draft: bool,
+    /// How large and how good.
+    pub preset: Preset,
     /// The dataset's folder; `None`: `dataset/<scene>` in the working folder.
     pub out: Option<PathBuf>,
     /// Forget earlier work on this dataset, and replace it by less if need be.
@@ -45,11 +45,23 @@ impl Options {
             integrator: Integrator::Cached,
             backend: Backend::default(),
             check: None,
-            draft: false,
+            preset: Preset::Default,
             out: None,
             force: false,
         }
     }
+}
+
+/// How large and how good a bake is to be, beside what the scene file says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preset {
+    /// Half the lightmap's side, a quarter of the samples.
+    Draft,
+    /// As the scene says.
+    #[default]
+    Default,
+    /// Twice the lightmap's side and twice the samples: what a game ships.
+    Final,
 }
 
 /// How light is followed past the first surface.

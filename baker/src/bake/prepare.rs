@@ -2,7 +2,7 @@
 
 use super::errors::Parts;
 use super::json;
-use super::options::{Integrator, Options};
+use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
 use crate::atlas::{self, Atlas};
@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-10";
+const METHOD: &str = "walks-11";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
@@ -127,16 +127,21 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
 
 /// Overrides what the command line overrides.
 fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
-    if options.draft {
-        scene.lightmap.size = match scene.lightmap.size {
-            LightmapSize::Fixed { width, height } => {
-                LightmapSize::Fixed { width: (width / 2).max(1), height: (height / 2).max(1) }
-            }
-            LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d / 2.0),
-        };
-        scene.size_as_written += ", halved by --draft";
-        scene.bake.samples = (scene.bake.samples / 4).max(2);
-    }
+    // (Sides in halves, samples in quarters.)
+    let (side, samples, note) = match options.preset {
+        Preset::Draft => (1, 1, ", halved by --draft"),
+        Preset::Default => (2, 4, ""),
+        Preset::Final => (4, 8, ", doubled by --final"),
+    };
+    scene.lightmap.size = match scene.lightmap.size {
+        LightmapSize::Fixed { width, height } => {
+            let scaled = |texels: u32| (texels * side / 2).max(1);
+            LightmapSize::Fixed { width: scaled(width), height: scaled(height) }
+        }
+        LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d * f64::from(side) / 2.0),
+    };
+    scene.size_as_written += note;
+    scene.bake.samples = (scene.bake.samples / 4).max(1).saturating_mul(samples).clamp(2, MAX_SAMPLES);
     /// What a target error or a time limit may use when no number of samples is given.
     const PLENTY: u32 = 1 << 16;
     if (options.target_error.is_some() || options.time_limit.is_some()) && options.samples.is_none() {

@@ -177,6 +177,9 @@ fn trace_missing(
     }
     let wanted: Vec<String> = missing.iter().map(|&l| digests[l].clone()).collect();
     let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
+    if !StateFolder::others(out, &work).is_empty() {
+        console.warn("an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)");
+    }
     let traced = with_worker(prepared, atlas, &missing, |worker| {
         let lights = worker.transport.lights;
         let folder = StateFolder::open(out, &work, lights.layers(), lights.sampled())?;

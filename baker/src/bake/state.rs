@@ -165,15 +165,18 @@ const HEADER: usize = 8 + 5 * 4 + CELLS * 4;
 impl StateFolder {
     /// Opens or creates the folder of the work with this digest below `dataset`, and removes those of other work.
     pub fn open(dataset: &Path, digest: &str, layers: usize, sampled: usize) -> Result<Self> {
-        let parent = dataset.join(FOLDER);
-        let root = parent.join(&digest[..16]);
-        if let Ok(entries) = std::fs::read_dir(&parent) {
-            for entry in entries.flatten().filter(|e| e.path() != root) {
-                let _ = std::fs::remove_dir_all(entry.path());
-            }
+        for other in Self::others(dataset, digest) {
+            let _ = std::fs::remove_dir_all(other);
         }
+        let root = dataset.join(FOLDER).join(&digest[..16]);
         std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
         Ok(StateFolder { root, layers, sampled })
+    }
+
+    /// The unfinished work of other bakes, which [`StateFolder::open`] forgets.
+    pub fn others(dataset: &Path, digest: &str) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(dataset.join(FOLDER)).into_iter().flatten().flatten();
+        entries.map(|e| e.path()).filter(|path| !path.ends_with(&digest[..16])).collect()
     }
 
     /// Forgets all work below `dataset`.
@@ -291,6 +294,8 @@ mod tests {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
         assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3, 2));
+        assert!(StateFolder::others(dir.path(), digest).is_empty());
+        assert_eq!(StateFolder::others(dir.path(), "fedcba9876543210fedc").len(), 1);
         StateFolder::open(dir.path(), "fedcba9876543210fedc", 3, 2).unwrap();
         assert!(!folder.root().exists());
     }

@@ -15,6 +15,9 @@ use std::path::{Path, PathBuf};
 /// name; read first, as a line of its own, so that real definitions replace its.
 const STAND_INS: &str = "\u{1}stand-ins";
 
+/// Bytes of a line that an error quotes.
+const MOST_QUOTED: usize = 80;
+
 /// Reads an OBJ. With `vt_is_lightmap` its `vt` are lightmap coordinates too.
 pub(super) fn load(
     path: &Path,
@@ -66,8 +69,12 @@ pub(super) fn load(
     }
     // The first line was ours.
     let line = reader.lines.get().saturating_sub(1);
-    let (models, materials) = loaded
-        .map_err(|e| Error::invalid(format!("{file}:{line}"), format!("{e}, here or in the faces above")))?;
+    let (models, materials) = loaded.map_err(|e| {
+        let at_fault = text.split(|&b| b == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
+        let at_fault = String::from_utf8_lossy(&at_fault[..at_fault.len().min(MOST_QUOTED)]);
+        let place = format!("{file}:{line}");
+        Error::invalid(place, format!("`{}`: {e}, here or in the faces above", at_fault.trim()))
+    })?;
     warnings.append(&mut missing.into_inner());
     // Whatever is wrong with the libraries has been said.
     let materials = materials.unwrap_or_default();
