@@ -27,12 +27,17 @@ pub fn training(outcome: &Outcome) -> Section {
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
     section.paragraph(&format!(
         "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
-         training. Mean over tiles before quantisation {}, as stored {}.",
+         training. Steps per tile: {}. Mean over tiles before quantisation {}, as stored {}.",
         outcome.tiles,
         outcome.empty,
         outcome.resumed,
         outcome.seconds,
         outcome.training_seconds,
+        match outcome.steps {
+            None => "–".to_owned(),
+            Some([least, most]) if least == most => least.to_string(),
+            Some([least, most]) => format!("{least} to {most}"),
+        },
         decibels(outcome.psnr_unquantised_db),
         decibels(outcome.psnr_trained_db),
     ));
@@ -55,8 +60,8 @@ pub fn training(outcome: &Outcome) -> Section {
     section
 }
 
-/// The quality table by hour and the worst tiles; what is to be said of a target first.
-pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
+/// The quality table by hour and the worst tiles; what is to be said of targets and limits first.
+pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     let mut section = Section::new("Quality");
     section.paragraph(
         "Decoded from the written bundle. Tiles of 128×128 texels, valid texels only, linear RGB; peak = the tile's largest valid \
@@ -64,8 +69,7 @@ pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
          mantissas and a shared exponent. Log: of ln(1 + E/ε), ε a thousandth of the page's mean, where equal ratios weigh the same. In the \
          dark: the relative error over the darkest quarter of the set's texels. The noise ceiling is the bake's own sampling error as a PSNR: no codec can be closer to the truth than that.",
     );
-    let missed = missed.map(str::to_owned).into_iter();
-    section.list(&missed.chain(evaluation.remarks()).collect::<Vec<_>>());
+    section.list(&remarks.iter().cloned().chain(evaluation.remarks()).collect::<Vec<_>>());
     section.table(&COLUMNS, &evaluation.rows());
     let quality =
         |hour: &(f64, crate::evaluate::Quality), value: Option<f64>| value.map(|value| (hour.0, value));

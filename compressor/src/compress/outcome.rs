@@ -18,6 +18,8 @@ use std::time::Instant;
 /// What training told about one tile.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TileStats {
+    /// Steps of the main phase; 0 for a tile without light.
+    pub steps: usize,
     /// PSNR before and after quantisation, in dB, where the tile has one.
     pub psnr_unquantised_db: Option<f64>,
     /// See [`TileStats::psnr_unquantised_db`].
@@ -62,6 +64,8 @@ pub struct Outcome {
     pub training_seconds: f64,
     /// Of these, of trials.
     pub trial_seconds: f64,
+    /// Fewest and most steps of a tile with light.
+    pub steps: Option<[usize; 2]>,
     /// PSNR before quantisation, mean over tiles, in dB (each tile: mean over its sets, peak = the set's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
     /// The same of the stored tiles.
@@ -83,6 +87,8 @@ pub struct TileOutcome {
     pub has: Option<String>,
     /// Length of its payload.
     pub bytes: usize,
+    /// Steps of the main phase; 0 for a tile without light.
+    pub steps: usize,
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
     /// What was left out and why.
@@ -100,12 +106,15 @@ impl Outcome {
                     .filter(|_| !payload.bytes.is_empty())
                     .map(|contents| contents.to_string()),
                 bytes: payload.bytes.len(),
+                steps: stats.steps,
                 psnr_db: stats.psnr_db,
                 left_out: stats.left_out.clone(),
             };
+        let steps = || stats.iter().map(|tile| tile.steps).filter(|steps| *steps > 0);
         Outcome {
             bundle,
             bytes,
+            steps: steps().min().zip(steps().max()).map(|(least, most)| [least, most]),
             tiles: payloads.len(),
             empty: payloads.iter().filter(|payload| payload.bytes.is_empty()).count(),
             resumed: *resumed,
@@ -161,6 +170,7 @@ pub(super) fn write(out: &Path, outcome: &Outcome, checked: f64) -> Result<()> {
         "tiles": outcome.tiles,
         "tiles_empty": outcome.empty,
         "tiles_resumed": outcome.resumed,
+        "steps": outcome.steps,
         "psnr_unquantised_db": outcome.psnr_unquantised_db,
         "psnr_trained_db": outcome.psnr_trained_db,
         "curve": outcome.curve,

@@ -33,6 +33,8 @@ use problem::Problem;
 pub struct Recipe {
     /// Steps of the main phase.
     pub iterations: usize,
+    /// How often what is not yet quantised is trained around the blocks, and these are chosen anew around it.
+    pub passes: usize,
     /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, Adam's β₂ 0.999, unweighted L2; then 8
     /// bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values and the floors of the means, on which the
     /// paper is silent, are those of the main recipe.

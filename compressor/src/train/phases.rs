@@ -81,8 +81,7 @@ impl<const H: usize> Attempt<H> {
     /// result's `left_out` is empty.
     pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
-        let trained =
-            if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe.iterations) };
+        let trained = if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe) };
         let (blocks, psnr_unquantised) = match trained {
             Ok(trained) => trained,
             Err(Stop::Diverged) => return Ok(None),
@@ -125,15 +124,16 @@ impl<const H: usize> Attempt<H> {
     }
 
     /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model.
-    fn standard(&mut self, iterations: usize) -> Result<(Blocks, f64), Stop> {
+    fn standard(&mut self, recipe: &Recipe) -> Result<(Blocks, f64), Stop> {
         // 1. In float, with noise for the quantisation to come.
+        let iterations = recipe.iterations;
         let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
         let psnr = self.main_phase(iterations, &ALIGNMENTS, rates)?;
-        // 2. Blocks under the loss's own metric; what is still free follows; once more around the new decoder.
+        // 2. Blocks under the loss's own metric; what is still free follows; again around the new decoder.
         let mut blocks = self.trainer.freeze_blocks();
         self.point();
-        for round in 0..2 {
-            if round > 0 {
+        for pass in 0..recipe.passes {
+            if pass > 0 {
                 self.trainer.refine_blocks(&mut blocks);
             }
             self.refit(Scope::Planes, 150, |i| 0.003 * schedule(i, 150, 30, 0.0))?;
@@ -220,13 +220,13 @@ mod tests {
             coverage: vec![Coverage::Valid; 64],
             gates: vec![],
         };
-        let recipe = Recipe { iterations: 20, paper: false, seed: 3, aim: Aim::MeanPsnr };
+        let recipe = Recipe { iterations: 20, passes: 2, paper: false, seed: 3, aim: Aim::MeanPsnr };
         let light = Light::new(&source, recipe.coding());
         let shape = Shape::new(&PROFILES[1].contents(2, 0), 8, 8, 2, recipe.coding());
         let problem = Problem::new(&source, &light, shape, recipe.coding());
         let stored = |poison: Option<usize>| {
             let mut attempt = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect());
-            let Ok((blocks, psnr)) = attempt.standard(recipe.iterations) else { panic!("training stopped") };
+            let Ok((blocks, psnr)) = attempt.standard(&recipe) else { panic!("training stopped") };
             let mlp = attempt.trainer.layout.mlp.clone();
             if let Some(channel) = poison {
                 // b₃ stands last.
