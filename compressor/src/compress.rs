@@ -10,11 +10,13 @@ mod pace;
 mod part;
 mod tiles;
 
+pub(crate) use tiles::{of_tile, seed};
+
 use crate::Result;
 use crate::bundle::{self, Header};
 use crate::grid::Grid;
 use crate::model::{PROFILES, Profile};
-use crate::time::Timeline;
+use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::files::{expect_folder, write_atomically};
@@ -213,12 +215,18 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
         info: info.to_string(),
         pages: config.pages.iter().map(grid).collect(),
         groups: config.groups.iter().map(|group| group.name.clone()).collect(),
-        timeline: Timeline {
-            hours: config.sets.iter().map(|set| set.hour).collect(),
-            intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
-            states: config.sets.iter().map(|set| set.groups_on.clone()).collect(),
-            coding: options.recipe().coding(),
-        },
+        timeline: timeline(dataset, options.recipe().coding()),
+    }
+}
+
+/// The dataset's hours, schedules and states.
+pub(crate) fn timeline(dataset: &Dataset, coding: Coding) -> Timeline {
+    let config = &dataset.config;
+    Timeline {
+        hours: config.sets.iter().map(|set| set.hour).collect(),
+        intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
+        states: config.sets.iter().map(|set| set.groups_on.clone()).collect(),
+        coding,
     }
 }
 

@@ -34,7 +34,8 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle)?;
     let evaluation = evaluate(&dataset, None, &decoder, console)?;
-    let mut remarks: Vec<String> = steps(options, &outcome).into_iter().collect();
+    let mut remarks: Vec<String> =
+        quantisation(&outcome).into_iter().chain(steps(options, &outcome)).collect();
     let missed = missed(options.rate, &evaluation);
     match &missed {
         Some((what, true)) => console.warn(what),
@@ -54,6 +55,16 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         report::left_out(&outcome),
     ];
     Ok(Judged { outcome, evaluation, sections })
+}
+
+/// What quantisation cost.
+fn quantisation(outcome: &Outcome) -> Option<String> {
+    let (unquantised, stored) = outcome.psnr_unquantised_db.zip(outcome.psnr_trained_db)?;
+    Some(format!(
+        "mean over the training's tiles: {unquantised:.2} dB with unquantised features, {:.2} dB with features of 8 bits, {stored:.2} dB \
+         as stored, in BC7",
+        outcome.psnr_8bit_features_db?
+    ))
 }
 
 /// What to say of the training's steps under a time limit.
@@ -107,6 +118,7 @@ impl Judged {
         let outcome = &self.outcome;
         object["bundle"] = json!(outcome.bundle);
         object["psnr_unquantised_db"] = json!(outcome.psnr_unquantised_db);
+        object["psnr_8bit_features_db"] = json!(outcome.psnr_8bit_features_db);
         object["tiles"] = json!(outcome.tiles);
         object["tiles_empty"] = json!(outcome.empty);
         object["tiles_resumed"] = json!(outcome.resumed);

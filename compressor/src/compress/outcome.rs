@@ -16,13 +16,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// What training told about one tile.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TileStats {
     /// Steps of the main phase; 0 for a tile without light.
     pub steps: usize,
-    /// PSNR before and after quantisation, in dB, where the tile has one.
+    /// PSNR before quantisation, in dB, where the tile has one.
     pub psnr_unquantised_db: Option<f64>,
-    /// See [`TileStats::psnr_unquantised_db`].
+    /// The same with features of 8 bits.
+    pub psnr_8bit_features_db: Option<f64>,
+    /// The same as stored.
     pub psnr_db: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
@@ -68,6 +70,8 @@ pub struct Outcome {
     pub steps: Option<[usize; 2]>,
     /// PSNR before quantisation, mean over tiles, in dB (each tile: mean over its sets, peak = the set's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
+    /// The same with features of 8 bits, which BC7 is not.
+    pub psnr_8bit_features_db: Option<f64>,
     /// The same of the stored tiles.
     pub psnr_trained_db: Option<f64>,
     /// PSNR against seconds.
@@ -122,6 +126,7 @@ impl Outcome {
             training_seconds: trial_seconds + stats.iter().map(|tile| tile.seconds).sum::<f64>(),
             trial_seconds: *trial_seconds,
             psnr_unquantised_db: mean(stats.iter().filter_map(|tile| tile.psnr_unquantised_db)),
+            psnr_8bit_features_db: mean(stats.iter().filter_map(|tile| tile.psnr_8bit_features_db)),
             psnr_trained_db: mean(stats.iter().filter_map(|tile| tile.psnr_db)),
             curve: aggregate(stats),
             left_out: count(stats),
@@ -172,6 +177,7 @@ pub(super) fn write(out: &Path, outcome: &Outcome, checked: f64) -> Result<()> {
         "tiles_resumed": outcome.resumed,
         "steps": outcome.steps,
         "psnr_unquantised_db": outcome.psnr_unquantised_db,
+        "psnr_8bit_features_db": outcome.psnr_8bit_features_db,
         "psnr_trained_db": outcome.psnr_trained_db,
         "curve": outcome.curve,
         "left_out": outcome.left_out,

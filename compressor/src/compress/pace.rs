@@ -149,6 +149,7 @@ mod tests {
         let stats = TileStats {
             steps: 1000,
             psnr_unquantised_db: None,
+            psnr_8bit_features_db: None,
             psnr_db: None,
             curve,
             left_out: vec![],

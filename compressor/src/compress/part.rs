@@ -89,6 +89,7 @@ mod tests {
         let stats = TileStats {
             steps: 10,
             psnr_unquantised_db: Some(44.25),
+            psnr_8bit_features_db: None,
             psnr_db: None,
             curve: vec![(10, 0.1, 30.0)],
             left_out: vec!["black at 1 of 2 sets".to_owned()],

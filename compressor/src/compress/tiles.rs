@@ -44,6 +44,14 @@ struct Tile {
     resumed: bool,
 }
 
+impl Tile {
+    /// One without a valid texel.
+    fn empty() -> Self {
+        let stats = TileStats { left_out: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
+        Tile { payload: Payload::default(), stats, resumed: false }
+    }
+}
+
 /// All that decides the tiles.
 pub(super) struct Tiles<'a> {
     pub dataset: &'a Dataset,
@@ -78,15 +86,15 @@ impl Tiles<'_> {
             so_far.1 += 1;
             Some(format!("{:.1} dB", so_far.0 / f64::from(so_far.1)))
         };
-        let finished = |place| self.finished(&self.key(place, contents(place)));
+        let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
+            // Its light need not be read.
+            0 => Some(Tile::empty()),
+            _ => self.finished(&self.key(place, contents(place))),
+        };
         let pace = self.pace(&contents, &finished)?;
         let work = |place: Place, band: &Band| {
             let start = Instant::now();
-            let steps = match tile::valid_texels(&self.masks[place.page], place) {
-                0 => self.options.iterations,
-                _ => pace.begin(),
-            };
-            let tile = self.train(place, contents(place), band, steps)?;
+            let tile = self.train(place, contents(place), band, pace.begin())?;
             pace.measure(&tile.stats, start.elapsed());
             self.part.write(&self.key(place, contents(place)), &tile.payload, &tile.stats)?;
             Ok(tile)
@@ -125,7 +133,10 @@ impl Tiles<'_> {
             return Ok((Vec::new(), 0.0));
         }
         type Tried = (Vec<Trial>, f64);
-        let finished = |place| self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried);
+        let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
+            0 => Some(Tried::default()),
+            _ => self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried),
+        };
         let work = |place: Place, band: &Band| {
             let clock = Clock::start();
             let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
@@ -221,8 +232,7 @@ impl Tiles<'_> {
     /// The tile's own recipe: its randomness depends on its place, never on the order of work.
     fn recipe(&self, place: Place) -> Recipe {
         let recipe = self.options.recipe();
-        let numbers = [recipe.seed, place.page as u64, place.column as u64, place.row as u64];
-        let seed = bundle::checksum(&numbers.map(u64::to_le_bytes).each_ref().map(|n| &n[..]));
+        let seed = seed(recipe.seed, place);
         Recipe { seed, ..recipe }
     }
 
@@ -281,6 +291,7 @@ impl Tiles<'_> {
         let stats = TileStats {
             steps: if trained.params.is_some() { iterations } else { 0 },
             psnr_unquantised_db: trained.psnr_unquantised_db,
+            psnr_8bit_features_db: trained.psnr_8bit_features_db,
             psnr_db: trained.psnr_db,
             curve: trained
                 .curve
@@ -294,8 +305,14 @@ impl Tiles<'_> {
     }
 }
 
+/// The seed of a tile.
+pub(crate) fn seed(seed: u64, place: Place) -> u64 {
+    let numbers = [seed, place.page as u64, place.column as u64, place.row as u64];
+    bundle::checksum(&numbers.map(u64::to_le_bytes).each_ref().map(|n| &n[..]))
+}
+
 /// The error, with the tile's place for its own where it is of the tile's content.
-fn of_tile(place: Place, error: Error) -> Error {
+pub(crate) fn of_tile(place: Place, error: Error) -> Error {
     match error {
         Error::Invalid { what, .. } => {
             let Place { page, column, row } = place;
