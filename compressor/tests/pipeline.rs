@@ -78,6 +78,10 @@ fn a_dataset_comes_back_from_its_bundle() {
     let expected = |hour: f64| (scene.light)(60, 70, hour, common::lamp_is_on(hour))[0];
     assert!((off - expected(18.0)).abs() < 0.15 && (on - expected(18.1)).abs() < 0.3, "{off} {on}");
     assert!(on > off + 1.0);
+    // Rows of it, across a border of tiles.
+    let rows = decoder.decode_rows(0, 18.05, 100..135).unwrap();
+    assert_eq!(rows.texels, page(18.05).texels[100 * 150..135 * 150]);
+    assert!(decoder.decode_rows(0, 18.05, 100..141).is_err());
     // Any moment of the day is finite, and texels agree with the page.
     for i in 0..48 {
         let image = page(f64::from(i) / 2.0);
@@ -377,6 +381,45 @@ fn under_a_time_limit_every_tile_gets_its_share() {
     let sums = |bundle: &Bundle| bundle.index.iter().map(|entry| entry.checksum).collect::<Vec<_>>();
     assert_eq!(sums(&limited), sums(&bundle()));
     assert!(limited.header.info.contains("\"time_limit_secs\":3600.0"), "{}", limited.header.info);
+}
+
+#[test]
+fn a_sweep_tells_what_compressing_would_give() {
+    let folder = tempfile::tempdir().unwrap();
+    // No valid texel in the border, and one evaluation tile: both judge the same texels.
+    let valid = |x, y| (2..68).contains(&x) && (2..48).contains(&y);
+    Scene { width: 70, height: 50, valid, ..islands() }.write(folder.path());
+    let arguments = [
+        "sweep",
+        ".",
+        "--presets",
+        "draft",
+        "--profiles",
+        "L,M",
+        "--csv",
+        "s.csv",
+        "--report",
+        "s.html",
+        "--json",
+    ];
+    let told = json(&run(&arguments, folder.path()));
+    assert_eq!((&told["tiles"], &told["tiles_of"]), (&Value::from(1), &Value::from(1)));
+    let rows = told["rows"].as_array().unwrap();
+    let number = |row: usize, key: &str| rows[row][key].as_f64().unwrap();
+    assert_eq!([&rows[0]["profile"], &rows[1]["profile"]], ["L", "M"]);
+    assert!(number(0, "bpp") < number(1, "bpp") && number(0, "seconds") > 0.0);
+    let csv = fs::read_to_string(folder.path().join("s.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 3);
+    assert!(csv.lines().all(|line| line.split(',').count() == 8), "{csv}");
+    assert!(fs::read_to_string(folder.path().join("s.html")).unwrap().contains("<svg"));
+    // The same training as that of the bundle, and 8 bits cost little.
+    let compressed = json(&run(&[".", "--preset", "draft", "--json"], folder.path()));
+    for key in ["psnr_unquantised_db", "psnr_8bit_features_db"] {
+        let of_row = number(1, &key.replace("_features", ""));
+        assert!((compressed[key].as_f64().unwrap() - of_row).abs() < 1e-9, "{key} {of_row}");
+    }
+    assert!((number(1, "psnr_unquantised_db") - number(1, "psnr_8bit_db")).abs() < 1.5, "{rows:?}");
+    assert!((number(1, "psnr_bc7_db") - compressed["psnr_db"].as_f64().unwrap()).abs() < 1e-9, "{rows:?}");
 }
 
 #[test]

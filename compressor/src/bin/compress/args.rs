@@ -17,6 +17,7 @@ Examples:
   compress dataset/yard --target-psnr 40                    bits to the tiles that need them
   compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
   compress evaluate dataset/yard --csv quality.csv
+  compress sweep dataset/yard --tiles 4 --presets draft     profiles side by side
   compress info dataset/yard/yard.ndgi
 
 A run that was stopped continues where it was when the same command is given again (a time limit begins anew).
@@ -30,6 +31,7 @@ Keys of the --json object (null where there is none):
   psnr_log_db            psnr_db of ln(1 + E/e), e = 0.001 of the page's mean: sees errors in the dark
   psnr_worst_percent_db  mean of the worst 1 % of the pairs
   psnr_unquantised_db    before quantisation, mean over the training's tiles (compress only)
+  psnr_8bit_features_db  the same with all features rounded to 8 bits (compress only)
   noise_ceiling_db       the bake's own sampling error as a PSNR, mean
   one_minus_ssim         1 - mean structural similarity
   relative_error         mean of RMSE / mean
@@ -47,6 +49,15 @@ Keys of the --json object (null where there is none):
   steps_least, steps_most   training steps of a tile with light (compress only)
   tiles_empty, tiles_resumed, training_cpu_seconds   (compress only)
   decode_seconds         wall-clock seconds of decoding all sets (evaluate only)";
+
+const SWEEP_EXAMPLES: &str = "\
+Examples:
+  compress sweep dataset/yard --tiles 4 --presets draft        some minutes
+  compress sweep dataset/yard --profiles M --presets draft,medium,final --csv m.csv
+
+Each tile is trained as `compress --profile … --preset …` would with that seed. The three PSNRs are of one training: of the float
+model, of that with all features rounded to 8 bits, and of the stored tile in BC7. With --json: tiles, tiles_of, rows (profile,
+preset, bpp, psnr_unquantised_db, psnr_8bit_db, psnr_bc7_db, one_minus_ssim, seconds), report, seconds.";
 
 const INFO_EXAMPLES: &str = "\
 Examples:
@@ -100,12 +111,39 @@ pub enum Command {
         #[arg(long)]
         csv: Option<PathBuf>,
     },
+    /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation, seconds.
+    #[command(after_help = SWEEP_EXAMPLES)]
+    Sweep(Sweep),
     /// Show what a bundle says of itself.
     #[command(after_help = INFO_EXAMPLES)]
     Info {
         /// The bundle.
         bundle: PathBuf,
     },
+}
+
+#[derive(Debug, Args)]
+pub struct Sweep {
+    /// The dataset's folder.
+    pub dataset: PathBuf,
+    /// Tiles to train, at most; which, the seed decides.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
+    pub tiles: u32,
+    /// Profiles to compare.
+    #[arg(long, value_delimiter = ',', default_value = "L,M,M.64,H", value_parser = parse_profile)]
+    pub profiles: Vec<Profile>,
+    /// Presets to train each with.
+    #[arg(long, value_delimiter = ',', default_value = "draft,medium", value_parser = parse_preset)]
+    pub presets: Vec<Preset>,
+    /// Seed of all randomness.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write the table to this file as well.
+    #[arg(long)]
+    pub csv: Option<PathBuf>,
+    /// The report to write, with PSNR against seconds [default: <dataset>/<scene>.sweep.html].
+    #[arg(long)]
+    pub report: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

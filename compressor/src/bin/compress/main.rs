@@ -3,12 +3,13 @@
 mod args;
 mod info;
 
-use args::{Command, Compress, RecipeName};
+use args::{Command, Compress, RecipeName, Sweep};
 use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
 use compressor::decode::Decoder;
 use compressor::evaluate::evaluate;
 use compressor::run::{compress_and_judge, print};
+use compressor::sweep;
 use compressor::{Error, Result};
 use dataset::console::{Console, catch_interrupts, fail};
 use dataset::files::{expect_folder, write_atomically};
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         Some(Command::Evaluate { dataset, bundle, withheld, csv }) => {
             judge(dataset, bundle, withheld, csv, &console)
         }
+        Some(Command::Sweep(sweep)) => compare(sweep, &console),
         Some(Command::Info { bundle }) => info::info(bundle, &console),
     };
     match done {
@@ -109,6 +111,30 @@ fn judge(
     object["seconds"] = json!(start.elapsed().as_secs_f64());
     console.result(&object)?;
     Ok(())
+}
+
+fn compare(args: Sweep, console: &Console) -> Result<()> {
+    let start = Instant::now();
+    let dataset = Dataset::open(&args.dataset)?;
+    let scene = &dataset.config.scene;
+    let path = args.report.unwrap_or_else(|| dataset.root.join(format!("{scene}.sweep.html")));
+    expect_output(&path, "html", "--report")?;
+    args.csv.as_ref().map_or(Ok(()), |path| expect_output(path, "csv", "--csv"))?;
+    let Sweep { tiles, profiles, presets, seed, .. } = args;
+    let options = sweep::Options { tiles: tiles as usize, profiles, presets, seed };
+    let sweep = sweep::sweep(&dataset, &options, console)?;
+    sweep.table().iter().for_each(|line| console.print(line));
+    if let Some(path) = args.csv {
+        write_atomically(&path, sweep.csv().as_bytes())?;
+    }
+    let mut report = Report::new(&format!("{scene}, profiles and presets"));
+    report.push(sweep.section());
+    report.write(&path)?;
+    console.say(format!("report: {}", path.display()));
+    let mut object = json!(sweep);
+    object["report"] = json!(path);
+    object["seconds"] = json!(start.elapsed().as_secs_f64());
+    console.result(&object)
 }
 
 /// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there.
