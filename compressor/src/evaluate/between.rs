@@ -55,8 +55,8 @@ pub fn between(
     let mut pools: Vec<[Pool; 2]> = moments.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
         if let Some(withheld) = withheld {
-            let sets = moments.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.sets[k]);
-            sets.map(|set| withheld.check_content(&set.maps[page].file)).collect::<Result<()>>()?;
+            let mut sets = moments.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.sets[k]);
+            sets.try_for_each(|set| withheld.check_content(&set.maps[page].file))?;
         }
         for rows in &strips[page] {
             let mask = cut(mask, rows);

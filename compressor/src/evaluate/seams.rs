@@ -38,10 +38,10 @@ impl Seams {
             for x in 0..width {
                 let i = y * width + x;
                 if x + 1 < width {
-                    pair(i, i + 1, (x + 1) % PAYLOAD == 0);
+                    pair(i, i + 1, (x + 1).is_multiple_of(PAYLOAD));
                 }
                 if y + 1 < height {
-                    pair(i, i + width, (rows.start + y + 1) % PAYLOAD == 0);
+                    pair(i, i + width, (rows.start + y + 1).is_multiple_of(PAYLOAD));
                 }
             }
         }
@@ -100,7 +100,7 @@ mod tests {
             seams.ratio()
         };
         // One strip is the page as it is.
-        let whole = ratio(&[0..height]);
+        let whole = ratio(std::slice::from_ref(&(0..height)));
         assert!(whole.is_some());
         assert_eq!(ratio(&[0..128, 128..height]), whole);
         assert_eq!(ratio(&[0..PAYLOAD, PAYLOAD..height]), whole);
