@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn a_tile_is_measured_by_the_clock() {
-        let pace = Pace::new(Some(Instant::now() + Duration::from_secs(3600)), 1_000_000, 1);
+        let pace = Pace::new(Some(Instant::now() + Duration::from_secs(3600)), 10_000_000, 1);
         assert_eq!(pace.begin(), FLOOR, "nothing was measured yet");
         // 1000 steps in 1 of 3 CPU seconds, which took 6 seconds.
         let curve = vec![(500, 0.5, 30.0), (875, 0.875, 31.0), (1000, 1.0, 31.0), (1000, 2.0, 30.0)];
