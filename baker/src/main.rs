@@ -1,14 +1,14 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast};
-use baker::bake::run::{Integrator, Options, Outcome, bake, prepare};
+use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};
 use baker::preview::run::preview;
 use baker::trace::backend::Backend;
 use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
-use compressor::compress::{DRAFT_ITERATIONS, ITERATIONS, Options as CompressOptions, default_bundle};
+use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle};
 use compressor::run::compress_and_judge;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{self, Report};
@@ -69,7 +69,7 @@ struct Args {
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
-    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    #[arg(long, value_name = "TIME", value_parser = console::parse_time)]
     time_limit: Option<Duration>,
     /// How light is followed past the first surface.
     #[arg(long, value_enum, default_value = "cached")]
@@ -120,18 +120,6 @@ fn parse_error(text: &str) -> std::result::Result<f64, String> {
     value
         .filter(|v| (1e-4..1.0).contains(v))
         .ok_or_else(|| "expected an error from 0.01% to less than 100%, such as 2%".to_owned())
-}
-
-/// `90s`, `5m`, `2h`.
-fn parse_time(text: &str) -> std::result::Result<Duration, String> {
-    let units = [("s", 1.0), ("m", 60.0), ("h", 3600.0)];
-    let found = units
-        .iter()
-        .find_map(|(unit, seconds)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * seconds));
-    let seconds = found.filter(|s| (1.0..=1e7).contains(s));
-    seconds
-        .map(Duration::from_secs_f64)
-        .ok_or_else(|| "expected a time of at least 1s, such as 90s, 5m or 2h".to_owned())
 }
 
 fn main() -> ExitCode {
@@ -190,8 +178,8 @@ fn run(args: &Args, console: &Console) -> Result<()> {
 
     let mut result = serde_json::to_value(&outcome).map_err(|e| Error::invalid("result", e))?;
     if args.compress {
-        let iterations = if args.draft { DRAFT_ITERATIONS } else { ITERATIONS };
-        let options = CompressOptions { iterations, force: args.force, ..CompressOptions::default() };
+        let preset = if args.draft { DRAFT } else { MEDIUM };
+        let options = CompressOptions { force: args.force, ..CompressOptions::of(preset) };
         let judged = compress_and_judge(&outcome.dataset, &options, console)?;
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();

@@ -2,21 +2,24 @@
 //!
 //! Every finished tile is kept in the folder `<bundle>.part/` until the bundle stands, so that a run that was stopped, by
 //! whatever, continues where it was. What is written depends on the dataset, the options and the processor's instruction set
-//! (which rounds sums in its own order), never on threads or time.
+//! (which rounds sums in its own order), never on threads or time, unless there is a time limit.
 
 mod allocate;
 mod outcome;
+mod pace;
 mod part;
 mod tiles;
+
+pub(crate) use tiles::{of_tile, seed};
 
 use crate::Result;
 use crate::bundle::{self, Header};
 use crate::grid::Grid;
 use crate::model::{PROFILES, Profile};
-use crate::time::Timeline;
+use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use dataset::console::{Console, stop_if_interrupted};
-use dataset::files::write_atomically;
+use dataset::files::{expect_folder, write_atomically};
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome, TileStats};
 use part::Part;
@@ -24,15 +27,31 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tiles::Tiles;
 
-/// Steps of the main phase of a tile's training.
-pub const ITERATIONS: usize = 12_000;
-/// The same for drafts.
-pub const DRAFT_ITERATIONS: usize = 1000;
-/// The same for the paper's recipe, whose constant rate needs about 15 times more for equal quality.
+/// How long and how carefully tiles are trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preset {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Steps of the main phase.
+    pub iterations: usize,
+    /// See [`Recipe::passes`].
+    pub passes: usize,
+}
+
+/// A first look.
+pub const DRAFT: Preset = Preset { name: "draft", iterations: 1000, passes: 2 };
+/// The default.
+pub const MEDIUM: Preset = Preset { name: "medium", iterations: 12_000, passes: 2 };
+/// What more time still buys.
+pub const FINAL: Preset = Preset { name: "final", iterations: 32_000, passes: 4 };
+/// All of them, the shortest first.
+pub const PRESETS: [Preset; 3] = [DRAFT, MEDIUM, FINAL];
+/// Steps by the paper's recipe, whose constant rate needs about 15 times more for equal quality.
 pub const PAPER_ITERATIONS: usize = 100_000;
+
 /// What tiles have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
@@ -49,8 +68,13 @@ pub enum Rate {
 pub struct Options {
     /// What tiles have.
     pub rate: Rate,
-    /// Steps of the main phase; see [`ITERATIONS`].
+    /// Steps of the main phase; with a time limit, at most so many.
     pub iterations: usize,
+    /// See [`Recipe::passes`].
+    pub passes: usize,
+    /// Training is planned to end so long after the start of the run: tiles get fewer steps as time runs out, none of them is left
+    /// out. The bytes then depend on the machine and its load.
+    pub time_limit: Option<Duration>,
     /// The paper's literal recipe; see [`Recipe::paper`].
     pub paper: bool,
     /// Seed of all randomness.
@@ -68,20 +92,27 @@ impl Options {
             Rate::Profile(_) => Aim::MeanPsnr,
             _ => Aim::PooledError,
         };
-        Recipe { iterations: self.iterations, paper: self.paper, seed: self.seed, aim }
+        Recipe { iterations: self.iterations, passes: self.passes, paper: self.paper, seed: self.seed, aim }
     }
-}
 
-impl Default for Options {
-    fn default() -> Self {
+    /// The defaults, trained as a preset says.
+    pub fn of(preset: Preset) -> Self {
         Options {
             rate: Rate::Profile(PROFILES[1]),
-            iterations: ITERATIONS,
+            iterations: preset.iterations,
+            passes: preset.passes,
+            time_limit: None,
             paper: false,
             seed: 1,
             out: None,
             force: false,
         }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options::of(MEDIUM)
     }
 }
 
@@ -99,6 +130,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let start = Instant::now();
     let dataset = Dataset::open(root)?;
     let out = options.out.clone().unwrap_or_else(|| default_bundle(&dataset));
+    expect_folder(&out)?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
     let header = header(&dataset, options);
@@ -112,6 +144,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         header: &header,
         part: &part,
         inputs: trained_on(&dataset),
+        deadline: options.time_limit.map(|limit| start + limit),
     };
     let work = tiles.work(console)?;
     let bytes = bundle::encode(&header, &work.payloads)?;
@@ -171,6 +204,8 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
         },
         "recipe": if options.paper { "paper" } else { "standard" },
         "iterations": options.iterations,
+        "passes": options.passes,
+        "time_limit_secs": options.time_limit.map(|limit| limit.as_secs_f64()),
         "seed": options.seed,
     });
     let grid =
@@ -180,12 +215,18 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
         info: info.to_string(),
         pages: config.pages.iter().map(grid).collect(),
         groups: config.groups.iter().map(|group| group.name.clone()).collect(),
-        timeline: Timeline {
-            hours: config.sets.iter().map(|set| set.hour).collect(),
-            intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
-            states: config.sets.iter().map(|set| set.groups_on.clone()).collect(),
-            coding: options.recipe().coding(),
-        },
+        timeline: timeline(dataset, options.recipe().coding()),
+    }
+}
+
+/// The dataset's hours, schedules and states.
+pub(crate) fn timeline(dataset: &Dataset, coding: Coding) -> Timeline {
+    let config = &dataset.config;
+    Timeline {
+        hours: config.sets.iter().map(|set| set.hour).collect(),
+        intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
+        states: config.sets.iter().map(|set| set.groups_on.clone()).collect(),
+        coding,
     }
 }
 

@@ -18,6 +18,7 @@ use crate::{Error, Result};
 use dataset::image::Image;
 use rayon::prelude::*;
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -153,28 +154,51 @@ impl Decoder {
     /// # Errors
     /// As [`Decoder::sample`]; [`Error::Unsupported`] where the page does not fit into memory.
     pub fn decode_page(&self, page: usize, hour: f64) -> Result<Image> {
+        let height = self.grid(page)?.height;
+        self.decode_rows(page, hour, 0..height)
+    }
+
+    /// Some rows of a page; otherwise as [`Decoder::decode_page`].
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_page`]; [`Error::Invalid`] for rows that the page does not have.
+    pub fn decode_rows(&self, page: usize, hour: f64, rows: Range<usize>) -> Result<Image> {
         let grid = self.grid(page)?;
+        if rows.start > rows.end || rows.end > grid.height {
+            let what = format!("rows {}..{} asked for, it has {}", rows.start, rows.end, grid.height);
+            return Err(Error::invalid(format!("page {page}"), what));
+        }
         let timeline = &self.bundle.header.timeline;
         let moment = timeline.at(hour);
         // A few bytes of a bundle may tell of pages that no memory holds.
-        let (mut texels, count) = (Vec::new(), grid.width * grid.height);
+        let (mut texels, count) = (Vec::new(), grid.width * rows.len());
         texels.try_reserve_exact(count).map_err(|_| {
-            let size = format!("{} × {} texels do not fit into memory", grid.width, grid.height);
+            let size = format!("{} × {} texels do not fit into memory", grid.width, rows.len());
             Error::unsupported(format!("page {page}"), size)
         })?;
         texels.resize(count, [0.0; 3]);
-        let mut image = Image { width: grid.width, height: grid.height, texels };
+        let mut image = Image { width: grid.width, height: rows.len(), texels };
         // One band of tiles is one run of whole rows of the page.
-        image.texels.par_chunks_mut(PAYLOAD * grid.width).enumerate().try_for_each(|(row, band)| {
+        let mut bands = Vec::new();
+        let mut rest = &mut image.texels[..];
+        let mut y = rows.start;
+        while y < rows.end {
+            let end = ((y / PAYLOAD + 1) * PAYLOAD).min(rows.end);
+            let (band, tail) = rest.split_at_mut((end - y) * grid.width);
+            bands.push((y, band));
+            (rest, y) = (tail, end);
+        }
+        bands.into_par_iter().try_for_each(|(first, band)| {
+            let row = first / PAYLOAD;
             for column in 0..grid.columns() {
                 // Past the memory of recent tiles: a page may have more than it holds, and needs each once.
                 let Some(tile) = self.bundle.tile(Place { page, column, row })? else { continue };
-                let (own_width, own_height) = grid.payload(column, row);
+                let (own_width, _) = grid.payload(column, row);
                 let decoded = TileDecoder::new(&tile, timeline)?.decode_tile(&moment);
-                for y in 0..own_height {
-                    let from = (y + BORDER) * tile.shape.width + BORDER;
-                    let to = y * grid.width + column * PAYLOAD;
-                    band[to..to + own_width].copy_from_slice(&decoded[from..from + own_width]);
+                for (y, line) in band.chunks_exact_mut(grid.width).enumerate() {
+                    let from = (first + y - row * PAYLOAD + BORDER) * tile.shape.width + BORDER;
+                    let to = column * PAYLOAD;
+                    line[to..to + own_width].copy_from_slice(&decoded[from..from + own_width]);
                 }
             }
             Ok::<(), Error>(())

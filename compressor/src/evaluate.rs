@@ -6,10 +6,13 @@
 
 mod between;
 mod seams;
+mod strips;
 mod table;
 
 pub use between::Between;
+pub(crate) use strips::{read, strips, valid};
 pub use table::COLUMNS;
+pub(crate) use table::{aligned, cell};
 
 use crate::decode::Decoder;
 use crate::mean::mean;
@@ -21,6 +24,7 @@ use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 use rayon::prelude::*;
 use seams::Seams;
+use std::ops::Range;
 
 /// One tile of one set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,39 +132,61 @@ pub fn evaluate(
     let mut decode_seconds = 0.0;
     let mut seams = Seams::default();
     let mut dark: Vec<Option<f64>> = Vec::with_capacity(sets.len());
+    let strips: Vec<_> = masks.iter().map(strips).collect();
     for (k, set) in sets.iter().enumerate() {
         let first = samples.len();
         let (mut sum, mut texels) = (0.0, 0);
         let mut brightnesses = Brightnesses::default();
         for (page, mask) in masks.iter().enumerate() {
-            stop_if_interrupted()?;
-            let reference = dataset.map(k, page)?;
-            let start = std::time::Instant::now();
-            let decoded = decoder.decode_page(page, set.hour)?;
-            decode_seconds += start.elapsed().as_secs_f64();
-            let (page_sum, page_texels) = metrics::valid_sum(&reference, mask);
+            let mut references = References { dataset, set: k, page, height: mask.height, last: None };
+            // The mean first: it is the unit of what follows.
+            let (mut page_sum, mut page_texels) = (0.0, 0);
+            for rows in &strips[page] {
+                stop_if_interrupted()?;
+                let (sum, texels) = metrics::valid_sum(&references.read(rows)?.texels, valid(mask, rows));
+                page_sum += sum;
+                page_texels += texels;
+            }
+            dataset.check_content(&set.maps[page].file)?;
             let page_mean = if page_texels == 0 { 0.0 } else { page_sum / (3 * page_texels) as f64 };
             let noise = noise.as_ref().map(|noise| &noise.mse[k][page]);
-            let rects = tiles(mask.width, mask.height, TILE);
-            samples.par_extend(rects.par_iter().enumerate().filter_map(|(i, &rect)| {
-                let quality = metrics::compare(&decoded, &reference, mask, rect);
-                let ceiling = |mse: f64| metrics::psnr_db(quality.peak, mse);
-                (quality.texels > 0).then(|| Sample {
-                    set: k,
-                    page,
-                    rect,
-                    quality,
-                    psnr_8bit_db: quality
-                        .psnr_db
-                        .map(|_| psnr_8bit_db(&decoded, &reference, mask, rect, &quality)),
-                    noise_ceiling_db: quality.psnr_db.and(noise.map(|tiles| ceiling(tiles[i]))),
-                    relative_error: 0.0,
-                    psnr_log_db: metrics::psnr_log_db(&decoded, &reference, mask, rect, page_mean),
-                    largest: largest(&decoded, mask, rect),
-                })
-            }));
-            brightnesses.add(&decoded, &reference, mask);
-            seams.add(&decoded, &reference, mask, page_mean);
+            for rows in &strips[page] {
+                stop_if_interrupted()?;
+                // With the row below, for the step across.
+                let more = rows.start..(rows.end + 1).min(mask.height);
+                let mut reference = references.take(rows)?;
+                let start = std::time::Instant::now();
+                let mut decoded = decoder.decode_rows(page, set.hour, more.clone())?;
+                decode_seconds += start.elapsed().as_secs_f64();
+                let mut mask = strips::cut(mask, &more);
+                seams.add(&decoded, &reference, &mask, rows, page_mean);
+                for image in [&mut reference, &mut decoded] {
+                    image.height = rows.len();
+                    image.texels.truncate(rows.len() * image.width);
+                }
+                mask.height = rows.len();
+                mask.valid.truncate(rows.len() * mask.width);
+                let rects = tiles(mask.width, mask.height, TILE);
+                let before = rows.start / TILE * mask.width.div_ceil(TILE);
+                samples.par_extend(rects.par_iter().enumerate().filter_map(|(i, &rect)| {
+                    let quality = metrics::compare(&decoded, &reference, &mask, rect);
+                    let ceiling = |mse: f64| metrics::psnr_db(quality.peak, mse);
+                    (quality.texels > 0).then(|| Sample {
+                        set: k,
+                        page,
+                        rect: Rect { y0: rect.y0 + rows.start, y1: rect.y1 + rows.start, ..rect },
+                        quality,
+                        psnr_8bit_db: quality
+                            .psnr_db
+                            .map(|_| psnr_8bit_db(&decoded, &reference, &mask, rect, &quality)),
+                        noise_ceiling_db: quality.psnr_db.and(noise.map(|tiles| ceiling(tiles[before + i]))),
+                        relative_error: 0.0,
+                        psnr_log_db: metrics::psnr_log_db(&decoded, &reference, &mask, rect, page_mean),
+                        largest: largest(&decoded, &mask, rect),
+                    })
+                }));
+                brightnesses.add(&decoded, &reference, &mask);
+            }
             sum += page_sum;
             texels += page_texels;
             progress.advance(1);
@@ -194,6 +220,33 @@ pub fn evaluate(
         decode_seconds,
         samples,
     })
+}
+
+/// One page of one set by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is
+/// read once.
+struct References<'a> {
+    dataset: &'a Dataset,
+    set: usize,
+    page: usize,
+    height: usize,
+    last: Option<(usize, Image)>,
+}
+
+impl References<'_> {
+    fn read(&mut self, rows: &Range<usize>) -> Result<&Image> {
+        let last = self.take(rows)?;
+        Ok(&self.last.insert((rows.start, last)).1)
+    }
+
+    fn take(&mut self, rows: &Range<usize>) -> Result<Image> {
+        match self.last.take() {
+            Some((first, image)) if first == rows.start => Ok(image),
+            _ => {
+                let more = rows.start..(rows.end + 1).min(self.height);
+                strips::read(self.dataset, self.set, self.page, &more)
+            }
+        }
+    }
 }
 
 /// An error unless the bundle has the dataset's pages and hours.

@@ -3,7 +3,7 @@
 //!
 //! Modules in the order the data passes them; a module imports only what stands above it. The decoding half
 //! (`lanes`, `time`, `model`, `bc7`, `grid`, `bundle`, `decode`) never imports the training half
-//! (`clock`, `mean`, `tile`, `train`, `compress`, `evaluate`, `report`, `run`). Of the latter, `evaluate` needs `mean` alone.
+//! (`clock`, `mean`, `tile`, `train`, `compress`, `evaluate`, `report`, `run`, `sweep`). Of the latter, `evaluate` needs `mean` alone.
 
 mod lanes;
 pub mod time;
@@ -20,6 +20,7 @@ pub mod compress;
 pub mod evaluate;
 pub mod report;
 pub mod run;
+pub mod sweep;
 
 #[cfg(test)]
 mod testing;

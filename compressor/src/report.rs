@@ -3,12 +3,12 @@
 use crate::Result;
 use crate::compress::{Outcome, TileOutcome};
 use crate::decode::Decoder;
-use crate::evaluate::{COLUMNS, Evaluation};
+use crate::evaluate::{COLUMNS, Evaluation, read, strips, valid};
 use crate::mean::mean;
 use dataset::image::Image;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
-use dataset::report::preview::{exposure, tone_mapped_png};
+use dataset::report::preview::{Reduction, exposure, tone_mapped_png};
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
@@ -27,13 +27,20 @@ pub fn training(outcome: &Outcome) -> Section {
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
     section.paragraph(&format!(
         "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
-         training. Mean over tiles before quantisation {}, as stored {}.",
+         training. Steps per tile: {}. Mean over tiles before quantisation {}, with features of \
+         8 bits {}, as stored in BC7 {}.",
         outcome.tiles,
         outcome.empty,
         outcome.resumed,
         outcome.seconds,
         outcome.training_seconds,
+        match outcome.steps {
+            None => "–".to_owned(),
+            Some([least, most]) if least == most => least.to_string(),
+            Some([least, most]) => format!("{least} to {most}"),
+        },
         decibels(outcome.psnr_unquantised_db),
+        decibels(outcome.psnr_8bit_features_db),
         decibels(outcome.psnr_trained_db),
     ));
     let line = |value: &dyn Fn(&crate::compress::CurvePoint) -> f64| {
@@ -55,8 +62,8 @@ pub fn training(outcome: &Outcome) -> Section {
     section
 }
 
-/// The quality table by hour and the worst tiles; what is to be said of a target first.
-pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
+/// The quality table by hour and the worst tiles; what is to be said of targets and limits first.
+pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     let mut section = Section::new("Quality");
     section.paragraph(
         "Decoded from the written bundle. Tiles of 128×128 texels, valid texels only, linear RGB; peak = the tile's largest valid \
@@ -64,8 +71,7 @@ pub fn quality(evaluation: &Evaluation, missed: Option<&str>) -> Section {
          mantissas and a shared exponent. Log: of ln(1 + E/ε), ε a thousandth of the page's mean, where equal ratios weigh the same. In the \
          dark: the relative error over the darkest quarter of the set's texels. The noise ceiling is the bake's own sampling error as a PSNR: no codec can be closer to the truth than that.",
     );
-    let missed = missed.map(str::to_owned).into_iter();
-    section.list(&missed.chain(evaluation.remarks()).collect::<Vec<_>>());
+    section.list(&remarks.iter().cloned().chain(evaluation.remarks()).collect::<Vec<_>>());
     section.table(&COLUMNS, &evaluation.rows());
     let quality =
         |hour: &(f64, crate::evaluate::Quality), value: Option<f64>| value.map(|value| (hour.0, value));
@@ -139,15 +145,24 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     for k in shown {
         for page in 0..dataset.config.pages.len() {
             let hour = sets[k].hour;
-            let (mask, reference) = (dataset.mask(page)?, dataset.map(k, page)?);
-            let decoded = decoder.decode_page(page, hour)?;
+            let mask = dataset.mask(page)?;
+            let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
+            let mut reductions = [new(), new(), new()];
+            let mut next = 0;
+            for rows in strips(&mask) {
+                let (reference, decoded) =
+                    (read(dataset, k, page, &rows)?, decoder.decode_rows(page, hour, rows.clone())?);
+                let error = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| (a[c] - b[c]).abs());
+                let difference: Vec<_> = reference.texels.iter().zip(&decoded.texels).map(error).collect();
+                let all = [&reference.texels, &decoded.texels, &difference];
+                for (reduction, texels) in reductions.iter_mut().zip(all) {
+                    reduction.skip_rows(rows.start - next);
+                    reduction.add_rows(texels, valid(&mask, &rows));
+                }
+                next = rows.end;
+            }
+            let [(reference, mask), (decoded, _), (difference, _)] = reductions.map(Reduction::finish);
             let bright = exposure(&reference, &mask);
-            let error = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| (a[c] - b[c]).abs());
-            let difference = Image {
-                width: reference.width,
-                height: reference.height,
-                texels: reference.texels.iter().zip(&decoded.texels).map(error).collect(),
-            };
             let picture =
                 |image: &Image, gain: f32| tone_mapped_png(image, &mask, gain * bright, PICTURE_SIDE);
             section.pictures(&[

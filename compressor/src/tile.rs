@@ -5,7 +5,7 @@
 use crate::Result;
 use crate::grid::mirrored;
 use crate::grid::{Grid, Place};
-use crate::model::BORDER;
+use crate::model::{BORDER, PAYLOAD};
 use dataset::image::Mask;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
@@ -80,6 +80,19 @@ pub fn coverage(mask: &Mask, rows: Range<usize>) -> Vec<Coverage> {
         }));
     }
     out
+}
+
+/// Valid texels of a tile, its border with them: those that it is trained to.
+pub fn valid_texels(mask: &Mask, place: Place) -> usize {
+    let grid = Grid { width: mask.width, height: mask.height };
+    let own = grid.payload(place.column, place.row);
+    let range = |at: usize, own: usize, extent: usize| {
+        let first = at * PAYLOAD;
+        first.saturating_sub(BORDER)..(first + own + BORDER).min(extent)
+    };
+    let columns = range(place.column, own.0, mask.width);
+    let rows = range(place.row, own.1, mask.height);
+    rows.flat_map(|y| &mask.valid[y * mask.width..][columns.clone()]).filter(|valid| **valid).count()
 }
 
 /// A row of tiles with its light, in memory.
@@ -199,7 +212,6 @@ impl Band {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::PAYLOAD;
 
     fn mask(width: usize, height: usize, valid: impl Fn(usize, usize) -> bool) -> Mask {
         Mask { width, height, valid: (0..width * height).map(|i| valid(i % width, i / width)).collect() }
@@ -241,6 +253,14 @@ mod tests {
         assert_eq!(line[BORDER + PAYLOAD], Coverage::Valid);
         assert_eq!(line[BORDER + PAYLOAD - 2], Coverage::Gutter);
         assert_eq!(line[BORDER + PAYLOAD - 3], Coverage::Outside);
+    }
+
+    #[test]
+    fn a_tile_is_trained_to_the_texels_of_its_border_too() {
+        let mask = mask(300, 130, |x, y| (x, y) == (PAYLOAD, 4) || (x, y) == (299, 129));
+        let texels = |column, row| valid_texels(&mask, Place { page: 0, column, row });
+        assert_eq!([texels(0, 0), texels(1, 0), texels(2, 0)], [1, 1, 0]);
+        assert_eq!([texels(0, 1), texels(1, 1), texels(2, 1)], [0, 0, 1]);
     }
 
     #[test]

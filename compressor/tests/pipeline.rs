@@ -78,6 +78,10 @@ fn a_dataset_comes_back_from_its_bundle() {
     let expected = |hour: f64| (scene.light)(60, 70, hour, common::lamp_is_on(hour))[0];
     assert!((off - expected(18.0)).abs() < 0.15 && (on - expected(18.1)).abs() < 0.3, "{off} {on}");
     assert!(on > off + 1.0);
+    // Rows of it, across a border of tiles.
+    let rows = decoder.decode_rows(0, 18.05, 100..135).unwrap();
+    assert_eq!(rows.texels, page(18.05).texels[100 * 150..135 * 150]);
+    assert!(decoder.decode_rows(0, 18.05, 100..141).is_err());
     // Any moment of the day is finite, and texels agree with the page.
     for i in 0..48 {
         let image = page(f64::from(i) / 2.0);
@@ -352,6 +356,86 @@ fn a_black_dataset_takes_no_payload() {
 }
 
 #[test]
+fn under_a_time_limit_every_tile_gets_its_share() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    // One second is too little for anything, an hour enough for all.
+    let steps = |limit: &str, iterations: &str| {
+        let arguments = ["--threads", "1", "--iterations", iterations, "--time-limit", limit, "--json"];
+        let told = json(&run(&[&["."], &arguments[..]].concat(), folder.path()));
+        assert_eq!((&told["tiles"], &told["tiles_empty"]), (&Value::from(4), &Value::from(1)));
+        assert!(told["psnr_db"].as_f64().unwrap() > 25.0, "{told}");
+        let report = fs::read_to_string(folder.path().join("isles.html")).unwrap();
+        assert!(report.contains("as the time limit allowed"));
+        [&told["steps_least"], &told["steps_most"]].map(|steps| steps.as_u64().unwrap())
+    };
+    let start = Instant::now();
+    let [least, most] = steps("1s", "1000000");
+    assert!(200 <= least && least <= most && most < 20_000, "{least} {most}");
+    assert!(start.elapsed() < Duration::from_secs(60), "{:?}", start.elapsed());
+    assert_eq!(steps("1h", "230"), [230, 230]);
+    // Without a limit the same steps give the same bytes; the limit itself stands in the bundle.
+    let bundle = || Bundle::open(&folder.path().join("isles.ndgi")).unwrap();
+    let limited = bundle();
+    compress(folder.path(), &brief(230), &Console::silent()).unwrap();
+    let sums = |bundle: &Bundle| bundle.index.iter().map(|entry| entry.checksum).collect::<Vec<_>>();
+    assert_eq!(sums(&limited), sums(&bundle()));
+    assert!(limited.header.info.contains("\"time_limit_secs\":3600.0"), "{}", limited.header.info);
+}
+
+#[test]
+fn a_sweep_tells_what_compressing_would_give() {
+    let folder = tempfile::tempdir().unwrap();
+    // No valid texel in the border, and one evaluation tile: both judge the same texels.
+    let valid = |x, y| (2..68).contains(&x) && (2..48).contains(&y);
+    Scene { width: 70, height: 50, valid, ..islands() }.write(folder.path());
+    let arguments = [
+        "sweep",
+        ".",
+        "--presets",
+        "draft",
+        "--profiles",
+        "L,M",
+        "--csv",
+        "s.csv",
+        "--report",
+        "s.html",
+        "--json",
+    ];
+    let told = json(&run(&arguments, folder.path()));
+    assert_eq!((&told["tiles"], &told["tiles_of"]), (&Value::from(1), &Value::from(1)));
+    let rows = told["rows"].as_array().unwrap();
+    let number = |row: usize, key: &str| rows[row][key].as_f64().unwrap();
+    assert_eq!([&rows[0]["profile"], &rows[1]["profile"]], ["L", "M"]);
+    assert!(number(0, "bpp") < number(1, "bpp") && number(0, "seconds") > 0.0);
+    let csv = fs::read_to_string(folder.path().join("s.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 3);
+    assert!(csv.lines().all(|line| line.split(',').count() == 8), "{csv}");
+    assert!(fs::read_to_string(folder.path().join("s.html")).unwrap().contains("<svg"));
+    // The same training as that of the bundle, and 8 bits cost little.
+    let compressed = json(&run(&[".", "--preset", "draft", "--json"], folder.path()));
+    for key in ["psnr_unquantised_db", "psnr_8bit_features_db"] {
+        let of_row = number(1, &key.replace("_features", ""));
+        assert!((compressed[key].as_f64().unwrap() - of_row).abs() < 1e-9, "{key} {of_row}");
+    }
+    assert!((number(1, "psnr_unquantised_db") - number(1, "psnr_8bit_db")).abs() < 1.5, "{rows:?}");
+    assert!((number(1, "psnr_bc7_db") - compressed["psnr_db"].as_f64().unwrap()).abs() < 1e-9, "{rows:?}");
+}
+
+#[test]
+fn a_quiet_run_says_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    let told = |quiet: &[&str]| {
+        let output = run(&[&[".", "--iterations", "30"], quiet].concat(), folder.path());
+        assert!(output.status.success());
+        (output.stdout.len(), output.stderr.len())
+    };
+    assert_eq!(told(&["-q"]), (0, 0));
+    assert!(told(&[]).0 > 0);
+}
+
+#[test]
 fn the_command_line_answers_and_refuses() {
     let folder = tempfile::tempdir().unwrap();
     islands().write(&folder.path().join("isles"));
@@ -401,14 +485,36 @@ fn the_command_line_answers_and_refuses() {
         let message = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success() && message.contains("from 0 to below 24"), "{wrong}: {message}");
     }
-    let output = run(&["decode", "isles/isles.ndgi", "--hour", "3", "--out", "none/y.exr"], folder.path());
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && message.contains("none/y.exr: none does not exist"), "{message}");
+    for into_none in [
+        &["decode", "isles/isles.ndgi", "--hour", "3", "--out", "none/y.exr"][..],
+        &["isles", "--out", "none/y.ndgi"],
+        &["isles", "--report", "none/y.html"],
+        &["evaluate", "isles", "--csv", "none/y.csv"],
+    ] {
+        let output = run(into_none, folder.path());
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && !folder.path().join("none").exists());
+        assert!(message.contains("none/y.") && message.contains("none does not exist"), "{message}");
+    }
     assert_eq!(json(&run(&["info", "isles/isles.ndgi", "--json"], folder.path()))["profile"], "L");
 
+    for (wrong, told) in [
+        (&["evalute", "isles"][..], "'evaluate'"),
+        (&["ifno"], "'info'"),
+        (&["missing"], "missing: not a temporal lightmap set"),
+        (&["isles", "--target-psnr", "-4"], "expected a number above 0"),
+        (&["isles", "--target-bpp", "-0.5"], "expected a number above 0"),
+        (&["isles", "--time-limit", "5"], "such as 90s"),
+        (&["isles", "--preset", "fine"], "draft, medium, final"),
+        (&["isles", "--preset", "final", "--draft"], "cannot be used with"),
+        (&["isles", "--preset", "final", "--iterations", "9"], "cannot be used with"),
+    ] {
+        let output = run(wrong, folder.path());
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && message.contains(told), "{wrong:?}: {message}");
+    }
     for wrong in [
-        &["missing"][..],
-        &["isles", "--profile", "XL"],
+        &["isles", "--profile", "XL"][..],
         &["isles", "--iterations", "0"],
         &["isles", "--target-psnr", "40", "--target-bpp", "0.5"],
         &["isles", "--target-psnr", "40", "--profile", "L"],

@@ -27,11 +27,7 @@ pub fn write_atomically_with(path: &Path, write: impl FnOnce(&mut File) -> io::R
     })();
     if let Err(source) = written {
         let _ = fs::remove_file(&temporary);
-        if let Some(folder) = folder_of(path).filter(|folder| !folder.is_dir()) {
-            let there = if folder.exists() { "is no folder" } else { "does not exist" };
-            let what = format!("{} {there}: expected a file name in an existing folder", folder.display());
-            return Err(Error::invalid(path.display(), what));
-        }
+        expect_folder(path)?;
         return Err(Error::Io { path: path.to_owned(), source });
     }
     // The rename itself reaches the disk with the folder; not every system lets a folder be synced.
@@ -41,6 +37,21 @@ pub fn write_atomically_with(path: &Path, write: impl FnOnce(&mut File) -> io::R
         let _ = folder.sync_all();
     }
     Ok(())
+}
+
+/// An error unless the folder in which a file is to be written exists: to be asked before the work, not after it.
+///
+/// # Errors
+/// `Invalid`, with the folder.
+pub fn expect_folder(path: &Path) -> Result<()> {
+    match folder_of(path).filter(|folder| !folder.is_dir()) {
+        None => Ok(()),
+        Some(folder) => {
+            let there = if folder.exists() { "is no folder" } else { "does not exist" };
+            let what = format!("{} {there}: expected a file name in an existing folder", folder.display());
+            Err(Error::invalid(path.display(), what))
+        }
+    }
 }
 
 /// Puts a second name on the content of `from`: a hard link where the file system has them, else a copy. Atomic, and

@@ -52,7 +52,6 @@ impl Image {
     /// # Panics
     /// If the image has no texels, or their number is not `width · height`.
     pub fn to_exr(&self) -> Vec<u8> {
-        assert!(self.width > 0 && self.height > 0, "an EXR file needs at least one texel");
         assert_eq!(
             self.texels.len(),
             self.width * self.height,
@@ -60,36 +59,9 @@ impl Image {
             self.width,
             self.height
         );
-        // Scan lines in increasing order; channels stand in the file by ascending name.
-        let channel = |name: &str| ChannelDescription::named(name, SampleType::F32);
-        let header = Header::new(
-            Default::default(),
-            (self.width, self.height),
-            [channel("B"), channel("G"), channel("R")].into_iter().collect(),
-        )
-        .with_encoding(Compression::RLE, BlockDescription::ScanLines, LineOrder::Increasing)
-        .with_attributes(LayerAttributes::default());
-        let mut bytes = Vec::new();
-        exr::block::write(Cursor::new(&mut bytes), [header].into_iter().collect(), true, |meta, writer| {
-            use exr::block::writer::ChunksWriter;
-            for (index_in_header, block) in exr::block::enumerate_ordered_header_block_indices(&meta.headers)
-            {
-                let channels = &meta.headers[block.layer].channels;
-                let block = UncompressedBlock::from_lines(channels, block, |line| {
-                    // Channel 0 is B, 2 is R.
-                    let component = 2 - line.location.channel;
-                    let row = line.location.position.y() * self.width;
-                    let samples = &self.texels[row..row + self.width];
-                    for (bytes, texel) in line.value.as_chunks_mut::<4>().0.iter_mut().zip(samples) {
-                        *bytes = texel[component].to_ne_bytes();
-                    }
-                });
-                writer.write_chunk(index_in_header, block.compress_to_chunk(&meta.headers)?)?;
-            }
-            Ok(())
+        exr_of(self.width, self.height, |y, row| {
+            row.copy_from_slice(&self.texels[y * self.width..(y + 1) * self.width])
         })
-        .expect("writing a valid image into memory cannot fail");
-        bytes
     }
 
     /// Reads an EXR file with channels R, G, B. Every texel must be finite; layers' negative values are the caller's rule.
@@ -104,6 +76,49 @@ impl Image {
         let (width, height) = read_exr_size(path)?;
         Ok(Image { width, height, texels: read_exr_rows(path, 0, height)? })
     }
+}
+
+/// The bytes of an EXR file as [`Image::to_exr`] gives them, of an image that need not be in memory: `fill(y, row)` writes the texels of
+/// row y.
+///
+/// # Panics
+/// If the image has no texels.
+pub fn exr_of(width: usize, height: usize, mut fill: impl FnMut(usize, &mut [[f32; 3]])) -> Vec<u8> {
+    assert!(width > 0 && height > 0, "an EXR file needs at least one texel");
+    // Scan lines in increasing order; channels stand in the file by ascending name.
+    let channel = |name: &str| ChannelDescription::named(name, SampleType::F32);
+    let header = Header::new(
+        Default::default(),
+        (width, height),
+        [channel("B"), channel("G"), channel("R")].into_iter().collect(),
+    )
+    .with_encoding(Compression::RLE, BlockDescription::ScanLines, LineOrder::Increasing)
+    .with_attributes(LayerAttributes::default());
+    let mut bytes = Vec::new();
+    let mut row = vec![[0.0; 3]; width];
+    let mut filled = None;
+    exr::block::write(Cursor::new(&mut bytes), [header].into_iter().collect(), true, |meta, writer| {
+        use exr::block::writer::ChunksWriter;
+        for (index_in_header, block) in exr::block::enumerate_ordered_header_block_indices(&meta.headers) {
+            let channels = &meta.headers[block.layer].channels;
+            let block = UncompressedBlock::from_lines(channels, block, |line| {
+                // Channel 0 is B, 2 is R.
+                let component = 2 - line.location.channel;
+                let y = line.location.position.y();
+                // The row's channels come one after another.
+                if filled.replace(y) != Some(y) {
+                    fill(y, &mut row);
+                }
+                for (bytes, texel) in line.value.as_chunks_mut::<4>().0.iter_mut().zip(&row) {
+                    *bytes = texel[component].to_ne_bytes();
+                }
+            });
+            writer.write_chunk(index_in_header, block.compress_to_chunk(&meta.headers)?)?;
+        }
+        Ok(())
+    })
+    .expect("writing a valid image into memory cannot fail");
+    bytes
 }
 
 /// Width and height of an EXR file with channels R, G, B, from its header alone.

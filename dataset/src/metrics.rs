@@ -70,8 +70,8 @@ pub fn relative_error(mse: f64, mean: f64, set_mean: f64) -> f64 {
 
 /// Sum over valid texels and channels, and the number of valid texels. The mean of a set is the sum over its pages
 /// ÷ (3 · texels).
-pub fn valid_sum(image: &Image, mask: &Mask) -> (f64, usize) {
-    let texels = image.texels.iter().zip(&mask.valid).filter(|(_, valid)| **valid);
+pub fn valid_sum(texels: &[[f32; 3]], valid: &[bool]) -> (f64, usize) {
+    let texels = texels.iter().zip(valid).filter(|(_, valid)| **valid);
     texels.fold((0.0, 0), |(sum, count), (texel, _)| {
         (sum + texel.iter().map(|&v| f64::from(v)).sum::<f64>(), count + 1)
     })

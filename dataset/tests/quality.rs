@@ -186,7 +186,7 @@ fn valid_sums_leave_out_the_rest() {
     let mut mask = full_mask(2, 1);
     mask.valid[1] = false;
     let image = Image { width: 2, height: 1, texels: vec![[1.0, 2.0, 3.0], [f32::NAN; 3]] };
-    assert_eq!(valid_sum(&image, &mask), (6.0, 1));
+    assert_eq!(valid_sum(&image.texels, &mask.valid), (6.0, 1));
 }
 
 #[test]

@@ -26,7 +26,7 @@ use dataset::store::Writer;
 use std::path::Path;
 use std::time::Instant;
 
-pub use super::options::{Integrator, LayerCount, Options, Outcome};
+pub use super::options::{Integrator, LayerCount, Options, Outcome, Preset};
 pub use super::prepare::{Prepared, prepare};
 
 /// Bakes a scene into a dataset.

@@ -16,11 +16,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// What training told about one tile.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TileStats {
-    /// PSNR before and after quantisation, in dB, where the tile has one.
+    /// Steps of the main phase; 0 for a tile without light.
+    pub steps: usize,
+    /// PSNR before quantisation, in dB, where the tile has one.
     pub psnr_unquantised_db: Option<f64>,
-    /// See [`TileStats::psnr_unquantised_db`].
+    /// The same with features of 8 bits.
+    pub psnr_8bit_features_db: Option<f64>,
+    /// The same as stored.
     pub psnr_db: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
@@ -62,8 +66,12 @@ pub struct Outcome {
     pub training_seconds: f64,
     /// Of these, of trials.
     pub trial_seconds: f64,
+    /// Fewest and most steps of a tile with light.
+    pub steps: Option<[usize; 2]>,
     /// PSNR before quantisation, mean over tiles, in dB (each tile: mean over its sets, peak = the set's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
+    /// The same with features of 8 bits, which BC7 is not.
+    pub psnr_8bit_features_db: Option<f64>,
     /// The same of the stored tiles.
     pub psnr_trained_db: Option<f64>,
     /// PSNR against seconds.
@@ -83,6 +91,8 @@ pub struct TileOutcome {
     pub has: Option<String>,
     /// Length of its payload.
     pub bytes: usize,
+    /// Steps of the main phase; 0 for a tile without light.
+    pub steps: usize,
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
     /// What was left out and why.
@@ -100,12 +110,15 @@ impl Outcome {
                     .filter(|_| !payload.bytes.is_empty())
                     .map(|contents| contents.to_string()),
                 bytes: payload.bytes.len(),
+                steps: stats.steps,
                 psnr_db: stats.psnr_db,
                 left_out: stats.left_out.clone(),
             };
+        let steps = || stats.iter().map(|tile| tile.steps).filter(|steps| *steps > 0);
         Outcome {
             bundle,
             bytes,
+            steps: steps().min().zip(steps().max()).map(|(least, most)| [least, most]),
             tiles: payloads.len(),
             empty: payloads.iter().filter(|payload| payload.bytes.is_empty()).count(),
             resumed: *resumed,
@@ -113,6 +126,7 @@ impl Outcome {
             training_seconds: trial_seconds + stats.iter().map(|tile| tile.seconds).sum::<f64>(),
             trial_seconds: *trial_seconds,
             psnr_unquantised_db: mean(stats.iter().filter_map(|tile| tile.psnr_unquantised_db)),
+            psnr_8bit_features_db: mean(stats.iter().filter_map(|tile| tile.psnr_8bit_features_db)),
             psnr_trained_db: mean(stats.iter().filter_map(|tile| tile.psnr_db)),
             curve: aggregate(stats),
             left_out: count(stats),
@@ -161,7 +175,9 @@ pub(super) fn write(out: &Path, outcome: &Outcome, checked: f64) -> Result<()> {
         "tiles": outcome.tiles,
         "tiles_empty": outcome.empty,
         "tiles_resumed": outcome.resumed,
+        "steps": outcome.steps,
         "psnr_unquantised_db": outcome.psnr_unquantised_db,
+        "psnr_8bit_features_db": outcome.psnr_8bit_features_db,
         "psnr_trained_db": outcome.psnr_trained_db,
         "curve": outcome.curve,
         "left_out": outcome.left_out,

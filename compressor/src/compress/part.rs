@@ -19,7 +19,10 @@ impl Part {
     /// Opens or creates the work folder of a bundle; with `fresh`, empties it.
     pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
         let folder = beside(out, ".part");
-        fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        match fs::create_dir(&folder) {
+            Err(error) if !folder.is_dir() => return Err(Error::io(&folder)(error)),
+            _ => {}
+        }
         remove_stale_temporaries(&folder)?;
         let part = Part(folder);
         if fresh {
@@ -84,7 +87,9 @@ mod tests {
         let out = folder.path().join("a.ndgi");
         let part = Part::open(&out, false).unwrap();
         let stats = TileStats {
+            steps: 10,
             psnr_unquantised_db: Some(44.25),
+            psnr_8bit_features_db: None,
             psnr_db: None,
             curve: vec![(10, 0.1, 30.0)],
             left_out: vec!["black at 1 of 2 sets".to_owned()],

@@ -2,6 +2,7 @@
 
 use super::allocate::{self, Goal};
 use super::outcome::TileStats;
+use super::pace::{self, Pace};
 use super::part::Part;
 use super::{Options, Rate};
 use crate::bundle::{self, Header, Payload};
@@ -9,7 +10,7 @@ use crate::clock::Clock;
 use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::model::{Contents, PROFILES};
-use crate::tile::Band;
+use crate::tile::{self, Band};
 use crate::train::{self, Recipe, Trial};
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
@@ -17,6 +18,7 @@ use dataset::image::Mask;
 use dataset::store::Dataset;
 use rayon::prelude::*;
 use serde_json::json;
+use std::time::Instant;
 
 /// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 sets).
 const TILES_PER_THREAD: usize = 8;
@@ -42,6 +44,14 @@ struct Tile {
     resumed: bool,
 }
 
+impl Tile {
+    /// One without a valid texel.
+    fn empty() -> Self {
+        let stats = TileStats { left_out: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
+        Tile { payload: Payload::default(), stats, resumed: false }
+    }
+}
+
 /// All that decides the tiles.
 pub(super) struct Tiles<'a> {
     pub dataset: &'a Dataset,
@@ -52,6 +62,8 @@ pub(super) struct Tiles<'a> {
     pub part: &'a Part,
     /// Digest of what of the dataset decides a tile.
     pub inputs: String,
+    /// When training is to end.
+    pub deadline: Option<Instant>,
 }
 
 impl Tiles<'_> {
@@ -74,14 +86,44 @@ impl Tiles<'_> {
             so_far.1 += 1;
             Some(format!("{:.1} dB", so_far.0 / f64::from(so_far.1)))
         };
-        let finished = |place| self.finished(&self.key(place, contents(place)));
-        self.each_tile(
-            console,
-            "training",
-            finished,
-            |place, band| self.train(place, contents(place), band),
-            note,
-        )
+        let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
+            // Its light need not be read.
+            0 => Some(Tile::empty()),
+            _ => self.finished(&self.key(place, contents(place))),
+        };
+        let pace = self.pace(&contents, &finished)?;
+        let work = |place: Place, band: &Band| {
+            let start = Instant::now();
+            let tile = self.train(place, contents(place), band, pace.begin())?;
+            pace.measure(&tile.stats, start.elapsed());
+            self.part.write(&self.key(place, contents(place)), &tile.payload, &tile.stats)?;
+            Ok(tile)
+        };
+        self.each_tile(console, "training", finished, work, note)
+    }
+
+    /// How many steps tiles get. With a time limit the tile of most texels is trained briefly first, to tell what a step takes.
+    fn pace(
+        &self,
+        contents: &impl Fn(Place) -> Option<Contents>,
+        finished: &impl Fn(Place) -> Option<Tile>,
+    ) -> Result<Pace> {
+        let most = self.options.iterations;
+        if self.deadline.is_none() {
+            return Ok(Pace::new(None, most, 0));
+        }
+        let texels = |place: Place| tile::valid_texels(&self.masks[place.page], place);
+        let open = self.header.places().map(|place| (texels(place), place));
+        let open: Vec<_> = open.filter(|(texels, place)| *texels > 0 && finished(*place).is_none()).collect();
+        let pace = Pace::new(self.deadline, most, open.len());
+        let largest = open.iter().max_by_key(|(texels, _)| *texels).filter(|_| pace.left().is_some());
+        if let Some(&(_, place)) = largest {
+            let band = Band::load(self.dataset, &self.masks[place.page], place.page, place.row)?;
+            let start = Instant::now();
+            let trial = self.train(place, contents(place), &band, pace::FLOOR)?;
+            pace.measure(&trial.stats, start.elapsed());
+        }
+        Ok(pace)
     }
 
     /// What the trials chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
@@ -91,7 +133,10 @@ impl Tiles<'_> {
             return Ok((Vec::new(), 0.0));
         }
         type Tried = (Vec<Trial>, f64);
-        let finished = |place| self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried);
+        let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
+            0 => Some(Tried::default()),
+            _ => self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried),
+        };
         let work = |place: Place, band: &Band| {
             let clock = Clock::start();
             let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
@@ -187,8 +232,7 @@ impl Tiles<'_> {
     /// The tile's own recipe: its randomness depends on its place, never on the order of work.
     fn recipe(&self, place: Place) -> Recipe {
         let recipe = self.options.recipe();
-        let numbers = [recipe.seed, place.page as u64, place.column as u64, place.row as u64];
-        let seed = bundle::checksum(&numbers.map(u64::to_le_bytes).each_ref().map(|n| &n[..]));
+        let seed = seed(recipe.seed, place);
         Recipe { seed, ..recipe }
     }
 
@@ -203,12 +247,13 @@ impl Tiles<'_> {
 
     /// What decides a tile, and so names its file in the work folder.
     fn key(&self, place: Place, contents: Option<Contents>) -> String {
-        let Recipe { iterations, paper, seed: _, aim } = self.recipe(place);
+        let Recipe { iterations, passes, paper, seed: _, aim } = self.recipe(place);
+        let limit = self.options.time_limit;
         let has = match (self.options.rate, contents) {
             (Rate::Profile(profile), _) => json!(profile.name),
             (_, contents) => json!(contents.and_then(|contents| contents.word())),
         };
-        self.name(place, &json!(["tile", has, iterations, paper, format!("{aim:?}")]))
+        self.name(place, &json!(["tile", has, iterations, passes, limit, paper, format!("{aim:?}")]))
     }
 
     /// The same for its trials.
@@ -222,9 +267,15 @@ impl Tiles<'_> {
         Some(Tile { payload, stats, resumed: true })
     }
 
-    fn train(&self, place: Place, contents: Option<Contents>, band: &Band) -> Result<Tile> {
+    fn train(
+        &self,
+        place: Place,
+        contents: Option<Contents>,
+        band: &Band,
+        iterations: usize,
+    ) -> Result<Tile> {
         let clock = Clock::start();
-        let (source, recipe) = (band.tile(place.column), self.recipe(place));
+        let (source, recipe) = (band.tile(place.column), Recipe { iterations, ..self.recipe(place) });
         let trained = match (self.options.rate, contents) {
             (Rate::Profile(profile), _) => train::train(&source, &profile, &recipe),
             (_, Some(contents)) => train::train_chosen(&source, &contents, &recipe),
@@ -238,7 +289,9 @@ impl Tiles<'_> {
             None => Payload::default(),
         };
         let stats = TileStats {
+            steps: if trained.params.is_some() { iterations } else { 0 },
             psnr_unquantised_db: trained.psnr_unquantised_db,
+            psnr_8bit_features_db: trained.psnr_8bit_features_db,
             psnr_db: trained.psnr_db,
             curve: trained
                 .curve
@@ -248,13 +301,18 @@ impl Tiles<'_> {
             left_out: trained.left_out,
             seconds: clock.seconds(),
         };
-        self.part.write(&self.key(place, contents), &payload, &stats)?;
         Ok(Tile { payload, stats, resumed: false })
     }
 }
 
+/// The seed of a tile.
+pub(crate) fn seed(seed: u64, place: Place) -> u64 {
+    let numbers = [seed, place.page as u64, place.column as u64, place.row as u64];
+    bundle::checksum(&numbers.map(u64::to_le_bytes).each_ref().map(|n| &n[..]))
+}
+
 /// The error, with the tile's place for its own where it is of the tile's content.
-fn of_tile(place: Place, error: Error) -> Error {
+pub(crate) fn of_tile(place: Place, error: Error) -> Error {
     match error {
         Error::Invalid { what, .. } => {
             let Place { page, column, row } = place;

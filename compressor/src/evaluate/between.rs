@@ -3,6 +3,7 @@
 //! What light does there only another bake can tell, the *withheld* one: the same scene at other hours. Without it the decoder is
 //! compared with light that goes linearly from set to set, a quarter and three quarters of the way, where training does not look.
 
+use super::strips::{cut, read, strips};
 use crate::decode::Decoder;
 use crate::time::Moment;
 use crate::{Error, Result};
@@ -11,6 +12,7 @@ use dataset::image::{Image, Mask};
 use dataset::metrics;
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
+use std::ops::Range;
 
 /// PSNR between sets, each moment's pooled over its texels: from the mean squared error relative to the tile's peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,24 +49,33 @@ pub fn between(
         }
     }
     let moments = moments(dataset, withheld, decoder);
-    let progress = console.progress("between sets", (moments.len() * pages) as u64);
+    let strips: Vec<_> = masks.iter().map(strips).collect();
+    let total = moments.len() * strips.iter().map(Vec::len).sum::<usize>();
+    let progress = console.progress("between sets", total as u64);
     let mut pools: Vec<[Pool; 2]> = moments.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
-        let rects = tiles(mask.width, mask.height, TILE);
-        let mut sets = Sets { dataset, page, recent: Vec::new() };
-        for (&(hour, moment, index), [of_decoder, of_linear]) in moments.iter().zip(&mut pools) {
-            stop_if_interrupted()?;
-            let linear = sets.linear(&moment)?;
-            let decoded = decoder.decode_page(page, hour)?;
-            let truth = match (withheld, index) {
-                (Some(withheld), Some(index)) => Some(withheld.map(index, page)?),
-                _ => None,
-            };
-            for rect in &rects {
-                of_decoder.add(&decoded, truth.as_ref().unwrap_or(&linear), mask, rect);
-                truth.iter().for_each(|truth| of_linear.add(&linear, truth, mask, rect));
+        if let Some(withheld) = withheld {
+            let mut sets = moments.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.sets[k]);
+            sets.try_for_each(|set| withheld.check_content(&set.maps[page].file))?;
+        }
+        for rows in &strips[page] {
+            let mask = cut(mask, rows);
+            let rects = tiles(mask.width, mask.height, TILE);
+            let mut sets = Sets { dataset, page, rows: rows.clone(), recent: Vec::new() };
+            for (&(hour, moment, index), [of_decoder, of_linear]) in moments.iter().zip(&mut pools) {
+                stop_if_interrupted()?;
+                let linear = sets.linear(&moment)?;
+                let decoded = decoder.decode_rows(page, hour, rows.clone())?;
+                let truth = match (withheld, index) {
+                    (Some(withheld), Some(index)) => Some(read(withheld, index, page, rows)?),
+                    _ => None,
+                };
+                for rect in &rects {
+                    of_decoder.add(&decoded, truth.as_ref().unwrap_or(&linear), &mask, rect);
+                    truth.iter().for_each(|truth| of_linear.add(&linear, truth, &mask, rect));
+                }
+                progress.advance(1);
             }
-            progress.advance(1);
         }
     }
     let hours = moments.iter().map(|(hour, ..)| *hour);
@@ -129,10 +140,11 @@ fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
     Err(Error::invalid(withheld.root.display(), what))
 }
 
-/// One page of the dataset's sets; the last two read are kept.
+/// Rows of a page of the dataset's sets; the last two read are kept.
 struct Sets<'a> {
     dataset: &'a Dataset,
     page: usize,
+    rows: Range<usize>,
     recent: Vec<(usize, Image)>,
 }
 
@@ -140,7 +152,7 @@ impl Sets<'_> {
     fn read(&mut self, set: usize) -> Result<()> {
         if self.recent.iter().all(|(k, _)| *k != set) {
             self.recent.truncate(1);
-            self.recent.insert(0, (set, self.dataset.map(set, self.page)?));
+            self.recent.insert(0, (set, read(self.dataset, set, self.page, &self.rows)?));
         }
         // The newest first.
         self.recent.sort_by_key(|(k, _)| *k != set);

@@ -2,6 +2,7 @@
 
 use crate::model::PAYLOAD;
 use dataset::image::{Image, Mask};
+use std::ops::Range;
 
 /// Sum and number of errors.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,8 +19,9 @@ pub struct Seams {
 }
 
 impl Seams {
-    /// Adds a page; its errors count in units of `mean`, so that nights count as days. A black page does not count.
-    pub fn add(&mut self, decoded: &Image, reference: &Image, mask: &Mask, mean: f64) {
+    /// Adds the rows `rows` of a page, given with the one below them where there is one. Errors count in units of the page's
+    /// `mean`, so that nights count as days; a black page does not count.
+    pub fn add(&mut self, decoded: &Image, reference: &Image, mask: &Mask, rows: &Range<usize>, mean: f64) {
         if mean == 0.0 {
             return;
         }
@@ -32,14 +34,14 @@ impl Seams {
                 of.count += 1.0;
             }
         };
-        for y in 0..height {
+        for y in 0..rows.len() {
             for x in 0..width {
                 let i = y * width + x;
                 if x + 1 < width {
-                    pair(i, i + 1, (x + 1) % PAYLOAD == 0);
+                    pair(i, i + 1, (x + 1).is_multiple_of(PAYLOAD));
                 }
                 if y + 1 < height {
-                    pair(i, i + width, (y + 1) % PAYLOAD == 0);
+                    pair(i, i + width, (rows.start + y + 1).is_multiple_of(PAYLOAD));
                 }
             }
         }
@@ -69,9 +71,39 @@ mod tests {
         let decoded = Image { texels: texels.collect(), ..reference };
         let mask = Mask { width, height, valid: (0..width * height).map(|i| i != 5).collect() };
         let mut seams = Seams::default();
-        seams.add(&decoded, &reference, &mask, 2.0);
-        seams.add(&decoded, &reference, &mask, 0.0);
+        seams.add(&decoded, &reference, &mask, &(0..height), 2.0);
+        seams.add(&decoded, &reference, &mask, &(0..height), 0.0);
         seams.ratio()
+    }
+
+    #[test]
+    fn a_page_in_strips_counts_every_step_once() {
+        let (width, height) = (4, 2 * PAYLOAD);
+        let value = |i: usize| [(i * i % 101) as f32; 3];
+        let image = |texels| Image { width, height, texels };
+        let reference = image(vec![[1.0; 3]; width * height]);
+        let decoded = image((0..width * height).map(value).collect());
+        let mask = Mask { width, height, valid: (0..width * height).map(|i| i % 7 != 0).collect() };
+        let ratio = |strips: &[Range<usize>]| {
+            let mut seams = Seams::default();
+            for rows in strips {
+                let texels = rows.start * width..(rows.end + 1).min(height) * width;
+                let cut = |image: &Image| Image {
+                    width,
+                    height: texels.len() / width,
+                    texels: image.texels[texels.clone()].to_vec(),
+                };
+                let valid = mask.valid[texels.clone()].to_vec();
+                let mask = Mask { width, height: texels.len() / width, valid };
+                seams.add(&cut(&decoded), &cut(&reference), &mask, rows, 1.0);
+            }
+            seams.ratio()
+        };
+        // One strip is the page as it is.
+        let whole = ratio(std::slice::from_ref(&(0..height)));
+        assert!(whole.is_some());
+        assert_eq!(ratio(&[0..128, 128..height]), whole);
+        assert_eq!(ratio(&[0..PAYLOAD, PAYLOAD..height]), whole);
     }
 
     #[test]

@@ -21,8 +21,21 @@ pub const COLUMNS: [&str; 10] = [
     "in the dark",
 ];
 
+/// A table as lines of text, its columns aligned on the right.
+pub(crate) fn aligned(header: &[&str], rows: &[Vec<String>]) -> Vec<String> {
+    let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
+    let lines: Vec<&Vec<String>> = std::iter::once(&header).chain(rows).collect();
+    let width = |c: usize| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let text = |line: &&Vec<String>| {
+        let cells = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}"));
+        cells.collect::<Vec<_>>().join("  ")
+    };
+    lines.iter().map(text).collect()
+}
+
 /// A number of `digits` decimals, or a dash.
-fn cell(value: Option<f64>, digits: usize) -> String {
+pub(crate) fn cell(value: Option<f64>, digits: usize) -> String {
     value.map_or("–".to_owned(), |value| format!("{value:.digits$}"))
 }
 
@@ -62,15 +75,7 @@ impl Evaluation {
 
     /// The quality table as lines of text.
     pub fn table(&self) -> Vec<String> {
-        let header: Vec<String> = COLUMNS.iter().map(|&name| name.to_owned()).collect();
-        let lines: Vec<Vec<String>> = std::iter::once(header).chain(self.rows()).collect();
-        let width = |c: usize| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..COLUMNS.len()).map(width).collect();
-        let text = |line: &Vec<String>| {
-            let cells = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}"));
-            cells.collect::<Vec<_>>().join("  ")
-        };
-        lines.iter().map(text).collect()
+        aligned(&COLUMNS, &self.rows())
     }
 
     /// What the table leaves out, in sentences.
@@ -203,6 +208,7 @@ impl Evaluation {
             "psnr_log_db": q.psnr_log_db,
             "psnr_worst_percent_db": q.psnr_worst_percent_db,
             "psnr_unquantised_db": Value::Null,
+            "psnr_8bit_features_db": Value::Null,
             "noise_ceiling_db": q.noise_ceiling_db,
             "one_minus_ssim": q.one_minus_ssim,
             "relative_error": q.relative_error,

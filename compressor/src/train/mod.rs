@@ -33,6 +33,8 @@ use problem::Problem;
 pub struct Recipe {
     /// Steps of the main phase.
     pub iterations: usize,
+    /// How often what is not yet quantised is trained around the blocks, and these are chosen anew around it.
+    pub passes: usize,
     /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, Adam's β₂ 0.999, unweighted L2; then 8
     /// bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values and the floors of the means, on which the
     /// paper is silent, are those of the main recipe.
@@ -78,6 +80,8 @@ pub struct TrainedTile {
     pub params: Option<TileParams>,
     /// PSNR before quantisation (as in [`Point`]); `None` where no set has one.
     pub psnr_unquantised_db: Option<f64>,
+    /// The same with all features rounded to 8 bits, nothing trained after it.
+    pub psnr_8bit_features_db: Option<f64>,
     /// PSNR of the stored tile, as its decoder gives it.
     pub psnr_db: Option<f64>,
     /// Quality against time.
@@ -85,6 +89,9 @@ pub struct TrainedTile {
     /// What was left out and why, and what else is to be said of the training, e.g. "black at 9 of 26 sets".
     pub left_out: Vec<String>,
 }
+
+/// The remark on a tile without a valid texel.
+pub(crate) const NO_TEXEL: &str = "no valid texel";
 
 /// How often a training that diverges is tried again at half the rate.
 const RETRIES: i32 = 6;
@@ -120,7 +127,7 @@ fn train_as(
     let mut left_out = Vec::new();
     let black = source.sets.len() - light.lit();
     if light.valid.is_empty() {
-        left_out.push("no valid texel".to_owned());
+        left_out.push(NO_TEXEL.to_owned());
     } else if black > 0 {
         left_out.push(match light.lit() {
             0 => "black at every set".to_owned(),
@@ -131,6 +138,7 @@ fn train_as(
         return Ok(TrainedTile {
             params: None,
             psnr_unquantised_db: None,
+            psnr_8bit_features_db: None,
             psnr_db: None,
             curve: Vec::new(),
             left_out,

@@ -81,14 +81,13 @@ impl<const H: usize> Attempt<H> {
     /// result's `left_out` is empty.
     pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
-        let trained =
-            if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe.iterations) };
-        let (blocks, psnr_unquantised) = match trained {
+        let trained = if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe) };
+        let (blocks, psnr) = match trained {
             Ok(trained) => trained,
             Err(Stop::Diverged) => return Ok(None),
             Err(Stop::Failed(error)) => return Err(error),
         };
-        Ok(self.stored(&blocks, psnr_unquantised))
+        Ok(self.stored(&blocks, psnr))
     }
 
     /// The main phase alone: the squared error of the float model relative to each set's peak, mean over channels, summed
@@ -107,33 +106,38 @@ impl<const H: usize> Attempt<H> {
         Ok(Some(sum * problem.valid as f64).filter(|error| error.is_finite()))
     }
 
-    /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite.
-    fn stored(mut self, blocks: &Blocks, psnr_unquantised: f64) -> Option<TrainedTile> {
+    /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite. That model's PSNR is given,
+    /// as it was and with features of 8 bits.
+    fn stored(mut self, blocks: &Blocks, [unquantised, of_8bit]: [f64; 2]) -> Option<TrainedTile> {
         self.trainer.round_decoder();
         self.point();
         let psnr = self.trainer.psnr(1);
-        if !psnr.is_finite() || !psnr_unquantised.is_finite() {
+        if !psnr.is_finite() || !unquantised.is_finite() {
             return None;
         }
         Some(TrainedTile {
             params: Some(self.trainer.store(blocks)),
-            psnr_unquantised_db: Some(psnr_unquantised),
+            psnr_unquantised_db: Some(unquantised),
+            psnr_8bit_features_db: Some(of_8bit),
             psnr_db: Some(psnr),
             curve: self.curve,
             left_out: Vec::new(),
         })
     }
 
-    /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model.
-    fn standard(&mut self, iterations: usize) -> Result<(Blocks, f64), Stop> {
+    /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model, as it is and with
+    /// features of 8 bits.
+    fn standard(&mut self, recipe: &Recipe) -> Result<(Blocks, [f64; 2]), Stop> {
         // 1. In float, with noise for the quantisation to come.
+        let iterations = recipe.iterations;
         let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
         let psnr = self.main_phase(iterations, &ALIGNMENTS, rates)?;
-        // 2. Blocks under the loss's own metric; what is still free follows; once more around the new decoder.
+        let psnr = [psnr, self.trainer.psnr_8bit()];
+        // 2. Blocks under the loss's own metric; what is still free follows; again around the new decoder.
         let mut blocks = self.trainer.freeze_blocks();
         self.point();
-        for round in 0..2 {
-            if round > 0 {
+        for pass in 0..recipe.passes {
+            if pass > 0 {
                 self.trainer.refine_blocks(&mut blocks);
             }
             self.refit(Scope::Planes, 150, |i| 0.003 * schedule(i, 150, 30, 0.0))?;
@@ -147,9 +151,10 @@ impl<const H: usize> Attempt<H> {
     }
 
     /// The paper's recipe (sections 3.2 and 4), likewise.
-    fn paper(&mut self, iterations: usize) -> Result<(Blocks, f64), Stop> {
+    fn paper(&mut self, iterations: usize) -> Result<(Blocks, [f64; 2]), Stop> {
         // 1. In float at a constant rate, with noise.
         let psnr = self.main_phase(iterations, &[], |_| [PAPER_RATE; 2])?;
+        let psnr = [psnr, self.trainer.psnr_8bit()];
         // 2. All maps to 8 bits; BC7 of F_uv and F_uvt.
         self.trainer.round_planes();
         let blocks = self.trainer.encode_blocks();
@@ -220,13 +225,13 @@ mod tests {
             coverage: vec![Coverage::Valid; 64],
             gates: vec![],
         };
-        let recipe = Recipe { iterations: 20, paper: false, seed: 3, aim: Aim::MeanPsnr };
+        let recipe = Recipe { iterations: 20, passes: 2, paper: false, seed: 3, aim: Aim::MeanPsnr };
         let light = Light::new(&source, recipe.coding());
         let shape = Shape::new(&PROFILES[1].contents(2, 0), 8, 8, 2, recipe.coding());
         let problem = Problem::new(&source, &light, shape, recipe.coding());
         let stored = |poison: Option<usize>| {
             let mut attempt = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect());
-            let Ok((blocks, psnr)) = attempt.standard(recipe.iterations) else { panic!("training stopped") };
+            let Ok((blocks, psnr)) = attempt.standard(&recipe) else { panic!("training stopped") };
             let mlp = attempt.trainer.layout.mlp.clone();
             if let Some(channel) = poison {
                 // b₃ stands last.

@@ -58,9 +58,7 @@ impl<const H: usize> Trainer<H> {
         let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
         let tier = self.tier();
         let plain = |map: &mut [Quad], start: &[[Quad; 2]]| {
-            for v in map.as_flattened_mut() {
-                *v = centred(((*v / CENTRE_SLOPE + 0.5) * 255.0).round() / 255.0);
-            }
+            round_texels(map);
             let (texels, _) = map.as_chunks::<16>();
             let metric = vec![[identity; 16]; texels.len()];
             let blocks = run(tier, Fit { texels, metric: &metric, start });
@@ -90,6 +88,19 @@ impl<const H: usize> Trainer<H> {
             *v = (*v * 255.0).round() / 255.0;
         }
         self.refresh();
+    }
+
+    /// The PSNR of the float model with all its features rounded to 8 bits: what there would be without BC7.
+    pub fn psnr_8bit(&mut self) -> f64 {
+        let planes = self.layout.ut.start..self.layout.vt.end;
+        let kept = self.params[planes.clone()].to_vec();
+        self.round_planes();
+        round_texels(&mut self.maps.uv);
+        round_texels(&mut self.maps.uvt);
+        let psnr = self.psnr(1);
+        self.params[planes].copy_from_slice(&kept);
+        self.refresh();
+        psnr
     }
 
     /// Rounds the decoder to 16 bits.
@@ -280,6 +291,13 @@ impl<const H: usize> Trainer<H> {
         let descent = Descent { problem, stride, samples: &mut samples, blocks, damping: DAMPING };
         run(self.tier(), descent);
         show(blocks, &mut self.maps.uvt);
+    }
+}
+
+/// Rounds centred texels to 8 bits.
+fn round_texels(map: &mut [Quad]) {
+    for v in map.as_flattened_mut() {
+        *v = centred(((*v / CENTRE_SLOPE + 0.5) * 255.0).round() / 255.0);
     }
 }
 

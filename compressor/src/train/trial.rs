@@ -39,7 +39,7 @@ pub struct Trial {
 /// As [`super::train`].
 pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<Trial>> {
     check(source)?;
-    let recipe = Recipe { iterations: ITERATIONS, paper: false, seed, aim: Aim::PooledError };
+    let recipe = Recipe { iterations: ITERATIONS, passes: 0, paper: false, seed, aim: Aim::PooledError };
     let light = Light::new(source, recipe.coding());
     if light.lit() == 0 {
         return Ok(Vec::new());

@@ -37,10 +37,12 @@ pub fn tone_mapped_png(image: &Image, mask: &Mask, exposure: f32, max_side: usiz
 
 /// The mask as a grey PNG at most `max_side` texels on a side; grey where texels on and off surfaces meet.
 pub fn mask_png(mask: &Mask, max_side: usize) -> Vec<u8> {
-    // White where valid; every texel counts.
-    let white: Vec<[f32; 3]> = mask.valid.iter().map(|&valid| [f32::from(u8::from(valid)); 3]).collect();
     let mut reduction = Reduction::new(mask.width, mask.height, max_side);
-    reduction.add_rows(&white, &vec![true; white.len()]);
+    for row in mask.valid.chunks_exact(mask.width.max(1)) {
+        // White where valid; every texel counts.
+        let white: Vec<[f32; 3]> = row.iter().map(|&valid| [f32::from(u8::from(valid)); 3]).collect();
+        reduction.add_rows(&white, &vec![true; white.len()]);
+    }
     let (image, _) = reduction.finish();
     let grey: Vec<u8> = image.texels.iter().map(|texel| (texel[0] * 255.0).round() as u8).collect();
     encode_png(&grey, image.width, image.height, image::ExtendedColorType::L8)
@@ -188,14 +190,18 @@ fn reduce(dataset: &Dataset, mask: &Mask, set: usize, page: usize, side: usize) 
     let mut reduction = Reduction::new(mask.width, mask.height, side);
     for y0 in (0..mask.height).step_by(ROWS) {
         let y1 = (y0 + ROWS).min(mask.height);
-        let texels = dataset.map_rows(set, page, y0, y1)?;
-        reduction.add_rows(&texels, &mask.valid[y0 * mask.width..y1 * mask.width]);
+        let valid = &mask.valid[y0 * mask.width..y1 * mask.width];
+        match valid.contains(&true) {
+            true => reduction.add_rows(&dataset.map_rows(set, page, y0, y1)?, valid),
+            false => reduction.skip_rows(y1 - y0),
+        }
     }
     Ok(reduction.finish())
 }
 
-/// Box filter by a whole factor: means over the valid texels of each box.
-struct Reduction {
+/// Box filter by a whole factor: means over the valid texels of each box, of an image that comes a few rows at a time.
+#[derive(Debug)]
+pub struct Reduction {
     width: usize,
     factor: usize,
     reduced_width: usize,
@@ -204,14 +210,16 @@ struct Reduction {
 }
 
 impl Reduction {
-    fn new(width: usize, height: usize, max_side: usize) -> Self {
+    /// Of an image of this size, to at most `max_side` texels on a side.
+    pub fn new(width: usize, height: usize, max_side: usize) -> Self {
         let factor = width.max(height).div_ceil(max_side.max(1)).max(1);
         let reduced_width = width.div_ceil(factor);
         let sums = vec![([0.0; 3], 0); reduced_width * height.div_ceil(factor)];
         Reduction { width, factor, reduced_width, rows_added: 0, sums }
     }
 
-    fn add_rows(&mut self, texels: &[[f32; 3]], valid: &[bool]) {
+    /// Adds the next whole rows.
+    pub fn add_rows(&mut self, texels: &[[f32; 3]], valid: &[bool]) {
         for (texels, valid) in texels.chunks_exact(self.width).zip(valid.chunks_exact(self.width)) {
             let start = self.rows_added / self.factor * self.reduced_width;
             for (x, (texel, _)) in texels.iter().zip(valid).enumerate().filter(|(_, (_, valid))| **valid) {
@@ -223,7 +231,13 @@ impl Reduction {
         }
     }
 
-    fn finish(self) -> (Image, Mask) {
+    /// Passes over rows that have no valid texel.
+    pub fn skip_rows(&mut self, rows: usize) {
+        self.rows_added += rows;
+    }
+
+    /// The reduced image, and where it has valid texels.
+    pub fn finish(self) -> (Image, Mask) {
         let (width, height) = (self.reduced_width, self.sums.len() / self.reduced_width);
         let mean = |(sum, count): &([f64; 3], u32)| sum.map(|sum| (sum / f64::from((*count).max(1))) as f32);
         let image = Image { width, height, texels: self.sums.iter().map(mean).collect() };

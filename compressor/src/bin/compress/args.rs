@@ -1,0 +1,255 @@
+//! The command line as typed.
+
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use compressor::Result;
+use compressor::compress::{PRESETS, Preset};
+use compressor::model::{PROFILES, Profile};
+use dataset::console::{ConsoleArgs, parse_time};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+const EXAMPLES: &str = "\
+Examples:
+  compress dataset/yard                                     writes yard.ndgi and yard.html there
+  compress dataset/yard --draft --profile L                 fast and small
+  compress dataset/yard --time-limit 5m                     as well trained as that allows
+  compress dataset/yard --target-psnr 40                    bits to the tiles that need them
+  compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
+  compress evaluate dataset/yard --csv quality.csv
+  compress sweep dataset/yard --tiles 4 --presets draft     profiles side by side
+  compress info dataset/yard/yard.ndgi
+
+A run that was stopped continues where it was when the same command is given again (a time limit begins anew).
+
+Keys of the --json object (null where there is none):
+  psnr_db                mean PSNR over (tile, set) pairs, peak = the tile's largest valid value
+  psnr_range_db          the same with peak = largest - smallest
+  psnr_pooled_db         from the mean squared error relative to the peak: bad tiles weigh as they are bad
+  psnr_distinct_db       psnr_db over the sets that differ (sets_distinct of them)
+  psnr_8bit_db           psnr_db after the 8-bit four-channel output
+  psnr_log_db            psnr_db of ln(1 + E/e), e = 0.001 of the page's mean: sees errors in the dark
+  psnr_worst_percent_db  mean of the worst 1 % of the pairs
+  psnr_unquantised_db    before quantisation, mean over the training's tiles (compress only)
+  psnr_8bit_features_db  the same with all features rounded to 8 bits (compress only)
+  noise_ceiling_db       the bake's own sampling error as a PSNR, mean
+  one_minus_ssim         1 - mean structural similarity
+  relative_error         mean of RMSE / mean
+  dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets
+  constant_relative_error  the same over pairs constant in space, which have no PSNR
+  pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
+  bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle
+  seam_ratio             error of the step between neighbouring texels, across tile borders / inside tiles
+  between_median_db      psnr_pooled_db of moments between sets against light linear between them, or against a withheld bake: the
+                         median; between_worst_db the least
+  between_linear_median_db  of that linear light, against the withheld bake
+  hours                  a list of hour, psnr_db, noise_ceiling_db, psnr_log_db, relative_error, dark_relative_error
+  tiles, seconds         tiles of the bundle, wall-clock seconds
+  bundle, report         paths written (compress only)
+  steps_least, steps_most   training steps of a tile with light (compress only)
+  tiles_empty, tiles_resumed, training_cpu_seconds   (compress only)
+  decode_seconds         wall-clock seconds of decoding all sets (evaluate only)";
+
+const SWEEP_EXAMPLES: &str = "\
+Examples:
+  compress sweep dataset/yard --tiles 4 --presets draft        some minutes
+  compress sweep dataset/yard --profiles M --presets draft,medium,final --csv m.csv
+
+Each tile is trained as `compress --profile … --preset …` would with that seed. The three PSNRs are of one training: of the float
+model, of that with all features rounded to 8 bits, and of the stored tile in BC7. With --json: tiles, tiles_of, rows (profile,
+preset, bpp, psnr_unquantised_db, psnr_8bit_db, psnr_bc7_db, one_minus_ssim, seconds), report, seconds.";
+
+const INFO_EXAMPLES: &str = "\
+Examples:
+  compress info dataset/yard/yard.ndgi
+  compress info dataset/yard/yard.ndgi --json | jq .written.seed";
+
+/// Compresses a temporal lightmap set into a random-access bundle, and judges the result.
+#[derive(Debug, Parser)]
+#[command(name = "compress", version, after_long_help = EXAMPLES, after_help = "More, with examples: compress --help")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    #[command(flatten)]
+    pub compress: Compress,
+    #[command(flatten)]
+    pub console: ConsoleArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Decode one page at one moment to an EXR image.
+    #[command(after_help = "Example: compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr")]
+    Decode {
+        /// The bundle.
+        bundle: PathBuf,
+        /// The moment: hours from 0 to below 24, such as 18.05, or 18:03.
+        #[arg(long, allow_hyphen_values = true, value_parser = parse_hour)]
+        hour: f64,
+        /// The image to write.
+        #[arg(long)]
+        out: PathBuf,
+        /// The page.
+        #[arg(long, default_value_t = 0)]
+        page: usize,
+    },
+    /// Compare a bundle with its dataset: a table by hour, and optionally every tile as CSV.
+    #[command(
+        after_help = "Example: compress evaluate dataset/yard --csv quality.csv\nKeys of --json: compress --help"
+    )]
+    Evaluate {
+        /// The dataset's folder.
+        dataset: PathBuf,
+        /// The bundle [default: <dataset>/<scene>.ndgi].
+        #[arg(long)]
+        bundle: Option<PathBuf>,
+        /// A bake of the same scene at other hours: judge the bundle there too, beside linear interpolation of the sets.
+        #[arg(long, value_name = "DATASET")]
+        withheld: Option<PathBuf>,
+        /// Write one line per (tile, set) to this file.
+        #[arg(long)]
+        csv: Option<PathBuf>,
+    },
+    /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation, seconds.
+    #[command(after_help = SWEEP_EXAMPLES)]
+    Sweep(Sweep),
+    /// Show what a bundle says of itself.
+    #[command(after_help = INFO_EXAMPLES)]
+    Info {
+        /// The bundle.
+        bundle: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct Sweep {
+    /// The dataset's folder.
+    pub dataset: PathBuf,
+    /// Tiles to train, at most; which, the seed decides.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
+    pub tiles: u32,
+    /// Profiles to compare.
+    #[arg(long, value_delimiter = ',', default_value = "L,M,M.64,H", value_parser = parse_profile)]
+    pub profiles: Vec<Profile>,
+    /// Presets to train each with.
+    #[arg(long, value_delimiter = ',', default_value = "draft,medium", value_parser = parse_preset)]
+    pub presets: Vec<Preset>,
+    /// Seed of all randomness.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write the table to this file as well.
+    #[arg(long)]
+    pub csv: Option<PathBuf>,
+    /// The report to write, with PSNR against seconds [default: <dataset>/<scene>.sweep.html].
+    #[arg(long)]
+    pub report: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Compress {
+    /// The dataset's folder.
+    #[arg(required = true)]
+    pub dataset: Option<PathBuf>,
+    /// Size of the representation, the same for all tiles: L, M, M.64 or H.
+    #[arg(long, default_value = "M", value_parser = parse_profile)]
+    pub profile: Profile,
+    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB.
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
+    pub target_psnr: Option<f64>,
+    /// The same, within so many bits per texel and set.
+    #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with_all = ["profile", "target_psnr"])]
+    pub target_bpp: Option<f64>,
+    /// The bundle to write [default: <dataset>/<scene>.ndgi].
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// The report to write [default: the bundle's name with .html].
+    #[arg(long)]
+    pub report: Option<PathBuf>,
+    /// How long to train: draft (1000 steps per tile), medium (12000) or final (32000, and more passes of quantisation)
+    /// [default: medium].
+    #[arg(long, value_parser = parse_preset)]
+    pub preset: Option<Preset>,
+    /// The same as --preset draft.
+    #[arg(long, conflicts_with = "preset")]
+    pub draft: bool,
+    /// Training steps per tile, instead of the preset's [default with --recipe paper: 100000].
+    #[arg(long, conflicts_with_all = ["preset", "draft"], value_parser = clap::value_parser!(u32).range(1..))]
+    pub iterations: Option<u32>,
+    /// Train for no longer than this, e.g. 90s, 5m, 2h: as time runs out tiles get fewer steps than asked for, but each gets its share.
+    /// (Judging the bundle comes after it. What is written then depends on the machine and its load.)
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    pub time_limit: Option<Duration>,
+    /// How to train.
+    #[arg(long, value_enum, default_value_t = RecipeName::Standard)]
+    pub recipe: RecipeName,
+    /// Seed of all randomness.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Train every tile again, even those a stopped run finished.
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RecipeName {
+    /// This project's.
+    Standard,
+    /// The paper's, literally: time axis by the hour, γ on πτ and 2πτ, power 2.2, constant learning rate, plain BC7.
+    Paper,
+}
+
+fn parse_profile(name: &str) -> Result<Profile, String> {
+    let known = || PROFILES.map(|profile| profile.name).join(", ");
+    let found = PROFILES.into_iter().find(|profile| profile.name.eq_ignore_ascii_case(name));
+    found.ok_or_else(|| format!("expected one of {}", known()))
+}
+
+fn parse_preset(name: &str) -> Result<Preset, String> {
+    let found = PRESETS.into_iter().find(|preset| preset.name == name);
+    found.ok_or_else(|| format!("expected one of {}", PRESETS.map(|preset| preset.name).join(", ")))
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "expected a number above 0".to_owned())
+}
+
+/// `18.05` or `18:03`, in [0, 24).
+fn parse_hour(text: &str) -> Result<f64, String> {
+    let hour = match text.split_once(':') {
+        None => text.parse::<f64>().ok(),
+        Some((hours, minutes)) => {
+            let number =
+                |text: &str| text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse::<u8>().ok())?;
+            let minutes = number(minutes).filter(|m| *m < 60 && text.len() - hours.len() == 3);
+            number(hours).zip(minutes).map(|(h, m)| f64::from(h) + f64::from(m) / 60.0)
+        }
+    };
+    hour.filter(|hour| (0.0..24.0).contains(hour))
+        .ok_or_else(|| "expected an hour from 0 to below 24, such as 18.05 or 18:03".to_owned())
+}
+
+/// The command line; ends the process where it is none, or asks for help.
+pub fn parse() -> Cli {
+    let first = std::env::args().nth(1);
+    if let Some(typed) = first
+        && let Some(meant) = misspelt(&typed)
+    {
+        let what =
+            format!("'{typed}' is neither a command nor a dataset's folder; a similar command is '{meant}'");
+        Cli::command().error(ErrorKind::InvalidSubcommand, what).exit();
+    }
+    Cli::parse()
+}
+
+/// The command that a first argument was meant to be, where there is nothing of its name.
+fn misspelt(typed: &str) -> Option<String> {
+    if typed.starts_with('-') || Path::new(typed).exists() {
+        return None;
+    }
+    let command = Cli::command();
+    let names = command.get_subcommands().map(|command| command.get_name());
+    let near = names.map(|name| (strsim::damerau_levenshtein(name, typed), name)).min()?;
+    (1..=2).contains(&near.0).then(|| near.1.to_owned())
+}

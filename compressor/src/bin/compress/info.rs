@@ -1,0 +1,90 @@
+//! `compress info`.
+
+use super::open;
+use compressor::Result;
+use compressor::bundle::Bundle;
+use compressor::model::Contents;
+use dataset::console::Console;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// What tiles have, with their number and bytes: the largest share of the bundle first.
+fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
+    let mut kinds: BTreeMap<String, (usize, u64)> = BTreeMap::new();
+    for entry in bundle.index.iter().filter(|entry| entry.length > 0) {
+        let kind = Contents::of_word(entry.word).map_or(String::new(), |contents| contents.to_string());
+        let (tiles, bytes) = kinds.entry(kind).or_default();
+        (*tiles, *bytes) = (*tiles + 1, *bytes + u64::from(entry.length));
+    }
+    let mut kinds: Vec<_> = kinds.into_iter().collect();
+    kinds.sort_by_key(|(_, (_, bytes))| std::cmp::Reverse(*bytes));
+    let object = |(has, (tiles, bytes))| json!({ "has": has, "tiles": tiles, "bytes": bytes });
+    kinds.into_iter().map(object).collect()
+}
+
+pub fn info(path: PathBuf, console: &Console) -> Result<()> {
+    let bundle = open(&path)?;
+    let header = &bundle.header;
+    let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
+    let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
+    let groups: Vec<_> = header
+        .groups
+        .iter()
+        .zip(&header.timeline.intervals)
+        .map(|(name, on)| json!({ "name": name, "on": on }))
+        .collect();
+    let texels: f64 = header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
+    let bpp = bundle.bytes as f64 * 8.0 / (texels * header.timeline.hours.len() as f64);
+    // What the writer noted about itself is shown as it stands where it is no JSON.
+    let written = serde_json::from_str(&header.info).unwrap_or_else(|_| json!(header.info));
+    let object = json!({
+        "scene": header.scene, "profile": written["profile"], "pages": pages, "hours": header.timeline.hours, "groups": groups,
+        "tiles": bundle.index.len(), "tiles_empty": empty, "contents": contents(&bundle),
+        "bytes": bundle.bytes, "bpp": bpp, "written": written,
+    });
+    for (name, text) in in_words(&bundle, &written, bpp) {
+        console.print(format!("{name:>8}  {text}"));
+    }
+    console.result(&object)?;
+    Ok(())
+}
+
+/// What a bundle says of itself, for people.
+fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'static str, String)> {
+    let header = &bundle.header;
+    let hours = &header.timeline.hours;
+    let mut lines = vec![("scene", header.scene.clone())];
+    let pages: Vec<String> =
+        header.pages.iter().map(|page| format!("{} × {}", page.width, page.height)).collect();
+    lines.push(("pages", format!("{} texels", pages.join(", "))));
+    let (first, last) = (hours.first().copied().unwrap_or(0.0), hours.last().copied().unwrap_or(0.0));
+    lines.push(("sets", format!("{}, from {first} h to {last} h", hours.len())));
+    for (name, on) in header.groups.iter().zip(&header.timeline.intervals) {
+        let spans: Vec<String> = on.iter().map(|[from, to]| format!("{from}–{to} h")).collect();
+        lines.push((
+            "group",
+            format!("{name}, {}", if spans.is_empty() { "off".to_owned() } else { spans.join(", ") }),
+        ));
+    }
+    lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and set", bundle.bytes)));
+    let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
+    lines.push(("tiles", format!("{}, {empty} of them empty", bundle.index.len())));
+    let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+    for kind in contents(bundle) {
+        lines.push(("", format!("{} × {}: {} bytes", kind["tiles"], text(&kind["has"]), kind["bytes"])));
+    }
+    if written.is_object() {
+        let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {
+            (serde_json::Value::String(profile), ..) => format!("profile {profile}"),
+            (_, serde_json::Value::Number(db), _) => format!("--target-psnr {db}"),
+            (.., bpp) => format!("--target-bpp {bpp}"),
+        };
+        let by = format!("{}, {choice}, recipe {}", text(&written["generator"]), text(&written["recipe"]));
+        let limit = written["time_limit_secs"].as_f64();
+        let limit = limit.map_or(String::new(), |limit| format!(" at most, within {limit} s"));
+        let steps = format!("{} steps{limit}, seed {}", written["iterations"], written["seed"]);
+        lines.push(("written", format!("by {by}, {steps}")));
+    }
+    lines
+}

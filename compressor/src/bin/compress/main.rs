@@ -1,0 +1,168 @@
+//! `compress`: the command line of the compressor.
+
+mod args;
+mod info;
+
+use args::{Command, Compress, RecipeName, Sweep};
+use compressor::bundle::Bundle;
+use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
+use compressor::decode::Decoder;
+use compressor::evaluate::evaluate;
+use compressor::run::{compress_and_judge, print};
+use compressor::sweep;
+use compressor::{Error, Result};
+use dataset::console::{Console, catch_interrupts, fail};
+use dataset::files::{expect_folder, write_atomically};
+use dataset::report::{Report, preview};
+use dataset::store::Dataset;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+fn main() -> ExitCode {
+    let cli = args::parse();
+    catch_interrupts();
+    let console = Console::new(cli.console);
+    let done = match cli.command {
+        None => compress(cli.compress, &console),
+        Some(Command::Decode { bundle, hour, out, page }) => decode(bundle, hour, out, page, &console),
+        Some(Command::Evaluate { dataset, bundle, withheld, csv }) => {
+            judge(dataset, bundle, withheld, csv, &console)
+        }
+        Some(Command::Sweep(sweep)) => compare(sweep, &console),
+        Some(Command::Info { bundle }) => info::info(bundle, &console),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => fail(&error),
+    }
+}
+
+fn compress(args: Compress, console: &Console) -> Result<()> {
+    let root = args.dataset.ok_or_else(|| Error::invalid("command line", "expected a dataset's folder"))?;
+    let paper = args.recipe == RecipeName::Paper;
+    let rate = match (args.target_psnr, args.target_bpp) {
+        (None, None) => Rate::Profile(args.profile),
+        _ if paper => {
+            return Err(Error::invalid(
+                "--recipe paper",
+                "has one profile for all tiles: expected no target",
+            ));
+        }
+        (Some(db), _) => Rate::Psnr(db),
+        (_, Some(bpp)) => Rate::Bpp(bpp),
+    };
+    let preset = args.preset.unwrap_or(if args.draft { DRAFT } else { MEDIUM });
+    let iterations = match args.iterations {
+        Some(iterations) => iterations as usize,
+        None if paper && args.preset.is_none() && !args.draft => PAPER_ITERATIONS,
+        None => preset.iterations,
+    };
+    let Compress { time_limit, seed, out, force, .. } = args;
+    let options = Options { rate, iterations, time_limit, paper, seed, out, force, ..Options::of(preset) };
+    for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
+        path.as_ref().map_or(Ok(()), |path| expect_output(path, extension, option))?;
+    }
+    let judged = compress_and_judge(&root, &options, console)?;
+    let dataset = Dataset::open(&root)?;
+    let mut report = Report::new(&format!("{}, compressed", dataset.config.scene));
+    let mut object = judged.json();
+    report.push(preview::section(&dataset)?);
+    for section in judged.sections {
+        report.push(section);
+    }
+    let path = args.report.unwrap_or_else(|| judged.outcome.bundle.with_extension("html"));
+    report.write(&path)?;
+    console.say(format!("bundle: {}", judged.outcome.bundle.display()));
+    console.say(format!("report: {}", path.display()));
+    object["report"] = json!(path);
+    console.result(&object)?;
+    Ok(())
+}
+
+fn judge(
+    root: PathBuf,
+    bundle: Option<PathBuf>,
+    withheld: Option<PathBuf>,
+    csv: Option<PathBuf>,
+    console: &Console,
+) -> Result<()> {
+    let start = Instant::now();
+    csv.as_ref().map_or(Ok(()), |path| expect_output(path, "csv", "--csv"))?;
+    let dataset = Dataset::open(&root)?;
+    let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
+    let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
+    if info["inputs"] != json!(compressor::compress::inputs(&dataset)) {
+        console.warn("the bundle was made from another bake than this dataset holds: compress it again");
+    }
+    let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
+    let evaluation = evaluate(&dataset, withheld.as_ref(), &decoder, console)?;
+    if withheld.is_some() && evaluation.between.is_none() {
+        console.warn("--withheld: none of its hours lies between sets that the bundle interpolates; nothing to judge there");
+    }
+    print(&evaluation, console);
+    if let Some(path) = csv {
+        evaluation.write_csv(&path)?;
+    }
+    let mut object = evaluation.json();
+    object["tiles"] = json!(decoder.bundle().index.len());
+    object["decode_seconds"] = json!(evaluation.decode_seconds);
+    object["seconds"] = json!(start.elapsed().as_secs_f64());
+    console.result(&object)?;
+    Ok(())
+}
+
+fn compare(args: Sweep, console: &Console) -> Result<()> {
+    let start = Instant::now();
+    let dataset = Dataset::open(&args.dataset)?;
+    let scene = &dataset.config.scene;
+    let path = args.report.unwrap_or_else(|| dataset.root.join(format!("{scene}.sweep.html")));
+    expect_output(&path, "html", "--report")?;
+    args.csv.as_ref().map_or(Ok(()), |path| expect_output(path, "csv", "--csv"))?;
+    let Sweep { tiles, profiles, presets, seed, .. } = args;
+    let options = sweep::Options { tiles: tiles as usize, profiles, presets, seed };
+    let sweep = sweep::sweep(&dataset, &options, console)?;
+    sweep.table().iter().for_each(|line| console.print(line));
+    if let Some(path) = args.csv {
+        write_atomically(&path, sweep.csv().as_bytes())?;
+    }
+    let mut report = Report::new(&format!("{scene}, profiles and presets"));
+    report.push(sweep.section());
+    report.write(&path)?;
+    console.say(format!("report: {}", path.display()));
+    let mut object = json!(sweep);
+    object["report"] = json!(path);
+    object["seconds"] = json!(start.elapsed().as_secs_f64());
+    console.result(&object)
+}
+
+/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there.
+fn expect_output(path: &Path, extension: &str, option: &str) -> Result<()> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
+        return expect_folder(path);
+    }
+    Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
+}
+
+/// Opens a bundle; says how to come by one where there is none.
+fn open(path: &Path) -> Result<Bundle> {
+    if path.is_dir() {
+        return Err(Error::invalid(path.display(), "a folder; expected a bundle, a file that ends in .ndgi"));
+    }
+    if !path.exists() {
+        return Err(Error::invalid(path.display(), "no such bundle; `compress <dataset>` writes one"));
+    }
+    Bundle::open(path)
+}
+
+fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
+    expect_output(&out, "exr", "--out")?;
+    let start = Instant::now();
+    let image = Decoder::new(open(&bundle)?).decode_page(page, hour)?;
+    write_atomically(&out, &image.to_exr())?;
+    console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));
+    let seconds = start.elapsed().as_secs_f64();
+    console.result(&json!({ "out": out, "page": page, "hour": hour, "width": image.width, "height": image.height, "seconds": seconds }))?;
+    Ok(())
+}
