@@ -104,6 +104,13 @@ impl Mesh {
         kept
     }
 
+    /// The mesh inside out.
+    pub fn flipped(mut self) -> Self {
+        self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        self.normals.iter_mut().for_each(|n| *n = -*n);
+        self
+    }
+
     /// The mesh without the faces that look down: those that stand on the ground.
     pub fn standing(self) -> Self {
         self.split(|n| n.y > -0.999).0
