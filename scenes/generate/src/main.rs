@@ -4,6 +4,8 @@
 
 #[cfg(test)]
 mod checks;
+mod city;
+mod foliage;
 mod glb;
 mod mesh;
 mod model;
@@ -26,14 +28,15 @@ fn scenes_folder() -> PathBuf {
 fn main() -> ExitCode {
     let names: Vec<String> = std::env::args().skip(1).collect();
     let [name] = names.as_slice() else {
-        eprintln!("usage: generate yard|room\nWrites the geometry of a scene to scenes/NAME.glb.");
+        eprintln!("usage: generate city|room|yard\nWrites the geometry of a scene to scenes/NAME.glb.");
         return ExitCode::from(2);
     };
     let model = match name.as_str() {
+        "city" => city::model(),
         "room" => room::model(),
         "yard" => yard::model(),
         _ => {
-            eprintln!("generate: no scene `{name}`, expected `room` or `yard`");
+            eprintln!("generate: no scene `{name}`, expected `city`, `room` or `yard`");
             return ExitCode::from(2);
         }
     };
