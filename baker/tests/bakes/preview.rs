@@ -166,7 +166,8 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
     let message = preview(&case.stage.path("case.toml"), &jpeg, &Console::silent()).unwrap_err().to_string();
     assert!(message.contains("a.jpg: expected a name that ends in .png"), "{message}");
     // A draft lays out other pages than the scene asks for; it is shown as it is.
-    case.stage.bake(&format!("{}{SAMPLES}", case.text), SET, case.hours, |options| options.preset = Preset::Draft);
+    case.stage
+        .bake(&format!("{}{SAMPLES}", case.text), SET, case.hours, |options| options.preset = Preset::Draft);
     let small = || Options { size: [16, 9], ..Options::new(8.0) };
     case.stage.draw(small()).unwrap();
     let changed = |from: &str, to: &str| {

@@ -4,8 +4,10 @@
 
 #[cfg(test)]
 mod checks;
+mod city;
 mod extremes;
 mod farmland;
+mod foliage;
 mod glb;
 mod mesh;
 mod model;
@@ -26,23 +28,22 @@ fn scenes_folder() -> PathBuf {
 }
 
 fn main() -> ExitCode {
-    let names: Vec<String> = std::env::args().skip(1).collect();
-    let [name] = names.as_slice() else {
-        eprintln!(
-            "usage: generate extremes|farmland|room|yard\nWrites the geometry of a scene to scenes/NAME.glb."
-        );
+    /// The scenes, and what builds each.
+    const SCENES: [(&str, fn() -> model::Model); 5] = [
+        ("city", city::model),
+        ("extremes", extremes::model),
+        ("farmland", farmland::model),
+        ("room", room::model),
+        ("yard", yard::model),
+    ];
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let known = |name: &str| SCENES.iter().find(|(known, _)| *known == name);
+    let [Some((name, build))] = arguments.iter().map(|name| known(name)).collect::<Vec<_>>()[..] else {
+        let names: Vec<&str> = SCENES.iter().map(|(name, _)| *name).collect();
+        eprintln!("usage: generate {}\nWrites the geometry of a scene to scenes/NAME.glb.", names.join("|"));
         return ExitCode::from(2);
     };
-    let model = match name.as_str() {
-        "extremes" => extremes::model(),
-        "farmland" => farmland::model(),
-        "room" => room::model(),
-        "yard" => yard::model(),
-        _ => {
-            eprintln!("generate: no scene `{name}`, expected `extremes`, `farmland`, `room` or `yard`");
-            return ExitCode::from(2);
-        }
-    };
+    let model = build();
     let path = scenes_folder().join(format!("{name}.glb"));
     let bytes = glb::write(&model);
     if let Err(error) = std::fs::write(&path, &bytes) {

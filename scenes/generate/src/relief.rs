@@ -97,6 +97,29 @@ pub fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
+/// A rectangle on a wall or floor: [u0, v0, u1, v1].
+pub type Rect = [f64; 4];
+
+/// Grid lines of a rectangle with holes, and which of its cells are filled.
+pub fn grid(
+    [u0, v0, u1, v1]: Rect,
+    holes: &[Rect],
+) -> (Vec<f64>, Vec<f64>, impl Fn(usize, usize) -> bool + use<>) {
+    let lines = |low: f64, high: f64, at: [usize; 2]| {
+        let mut lines = vec![low, high];
+        lines.extend(holes.iter().flat_map(|h| at.map(|k| h[k])).filter(|&x| x > low && x < high));
+        sorted(lines)
+    };
+    let (us, vs) = (lines(u0, u1, [0, 2]), lines(v0, v1, [1, 3]));
+    let (mid_u, mid_v) = (us.clone(), vs.clone());
+    let holes = holes.to_vec();
+    let filled = move |i: usize, j: usize| {
+        let (u, v) = ((mid_u[i] + mid_u[i + 1]) / 2.0, (mid_v[j] + mid_v[j + 1]) / 2.0);
+        !holes.iter().any(|h| u > h[0] && u < h[2] && v > h[1] && v < h[3])
+    };
+    (us, vs, filled)
+}
+
 /// Depth of a sunk, bevelled rectangle [x0, y0, x1, y1] at a point: 0 outside, 1 past the bevel.
 pub fn sunk(x: f64, y: f64, [x0, y0, x1, y1]: [f64; 4], bevel: f64) -> f64 {
     ((x - x0).min(x1 - x).min(y - y0).min(y1 - y) / bevel).clamp(0.0, 1.0)

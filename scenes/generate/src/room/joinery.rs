@@ -1,10 +1,10 @@
 //! What the joiner fixed to the walls: skirting, coving, the door, pictures; a clock, a switch and sockets.
 
 use super::HEIGHT;
-use super::walls::{EAST, NORTH, Rect, SOUTH, WEST, Wall};
+use super::walls::{EAST, NORTH, SOUTH, WEST, Wall};
 use crate::mesh::Mesh;
 use crate::model::Model;
-use crate::relief::{full, sorted, steps, sunk};
+use crate::relief::{Rect, full, sorted, steps, sunk};
 use crate::shapes::{lathe, tube};
 use crate::soft::{frame, moulding};
 use glam::{DAffine3, DVec2, DVec3};

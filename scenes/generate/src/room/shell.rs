@@ -1,10 +1,10 @@
 //! Floor, ceiling and walls: inner faces with holes where something hides them, and the outer faces that keep the
 //! light out.
 
-use super::walls::{EAST, NORTH, Rect, SOUTH, WEST, grid};
+use super::walls::{EAST, NORTH, SOUTH, WEST};
 use super::{HALF_X, HALF_Z, HEIGHT, THICK, joinery, lounge, windows};
 use crate::model::Model;
-use crate::relief::sheet;
+use crate::relief::{Rect, grid, sheet};
 use crate::shapes::{BOTTOM, TOP, block};
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 
 use super::{HALF_X, HALF_Z};
 use crate::mesh::Mesh;
-use crate::relief::{sheet, sorted};
+use crate::relief::{Rect, grid, sheet};
 use crate::shapes::{Faces, block};
 use glam::DVec3;
 
@@ -27,9 +27,6 @@ pub const SOUTH: Wall = Wall { along: DVec3::NEG_X, normal: DVec3::NEG_Z, distan
 pub const EAST: Wall = Wall { along: DVec3::Z, normal: DVec3::NEG_X, distance: HALF_X, half: HALF_Z };
 /// Looks east; u = −z.
 pub const WEST: Wall = Wall { along: DVec3::NEG_Z, normal: DVec3::X, distance: HALF_X, half: HALF_Z };
-
-/// A rectangle on a wall: [u0, v0, u1, v1].
-pub type Rect = [f64; 4];
 
 impl Wall {
     /// A point in the world.
@@ -78,24 +75,4 @@ impl Wall {
             quad([(u0, v0, near), (u1, v0, near), (u1, v0, far), (u0, v0, far)]),
         ]
     }
-}
-
-/// Grid lines of a rectangle with holes, and which of its cells are filled.
-pub fn grid(
-    [u0, v0, u1, v1]: Rect,
-    holes: &[Rect],
-) -> (Vec<f64>, Vec<f64>, impl Fn(usize, usize) -> bool + use<>) {
-    let lines = |low: f64, high: f64, at: [usize; 2]| {
-        let mut lines = vec![low, high];
-        lines.extend(holes.iter().flat_map(|h| at.map(|k| h[k])).filter(|&x| x > low && x < high));
-        sorted(lines)
-    };
-    let (us, vs) = (lines(u0, u1, [0, 2]), lines(v0, v1, [1, 3]));
-    let (mid_u, mid_v) = (us.clone(), vs.clone());
-    let holes = holes.to_vec();
-    let filled = move |i: usize, j: usize| {
-        let (u, v) = ((mid_u[i] + mid_u[i + 1]) / 2.0, (mid_v[j] + mid_v[j + 1]) / 2.0);
-        !holes.iter().any(|h| u > h[0] && u < h[2] && v > h[1] && v < h[3])
-    };
-    (us, vs, filled)
 }

@@ -1,10 +1,10 @@
 //! Windows with frames, inner sills, venetian blinds, curtains on rods, and the radiators below.
 
 use super::THICK;
-use super::walls::{Rect, SOUTH, WEST, Wall};
+use super::walls::{SOUTH, WEST, Wall};
 use crate::mesh::Mesh;
 use crate::model::Model;
-use crate::relief::{full, sorted, steps};
+use crate::relief::{Rect, full, sorted, steps};
 use crate::shapes::{ALL, lathe, tube};
 use crate::soft::slab;
 use glam::DVec3;

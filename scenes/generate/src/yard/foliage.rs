@@ -1,11 +1,12 @@
 //! The tree: a trunk with branches as tubes, and leaf cards in clouds around the branch ends. Shrubs use the cards too.
 
 use super::ground;
+use crate::foliage::{self, card};
 use crate::mesh::Mesh;
 use crate::model::Model;
 use crate::random::Random;
 use crate::shapes::tube_side;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 /// Where the trunk stands.
 const TREE: [f64; 2] = [-4.3, 0.6];
@@ -82,29 +83,7 @@ fn along(path: &[(DVec3, f64)], height: f64) -> DVec3 {
     a.lerp(b, (y - a.y) / (b.y - a.y))
 }
 
-/// A leaf card that grows from `root` along `axis`, turned about it at random.
-fn card(mesh: &mut Mesh, root: DVec3, axis: DVec3, size: f64, random: &mut Random) {
-    let side = axis.cross(random.direction()).normalize_or(axis.any_orthonormal_vector()) * (size / 2.0);
-    let high = root + axis * size;
-    mesh.polygon(&[
-        (root - side, DVec2::new(0.0, 1.0)),
-        (root + side, DVec2::new(1.0, 1.0)),
-        (high + side, DVec2::new(1.0, 0.0)),
-        (high - side, DVec2::new(0.0, 0.0)),
-    ]);
-}
-
-/// A shrub: cards that leave the ellipsoid (`centre`, `radii`) to all sides above its middle.
+/// A shrub of the yard's leaves.
 pub fn shrub(model: &mut Model, centre: DVec3, radii: DVec3, cards: usize, seed: u64) {
-    let mut random = Random::new(seed);
-    let mut leaves = Mesh::default();
-    for _ in 0..cards {
-        let mut out = random.direction();
-        out.y = out.y.abs() * 1.2 - 0.2;
-        let root = centre + out * radii * random.range(0.2, 0.75);
-        let axis = (out + DVec3::Y * 0.5 + random.direction() * 0.4).normalize();
-        let size = random.range(0.16, 0.24);
-        card(&mut leaves, root, axis, size, &mut random);
-    }
-    model.add("leaves_shrubs", "leaves", leaves);
+    model.add("leaves_shrubs", "leaves", foliage::shrub(centre, radii, cards, 0.16..0.24, seed));
 }
