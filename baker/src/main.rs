@@ -57,7 +57,7 @@ struct Args {
     /// A quick look: half the lightmap's side, a quarter of the samples, short training.
     #[arg(long)]
     draft: bool,
-    /// For shipping: twice the lightmap's side, twice the samples.
+    /// For shipping: twice the lightmap's side, twice the samples (training as without it; see `compress --preset`).
     #[arg(long, conflicts_with = "draft")]
     r#final: bool,
     /// Samples of indirect light per texel, a power of two: all of them, or at most so many with a target or a time limit
@@ -96,6 +96,7 @@ Examples:
   bake scenes/yard.toml --hours 0..24              24 hourly sets and the switch extras into dataset/yard
   bake scenes/yard.toml --hours 0..24 --compress   the same, then dataset/yard/yard.ndgi and a report
   bake scenes/yard.toml --hours 12 --draft --out /data/look   one set, quickly, elsewhere
+  bake scenes/yard.toml --final --out /data/yard   for shipping: twice the side, twice the samples
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first

@@ -41,7 +41,7 @@ const COLUMNS: [&str; 8] = [
     "preset",
     "bpp",
     "psnr_unquantised_db",
-    "psnr_8bit_db",
+    "psnr_8bit_features_db",
     "psnr_bc7_db",
     "one_minus_ssim",
     "seconds",
@@ -63,7 +63,7 @@ pub struct Row {
     /// PSNR of the float model; peak = the set's largest valid value in the tile.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all its features rounded to 8 bits.
-    pub psnr_8bit_db: Option<f64>,
+    pub psnr_8bit_features_db: Option<f64>,
     /// Of the stored tile, as it decodes.
     pub psnr_bc7_db: Option<f64>,
     /// 1 − structural similarity of the stored tile.
@@ -149,7 +149,7 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
             preset: preset.name,
             bpp: sum(&|tile| tile.bits) / sum(&|tile| tile.values).max(1.0),
             psnr_unquantised_db: of(&|tile| tile.unquantised),
-            psnr_8bit_db: of(&|tile| tile.of_8bit),
+            psnr_8bit_features_db: of(&|tile| tile.of_8bit),
             psnr_bc7_db: of(&|tile| tile.bc7),
             one_minus_ssim: of(&|tile| tile.one_minus_ssim),
             seconds: sum(&|tile| tile.seconds) / tiles.len().max(1) as f64,
@@ -222,7 +222,7 @@ impl Sweep {
                 row.preset.to_owned(),
                 format!("{:.3}", row.bpp),
                 cell(row.psnr_unquantised_db, 2),
-                cell(row.psnr_8bit_db, 2),
+                cell(row.psnr_8bit_features_db, 2),
                 cell(row.psnr_bc7_db, 2),
                 cell(row.one_minus_ssim, 5),
                 format!("{:.2}", row.seconds),
@@ -243,7 +243,8 @@ impl Sweep {
         let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let line = |row: &Row| {
             let psnr =
-                [row.psnr_unquantised_db, row.psnr_8bit_db, row.psnr_bc7_db, row.one_minus_ssim].map(number);
+                [row.psnr_unquantised_db, row.psnr_8bit_features_db, row.psnr_bc7_db, row.one_minus_ssim]
+                    .map(number);
             format!("{},{},{},{},{}\n", row.profile, row.preset, row.bpp, psnr.join(","), row.seconds)
         };
         let lines: String = self.rows.iter().map(line).collect();

@@ -54,6 +54,17 @@ pub fn expect_folder(path: &Path) -> Result<()> {
     }
 }
 
+/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there.
+///
+/// # Errors
+/// `Invalid`, with the option it was given by, or the folder.
+pub fn expect_output(path: &Path, extension: &str, option: &str) -> Result<()> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
+        return expect_folder(path);
+    }
+    Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
+}
+
 /// Puts a second name on the content of `from`: a hard link where the file system has them, else a copy. Atomic, and
 /// replaces what stood at `to`.
 pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {

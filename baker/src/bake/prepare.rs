@@ -127,21 +127,24 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
 
 /// Overrides what the command line overrides.
 fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
-    // (Sides in halves, samples in quarters.)
-    let (side, samples, note) = match options.preset {
-        Preset::Draft => (1, 1, ", halved by --draft"),
-        Preset::Default => (2, 4, ""),
-        Preset::Final => (4, 8, ", doubled by --final"),
+    let (scale, note) = match options.preset {
+        Preset::Draft => (0.5, ", halved by --draft"),
+        Preset::Default => (1.0, ""),
+        Preset::Final => (2.0, ", doubled by --final"),
     };
     scene.lightmap.size = match scene.lightmap.size {
         LightmapSize::Fixed { width, height } => {
-            let scaled = |texels: u32| (texels * side / 2).max(1);
+            let scaled = |texels: u32| ((f64::from(texels) * scale) as u32).max(1);
             LightmapSize::Fixed { width: scaled(width), height: scaled(height) }
         }
-        LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d * f64::from(side) / 2.0),
+        LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d * scale),
     };
     scene.size_as_written += note;
-    scene.bake.samples = (scene.bake.samples / 4).max(1).saturating_mul(samples).clamp(2, MAX_SAMPLES);
+    scene.bake.samples = match options.preset {
+        Preset::Draft => (scene.bake.samples / 4).max(2),
+        Preset::Default => scene.bake.samples,
+        Preset::Final => (scene.bake.samples * 2).min(MAX_SAMPLES),
+    };
     /// What a target error or a time limit may use when no number of samples is given.
     const PLENTY: u32 = 1 << 16;
     if (options.target_error.is_some() || options.time_limit.is_some()) && options.samples.is_none() {

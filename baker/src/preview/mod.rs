@@ -6,11 +6,11 @@
 
 pub mod options;
 mod standing;
-pub mod moment;
+mod moment;
 mod baked;
 mod light;
 mod view;
 mod shade;
-pub mod tone;
+mod tone;
 mod picture;
 pub mod run;

@@ -16,7 +16,7 @@ pub struct Moment {
 
 impl Moment {
     /// The set of this hour; else its two neighbours on the circle of the day, linearly, or, where groups switch between them, the one
-    /// whose groups are as they are then.
+    /// whose groups are as they are then; else the nearest set of all that has them so (as a bundle decodes).
     pub fn new(config: &Config, hour: f64) -> Self {
         /// Two times of day nearer than this are one, in hours.
         const SAME: f64 = 1e-6;
@@ -36,7 +36,6 @@ impl Moment {
         let fits = |set: usize| sets[set].groups_on == on;
         let (since, until) =
             ((hour - sets[before].hour).rem_euclid(24.0), (sets[after].hour - hour).rem_euclid(24.0));
-        let nearer = if since <= until { before } else { after };
         if before == after {
             let note = format!("the set of {}, the only one", name(before));
             return whole(before, note, !fits(before));
@@ -56,14 +55,19 @@ impl Moment {
             (false, true) => {
                 whole(after, format!("the set of {}: lamps switch after the one before", name(after)), false)
             }
-            (false, false) => whole(
-                nearer,
-                format!(
-                    "the set of {}, the nearest: no neighbour has the lamps as they are then",
-                    name(nearer)
-                ),
-                true,
-            ),
+            (false, false) => {
+                let away = |set: usize| {
+                    let apart = (sets[set].hour - hour).abs();
+                    apart.min(24.0 - apart)
+                };
+                // Those that fit first, then by distance.
+                let order = |&a: &usize, &b: &usize| fits(b).cmp(&fits(a)).then(away(a).total_cmp(&away(b)));
+                let nearest = (0..sets.len()).min_by(order).unwrap_or(before);
+                let whose = if fits(nearest) { "no neighbour has" } else { "no set has" };
+                let note =
+                    format!("the set of {}, the nearest: {whose} the lamps as they are then", name(nearest));
+                whole(nearest, note, true)
+            }
         }
     }
 }
@@ -110,6 +114,13 @@ mod tests {
         // Lit at 1:30, when no set shows it.
         let lit = Moment::new(&off, 1.5);
         assert!(lit.is_doubtful && lit.parts == [(1, 1.0)] && lit.note.contains("nearest"), "{lit:?}");
+        // Neither neighbour shows it, but another set does.
+        let far = config([1.0, 20.0], &[(2.0, true), (6.0, false), (12.0, false), (18.0, true)]);
+        let other = Moment::new(&far, 9.5);
+        assert!(
+            other.is_doubtful && other.parts == [(0, 1.0)] && other.note.contains("no neighbour"),
+            "{other:?}"
+        );
         let one = Moment::new(&config([1.0, 2.0], &[(6.0, false)]), 1.5);
         assert!(one.is_doubtful && one.parts == [(0, 1.0)], "{one:?}");
     }

@@ -13,7 +13,7 @@ use crate::trace::space::Space;
 use crate::trace::walk::Transport;
 use crate::{Error, Result, geometry, scene};
 use dataset::console::Console;
-use dataset::files::write_atomically;
+use dataset::files::{expect_output, write_atomically};
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
@@ -28,9 +28,8 @@ const WALKS: u32 = 32;
 pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
     let start = Instant::now();
     options.backend.expect_built()?;
-    let is_png = |out: &Path| out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-    if let Some(out) = options.out.as_deref().filter(|out| !is_png(out)) {
-        return Err(Error::invalid("--out", format!("{}: expected a name that ends in .png", out.display())));
+    if let Some(out) = &options.out {
+        expect_output(out, "png", "--out")?;
     }
     let (scene, mut warnings) = scene::load(scene_file)?;
     let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));

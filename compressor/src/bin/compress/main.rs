@@ -12,7 +12,7 @@ use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
 use compressor::{Error, Result};
 use dataset::console::{Console, catch_interrupts, fail};
-use dataset::files::{expect_folder, write_atomically};
+use dataset::files::{expect_output, write_atomically};
 use dataset::report::{Report, preview};
 use dataset::store::Dataset;
 use serde_json::json;
@@ -135,14 +135,6 @@ fn compare(args: Sweep, console: &Console) -> Result<()> {
     object["report"] = json!(path);
     object["seconds"] = json!(start.elapsed().as_secs_f64());
     console.result(&object)
-}
-
-/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there.
-fn expect_output(path: &Path, extension: &str, option: &str) -> Result<()> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
-        return expect_folder(path);
-    }
-    Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
 }
 
 /// Opens a bundle; says how to come by one where there is none.
