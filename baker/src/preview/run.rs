@@ -11,7 +11,7 @@ use super::{standing, view};
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::trace::walk::Transport;
-use crate::{Error, Result, geometry, scene};
+use crate::{Result, geometry, scene};
 use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
 use serde_json::json;
