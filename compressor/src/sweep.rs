@@ -234,7 +234,10 @@ impl Sweep {
     /// The table as lines of text, and on how many tiles it stands.
     pub fn table(&self) -> Vec<String> {
         let mut lines = aligned(&HEADER, &self.rows());
-        lines.push(format!("{} of {} tiles with valid texels", self.tiles, self.tiles_of));
+        lines.push(format!(
+            "{} of {} tiles with valid texels, whose texels alone count in bpp",
+            self.tiles, self.tiles_of
+        ));
         lines
     }
 
@@ -257,7 +260,7 @@ impl Sweep {
         section.paragraph(&format!(
             "{} of {} tiles with valid texels, each trained by every profile with every preset. PSNR: mean over tiles, of each over its \
              sets, peak = the set's largest valid value; of the float model, with its features rounded to 8 bits, and of the stored tile \
-             in BC7 as it decodes. Bits of the tiles' payloads. CPU seconds per tile, quantisation included.",
+             in BC7 as it decodes. Bits of the tiles' payloads over those tiles' texels. CPU seconds per tile, quantisation included.",
             self.tiles, self.tiles_of
         ));
         section.table(&HEADER, &self.rows());

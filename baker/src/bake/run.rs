@@ -65,7 +65,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         layers.clear()?;
     }
     let mut writer = Writer::create(&out)?;
-    let (traced, origin) = trace_missing(&prepared, &atlas, &out, &layers, console)?;
+    let (traced, origin, dropped) = trace_missing(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {
         return Err(Error::invalid(
@@ -88,7 +88,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
     writer.alias(&glb, "scene.glb");
     let facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
-    let mut warnings = prepared.warnings.clone();
+    let mut warnings = [prepared.warnings.clone(), dropped].concat();
     if let Some(warning) = facts::mostly_invalid(plan, &stored) {
         console.warn(&warning);
         warnings.push(warning);
@@ -149,14 +149,14 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     Ok(outcome)
 }
 
-/// Traces the layers that no earlier bake left, and keeps them.
+/// Traces the layers that no earlier bake left, and keeps them. Warnings, too.
 fn trace_missing(
     prepared: &Prepared,
     atlas: &Atlas,
     out: &Path,
     layers: &Layers,
     console: &Console,
-) -> Result<(Traced, LayerCount)> {
+) -> Result<(Traced, LayerCount, Vec<String>)> {
     let Prepared { plan, digests, .. } = prepared;
     let base = prepared.base();
     let texels = layers.texels(&base);
@@ -165,7 +165,7 @@ fn trace_missing(
     let origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
     if missing.is_empty() && texels.is_some() {
         console.say(format!("no rays: kept from an earlier bake: {}", count(digests.len(), "layer")));
-        return Ok((layers.traced(&base).unwrap_or_default(), origin));
+        return Ok((layers.traced(&base).unwrap_or_default(), origin, Vec::new()));
     }
     if origin.reused > 0 {
         let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
@@ -177,8 +177,11 @@ fn trace_missing(
     }
     let wanted: Vec<String> = missing.iter().map(|&l| digests[l].clone()).collect();
     let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
+    let mut warnings = Vec::new();
     if !StateFolder::others(out, &work).is_empty() {
-        console.warn("an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)");
+        let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
+        console.warn(dropped);
+        warnings.push(dropped.to_owned());
     }
     let traced = with_worker(prepared, atlas, &missing, |worker| {
         let lights = worker.transport.lights;
@@ -190,7 +193,7 @@ fn trace_missing(
         layers.write(&tracer.worker, &folder, &base, &wanted, &traced, console)?;
         Ok(traced)
     })?;
-    Ok((traced, origin))
+    Ok((traced, origin, warnings))
 }
 
 /// Checks all layers at these texels, however they came to be.

@@ -65,7 +65,7 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let out = options.out.clone().unwrap_or_else(|| {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
         let name: String = camera.name.chars().map(plain).collect();
-        folder.join(format!("preview-{name}-{:05.2}.png", options.hour))
+        folder.join(format!("preview-{name}-{}.png", options.hour))
     });
     write_atomically(&out, &picture.to_png(exposure))?;
 

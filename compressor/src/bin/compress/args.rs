@@ -56,7 +56,7 @@ Examples:
   compress sweep dataset/yard --profiles M --presets draft,medium,final --csv m.csv
 
 Each tile is trained as `compress --profile … --preset …` would with that seed. The three PSNRs are of one training: of the float
-model, of that with all features rounded to 8 bits, and of the stored tile in BC7. With --json: tiles, tiles_of, rows (profile,
+model, of that with all features rounded to 8 bits, and of the stored tile in BC7; bpp counts the texels of the trained tiles alone. With --json: tiles, tiles_of, rows (profile,
 preset, bpp, psnr_unquantised_db, psnr_8bit_features_db, psnr_bc7_db, one_minus_ssim, seconds), report, seconds.";
 
 const INFO_EXAMPLES: &str = "\
@@ -177,8 +177,8 @@ pub struct Compress {
     #[arg(long, conflicts_with_all = ["preset", "draft"], value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
     /// Plan the training to end after this time, e.g. 90s, 5m, 2h: as it runs out tiles get fewer steps than asked for, but each gets
-    /// its share, and at least 200. (Trials for a target and judging the bundle come beside it. What is written then depends on the machine and its load.)
-    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    /// its share, and at least 200. (Judging the bundle comes after it. What is written then depends on the machine and its load.)
+    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
     /// How to train.
     #[arg(long, value_enum, default_value_t = RecipeName::Standard)]
