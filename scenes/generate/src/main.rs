@@ -27,9 +27,11 @@ fn scenes_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
+/// A scene's name, and what builds it.
+type Scene = (&'static str, fn() -> model::Model);
+
 fn main() -> ExitCode {
-    /// The scenes, and what builds each.
-    const SCENES: [(&str, fn() -> model::Model); 5] = [
+    const SCENES: [Scene; 5] = [
         ("city", city::model),
         ("extremes", extremes::model),
         ("farmland", farmland::model),
