@@ -143,7 +143,7 @@ impl Worker<'_> {
     }
 
     /// One walk, ended where the cache knows the light, and a look at its bright surfaces. What is to be read of the cache is put
-    /// down, and added with [`Reader::read`].
+    /// down, and added with `Reader::read`.
     pub fn walk(
         &self,
         at: &Receiver,
