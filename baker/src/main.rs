@@ -107,7 +107,7 @@ With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, in
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, layers, left_out,
-forecast (size, pages, texels covered, texels_per_metre, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
+forecast (size, pages, texels covered, texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
@@ -242,6 +242,8 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
 /// What a bake would take, in words.
 fn say_forecast(forecast: &Forecast, console: &Console) {
     let [width, height] = forecast.size;
+    let [x, y, z] = forecast.extent.map(metres);
+    console.print(format!("  the scene is {x} × {y} × {z} m (y is up)"));
     console.print(format!(
         "  {} of {width} × {height} texels, {} covered, {:.1} texels per metre",
         count(forecast.pages as usize, "page"),
@@ -260,6 +262,15 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
             "  closed? none of {OPEN_RAYS} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \
              a small opening may have been missed (a room known to be closed needs no [sun] and no [sky])"
         ));
+    }
+}
+
+/// A length to three digits or so.
+fn metres(length: f64) -> String {
+    match length {
+        0.1..1e6 => format!("{:.*}", if length < 9.95 { 1 } else { 0 }, length),
+        0.0 => "0".to_owned(),
+        _ => format!("{length:.1e}"),
     }
 }
 

@@ -13,7 +13,7 @@ mod tiles;
 pub(crate) use tiles::{of_tile, seed};
 
 use crate::Result;
-use crate::bundle::{self, Header};
+use crate::bundle::{self, Bundle, Header};
 use crate::grid::Grid;
 use crate::model::{PROFILES, Profile};
 use crate::time::{Coding, Timeline};
@@ -134,6 +134,13 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
     let header = header(&dataset, options);
+    if !options.force {
+        match standing(&out, &header) {
+            Standing::Same(outcome) => return Ok(*outcome),
+            Standing::Other(what) => console.say(format!("{}, {what}, is replaced", out.display())),
+            Standing::None => {}
+        }
+    }
     let part = Part::open(&out, options.force)?;
     let checked = start.elapsed().as_secs_f64();
 
@@ -150,10 +157,39 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let bytes = bundle::encode(&header, &work.payloads)?;
     write_atomically(&out, &bytes)?;
 
-    let outcome = Outcome::new(&header, out.clone(), bytes.len() as u64, &work, start);
-    outcome::write(&out, &outcome, checked)?;
+    let outcome = Outcome::new(&header, out.clone(), bytes.len() as u64, &work, start, checked);
+    outcome::write(&out, &outcome)?;
     part.remove();
     Ok(outcome)
+}
+
+/// The bundle where a new one is to go.
+enum Standing {
+    /// The very bundle that would be written, and how it came to be.
+    Same(Box<Outcome>),
+    /// One of other light or other settings, in words.
+    Other(String),
+    /// None, or none that can be read.
+    None,
+}
+
+/// What stands at `out`, beside what is asked for. Under a time limit no two runs are the same.
+fn standing(out: &Path, header: &Header) -> Standing {
+    let Ok(there) = Bundle::open(out) else { return Standing::None };
+    let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
+    let (old, new) = (told(&there.header), told(header));
+    let is_same = there.header == *header && new["time_limit_secs"].is_null();
+    let kept = outcome::read(out).filter(|outcome| is_same && outcome.bytes == there.bytes);
+    if let Some(outcome) = kept {
+        return Standing::Same(Box::new(outcome));
+    }
+    let differs = |key: &str| old[key] != new[key];
+    let what = match () {
+        () if differs("inputs") => "made from another bake".to_owned(),
+        () if differs("iterations") => format!("trained for {} steps", old["iterations"]),
+        () => "made with other settings".to_owned(),
+    };
+    Standing::Other(what)
 }
 
 /// Reads every lightmap once, band by band, so that a bad texel or a torn file stops the run before it has trained anything.

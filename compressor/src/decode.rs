@@ -208,8 +208,12 @@ impl Decoder {
 
     fn grid(&self, page: usize) -> Result<crate::grid::Grid> {
         let pages = &self.bundle.header.pages;
-        let missing =
-            || Error::invalid(format!("page {page}"), format!("the bundle has {} pages", pages.len()));
+        let missing = || {
+            Error::invalid(
+                format!("page {page}"),
+                format!("the bundle has {}, counted from 0", dataset::console::count(pages.len(), "page")),
+            )
+        };
         pages.get(page).copied().ok_or_else(missing)
     }
 }

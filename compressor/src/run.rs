@@ -28,7 +28,10 @@ pub struct Judged {
 /// As [`compress`] and [`evaluate`].
 pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> Result<Judged> {
     let outcome = compress(root, options, console)?;
-    if outcome.resumed > 0 {
+    if outcome.up_to_date {
+        let path = outcome.bundle.display();
+        console.say(format!("{path} already holds this dataset so compressed (--force trains it again)"));
+    } else if outcome.resumed > 0 {
         console.say(format!("{} of {} tiles taken over from an earlier run", outcome.resumed, outcome.tiles));
     }
     let dataset = Dataset::open(root)?;
@@ -121,6 +124,7 @@ impl Judged {
         object["psnr_8bit_features_db"] = json!(outcome.psnr_8bit_features_db);
         object["tiles"] = json!(outcome.tiles);
         object["tiles_empty"] = json!(outcome.empty);
+        object["up_to_date"] = json!(outcome.up_to_date);
         object["tiles_resumed"] = json!(outcome.resumed);
         object["steps_least"] = json!(outcome.steps.map(|steps| steps[0]));
         object["steps_most"] = json!(outcome.steps.map(|steps| steps[1]));

@@ -210,8 +210,11 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     assert_eq!(json(&run(&arguments, folder.path()))["tiles_resumed"], kept);
     assert!(!part.exists());
 
-    // An undisturbed run gives the same bytes, and --force starts over.
+    // What stands there is not trained again; an undisturbed run gives the same bytes, and --force starts over.
     let bytes = fs::read(folder.path().join("a.ndgi")).unwrap();
+    assert_eq!(json(&run(&arguments, folder.path()))["up_to_date"], true);
+    let shorter = other.map(|word| if word == "b.ndgi" { "a.ndgi" } else { word });
+    assert_eq!(json(&run(&shorter, folder.path()))["up_to_date"], false);
     let forced = [&arguments[..], &["--force"]].concat();
     assert_eq!(json(&run(&forced, folder.path()))["tiles_resumed"], 0);
     assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());

@@ -6,6 +6,7 @@ use super::raster::{Bits, bounds};
 use super::sharing::{Member, groups};
 use crate::geometry::{Geometry, Instance};
 use crate::{Error, Result};
+use dataset::console::count;
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -66,6 +67,14 @@ struct Source {
     area: f64,
 }
 
+/// Where a mesh's charts come from.
+enum Layout {
+    /// The file's own layout.
+    Authored,
+    /// xatlas; with a note on a layout of the file that cannot be used.
+    Unwrapped(Option<String>),
+}
+
 /// Flattens all lightmapped instances; one task per shape, joined in order.
 pub fn flatten(geometry: &Geometry) -> Result<Flat> {
     geometry
@@ -73,14 +82,25 @@ pub fn flatten(geometry: &Geometry) -> Result<Flat> {
         .par_iter()
         .filter(|instance| instance.lightmap)
         .try_for_each(|i| check(geometry, i))?;
-    let parts: Vec<(FlatMesh, Option<String>)> =
+    let parts: Vec<(FlatMesh, Layout)> =
         groups(geometry).into_par_iter().map(|group| flatten_group(geometry, group)).collect();
     let mut all = Flat::default();
-    for (mesh, note) in parts {
-        all.notes.extend(note);
+    let mut authored = 0;
+    for (mesh, layout) in parts {
+        match layout {
+            Layout::Authored => authored += mesh.members.len(),
+            Layout::Unwrapped(note) => all.notes.extend(note),
+        }
         if !mesh.charts.is_empty() {
             all.meshes.push(mesh);
         }
+    }
+    if authored > 0 {
+        all.notes.push(format!(
+            "lightmap layouts of the files are used for {} of {}",
+            authored,
+            count(geometry.instances.len(), "instance")
+        ));
     }
     Ok(all)
 }
@@ -101,11 +121,10 @@ fn check(geometry: &Geometry, instance: &Instance) -> Result<()> {
     Ok(())
 }
 
-/// Flattens the first member, at the density of the smallest. Gives the charts, and a note on an unused authored layout.
-fn flatten_group(geometry: &Geometry, group: super::sharing::Group) -> (FlatMesh, Option<String>) {
+/// Flattens the first member, at the density of the smallest. Gives the charts, and where they come from.
+fn flatten_group(geometry: &Geometry, group: super::sharing::Group) -> (FlatMesh, Layout) {
     let mut mesh = FlatMesh { charts: Vec::new(), members: group.members };
     let instance = &geometry.instances[mesh.members[0].instance];
-    let mut note = None;
     let mut sources = Vec::with_capacity(instance.triangles.len());
     for triangle in instance.triangles.clone() {
         let corners = geometry.corners(triangle).map(|p| p.as_dvec3());
@@ -114,20 +133,21 @@ fn flatten_group(geometry: &Geometry, group: super::sharing::Group) -> (FlatMesh
         }
     }
     if sources.is_empty() {
-        return (mesh, note);
+        return (mesh, Layout::Unwrapped(None));
     }
     // Groups of flat triangles: the authored layout if there is a valid one, else xatlas' charts.
     let authored = if instance.has_lightmap_uvs { authored(geometry, &sources) } else { Err("") };
-    let groups = authored.unwrap_or_else(|why| {
-        if !why.is_empty() {
-            note =
-                Some(format!("{}: TEXCOORD_1 not used as lightmap layout: {why}; unwrapped", instance.name));
+    let (groups, layout) = match authored {
+        Ok(groups) => (groups, Layout::Authored),
+        Err(why) => {
+            let name = &instance.name;
+            let note = || format!("{name}: TEXCOORD_1 not used as lightmap layout: {why}; unwrapped");
+            (unwrapped(geometry, &sources), Layout::Unwrapped((!why.is_empty()).then(note)))
         }
-        unwrapped(geometry, &sources)
-    });
+    };
     mesh.charts = groups.into_iter().map(|faces| place_upright(faces, group.density)).collect();
     mesh.charts.sort_by_key(|chart| chart.faces[0].triangle);
-    (mesh, note)
+    (mesh, layout)
 }
 
 /// Whether a triangle is too thin to have texels.

@@ -94,15 +94,22 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
         (fails, density, attempts) = (density, 0.8 * density, attempts + 1);
         let vanishing = 1e-9 * limit;
         if (attempts == 8 && attempt(vanishing).is_none()) || density < vanishing {
+            // The least of the doubled sizes that holds them all, be they points.
+            let doubled =
+                (1..15).map(|k| Pages { width: sheets.width << k, height: sheets.height << k, ..sheets });
+            let mut doubled =
+                doubled.take_while(|sheets| sheets.width.max(sheets.height) <= LARGEST as usize);
+            let larger = doubled.find(|sheets| pack(meshes, vanishing, sheets).is_some());
             return Err(Error::Unsupported {
                 place: "lightmap".into(),
                 what: format!(
-                    "{size}: {} with {} of padding do not fit {} at any density; use a larger size{} or less padding{}",
+                    "{size}: {} with {} of padding do not fit {} at any density; use a larger size{} or less padding{}{}",
                     count(meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>(), "chart"),
                     count(padding as usize, "texel"),
                     if pages == 1 { "the page".to_owned() } else { format!("{pages} pages") },
                     if width.min(height) < 2 { " (at least 2 x 2)" } else { "" },
                     if pages == 1 { ", or more `pages`" } else { "" },
+                    larger.map_or(String::new(), |s| format!(" (they fit {} x {})", s.width, s.height)),
                 ),
             });
         }

@@ -96,8 +96,11 @@ pub fn cell_of(surface: &BlockSurface, texel: usize) -> usize {
 const DARK: f64 = 0.1;
 
 /// The greatest relative error of a cell over the sets, by the mean light of each set; the cell's own mean is floored at
-/// a tenth of that.
+/// a tenth of that. Where no set has light yet, all of it may be missing: 1.
 pub fn worst_of_cell(cells: &[[Sums; CELLS]], cell: usize, set_means: &[f64]) -> f64 {
+    if set_means.iter().all(|mean| *mean <= 0.0) {
+        return 1.0;
+    }
     let relative = cells.iter().zip(set_means).filter(|(_, mean)| **mean > 0.0);
     relative.map(|(c, &mean)| c[cell].mse().sqrt() / c[cell].mean().max(DARK * mean)).fold(0.0, f64::max)
 }
@@ -133,8 +136,9 @@ impl Errors {
         (all.light > 0.0).then(|| relative_error(all.mse(), all.mean(), all.mean()))
     }
 
-    /// Relative error of every (tile, set) with light, by the project's one definition.
-    pub fn relative(&self) -> Vec<f64> {
+    /// Relative error of every (tile, set) with light, by the project's one definition. Where something `shines` and no set has
+    /// light, all of it may be missing: 1.
+    pub fn relative(&self, shines: bool) -> Vec<f64> {
         let mut all = Vec::new();
         for (set, tiles) in self.tiles.iter().enumerate() {
             let set_mean = self.set(set).mean();
@@ -142,6 +146,9 @@ impl Errors {
                 let lit = tiles.iter().filter(|t| t.values > 0);
                 all.extend(lit.map(|t| relative_error(t.mse(), t.mean(), set_mean)));
             }
+        }
+        if all.is_empty() && shines {
+            all.push(1.0);
         }
         all
     }

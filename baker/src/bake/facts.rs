@@ -2,7 +2,7 @@
 
 use super::assemble::Stored;
 use super::options::LayerCount;
-use super::plan::Plan;
+use super::plan::{Plan, hour};
 use super::rounds::Traced;
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
@@ -32,6 +32,22 @@ pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
     } else {
         None
     }
+}
+
+/// The moments at which something shines and no light was found. Whether it is shut out or was missed, no estimate can tell.
+fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
+    let is_unseen = |&set: &usize| !plan.layers_of(set).is_empty() && stored.errors.set(set).light <= 0.0;
+    let unseen: Vec<usize> = (0..plan.moments.len()).filter(is_unseen).collect();
+    let first = plan.moments.get(*unseen.first()?)?;
+    let others = match unseen.len() - 1 {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    Some(format!(
+        "no light was found at {}{others}, though something shines then: it is shut out from every texel, or all samples missed it; \
+         how wrong these sets are is not known",
+        hour(first.hour)
+    ))
 }
 
 /// Facts about a finished bake.
@@ -78,6 +94,7 @@ pub fn of_bake(
             count(extras, "set")
         ),
     ];
+    facts.extend(unseen(plan, stored));
     if !atlas.layouts.is_empty() {
         let sharing = atlas.placements.iter().flatten().filter(|p| p.layout.is_some()).count();
         facts.push(format!("{sharing} instances share {}", count(atlas.layouts.len(), "chart layout")));

@@ -3,6 +3,9 @@
 use crate::{Error, Result};
 use std::path::Path;
 
+/// Name of the file that is locked.
+const LOCK: &str = ".lock";
+
 /// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
 pub fn create(out: &Path) -> Result<()> {
     const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
@@ -19,9 +22,17 @@ pub fn create(out: &Path) -> Result<()> {
     probed.map_err(|e| refused("cannot be written to", e))
 }
 
+/// Removes the folder if nothing but the lock is in it. (What remains is no reason to fail.)
+pub fn leave(out: &Path) {
+    if std::fs::read_dir(out).is_ok_and(|entries| entries.count() == 1) {
+        let _ = std::fs::remove_file(out.join(LOCK));
+        let _ = std::fs::remove_dir(out);
+    }
+}
+
 /// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
 pub fn lock(out: &Path) -> Result<std::fs::File> {
-    let path = out.join(".lock");
+    let path = out.join(LOCK);
     let file = std::fs::File::create(&path).map_err(Error::io(&path))?;
     match file.try_lock() {
         Ok(()) => Ok(file),

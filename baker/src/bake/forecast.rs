@@ -17,7 +17,7 @@ use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::space::Space;
 use crate::trace::walk::{Transport, point_pair};
 use crate::{Result, light::sky::SkyTable};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -32,6 +32,8 @@ pub struct Forecast {
     pub texels: usize,
     /// Texels per metre at density 1.
     pub texels_per_metre: f64,
+    /// Length of the scene along x, y and z, in metres.
+    pub extent: [f64; 3],
     /// Most bytes of the dataset's images.
     pub dataset_bytes: u64,
     /// Bytes of the layers kept beside the dataset, once all of them are traced.
@@ -82,12 +84,21 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
         pages: atlas.pages,
         texels,
         texels_per_metre: atlas.texels_per_metre,
+        extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
         layers_bytes: n * (8 + 20 * layers),
         work_bytes: n * (10 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled),
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
     })
+}
+
+/// Length of the box around positions.
+fn extent(positions: &[Vec3]) -> [f64; 3] {
+    let (low, high) = positions
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+    (high - low).max(Vec3::ZERO).as_dvec3().to_array()
 }
 
 /// Memory of the cache and its solution, about.

@@ -179,7 +179,8 @@ impl Plan {
     }
 }
 
-fn hour(hour: f64) -> String {
+/// Such as `6:54`.
+pub fn hour(hour: f64) -> String {
     let minutes = (hour * 60.0).round() as i64;
     format!("{}:{:02}", minutes / 60, minutes % 60)
 }

@@ -56,7 +56,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 
     let atlas = {
         let progress = console.progress("unwrapping", 1);
-        let atlas = prepared.atlas()?;
+        let atlas = prepared.atlas().inspect_err(|_| folder::leave(&out))?;
         progress.advance(1);
         atlas
     };
@@ -94,7 +94,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         warnings.push(warning);
     }
     let texels = stored.valid_texels;
-    let mut relative = stored.errors.relative();
+    let mut relative = stored.errors.relative(plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let last = traced.rounds.last();
     let config = Config {

@@ -223,7 +223,7 @@ impl Tracer<'_> {
                 |b: &Done| (0..CELLS).filter(|&c| worst_of_cell(&b.cells, c, &set_means) > target).count();
             done.iter().map(open).sum()
         });
-        let mut relative = errors.relative();
+        let mut relative = errors.relative(self.sets.iter().any(|parts| !parts.is_empty()));
         relative.sort_by(f64::total_cmp);
         let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
         let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();

@@ -166,7 +166,11 @@ fn write_out(placed: &[Placed]) -> Result<Geometry> {
         return Err(Error::unsupported("the scene's geometry", what));
     }
     if (high - low).max_element() > MAX_EXTENT {
-        return Err(Error::invalid("the scene's geometry", format!("it spans {} metres", high - low)));
+        let what = format!(
+            "it spans {} metres: expected {MAX_EXTENT:e} at most; is a `scale` or `translate` in the scene too large?",
+            high - low
+        );
+        return Err(Error::invalid("the scene's geometry", what));
     }
     let mut geometry = Geometry { origin: 0.5 * (low + high), ..Default::default() };
     geometry.positions.reserve_exact(vertices);

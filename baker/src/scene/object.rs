@@ -103,7 +103,7 @@ fn transform(table: &Table) -> Result<DMat4> {
     let expected = "a vector [x, y, z] of finite numbers";
     let vector = |key| table.get(key).map_or(Ok(DVec3::ZERO), |v: Value| v.vector(expected, |_| true));
     let (translate, rotate) = (vector("translate")?, vector("rotate")?);
-    let expected = "a number or [x, y, z], none 0 (negative mirrors)";
+    let expected = "a number or [x, y, z], none nearer to 0 than 1e-9 (negative mirrors)";
     let scale =
         table.get("scale").map_or(Ok(DVec3::ONE), |v| v.vector_or_number(expected, |x| x.abs() > 1e-9))?;
     let rotation = turn(2, rotate.z) * turn(1, rotate.y) * turn(0, rotate.x);

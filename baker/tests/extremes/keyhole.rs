@@ -96,6 +96,18 @@ fn the_skys_light_through_a_window_is_not_lost() {
 }
 
 #[test]
+fn light_that_no_sample_found_is_not_called_exact() {
+    // A hole of 0.1 mm: four walks a texel do not meet it.
+    let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";
+    let stage = Stage::new(&[("a.obj", box_with_hole(1e-4).text())]);
+    let outcome = stage.bake("12", 4, &scene(sky, &["ceiling"], 64)).outcome;
+    assert_eq!(outcome.relative_error, 1.0);
+    assert_eq!(outcome.rounds.last().map(|round| round.worst_error), Some(1.0));
+    let told = "no light was found at 12:00, though something shines then";
+    assert!(outcome.facts.iter().any(|fact| fact.starts_with(told)), "{:?}", outcome.facts);
+}
+
+#[test]
 fn no_hole_no_light() {
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n[sun]\ndisc_angle = 0\n\
                track = [{ hour = 12, direction = [0, 1, 0], irradiance = [100, 100, 100] }]\n";

@@ -10,7 +10,6 @@ use crate::model::Contents;
 use crate::{Error, Result};
 use dataset::files::write_atomically;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -35,7 +34,7 @@ pub struct TileStats {
 }
 
 /// One point of the training curve over all tiles.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
     /// Steps done.
     pub iteration: usize,
@@ -47,8 +46,8 @@ pub struct CurvePoint {
     pub worst_db: f64,
 }
 
-/// What a run did.
-#[derive(Clone, Debug)]
+/// What a run did; kept as `<bundle>.run.json`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     /// The bundle's path.
     pub bundle: PathBuf,
@@ -60,6 +59,13 @@ pub struct Outcome {
     pub empty: usize,
     /// Of these, taken over from a run that was stopped.
     pub resumed: usize,
+    /// Whether this very bundle stood there already, and nothing was trained.
+    #[serde(skip)]
+    pub up_to_date: bool,
+    /// Threads and vector instructions it ran with.
+    pub ran_with: (usize, String),
+    /// Seconds of reading and checking the dataset.
+    pub seconds_checking: f64,
     /// Wall-clock seconds of this run.
     pub seconds: f64,
     /// Sum over tiles of CPU seconds of training, trials included.
@@ -83,7 +89,7 @@ pub struct Outcome {
 }
 
 /// What one tile has and reaches.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TileOutcome {
     /// Page, column and row.
     pub place: [usize; 3],
@@ -101,7 +107,14 @@ pub struct TileOutcome {
 
 impl Outcome {
     /// Of a run that began at `start` and wrote so many bytes.
-    pub(super) fn new(header: &Header, bundle: PathBuf, bytes: u64, work: &Work, start: Instant) -> Self {
+    pub(super) fn new(
+        header: &Header,
+        bundle: PathBuf,
+        bytes: u64,
+        work: &Work,
+        start: Instant,
+        seconds_checking: f64,
+    ) -> Self {
         let Work { payloads, stats, resumed, trial_seconds } = work;
         let tile =
             |(Place { page, column, row }, (payload, stats)): (Place, (&Payload, &TileStats))| TileOutcome {
@@ -122,6 +135,9 @@ impl Outcome {
             tiles: payloads.len(),
             empty: payloads.iter().filter(|payload| payload.bytes.is_empty()).count(),
             resumed: *resumed,
+            up_to_date: false,
+            ran_with: (rayon::current_num_threads(), format!("{:?}", Tier::detect())),
+            seconds_checking,
             seconds: start.elapsed().as_secs_f64(),
             training_seconds: trial_seconds + stats.iter().map(|tile| tile.seconds).sum::<f64>(),
             trial_seconds: *trial_seconds,
@@ -163,26 +179,15 @@ fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
     counts
 }
 
-/// `<bundle>.run.json`: what changes from run to run.
-pub(super) fn write(out: &Path, outcome: &Outcome, checked: f64) -> Result<()> {
-    let run = json!({
-        "seconds": outcome.seconds,
-        "seconds_checking": checked,
-        "cpu_seconds_training": outcome.training_seconds,
-        "cpu_seconds_trials": outcome.trial_seconds,
-        "threads": rayon::current_num_threads(),
-        "instructions": format!("{:?}", Tier::detect()),
-        "tiles": outcome.tiles,
-        "tiles_empty": outcome.empty,
-        "tiles_resumed": outcome.resumed,
-        "steps": outcome.steps,
-        "psnr_unquantised_db": outcome.psnr_unquantised_db,
-        "psnr_8bit_features_db": outcome.psnr_8bit_features_db,
-        "psnr_trained_db": outcome.psnr_trained_db,
-        "curve": outcome.curve,
-        "left_out": outcome.left_out,
-        "per_tile": outcome.per_tile,
-    });
-    let text = serde_json::to_string_pretty(&run).map_err(|error| Error::invalid("run.json", error))?;
+/// Writes `<bundle>.run.json`: what changes from run to run.
+pub(super) fn write(out: &Path, outcome: &Outcome) -> Result<()> {
+    let text = serde_json::to_string_pretty(outcome).map_err(|error| Error::invalid("run.json", error))?;
     write_atomically(&beside(out, ".run.json"), format!("{text}\n").as_bytes())
+}
+
+/// What is told of the bundle at `out`, if something is.
+pub(super) fn read(out: &Path) -> Option<Outcome> {
+    let outcome: Outcome = serde_json::from_slice(&std::fs::read(beside(out, ".run.json")).ok()?).ok()?;
+    // (It may have been moved since.)
+    Some(Outcome { bundle: out.to_owned(), up_to_date: true, ..outcome })
 }

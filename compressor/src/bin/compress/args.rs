@@ -47,7 +47,7 @@ Keys of the --json object (null where there is none):
   tiles, seconds         tiles of the bundle, wall-clock seconds
   bundle, report         paths written (compress only)
   steps_least, steps_most   training steps of a tile with light (compress only)
-  tiles_empty, tiles_resumed, training_cpu_seconds   (compress only)
+  tiles_empty, tiles_resumed, training_cpu_seconds, up_to_date   (compress only)
   decode_seconds         wall-clock seconds of decoding all sets (evaluate only)";
 
 const SWEEP_EXAMPLES: &str = "\
