@@ -42,7 +42,7 @@ fn write(root: &Path) {
             islands(y, |columns| columns.for_each(|x| row[x] = light(x, y, k)));
         };
         let file = writer.add(&format!("map-{k}"), "exr", &exr_of(SIDE, SIDE, fill)).unwrap();
-        let maps = vec![Map { file, sun: None, sky: None }];
+        let maps = vec![Map { file, sun: None, sky: None, local: None }];
         Set { hour: k as f64 * 24.0 / SETS as f64, groups_on: vec![], relative_error: None, maps }
     };
     let sets = (0..SETS).map(&mut set).collect();
@@ -62,6 +62,7 @@ fn write(root: &Path) {
         noise: None,
         geometry: None,
         settings: serde_json::json!({}),
+        source: None,
     };
     writer.commit(&config).unwrap();
 }

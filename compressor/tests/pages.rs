@@ -54,7 +54,7 @@ fn write(root: &Path) {
                 writer.add(&format!("{stem}-{}-{page}", set.hour), "exr", &image.to_exr()).unwrap()
             };
             let file = add("set", &Image { texels, ..sky });
-            set.maps.push(Map { file, sun: None, sky: Some(add("sky", &sky)) });
+            set.maps.push(Map { file, sun: None, sky: Some(add("sky", &sky)), local: None });
         }
     }
     // Tiles of the pages have errors of their own.
@@ -78,6 +78,7 @@ fn write(root: &Path) {
         noise: Some(noise),
         geometry: None,
         settings: serde_json::json!({}),
+        source: None,
     };
     writer.commit(&config).unwrap();
 }

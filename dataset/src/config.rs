@@ -45,6 +45,46 @@ pub struct Config {
     pub instances: Vec<Instance>,
     /// The resolved settings of the writer, for the reader's information.
     pub settings: serde_json::Value,
+    /// Where an imported set comes from. Only imported sets have the key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Source>,
+}
+
+/// What an imported set was made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// The layout that was read.
+    pub layout: Layout,
+    /// Its configuration file as it was, where the layout has one: it names the lightmaps, and an export to the same layout
+    /// writes it again.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub config: Option<FileRef>,
+    /// Values outside the masks that were negative or not finite, and are 0 here.
+    pub replaced_values: u64,
+}
+
+/// A layout in which sets are exchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    /// Folders by light type; see [`crate::exchange::layout1`].
+    Hprc1,
+    /// `config.json` and `Data/`; see [`crate::exchange::layout2`].
+    Hprc2,
+    /// One EXR file per moment and page.
+    Exr,
+}
+
+impl Layout {
+    /// As in the manifest and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Layout::Hprc1 => "hprc1",
+            Layout::Hprc2 => "hprc2",
+            Layout::Exr => "exr",
+        }
+    }
 }
 
 /// One page: an independent lightmap image.
@@ -87,6 +127,24 @@ pub struct Group {
     pub layers: Vec<FileRef>,
 }
 
+impl Group {
+    /// Whether the schedule has the lamps on at an hour; `None` at the very ends of its intervals, where several may meet.
+    pub fn is_on(&self, hour: f64) -> Option<bool> {
+        let ends = self.on.iter().flatten();
+        // Whole days have no ends.
+        if self.on.iter().any(|[from, to]| to - from >= 24.0) {
+            return Some(true);
+        }
+        if ends.into_iter().any(|end| (end - hour).abs().min(24.0 - (end - hour).abs()) < 1e-6) {
+            return None;
+        }
+        Some(self.on.iter().any(|&[from, to]| match from < to {
+            true => from < hour && hour < to,
+            false => from < hour || hour < to,
+        }))
+    }
+}
+
 /// All lightmaps of one moment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -103,7 +161,8 @@ pub struct Set {
 }
 
 /// The lightmap of one set on one page. `file = (sun + sky) + local` in float32, bit for bit, where the layers are kept;
-/// `local` is the sum of the layers of the groups that are on, in order, starting from zero.
+/// `local` is the sum of the layers of the groups that are on, in order, starting from zero. In imported sets it is
+/// [`Map::local`], and the sum holds about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Map {
@@ -115,6 +174,9 @@ pub struct Map {
     /// The sky's share; `None` when the sky is black or layers are not kept.
     #[serde(deserialize_with = "Option::deserialize")]
     pub sky: Option<FileRef>,
+    /// The lamps' share, in imported sets that have layers; `None` when it is black. Only such maps have the key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub local: Option<FileRef>,
 }
 
 /// A file of the dataset. Identical content is stored once, so several entries may name one file.

@@ -30,13 +30,17 @@ pub fn write_atomically_with(path: &Path, write: impl FnOnce(&mut File) -> io::R
         expect_folder(path)?;
         return Err(Error::Io { path: path.to_owned(), source });
     }
-    // The rename itself reaches the disk with the folder; not every system lets a folder be synced.
+    sync_folder_of(path);
+    Ok(())
+}
+
+/// A rename itself reaches the disk with the folder; not every system lets a folder be synced.
+pub(crate) fn sync_folder_of(path: &Path) {
     if let Some(folder) = folder_of(path)
         && let Ok(folder) = File::open(folder)
     {
         let _ = folder.sync_all();
     }
-    Ok(())
 }
 
 /// An error unless the folder in which a file is to be written exists: to be asked before the work, not after it.
@@ -77,6 +81,67 @@ pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
     linked.map_err(Error::io(to))
 }
 
+/// A folder that is filled under a temporary name beside its own, and appears whole or not at all: dropped before
+/// [`NewFolder::finish`], it is removed.
+#[derive(Debug)]
+pub struct NewFolder {
+    temporary: PathBuf,
+    path: PathBuf,
+}
+
+impl NewFolder {
+    /// Begins a folder at `path`, where there may be an empty one; what killed writers of this folder left is removed.
+    ///
+    /// # Errors
+    /// `Invalid` if something stands there, or the folder around it is missing.
+    pub fn create(path: &Path) -> Result<Self> {
+        let taken = match fs::read_dir(path) {
+            Ok(mut entries) => entries.next().is_some(),
+            Err(_) => fs::symlink_metadata(path).is_ok(),
+        };
+        if taken {
+            return Err(Error::invalid(
+                path.display(),
+                "stands there already; expected the name of a new folder",
+            ));
+        }
+        expect_folder(path)?;
+        let temporary = temporary_beside(path)?;
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let beside = folder_of(path).unwrap_or(Path::new("."));
+        for entry in fs::read_dir(beside).map_err(Error::io(beside))?.flatten() {
+            let found = entry.file_name();
+            let found = found.to_str().filter(|found| found.starts_with(&format!(".{name}{MARK}")));
+            if let Some(pid) = found.and_then(writer_of)
+                && !runs(pid)
+            {
+                remove_folder(&entry.path())?;
+            }
+        }
+        fs::create_dir(&temporary).map_err(Error::io(&temporary))?;
+        Ok(NewFolder { temporary, path: path.to_owned() })
+    }
+
+    /// The folder's place until it is finished.
+    pub fn temporary(&self) -> &Path {
+        &self.temporary
+    }
+
+    /// Gives the folder its name.
+    pub fn finish(self) -> Result<()> {
+        fs::rename(&self.temporary, &self.path).map_err(Error::io(&self.path))?;
+        sync_folder_of(&self.path);
+        Ok(())
+    }
+}
+
+impl Drop for NewFolder {
+    fn drop(&mut self) {
+        // Gone if it was renamed.
+        let _ = fs::remove_dir_all(&self.temporary);
+    }
+}
+
 /// Removes a folder with all that is in it; none is fine.
 ///
 /// # Errors
@@ -102,7 +167,7 @@ pub fn remove_stale_temporaries(folder: &Path) -> Result<()> {
 }
 
 /// A name for a temporary in the folder of `path` that no other writer uses.
-fn temporary_beside(path: &Path) -> Result<PathBuf> {
+pub(crate) fn temporary_beside(path: &Path) -> Result<PathBuf> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
         return Err(Error::invalid(path.display(), "not the name of a file"));
@@ -189,6 +254,40 @@ mod tests {
         remove_stale_temporaries(folder.path()).unwrap();
         assert_eq!(stale.exists(), !Path::new("/proc/self").exists());
         assert!(own.exists() && foreign.exists());
+    }
+
+    #[test]
+    fn a_new_folder_appears_whole_or_not_at_all() {
+        let around = tempfile::tempdir().unwrap();
+        let path = around.path().join("set");
+        let names = || {
+            let entries = fs::read_dir(around.path()).unwrap().flatten();
+            entries.map(|entry| entry.file_name().into_string().unwrap()).collect::<Vec<_>>()
+        };
+        // Left by a killed writer of this folder, and by one of another.
+        let (stale, other) = (format!(".set{MARK}{}-0", u32::MAX), format!(".other{MARK}{}-0", u32::MAX));
+        fs::create_dir_all(around.path().join(&stale).join("data")).unwrap();
+        fs::create_dir(around.path().join(&other)).unwrap();
+        let begun = NewFolder::create(&path).unwrap();
+        assert_eq!(names().contains(&stale), !Path::new("/proc/self").exists());
+        fs::write(begun.temporary().join("file"), b"x").unwrap();
+        assert!(!path.exists());
+        drop(begun);
+        fs::remove_dir(around.path().join(&other)).unwrap();
+        assert!(names().is_empty(), "{:?}", names());
+        // An empty folder may stand there.
+        fs::create_dir(&path).unwrap();
+        let begun = NewFolder::create(&path).unwrap();
+        fs::write(begun.temporary().join("file"), b"x").unwrap();
+        begun.finish().unwrap();
+        assert_eq!((names(), fs::read(path.join("file")).unwrap()), (vec!["set".to_owned()], b"x".to_vec()));
+        // What is not empty stays as it is.
+        assert!(NewFolder::create(&path).unwrap_err().to_string().contains("stands there already"));
+        assert!(NewFolder::create(&path.join("file")).unwrap_err().to_string().contains("already"));
+        assert!(
+            NewFolder::create(&around.path().join("a/b")).unwrap_err().to_string().contains("does not exist")
+        );
+        assert_eq!(names(), ["set"]);
     }
 
     #[test]

@@ -1,16 +1,15 @@
 //! Images in memory and their files: RGB float32 EXR and 8-bit masks.
 
 use crate::{Error, Result};
-use exr::block::UncompressedBlock;
-use exr::block::reader::ChunksReader;
-use exr::meta::BlockDescription;
-use exr::meta::header::{Header, LayerAttributes};
-use exr::prelude::{ChannelDescription, Compression, LineOrder, SampleType, Vec2, f16};
 use image::ImageDecoder;
 use std::fs::File;
-use std::io::{BufReader, Cursor};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::io::BufReader;
 use std::path::Path;
+
+mod openexr;
+
+pub(crate) use openexr::{Channels, find_channels, read_rows_of, write_exr};
+pub use openexr::{exr_of, read_exr_rows, read_exr_size};
 
 /// Largest width and height that is read.
 pub const MAX_SIDE: usize = 65536;
@@ -78,163 +77,6 @@ impl Image {
     }
 }
 
-/// The bytes of an EXR file as [`Image::to_exr`] gives them, of an image that need not be in memory: `fill(y, row)` writes the texels of
-/// row y.
-///
-/// # Panics
-/// If the image has no texels.
-pub fn exr_of(width: usize, height: usize, mut fill: impl FnMut(usize, &mut [[f32; 3]])) -> Vec<u8> {
-    assert!(width > 0 && height > 0, "an EXR file needs at least one texel");
-    // Scan lines in increasing order; channels stand in the file by ascending name.
-    let channel = |name: &str| ChannelDescription::named(name, SampleType::F32);
-    let header = Header::new(
-        Default::default(),
-        (width, height),
-        [channel("B"), channel("G"), channel("R")].into_iter().collect(),
-    )
-    .with_encoding(Compression::RLE, BlockDescription::ScanLines, LineOrder::Increasing)
-    .with_attributes(LayerAttributes::default());
-    let mut bytes = Vec::new();
-    let mut row = vec![[0.0; 3]; width];
-    let mut filled = None;
-    exr::block::write(Cursor::new(&mut bytes), [header].into_iter().collect(), true, |meta, writer| {
-        use exr::block::writer::ChunksWriter;
-        for (index_in_header, block) in exr::block::enumerate_ordered_header_block_indices(&meta.headers) {
-            let channels = &meta.headers[block.layer].channels;
-            let block = UncompressedBlock::from_lines(channels, block, |line| {
-                // Channel 0 is B, 2 is R.
-                let component = 2 - line.location.channel;
-                let y = line.location.position.y();
-                // The row's channels come one after another.
-                if filled.replace(y) != Some(y) {
-                    fill(y, &mut row);
-                }
-                for (bytes, texel) in line.value.as_chunks_mut::<4>().0.iter_mut().zip(&row) {
-                    *bytes = texel[component].to_ne_bytes();
-                }
-            });
-            writer.write_chunk(index_in_header, block.compress_to_chunk(&meta.headers)?)?;
-        }
-        Ok(())
-    })
-    .expect("writing a valid image into memory cannot fail");
-    bytes
-}
-
-/// Width and height of an EXR file with channels R, G, B, from its header alone.
-pub fn read_exr_size(path: &Path) -> Result<(usize, usize)> {
-    let reader = open_exr(path)?;
-    let size = reader.headers()[0].layer_size;
-    Ok((size.width(), size.height()))
-}
-
-/// Reads rows `y0 .. y1` of an RGB EXR file (float32, or float16 widened) without reading the rest into memory.
-/// The values are not looked at. The file may be uncompressed or use RLE, ZIP or PIZ, in scan lines or tiles.
-pub fn read_exr_rows(path: &Path, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
-    let reader = open_exr(path)?;
-    let header = reader.headers()[0].clone();
-    let (width, height) = (header.layer_size.width(), header.layer_size.height());
-    if y0 > y1 || y1 > height {
-        return Err(Error::invalid(
-            path.display(),
-            format!("rows {y0}..{y1} asked for, the image has {height}"),
-        ));
-    }
-    // Component (R 0, G 1, B 2) of each channel of the file.
-    let components: Vec<Option<usize>> = header
-        .channels
-        .list
-        .iter()
-        .map(|channel| ["R", "G", "B"].iter().position(|name| channel.name == **name))
-        .collect();
-
-    let mut texels = vec![[0.0f32; 3]; width * (y1 - y0)];
-    let mut samples_in_row = vec![0usize; y1 - y0];
-    guarded(path, || {
-        // Only the blocks that touch the rows are read and decompressed.
-        let chunks = reader.filter_chunks(true, |_, tile, block| {
-            let top = block.pixel_position.y();
-            tile.is_largest_resolution_level() && top < y1 && top + block.pixel_size.height() > y0
-        })?;
-        chunks.decompress_sequential(true, |_, block| {
-            for line in block.lines(&header.channels) {
-                let Vec2(x, y) = line.location.position;
-                let (Some(component), true) = (components[line.location.channel], (y0..y1).contains(&y))
-                else {
-                    continue;
-                };
-                let start = (y - y0) * width + x;
-                let Some(row) = texels.get_mut(start..start + line.location.sample_count) else {
-                    return Err(exr::error::Error::Invalid("block outside the image".into()));
-                };
-                match header.channels.list[line.location.channel].sample_type {
-                    SampleType::F32 => {
-                        for (texel, bytes) in row.iter_mut().zip(line.value.as_chunks::<4>().0) {
-                            texel[component] = f32::from_ne_bytes(*bytes);
-                        }
-                    }
-                    _ => {
-                        for (texel, bytes) in row.iter_mut().zip(line.value.as_chunks::<2>().0) {
-                            texel[component] = f16::from_ne_bytes(*bytes).to_f32();
-                        }
-                    }
-                }
-                samples_in_row[y - y0] += line.location.sample_count;
-            }
-            Ok(())
-        })
-    })?;
-    // Every row must have come, once.
-    match samples_in_row.iter().position(|&samples| samples != 3 * width) {
-        Some(row) => {
-            Err(Error::invalid(path.display(), format!("row {} is missing or there twice", y0 + row)))
-        }
-        None => Ok(texels),
-    }
-}
-
-/// Opens an EXR file and checks that it is one image of channels R, G, B that this module reads.
-fn open_exr(path: &Path) -> Result<exr::block::reader::Reader<BufReader<File>>> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    let file_bytes = file.metadata().map_err(Error::io(path))?.len();
-    let reader = guarded(path, || exr::block::read(BufReader::with_capacity(1 << 16, file), true))?;
-    let unsupported = |what: String| Err(Error::unsupported(path.display(), what));
-    let [header] = reader.headers() else {
-        return unsupported(format!("{} parts; expected one image", reader.headers().len()));
-    };
-    if header.deep {
-        return unsupported("deep data; expected a flat image".into());
-    }
-    for name in ["R", "G", "B"] {
-        match header.channels.list.iter().find(|channel| channel.name == *name) {
-            None => {
-                let names: Vec<String> =
-                    header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
-                return unsupported(format!("channels {}; expected R, G, B", names.join(", ")));
-            }
-            Some(channel) if channel.sample_type == SampleType::U32 => {
-                return unsupported(format!("channel {name} holds integers; expected float32 or float16"));
-            }
-            Some(_) => {}
-        }
-    }
-    if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
-        return unsupported("sub-sampled channels; expected one sample per texel".into());
-    }
-    if !header.compression.is_lossless_for(SampleType::F32) {
-        return unsupported(format!(
-            "{}; expected a lossless one: none, RLE, ZIP or PIZ",
-            header.compression
-        ));
-    }
-    if header.own_attributes.layer_position != Vec2(0, 0) {
-        return unsupported("a data window that does not start at (0, 0)".into());
-    }
-    let (width, height) = (header.layer_size.width(), header.layer_size.height());
-    refuse_size(path, width, height, header.channels.bytes_per_pixel as u64, file_bytes)?;
-    Ok(reader)
-}
-
 /// Refuses sizes of zero, beyond [`MAX_SIDE`], or beyond what `file_bytes` can hold.
 fn refuse_size(path: &Path, width: usize, height: usize, texel_bytes: u64, file_bytes: u64) -> Result<()> {
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
@@ -247,21 +89,6 @@ fn refuse_size(path: &Path, width: usize, height: usize, texel_bytes: u64, file_
         return Err(Error::invalid(path.display(), what));
     }
     Ok(())
-}
-
-/// Runs a step of the EXR library; its errors, and a panic on bytes it did not foresee, become ours.
-fn guarded<T>(path: &Path, step: impl FnOnce() -> exr::error::Result<T>) -> Result<T> {
-    match catch_unwind(AssertUnwindSafe(step)) {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(exr::error::Error::Io(source))) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
-            Err(Error::Io { path: path.to_owned(), source })
-        }
-        Ok(Err(exr::error::Error::NotSupported(what))) => {
-            Err(Error::unsupported(path.display(), format!("EXR feature not supported: {what}")))
-        }
-        Ok(Err(error)) => Err(Error::invalid(path.display(), format!("damaged EXR file: {error}"))),
-        Err(_) => Err(Error::invalid(path.display(), "damaged EXR file")),
-    }
 }
 
 /// The first texel with a value that is `bad`, as an error that names file, (x, y), channel and value.

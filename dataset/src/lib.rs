@@ -9,6 +9,7 @@ pub mod config;
 pub mod image;
 pub mod files;
 pub mod store;
+pub mod exchange;
 pub mod tiles;
 pub mod metrics;
 pub mod report;

@@ -10,9 +10,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 mod check;
+mod stage;
 mod verify;
 
+pub(crate) use check::{is_component, layers_kept};
+pub(crate) use stage::Staged;
 pub use verify::Verification;
+pub(crate) use verify::about_equal;
 
 /// The manifest's name in the folder.
 pub const MANIFEST: &str = "config.json";
@@ -58,15 +62,10 @@ impl Writer {
         if let Some(known) = self.added.get(&blake3) {
             return Ok(known.clone());
         }
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
-        let stem: String = stem.chars().map(plain).collect();
-        let path = format!("{DATA}/{stem}-{}.{extension}", &blake3[..HASH_DIGITS]);
+        let path = format!("{DATA}/{}-{}.{extension}", plain_stem(stem), &blake3[..HASH_DIGITS]);
         let on_disk = self.root.join(&path);
         if bytes.is_empty() || content_hash(&path).is_none() {
-            return Err(Error::invalid(
-                on_disk.display(),
-                "a file of a dataset needs a stem, an extension and content",
-            ));
+            return Err(stage::no_content(&on_disk));
         }
         // A file of that name and content may stand there from an earlier run; a damaged one is replaced.
         if !has_content(&on_disk, bytes) {
@@ -91,7 +90,7 @@ impl Writer {
     /// The manifest is checked like [`Dataset::open`] does, before anything changes.
     pub fn commit(self, config: &Config) -> Result<()> {
         let manifest = self.root.join(MANIFEST);
-        check::config(&manifest, config)?;
+        check::faults(&manifest, config).into_iter().next().map_or(Ok(()), Err)?;
         check::files(&self.root, config)?;
         let mut kept: BTreeSet<String> = check::references(config).map(|file| file.path.clone()).collect();
         if manifest.exists() {
@@ -116,6 +115,22 @@ impl Writer {
         }
         Ok(())
     }
+}
+
+/// Whether a value is none of light.
+pub(crate) fn is_bad(value: f32) -> bool {
+    !value.is_finite() || value < 0.0
+}
+
+/// An error with the first texel of whole rows from row `y0` on that is no light.
+pub(crate) fn refuse_light(path: &Path, width: usize, y0: usize, texels: &[[f32; 3]]) -> Result<()> {
+    image::refuse_texels(path, width, y0, texels, is_bad, "a finite value, zero or positive")
+}
+
+/// A stem without what may not stand in a file's name.
+fn plain_stem(stem: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
+    stem.chars().map(plain).collect()
 }
 
 /// The hash digits in a path that [`Writer::add`] made; `None` for every other path.
@@ -153,7 +168,7 @@ fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
 }
 
 /// A syntax or type error of a JSON file, with its line.
-fn json_error(path: &Path, error: &serde_json::Error) -> Error {
+pub(crate) fn json_error(path: &Path, error: &serde_json::Error) -> Error {
     match error.line() {
         0 => Error::invalid(path.display(), error),
         line => {
@@ -200,6 +215,13 @@ impl Dataset {
 
     /// [`Dataset::open`] without a look at the files.
     pub fn open_manifest(root: &Path) -> Result<Self> {
+        let (dataset, faults) = Self::read_manifest(root)?;
+        faults.into_iter().next().map_or(Ok(dataset), Err)
+    }
+
+    /// Reads `config.json` and gives everything in it that breaks a rule. A set with faults is good for
+    /// [`Dataset::verify_files`] alone.
+    pub fn read_manifest(root: &Path) -> Result<(Self, Vec<Error>)> {
         let manifest = root.join(MANIFEST);
         if !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
@@ -225,8 +247,8 @@ impl Dataset {
             return Err(Error::unsupported(manifest.display(), what));
         }
         let config: Config = serde_json::from_slice(&bytes).map_err(|error| json_error(&manifest, &error))?;
-        check::config(&manifest, &config)?;
-        Ok(Dataset { root: root.to_owned(), config })
+        let faults = check::faults(&manifest, &config);
+        Ok((Dataset { root: root.to_owned(), config }, faults))
     }
 
     /// Every reference to a file, in the manifest's order; one file may come several times.
@@ -298,15 +320,7 @@ impl Dataset {
             .and_then(|size| check::size(&path, size, page))
             .and_then(|()| image::read_exr_rows(&path, y0, y1))
             .map_err(|error| self.with_length(file, error))?;
-        let bad = |value: f32| !value.is_finite() || value < 0.0;
-        image::refuse_texels(
-            &path,
-            page.width as usize,
-            y0,
-            &texels,
-            bad,
-            "a finite value, zero or positive",
-        )?;
+        refuse_light(&path, page.width as usize, y0, &texels)?;
         Ok(texels)
     }
 

@@ -190,7 +190,12 @@ impl<'a> Assembler<'a> {
             add(&mut total, &sky_image);
             add(&mut total, &local);
             let files = self.add(writer, &format!("set-{name}"), &total)?;
-            let maps = files.into_iter().zip(sun).zip(sky).map(|((file, sun), sky)| Map { file, sun, sky });
+            let maps = files.into_iter().zip(sun).zip(sky).map(|((file, sun), sky)| Map {
+                file,
+                sun,
+                sky,
+                local: None,
+            });
             sets.push(Set {
                 hour: moment.hour,
                 groups_on: moment.groups_on.clone(),

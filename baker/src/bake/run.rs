@@ -113,6 +113,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         geometry: Some(glb),
         instances: instances(geometry, &atlas),
         settings,
+        source: None,
     };
     writer.commit(&config)?;
     let forgotten = layers.keep_only(&base, digests);

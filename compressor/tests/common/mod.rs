@@ -77,7 +77,7 @@ impl Scene {
                     hour,
                     groups_on: vec![lamp_is_on(hour)],
                     relative_error: None,
-                    maps: vec![Map { file, sun: None, sky: None }],
+                    maps: vec![Map { file, sun: None, sky: None, local: None }],
                 }
             })
             .collect();
@@ -100,6 +100,7 @@ impl Scene {
             noise: Some(noise),
             geometry: None,
             settings: serde_json::json!({}),
+            source: None,
         };
         writer.commit(&config).unwrap();
     }

@@ -91,6 +91,7 @@ impl<'a> Case<'a> {
                 file: writer.add(&format!("map-{k}"), "exr", &self.image(k).to_exr()).unwrap(),
                 sun: None,
                 sky: None,
+                local: None,
             }],
         };
         let sets = self.hours.iter().enumerate().map(set).collect();
@@ -110,6 +111,7 @@ impl<'a> Case<'a> {
             noise: None,
             geometry: None,
             settings: serde_json::json!({}),
+            source: None,
         };
         writer.commit(&config).unwrap();
     }

@@ -133,7 +133,10 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
         let on = if on.is_empty() { "never on".to_owned() } else { format!("on {}", on.join(", ")) };
         rows.push(row(&format!("Lights “{}”", group.name), on));
     }
-    rows.push(row("Samples per texel", config.samples.to_string()));
+    rows.push(match &config.source {
+        None => row("Samples per texel", config.samples.to_string()),
+        Some(source) => row("Imported from the layout", source.layout.name().to_owned()),
+    });
     rows.push(row("Unit", config.unit.clone()));
     let errors = config.sets.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
     if let Some((error, at)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {

@@ -8,114 +8,119 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// Checks a manifest in itself; `manifest` names it in errors.
-pub(super) fn config(manifest: &Path, config: &Config) -> Result<()> {
-    let wrong = |what: String| Err(Error::invalid(manifest.display(), what));
+/// Everything in a manifest that breaks a rule, in itself; `manifest` names it in errors.
+pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
+    let mut found = Vec::new();
+    let mut wrong = |what: String| found.push(Error::invalid(manifest.display(), what));
     if config.format != FORMAT {
-        return wrong(format!("format is {:?}; expected {FORMAT:?}", config.format));
+        wrong(format!("format is {:?}; expected {FORMAT:?}", config.format));
     }
     if config.version == 0 || config.version > VERSION {
-        return wrong(format!("version is {}; expected 1 to {VERSION}", config.version));
+        wrong(format!("version is {}; expected 1 to {VERSION}", config.version));
     }
     if !is_component(&config.scene) {
-        return wrong(format!("scene is {:?}; expected a name that can be a folder's", config.scene));
+        wrong(format!("scene is {:?}; expected a name that can be a folder's", config.scene));
     }
+    pages(config, &mut wrong);
+    groups(config, &mut wrong);
+    sets(config, &mut wrong);
+    for (index, instance) in config.instances.iter().enumerate() {
+        let (page, pages) = (instance.page as usize, config.pages.len());
+        if page >= pages {
+            let name = &instance.name;
+            wrong(format!("instance {index}, {name:?}: page {page}; expected one of {pages}, from 0"));
+        }
+    }
+    let mut seen = BTreeSet::new();
+    for file in references(config).filter(|file| seen.insert((&file.path, file.bytes, &file.blake3))) {
+        if !is_inside(file) {
+            wrong(format!("path {:?}; expected one inside the dataset's folder, with /", file.path));
+        }
+        if file.bytes == 0 {
+            wrong(format!("{}: bytes is 0; expected the file's length", file.path));
+        }
+        let hex = |digit: u8| matches!(digit, b'0'..=b'9' | b'a'..=b'f');
+        if file.blake3.len() != 64 || !file.blake3.bytes().all(hex) {
+            let found = &file.blake3;
+            wrong(format!("{}: blake3 is {found:?}; expected 64 hexadecimal digits", file.path));
+        }
+    }
+    found
+}
 
-    // Pages.
+fn pages(config: &Config, wrong: &mut impl FnMut(String)) {
     if config.pages.is_empty() {
-        return wrong("no pages".into());
+        wrong("no pages".into());
     }
     for (index, page) in config.pages.iter().enumerate() {
         let side = 1..=MAX_SIDE as u32;
         if !side.contains(&page.width) || !side.contains(&page.height) {
-            return wrong(format!(
-                "page {index}: size {}×{}; expected 1 to {MAX_SIDE}",
-                page.width, page.height
-            ));
+            wrong(format!("page {index}: size {}×{}; expected 1 to {MAX_SIDE}", page.width, page.height));
         }
     }
+}
 
-    // Groups: unique names, hours of the day, layers for each page or none.
+/// Unique names, hours of the day, layers for each page or none.
+fn groups(config: &Config, wrong: &mut impl FnMut(String)) {
     let mut names = BTreeSet::new();
-    let layered = layers_kept(config);
     for group in &config.groups {
         let name = &group.name;
         if name.is_empty() || !names.insert(name) {
-            return wrong(format!("group {name:?}: the name is empty or there twice"));
+            wrong(format!("group {name:?}: the name is empty or there twice"));
         }
         for &[from, to] in &group.on {
             let hours = 0.0..=24.0;
             if !hours.contains(&from) || !hours.contains(&to) || from == to {
-                return wrong(format!(
-                    "group {name:?}: on {from} to {to}; expected two different hours in [0, 24]"
-                ));
+                wrong(format!("group {name:?}: on {from} to {to}; expected two different hours in [0, 24]"));
             }
         }
-        let expected = if layered { config.pages.len() } else { 0 };
+        // What lamps give in an imported set is told by its maps.
+        let (expected, rule) = match (&config.source, layers_kept(config)) {
+            (Some(_), _) => (0, "an imported set has them by the hour"),
+            (None, true) => (config.pages.len(), "all layers or none"),
+            (None, false) => (0, "all layers or none"),
+        };
         if group.layers.len() != expected {
             let pages = count(group.layers.len(), "page");
-            return wrong(format!(
-                "group {name:?}: layers for {pages}; expected {expected} (all layers or none)"
-            ));
+            wrong(format!("group {name:?}: layers for {pages}; expected {expected} ({rule})"));
         }
     }
+}
 
-    // Sets: ascending hours of one day, every list of the right length.
+/// Ascending hours of one day, every list of the right length.
+fn sets(config: &Config, wrong: &mut impl FnMut(String)) {
     if config.sets.is_empty() {
-        return wrong("no sets".into());
+        wrong("no sets".into());
     }
     let mut previous = f64::NEG_INFINITY;
     for (index, set) in config.sets.iter().enumerate() {
         let hour = set.hour;
         if !(0.0..24.0).contains(&hour) || hour <= previous {
-            return wrong(format!("set {index}: hour {hour}; expected ascending hours in [0, 24)"));
+            wrong(format!("set {index}: hour {hour}; expected ascending hours in [0, 24)"));
         }
         previous = hour;
         if set.groups_on.len() != config.groups.len() {
             let (found, expected) = (set.groups_on.len(), config.groups.len());
-            return wrong(format!(
-                "set {index}, hour {hour}: groups_on has {found} entries; expected {expected}"
-            ));
+            wrong(format!("set {index}, hour {hour}: groups_on has {found} entries; expected {expected}"));
         }
         if set.maps.len() != config.pages.len() {
             let (found, expected) = (count(set.maps.len(), "page"), config.pages.len());
-            return wrong(format!("set {index}, hour {hour}: maps for {found}; expected {expected}"));
+            wrong(format!("set {index}, hour {hour}: maps for {found}; expected {expected}"));
+        }
+        if config.source.is_none() && set.maps.iter().any(|map| map.local.is_some()) {
+            wrong(format!("set {index}, hour {hour}: a map has `local`; expected it in imported sets only"));
         }
         if let Some(error) = set.relative_error
             && !(error.is_finite() && error >= 0.0)
         {
-            return wrong(format!("set {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
+            wrong(format!("set {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
         }
     }
+}
 
-    // Instances.
-    for (index, instance) in config.instances.iter().enumerate() {
-        let (page, pages) = (instance.page as usize, config.pages.len());
-        if page >= pages {
-            let name = &instance.name;
-            return wrong(format!(
-                "instance {index}, {name:?}: page {page}; expected one of {pages}, from 0"
-            ));
-        }
-    }
-
-    // Files.
-    for file in references(config) {
-        if !file.path.split('/').all(is_component) {
-            return wrong(format!("path {:?}; expected one inside the dataset's folder, with /", file.path));
-        }
-        if file.bytes == 0 {
-            return wrong(format!("{}: bytes is 0; expected the file's length", file.path));
-        }
-        let hex = |digit: u8| matches!(digit, b'0'..=b'9' | b'a'..=b'f');
-        if file.blake3.len() != 64 || !file.blake3.bytes().all(hex) {
-            return wrong(format!(
-                "{}: blake3 is {:?}; expected 64 hexadecimal digits",
-                file.path, file.blake3
-            ));
-        }
-    }
-    Ok(())
+/// Whether a file's path stays inside the dataset's folder, by its words.
+pub(super) fn is_inside(file: &FileRef) -> bool {
+    file.path.split('/').all(is_component)
 }
 
 /// Checks that every file is there with its length.
@@ -153,18 +158,20 @@ pub(super) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
     let masks = config.pages.iter().map(|page| &page.mask);
     let layers = config.groups.iter().flat_map(|group| &group.layers);
     let maps = config.sets.iter().flat_map(|set| &set.maps);
-    let maps = maps.flat_map(|map| std::iter::once(&map.file).chain(&map.sun).chain(&map.sky));
-    masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry)
+    let maps =
+        maps.flat_map(|map| std::iter::once(&map.file).chain(&map.sun).chain(&map.sky).chain(&map.local));
+    let source = config.source.iter().flat_map(|source| &source.config);
+    masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry).chain(source)
 }
 
-/// Whether the set comes with its layers: any of sun, sky or groups.
-pub(super) fn layers_kept(config: &Config) -> bool {
+/// Whether the set comes with its layers: any of sun, sky, local or groups.
+pub(crate) fn layers_kept(config: &Config) -> bool {
     let maps = || config.sets.iter().flat_map(|set| &set.maps);
     config.groups.iter().any(|group| !group.layers.is_empty())
-        || maps().any(|map| map.sun.is_some() || map.sky.is_some())
+        || maps().any(|map| map.sun.is_some() || map.sky.is_some() || map.local.is_some())
 }
 
 /// Whether a name is one plain component of a path on every system.
-pub(super) fn is_component(name: &str) -> bool {
+pub(crate) fn is_component(name: &str) -> bool {
     !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', ':', '\0'])
 }

@@ -1,136 +1,226 @@
 //! A look at every byte: what `dataset check` does.
 
 use super::{Dataset, check};
-use crate::config::Map;
-use crate::image::Mask;
+use crate::config::{FileRef, Map};
+use crate::console::count;
+use crate::image::{self, Mask};
 use crate::{Error, Result};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+mod sums;
+
+pub(crate) use sums::about_equal;
 
 /// Rows that are held in memory at once.
-const ROWS: usize = 256;
+pub(super) const ROWS: usize = 256;
+/// Longest time, in hours, between a switch and the set that shows a side of it.
+const SWITCH_REACH: f64 = 0.1;
 
 /// What [`Dataset::verify`] found.
 #[derive(Debug, Default)]
 pub struct Verification {
     /// Everything that breaks a rule of the format, in the manifest's order.
     pub faults: Vec<Error>,
+    /// What breaks none, and yet costs quality.
+    pub warnings: Vec<String>,
     /// Valid texels of each page that are black in every set: no fault in itself (no light may reach them), but many
     /// of them speak of texels inside geometry. `None` where a lightmap could not be read.
     pub dead_texels: Vec<Option<usize>>,
 }
 
+/// An image file on one of its pages.
+struct Use<'a> {
+    file: &'a FileRef,
+    page: usize,
+    /// Whether it is a lightmap there, or a layer.
+    is_map: bool,
+}
+
 impl Dataset {
     /// Number of times that [`Dataset::verify`] calls `step`.
     pub fn verify_steps(&self) -> usize {
-        self.distinct_files().len() + self.config.sets.len() * self.config.pages.len()
+        let sums = if check::layers_kept(&self.config) { self.maps().count() } else { 0 };
+        self.distinct_files().len() + self.images().len() + sums
     }
 
-    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, that lightmaps are finite and
-    /// not negative, and where layers are kept that each is (sun + sky) + local bit for bit.
+    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, that images are finite and not
+    /// negative, that sets show the lamps as the schedules have them, and where layers are kept that each lightmap is
+    /// (sun + sky) + local: bit for bit, about so in imported sets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
-        let mut found = Verification::default();
-
-        // Lengths and checksums of all files, each once.
-        let distinct = self.distinct_files();
-        let checksums = distinct.par_iter().map(|file| {
-            let result = self.check_content(file);
-            step();
-            result
-        });
-        let checksums: Vec<Result<()>> = checksums.collect();
-        let mut broken: Vec<&str> = Vec::new();
-        for (file, result) in distinct.iter().zip(checksums) {
-            if let Err(fault) = result {
-                broken.push(&file.path);
-                found.faults.push(fault);
-            }
-        }
+        let (faults, broken) = self.verify_files(&step);
+        let mut broken: BTreeSet<String> = broken;
+        let mut found = Verification { faults, warnings: self.unseen_switches(), dead_texels: Vec::new() };
+        found.faults.extend(self.wrong_states());
 
         // Content, of files that are what the manifest says; the others are reported already.
         if let Some(noise) = &self.config.noise
-            && !broken.contains(&&*noise.path)
+            && !broken.contains(&noise.path)
         {
             found.faults.extend(self.noise().err());
         }
+        let images = self.images();
         for page in 0..self.config.pages.len() {
             let mask = match self.mask(page) {
                 Ok(mask) => Some(mask),
                 Err(fault) => {
-                    if !broken.contains(&&*self.config.pages[page].mask.path) {
+                    if !broken.contains(&self.config.pages[page].mask.path) {
                         found.faults.push(fault);
                     }
                     None
                 }
             };
-            let sets = (0..self.config.sets.len()).into_par_iter().map(|set| {
-                let map = &self.config.sets[set].maps[page];
-                let readable = !self.files_of(set, page, map).iter().any(|path| broken.contains(path));
-                let result = if readable { self.verify_map(set, page).map(Some) } else { Ok(None) };
+            // One bit per texel, whatever the number of sets.
+            let lit = mask.as_ref().map(|mask| Bits::new(mask.valid.len()));
+            let uses: Vec<&Use> = images.iter().filter(|used| used.page == page).collect();
+            let seen = uses.par_iter().map(|used| {
+                let readable = !broken.contains(&used.file.path);
+                let result = if readable { self.verify_texels(used, lit.as_ref()) } else { Ok(()) };
                 step();
-                result
+                (readable && result.is_ok(), result.err())
             });
-            let lit: Vec<Result<Option<Vec<bool>>>> = sets.collect();
-            found.dead_texels.push(dead_texels(mask.as_ref(), lit, &mut found.faults));
+            let seen: Vec<(bool, Option<Error>)> = seen.collect();
+            let mut all_read = true;
+            for (used, (whole, fault)) in uses.iter().zip(seen) {
+                all_read &= whole || !used.is_map;
+                if !whole {
+                    broken.insert(used.file.path.clone());
+                }
+                found.faults.extend(fault);
+            }
+            let read = mask.as_ref().zip(lit).filter(|_| all_read);
+            let dead = |(mask, lit): (&Mask, Bits)| {
+                (0..mask.valid.len()).filter(|&i| mask.valid[i] && !lit.get(i)).count()
+            };
+            found.dead_texels.push(read.map(dead));
+            found.faults.extend(self.verify_sums(page, mask.as_ref(), &broken, &step));
         }
         found
     }
 
-    /// Paths of the files that the map of a set on a page is made of.
-    fn files_of<'a>(&'a self, set: usize, page: usize, map: &'a Map) -> Vec<&'a str> {
-        let on = &self.config.sets[set].groups_on;
-        let groups = self.config.groups.iter().zip(on).filter(|(_, on)| **on);
-        let layers = groups.filter_map(|(group, _)| group.layers.get(page));
-        std::iter::once(&map.file)
-            .chain(&map.sun)
-            .chain(&map.sky)
-            .chain(layers)
-            .map(|file| &*file.path)
-            .collect()
+    /// Checks length and checksum of all files, each once; gives the faults, and the paths of the files that have any. Calls
+    /// `step` for each file.
+    pub fn verify_files(&self, step: impl Fn() + Sync) -> (Vec<Error>, BTreeSet<String>) {
+        let distinct = self.distinct_files();
+        let checked = distinct.par_iter().map(|file| {
+            // A path that leads elsewhere is the manifest's fault, told by who read it.
+            let result = if check::is_inside(file) { self.check_content(file) } else { Ok(()) };
+            step();
+            result
+        });
+        let checked: Vec<Result<()>> = checked.collect();
+        let broken = distinct.iter().zip(&checked).filter(|(_, result)| result.is_err());
+        let broken = broken.map(|(file, _)| file.path.clone()).collect();
+        (checked.into_iter().filter_map(Result::err).collect(), broken)
     }
 
-    /// Checks one map, row block by row block; returns which texels are not black.
-    fn verify_map(&self, set: usize, page: usize) -> Result<Vec<bool>> {
-        let map = &self.config.sets[set].maps[page];
-        let (width, height) =
-            (self.config.pages[page].width as usize, self.config.pages[page].height as usize);
-        let layered = check::layers_kept(&self.config);
-        let mut lit = Vec::with_capacity(width * height);
+    /// Checks the texels of an image, and marks those that a lightmap lights. The error names the first that is wrong and how
+    /// many there are.
+    fn verify_texels(&self, used: &Use, lit: Option<&Bits>) -> Result<()> {
+        let page = &self.config.pages[used.page];
+        let (width, height) = (page.width as usize, page.height as usize);
+        let path = self.path(used.file);
+        let size = image::read_exr_size(&path)?;
+        check::size(&path, size, page)?;
+        let mut wrong: Option<(Error, usize)> = None;
         for y0 in (0..height).step_by(ROWS) {
             crate::console::stop_if_interrupted()?;
-            let y1 = (y0 + ROWS).min(height);
-            let texels = self.image_rows(&map.file, page, y0, y1)?;
-            if layered {
-                // (sun + sky) + local; an absent layer is black.
-                let layer = |file| self.image_rows(file, page, y0, y1);
-                let black = || vec![[0.0f32; 3]; texels.len()];
-                let mut sum = map.sun.as_ref().map_or_else(|| Ok(black()), layer)?;
-                add(&mut sum, &map.sky.as_ref().map_or_else(|| Ok(black()), layer)?);
-                let mut local = black();
-                for (group, on) in self.config.groups.iter().zip(&self.config.sets[set].groups_on) {
-                    if *on {
-                        add(&mut local, &layer(&group.layers[page])?);
-                    }
-                }
-                add(&mut sum, &local);
-                let same = |a: &[f32; 3], b: &[f32; 3]| a.map(f32::to_bits) == b.map(f32::to_bits);
-                if let Some(index) = texels.iter().zip(&sum).position(|(texel, sum)| !same(texel, sum)) {
-                    let place = self.path(&map.file);
-                    let place =
-                        format!("{}, texel ({}, {})", place.display(), index % width, y0 + index / width);
-                    let what = format!("{:?}; its layers sum to {:?}", texels[index], sum[index]);
-                    return Err(Error::invalid(place, what));
+            let texels = image::read_exr_rows(&path, y0, (y0 + ROWS).min(height))?;
+            let first = super::refuse_light(&path, width, y0, &texels).err();
+            let number = texels.iter().filter(|texel| texel.iter().any(|&v| super::is_bad(v))).count();
+            if let Some((_, all)) = &mut wrong {
+                *all += number;
+            } else {
+                wrong = first.map(|error| (error, number));
+            }
+            if let Some(lit) = lit.filter(|_| used.is_map) {
+                let not_black = texels.iter().enumerate().filter(|(_, texel)| **texel != [0.0; 3]);
+                not_black.for_each(|(i, _)| lit.set(y0 * width + i));
+            }
+        }
+        wrong.map_or(Ok(()), |(error, number)| Err(and_others(error, number - 1)))
+    }
+
+    /// Sets that show a group on while its schedule has it off, or the other way round.
+    fn wrong_states(&self) -> Vec<Error> {
+        let manifest = self.root.join(super::MANIFEST);
+        let mut faults = Vec::new();
+        for (index, set) in self.config.sets.iter().enumerate() {
+            for (group, &on) in self.config.groups.iter().zip(&set.groups_on) {
+                if group.is_on(set.hour).is_some_and(|expected| expected != on) {
+                    let (name, hour) = (&group.name, set.hour);
+                    let what = format!(
+                        "set {index}, hour {hour}: groups_on is {on} for {name:?}; its schedule says {}",
+                        !on
+                    );
+                    faults.push(Error::invalid(manifest.display(), what));
                 }
             }
-            lit.extend(texels.iter().map(|texel| *texel != [0.0; 3]));
         }
-        Ok(lit)
+        faults
+    }
+
+    /// Switches between the first and the last set of which a side is shown by no set close to it.
+    fn unseen_switches(&self) -> Vec<String> {
+        let sets = &self.config.sets;
+        let mut unseen = Vec::new();
+        for (g, group) in self.config.groups.iter().enumerate() {
+            let shown = |at: f64, on: bool| {
+                // At the very instant lamps are off.
+                sets.iter().any(|s| (s.hour - at).abs() < SWITCH_REACH + 1e-6 && s.groups_on[g] == on)
+            };
+            let mut ends: Vec<f64> = group.on.iter().flatten().copied().collect();
+            ends.sort_by(f64::total_cmp);
+            ends.dedup();
+            for at in ends {
+                let [before, after] = [-1e-3, 1e-3].map(|d| group.is_on((at + d).rem_euclid(24.0)));
+                if before == after || !(sets[0].hour < at && at < sets[sets.len() - 1].hour) {
+                    continue;
+                }
+                for on in [before, after].into_iter().flatten().filter(|&on| !shown(at, on)) {
+                    let (name, state) = (&group.name, if on { "on" } else { "off" });
+                    unseen.push(format!(
+                        "group {name:?} switches at {at} h; no set within {SWITCH_REACH} h shows it {state}, so that light \
+                         near the switch is that of a set farther away"
+                    ));
+                }
+            }
+        }
+        unseen
+    }
+
+    /// The maps with their set and page.
+    fn maps(&self) -> impl Iterator<Item = (usize, usize, &Map)> {
+        let sets = self.config.sets.iter().enumerate();
+        sets.flat_map(|(set, of)| of.maps.iter().enumerate().map(move |(page, map)| (set, page, map)))
+    }
+
+    /// The lightmaps and layers, each once per page that it stands for.
+    fn images(&self) -> Vec<Use<'_>> {
+        let layers = self.config.groups.iter().flat_map(|group| group.layers.iter().enumerate());
+        let layers = layers.map(|(page, file)| Use { file, page, is_map: false });
+        let maps = self.maps().flat_map(|(_, page, map)| {
+            let own = Use { file: &map.file, page, is_map: true };
+            let shares = map.sun.iter().chain(&map.sky).chain(&map.local);
+            std::iter::once(own).chain(shares.map(move |file| Use { file, page, is_map: false }))
+        });
+        let mut place: BTreeMap<(&str, usize), usize> = BTreeMap::new();
+        let mut images: Vec<Use> = Vec::new();
+        for used in layers.chain(maps) {
+            let at = *place.entry((&used.file.path, used.page)).or_insert(images.len());
+            match images.get_mut(at) {
+                Some(known) => known.is_map |= used.is_map,
+                None => images.push(used),
+            }
+        }
+        images
     }
 
     /// The files the manifest names, each once, in its order.
-    fn distinct_files(&self) -> Vec<&crate::config::FileRef> {
+    fn distinct_files(&self) -> Vec<&FileRef> {
         let mut order = Vec::new();
-        let mut seen: BTreeMap<&str, Vec<&crate::config::FileRef>> = BTreeMap::new();
+        let mut seen: BTreeMap<&str, Vec<&FileRef>> = BTreeMap::new();
         for file in check::references(&self.config) {
             let same_path = seen.entry(&file.path).or_default();
             // Entries that state different content for one path are looked at each.
@@ -143,32 +233,29 @@ impl Dataset {
     }
 }
 
-fn add(sum: &mut [[f32; 3]], addend: &[[f32; 3]]) {
-    for (sum, addend) in sum.iter_mut().zip(addend) {
-        *sum = std::array::from_fn(|channel| sum[channel] + addend[channel]);
+/// An error that names the first of several.
+fn and_others(error: Error, others: usize) -> Error {
+    match (error, others) {
+        (Error::Invalid { place, what }, 1..) => {
+            Error::invalid(place, format!("{what} ({} more like it)", count(others, "texel")))
+        }
+        (error, _) => error,
     }
 }
 
-/// Valid texels that no set lights; faults of the sets go to `faults`.
-fn dead_texels(
-    mask: Option<&Mask>,
-    lit: Vec<Result<Option<Vec<bool>>>>,
-    faults: &mut Vec<Error>,
-) -> Option<usize> {
-    let mut dead = mask.map(|mask| mask.valid.clone());
-    for set in lit {
-        match set {
-            Ok(Some(lit)) => {
-                if let Some(dead) = &mut dead {
-                    dead.iter_mut().zip(lit).for_each(|(dead, lit)| *dead &= !lit);
-                }
-            }
-            Ok(None) => dead = None,
-            Err(fault) => {
-                dead = None;
-                faults.push(fault);
-            }
-        }
+/// A bit per texel, set from any thread.
+struct Bits(Vec<AtomicU64>);
+
+impl Bits {
+    fn new(texels: usize) -> Self {
+        Bits((0..texels.div_ceil(64)).map(|_| AtomicU64::new(0)).collect())
     }
-    dead.map(|dead| dead.iter().filter(|&&dead| dead).count())
+
+    fn set(&self, i: usize) {
+        self.0[i / 64].fetch_or(1 << (i % 64), Ordering::Relaxed);
+    }
+
+    fn get(&self, i: usize) -> bool {
+        self.0[i / 64].load(Ordering::Relaxed) >> (i % 64) & 1 == 1
+    }
 }

@@ -83,7 +83,7 @@ pub fn write_set(root: &Path, sizes: &[(usize, usize)], seed: u64) -> Result<Con
             let file = add("set", &whole)?;
             let sun = sun.map(|image| add("sun", &image)).transpose()?;
             let sky = sky.map(|image| add("sky", &image)).transpose()?;
-            set.maps.push(Map { file, sun, sky });
+            set.maps.push(Map { file, sun, sky, local: None });
         }
     }
     let mse = sets.iter().map(|_| {
@@ -111,6 +111,7 @@ pub fn write_set(root: &Path, sizes: &[(usize, usize)], seed: u64) -> Result<Con
         noise: Some(noise),
         geometry: Some(geometry),
         settings: serde_json::json!({"b": 1, "a": [2.5]}),
+        source: None,
     };
     writer.commit(&config)?;
     Ok(config)

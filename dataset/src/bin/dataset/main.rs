@@ -1,16 +1,19 @@
-//! `dataset`: looks at temporal lightmap sets.
+//! `dataset`: looks at temporal lightmap sets, and exchanges them with others.
+
+mod exchange;
 
 use clap::{Parser, Subcommand};
 use dataset::config::Config;
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
-use dataset::store::Dataset;
+use dataset::exchange::lightmaps_of;
+use dataset::store::{Dataset, Verification};
 use dataset::{Error, Result};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Looks at temporal lightmap sets: what is in one, and whether it is whole.
+/// Looks at temporal lightmap sets: what is in one, and whether it is whole; reads and writes the layouts of others.
 #[derive(Parser)]
 #[command(
     version,
@@ -18,7 +21,10 @@ use std::process::ExitCode;
 Examples:
   dataset info dataset/yard            scene, pages, hours, light groups, sizes
   dataset check dataset/yard           every checksum, every texel; names each fault
-  dataset check dataset/yard --json    the same for a program; exit code 1 with faults"
+  dataset check dataset/yard --json    the same for a program; exit code 1 with faults
+  dataset import contest --layout hprc2 --out dataset/contest
+  dataset import renders --pattern 'light_{hour}.exr' --mask mask.png --out dataset/hall
+  dataset export dataset/yard --layout hprc1 --out yard-hprc1"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -32,7 +38,8 @@ enum Command {
     /// Prints what a set holds.
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
-    /// valid_texels}], groups [{name, on, layers}], sets [{hour, on, relative_error}].
+    /// valid_texels}], groups [{name, on, layers}], sets [{hour, on, relative_error}], source (null, or of an imported set:
+    /// {layout, replaced_values, lightmaps [{id, level}]}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
     Info {
         /// The folder that holds config.json.
@@ -42,14 +49,52 @@ enum Command {
     /// Verifies everything a consumer relies on, and names each fault.
     ///
     /// Checks the manifest, each file's length and checksum, masks, the noise file, that all texels are finite and not
-    /// negative, and, where layers are kept, that each lightmap is (sun + sky) + local bit for bit.
-    /// With --json, one object: ok, faults [text], files, bytes, sets, dead_texels [per page; null where unknown], seconds.
+    /// negative, that sets show each group as its schedule has it, and, where layers are kept, that each lightmap is
+    /// (sun + sky) + local: bit for bit, in imported sets to 1/1024 on surfaces. Warns of switches that no set stands close to.
+    /// With --json, one object: ok, faults [text], warnings [text], files, bytes, sets, dead_texels [per page; null where
+    /// unknown], seconds.
     #[command(after_help = "Example:\n  dataset check dataset/yard")]
     Check {
         /// The folder that holds config.json.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
+    /// Makes a dataset of lightmaps in another layout.
+    ///
+    /// FROM is a folder in the layout hprc1 or hprc2, a folder of EXR files (float or half; R, G, B, or names such as
+    /// Layer.R, red, Y), or a TOML file:
+    ///
+    ///   unit = "kilolux"            # optional, as is [[group]], and [[page]] where there are no masks
+    ///   layer = "Combined"          # for EXR files of several layers
+    ///   [[page]]
+    ///   mask = "mask.png"
+    ///   [[set]]
+    ///   hour = 5.9
+    ///   files = ["dawn.exr"]        # one per page
+    ///   [[group]]
+    ///   name = "lamps"
+    ///   on = [[18.0, 6.0]]
+    ///
+    /// Every bit of the texels is kept; outside the masks values that are negative or not finite become 0, on surfaces they are
+    /// an error. With --json, one object: out, layout, scene, pages, hours, groups, layers, replaced_values, seconds.
+    #[command(
+        verbatim_doc_comment,
+        after_help = "\
+Examples:
+  dataset import contest --layout hprc2 --out dataset/contest
+  dataset import renders --pattern 'light_{hour}.exr' --mask mask.png --out dataset/hall
+  dataset import renders/hall.toml --out dataset/hall"
+    )]
+    Import(exchange::Import),
+    /// Writes a dataset in the layout hprc1 or hprc2.
+    ///
+    /// Says what the layout has no place for. A set that was imported from the same layout gives the same bytes again.
+    /// With --json, one object: out, layout, lightmaps, hours, left_out [text], files, bytes, seconds.
+    #[command(after_help = "\
+Examples:
+  dataset export dataset/yard --layout hprc1 --out yard-hprc1
+  dataset export dataset/yard --layout hprc2 --out yard-hprc2")]
+    Export(exchange::Export),
 }
 
 fn main() -> ExitCode {
@@ -59,6 +104,8 @@ fn main() -> ExitCode {
     let result = match &arguments.command {
         Command::Info { folder } => info(&console, folder).map(|()| ExitCode::SUCCESS),
         Command::Check { folder } => check(&console, folder),
+        Command::Import(import) => import.run(&console).map(|()| ExitCode::SUCCESS),
+        Command::Export(export) => export.run(&console).map(|()| ExitCode::SUCCESS),
     };
     result.unwrap_or_else(|error| fail(&error))
 }
@@ -70,11 +117,30 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         .map(|page| dataset.mask(page).map(|mask| mask.count()))
         .collect::<Result<_>>()?;
     let (files, bytes) = extent(&dataset);
+    let lightmaps = lightmaps_of(&dataset)?;
 
-    console.print(format!("{}: written by {}, seed {}", config.scene, config.generator, config.seed));
-    for (page, valid) in config.pages.iter().zip(&valid) {
+    match &config.source {
+        None => {
+            console.print(format!("{}: written by {}, seed {}", config.scene, config.generator, config.seed))
+        }
+        Some(source) => {
+            let (by, layout) = (&config.generator, source.layout.name());
+            console.print(format!("{}: imported from the layout {layout} by {by}", config.scene));
+            if source.replaced_values > 0 {
+                let replaced = count(source.replaced_values as usize, "value");
+                console.print(format!("  {replaced} outside the masks were no light and are 0"));
+            }
+        }
+    }
+    let names = lightmaps.as_deref().unwrap_or_default();
+    for (index, (page, valid)) in config.pages.iter().zip(&valid).enumerate() {
         let share = 100.0 * *valid as f64 / (f64::from(page.width) * f64::from(page.height));
-        console.print(format!("  page   {}×{} texels, {share:.1} % on surfaces", page.width, page.height));
+        let name = names.get(index).map_or(String::new(), |lightmap| match &lightmap.level {
+            Some(level) => format!("  lightmap {} of {level}", lightmap.id),
+            None => format!("  lightmap {}", lightmap.id),
+        });
+        console
+            .print(format!("  page   {}×{} texels, {share:.1} % on surfaces{name}", page.width, page.height));
     }
     for group in &config.groups {
         let on: Vec<String> = group.on.iter().map(|[from, to]| format!("{from} to {to} h")).collect();
@@ -112,6 +178,13 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         "pages": pages.collect::<Vec<_>>(),
         "groups": groups.collect::<Vec<_>>(),
         "sets": sets.collect::<Vec<_>>(),
+        "source": config.source.as_ref().map(|source| json!({
+            "layout": source.layout.name(),
+            "replaced_values": source.replaced_values,
+            "lightmaps": lightmaps.unwrap_or_default().iter()
+                .map(|lightmap| json!({ "id": lightmap.id, "level": lightmap.level }))
+                .collect::<Vec<_>>(),
+        })),
     }))?;
     Ok(())
 }
@@ -119,15 +192,19 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
 fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     let start = std::time::Instant::now();
     // Lengths are part of the check, so that one missing file does not hide the others.
-    let (opened, verification) = match Dataset::open_manifest(folder) {
-        Ok(dataset) => {
+    let (opened, verification) = match Dataset::read_manifest(folder) {
+        Ok((dataset, faults)) if faults.is_empty() => {
             let progress = console.progress("checking", dataset.verify_steps() as u64);
             let verification = dataset.verify(|| progress.advance(1));
             (Some(dataset), verification)
         }
+        // What the files hold depends on a manifest that can be relied on.
+        Ok((dataset, mut faults)) => {
+            faults.extend(dataset.verify_files(|| ()).0);
+            (Some(dataset), Verification { faults, ..Verification::default() })
+        }
         Err(fault @ (Error::Invalid { .. } | Error::Unsupported { .. })) => {
-            let faults = vec![fault];
-            (None, dataset::store::Verification { faults, dead_texels: Vec::new() })
+            (None, Verification { faults: vec![fault], ..Verification::default() })
         }
         Err(error) => return Err(error),
     };
@@ -136,6 +213,9 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     }
     for fault in &verification.faults {
         console.error(fault);
+    }
+    for warning in &verification.warnings {
+        console.warn(warning);
     }
     for (page, dead) in verification.dead_texels.iter().enumerate() {
         if let Some(dead @ 1..) = dead {
@@ -157,6 +237,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     console.result(&json!({
         "ok": ok,
         "faults": faults,
+        "warnings": verification.warnings,
         "files": files,
         "bytes": bytes,
         "sets": sets,

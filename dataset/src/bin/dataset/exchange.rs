@@ -1,0 +1,144 @@
+//! `dataset import` and `dataset export`.
+
+use clap::{Args, ValueEnum};
+use dataset::config::Layout;
+use dataset::console::{Console, count};
+use dataset::exchange::{Origin, export, import};
+use dataset::store::Dataset;
+use dataset::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Layouts that both commands know.
+#[derive(Clone, Copy, ValueEnum)]
+enum LayoutName {
+    /// Folders by light type (Original, DirectionalOnly, SkyLightOnly, LocalOnly, Mask), times 1 to 24.
+    Hprc1,
+    /// config.json, which names every file, and Data/.
+    Hprc2,
+}
+
+impl LayoutName {
+    fn layout(self) -> Layout {
+        match self {
+            LayoutName::Hprc1 => Layout::Hprc1,
+            LayoutName::Hprc2 => Layout::Hprc2,
+        }
+    }
+}
+
+#[derive(Args)]
+pub struct Import {
+    /// The folder to read, or a TOML file that names EXR files.
+    #[arg(value_name = "FROM")]
+    from: PathBuf,
+    /// The dataset to make: a new folder, whose name becomes the scene's.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The folder's layout.
+    #[arg(long, conflicts_with = "pattern")]
+    layout: Option<LayoutName>,
+    /// The folder holds EXR files of this name; {hour} stands for 6, 06 or 5.9 (24 is 0).
+    #[arg(long, value_name = "NAME")]
+    pattern: Option<String>,
+    /// A picture (PNG, JPEG, EXR), light where texels are valid [default: all are].
+    #[arg(long, value_name = "FILE", requires = "pattern")]
+    mask: Option<PathBuf>,
+    /// The layer of EXR files that have several, such as ViewLayer.Combined.
+    #[arg(long, value_name = "NAME", requires = "pattern")]
+    layer: Option<String>,
+}
+
+#[derive(Args)]
+pub struct Export {
+    /// The dataset: the folder that holds config.json.
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// The layout to write.
+    #[arg(long)]
+    layout: LayoutName,
+    /// The new folder to write.
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+}
+
+impl Import {
+    fn origin(&self) -> Result<Origin> {
+        let from = || self.from.clone();
+        match (self.layout, &self.pattern) {
+            (Some(layout), _) => Ok(Origin::Folder(layout.layout(), from())),
+            (None, Some(pattern)) => Ok(Origin::Pattern {
+                folder: from(),
+                pattern: pattern.clone(),
+                mask: self.mask.clone(),
+                layer: self.layer.clone(),
+            }),
+            (None, None) if self.from.extension().is_some_and(|e| e == "toml") => Ok(Origin::Table(from())),
+            (None, None) => Err(Error::invalid(
+                self.from.display(),
+                "expected --layout hprc1 or hprc2, --pattern for EXR files, or a TOML file",
+            )),
+        }
+    }
+
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let start = std::time::Instant::now();
+        let config = import(&self.origin()?, &self.out, console)?;
+        let source = config.source.as_ref();
+        let replaced = source.map_or(0, |source| source.replaced_values);
+        if replaced > 0 {
+            let found = count(replaced as usize, "value");
+            console.warn(format!("{found} outside the masks were negative or not finite; they are 0 now"));
+        }
+        let layers = config
+            .sets
+            .iter()
+            .flat_map(|set| &set.maps)
+            .any(|map| [&map.sun, &map.sky, &map.local].into_iter().any(Option::is_some));
+        let out = self.out.display();
+        let (pages, sets) = (count(config.pages.len(), "page"), count(config.sets.len(), "set"));
+        console.say(format!("{out}: {pages}, {sets}, layers {}", if layers { "kept" } else { "not known" }));
+        match &*config.groups {
+            [] => console.say("no light group: light goes evenly from set to set"),
+            groups => groups.iter().for_each(|group| {
+                console.say(format!("light group {:?}: on {:?} h", group.name, group.on));
+            }),
+        }
+        console.result(&json!({
+            "out": self.out,
+            "layout": source.map(|source| source.layout.name()),
+            "scene": config.scene,
+            "pages": config.pages.len(),
+            "hours": config.sets.iter().map(|set| set.hour).collect::<Vec<_>>(),
+            "groups": config.groups.iter().map(|group| &group.name).collect::<Vec<_>>(),
+            "layers": layers,
+            "replaced_values": replaced,
+            "seconds": start.elapsed().as_secs_f64(),
+        }))
+    }
+}
+
+impl Export {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let start = std::time::Instant::now();
+        let dataset = Dataset::open(&self.folder)?;
+        let exported = export(&dataset, self.layout.layout(), &self.out, console)?;
+        for what in &exported.left_out {
+            console.say(format!("left out: {what}"));
+        }
+        let (files, hours) = (count(exported.files, "file"), count(exported.hours.len(), "hour"));
+        let size = exported.bytes as f64 / 1e6;
+        let pages = count(dataset.config.pages.len(), "lightmap");
+        console.say(format!("{}: {pages}, {hours}, {files}, {size:.1} MB", self.out.display()));
+        console.result(&json!({
+            "out": self.out,
+            "layout": self.layout.layout().name(),
+            "lightmaps": dataset.config.pages.len(),
+            "hours": exported.hours,
+            "left_out": exported.left_out,
+            "files": exported.files,
+            "bytes": exported.bytes,
+            "seconds": start.elapsed().as_secs_f64(),
+        }))
+    }
+}

@@ -1,0 +1,198 @@
+//! Incoming light becomes a dataset.
+
+use super::incoming::{Incoming, IncomingPage, IncomingSet, Light};
+use super::raw::block_rows;
+use crate::config::{Config, FORMAT, FileRef, Map, Page, Set, Source, VERSION};
+use crate::console::{Progress, stop_if_interrupted};
+use crate::image::{Mask, write_exr};
+use crate::store::{Staged, Writer, about_equal, is_bad, refuse_light};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Rows of light that are read in all: what [`convert`] tells the progress.
+pub(super) fn work(incoming: &Incoming) -> u64 {
+    let images = |set: &IncomingSet| 1 + 2 * set.shares.iter().flatten().count() as u64;
+    incoming.pages.iter().map(|p| p.height as u64 * p.sets.iter().map(images).sum::<u64>()).sum()
+}
+
+/// Writes a dataset into an empty folder; gives its manifest.
+pub(super) fn convert(incoming: &Incoming, root: &Path, scene: &str, progress: &Progress) -> Result<Config> {
+    let mut writer = Writer::create(root)?;
+    let replaced = AtomicU64::new(0);
+    let groups = &incoming.groups;
+    let on = |hour: f64| groups.iter().map(|group| group.is_on(hour) == Some(true)).collect();
+    let set = |&hour: &f64| Set { hour, groups_on: on(hour), relative_error: None, maps: Vec::new() };
+    let mut sets: Vec<Set> = incoming.hours.iter().map(set).collect();
+    let mut pages = Vec::new();
+    for (index, page) in incoming.pages.iter().enumerate() {
+        let mask = page.mask()?;
+        let png = writer.add(&format!("mask{index}"), "png", &mask.to_png())?;
+        pages.push(Page { width: page.width as u32, height: page.height as u32, mask: png });
+        let stage = |set: &IncomingSet| {
+            let job = Job { writer: &writer, page, mask: &mask, replaced: &replaced, progress };
+            job.stage(set)
+        };
+        let staged: Vec<Result<StagedSet>> = page.sets.par_iter().map(stage).collect();
+        for (set, staged) in sets.iter_mut().zip(staged) {
+            let StagedSet { whole, shares } = staged?;
+            let stem = |kind: &str| format!("{kind}{index}-{:.4}", set.hour);
+            let mut adopt = |kind: &str, staged: Option<Staged>| -> Result<Option<FileRef>> {
+                staged.map(|staged| writer.adopt(staged, &stem(kind), "exr")).transpose()
+            };
+            let [sun, sky, local] = shares;
+            let map = Map {
+                file: adopt("set", Some(whole))?.expect("a staged file"),
+                sun: adopt("sun", sun)?,
+                sky: adopt("sky", sky)?,
+                local: adopt("local", local)?,
+            };
+            set.maps.push(map);
+        }
+    }
+    let layout = incoming.layout;
+    let told = incoming.config.as_ref();
+    let told = told.map(|bytes| writer.add("source", "json", bytes)).transpose()?;
+    let config = Config {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        scene: scene.to_owned(),
+        generator: concat!("dataset import ", env!("CARGO_PKG_VERSION")).to_owned(),
+        unit: incoming.unit.clone(),
+        seed: 0,
+        inputs: digest(&pages, &sets),
+        samples: 0,
+        pages,
+        groups: groups.clone(),
+        sets,
+        noise: None,
+        geometry: None,
+        instances: Vec::new(),
+        settings: serde_json::json!({}),
+        source: Some(Source { layout, config: told, replaced_values: replaced.into_inner() }),
+    };
+    writer.commit(&config)?;
+    Ok(config)
+}
+
+/// Digest of all texels.
+fn digest(pages: &[Page], sets: &[Set]) -> String {
+    let masks = pages.iter().map(|page| &page.mask);
+    let maps = sets.iter().flat_map(|set| &set.maps);
+    let maps = maps.flat_map(|map| [Some(&map.file), map.sun.as_ref(), map.sky.as_ref(), map.local.as_ref()]);
+    let mut hasher = blake3::Hasher::new();
+    for file in masks.map(Some).chain(maps) {
+        hasher.update(file.map_or("-", |file| &file.blake3).as_bytes());
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// The files of a lightmap at one hour; black shares are none.
+struct StagedSet {
+    whole: Staged,
+    shares: [Option<Staged>; 3],
+}
+
+/// A page at work.
+struct Job<'a> {
+    writer: &'a Writer,
+    page: &'a IncomingPage,
+    mask: &'a Mask,
+    replaced: &'a AtomicU64,
+    progress: &'a Progress,
+}
+
+impl Job<'_> {
+    fn stage(&self, set: &IncomingSet) -> Result<StagedSet> {
+        let mut shares = [None, None, None];
+        if let Some(sources) = &set.shares {
+            self.expect_sum(&set.whole, sources)?;
+            for (share, source) in shares.iter_mut().zip(sources) {
+                *share = Some(self.image(source)?).filter(|(_, black)| !black).map(|(staged, _)| staged);
+            }
+        }
+        Ok(StagedSet { whole: self.image(&set.whole)?.0, shares })
+    }
+
+    /// Writes an image; tells also whether it is black to the bit.
+    fn image(&self, source: &Light) -> Result<(Staged, bool)> {
+        let (width, height) = (self.page.width, self.page.height);
+        let rows = block_rows(width);
+        let (mut block, mut black) = (Vec::new(), true);
+        let staged = self.writer.stage(|path, out| {
+            write_exr(path, out, (width, height), |y, row| {
+                if y.is_multiple_of(rows) {
+                    stop_if_interrupted()?;
+                    let y1 = (y + rows).min(height);
+                    block = source.rows(y, y1)?;
+                    self.clean(source, y, &mut block)?;
+                    black &= block.iter().flatten().all(|value| value.to_bits() == 0);
+                    self.progress.advance((y1 - y) as u64);
+                }
+                row.copy_from_slice(&block[y % rows * width..][..width]);
+                Ok(())
+            })
+        })?;
+        Ok((staged, black))
+    }
+
+    /// Bad values are an error on a surface and 0 elsewhere.
+    fn clean(&self, source: &Light, y0: usize, block: &mut [[f32; 3]]) -> Result<()> {
+        let width = self.page.width;
+        let mut replaced = 0;
+        for (i, texel) in block.iter_mut().enumerate() {
+            if !texel.iter().any(|&value| is_bad(value)) {
+                continue;
+            }
+            let y = y0 + i / width;
+            if self.mask.valid[y0 * width + i] {
+                // One row whose only bad texel is this one names the place.
+                let mut row = vec![[0.0; 3]; width];
+                row[i % width] = *texel;
+                return refuse_light(source.path(y), width, y, &row);
+            }
+            for value in texel.iter_mut().filter(|value| is_bad(**value)) {
+                *value = 0.0;
+                replaced += 1;
+            }
+        }
+        self.replaced.fetch_add(replaced, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// An error unless light is the sum of its shares on every surface.
+    fn expect_sum(&self, whole: &Light, shares: &[Light; 3]) -> Result<()> {
+        let (width, height) = (self.page.width, self.page.height);
+        let rows = block_rows(width);
+        for y0 in (0..height).step_by(rows) {
+            stop_if_interrupted()?;
+            let y1 = (y0 + rows).min(height);
+            let texels = whole.rows(y0, y1)?;
+            let mut of: Vec<Vec<[f32; 3]>> = Vec::with_capacity(3);
+            for share in shares {
+                of.push(share.rows(y0, y1)?);
+            }
+            for (i, texel) in texels.iter().enumerate().filter(|(i, _)| self.mask.valid[y0 * width + i]) {
+                let [sun, sky, local] = [0, 1, 2].map(|share| of[share][i]);
+                let bad = |texel: &[f32; 3]| texel.iter().any(|&value| is_bad(value));
+                // Values that are no light are told when they are converted.
+                if [texel, &sun, &sky, &local].into_iter().any(bad) {
+                    continue;
+                }
+                let sum = std::array::from_fn(|c| (sun[c] + sky[c]) + local[c]);
+                if !about_equal(texel, &sum) {
+                    let (x, y) = (i % width, y0 + i / width);
+                    let place = format!("{}, texel ({x}, {y})", whole.path(y).display());
+                    let what = format!(
+                        "{texel:?}; its shares sum to {sum:?}: expected the same to 1/1024 (without the folders of shares, \
+                         lightmaps are imported alone)"
+                    );
+                    return Err(Error::invalid(place, what));
+                }
+            }
+            self.progress.advance((y1 - y0) as u64 * 3);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,217 @@
+//! From a dataset to a layout.
+
+use super::plan::{Lightmap, Parts, Planned, kept, lightmaps_of, parse};
+use super::raw::{self, light_bytes, mask_bytes};
+use super::{layout1, layout2};
+use crate::config::{FileRef, Layout};
+use crate::console::{Console, Progress, count};
+use crate::files::{NewFolder, write_atomically};
+use crate::store::{Dataset, MANIFEST, layers_kept};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// What was exported.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exported {
+    /// Hours of the sets that were written.
+    pub hours: Vec<f64>,
+    /// What of the dataset the layout does not hold, and why.
+    pub left_out: Vec<String>,
+    /// Files written.
+    pub files: usize,
+    /// Their length.
+    pub bytes: u64,
+}
+
+/// Writes a dataset in a layout to the new folder `out`, which appears when it is whole. A set that was imported from the same
+/// layout gets its old names and configuration back.
+///
+/// # Errors
+/// `Unsupported` where the layout cannot hold the set at all; `Invalid` for a dataset that breaks a rule. Then nothing is left
+/// behind.
+pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
+    let folder = NewFolder::create(out)?;
+    let root = folder.temporary();
+    let (hours, mut left_out, (config, planned)) = match kept(dataset, Some(layout))? {
+        Some(own) => (dataset.config.sets.iter().map(|set| set.hour).collect(), Vec::new(), own),
+        None => {
+            let (hours, left_out) = hours(dataset, layout)?;
+            let plan = plan(dataset, layout, &hours)?;
+            (hours, left_out, plan)
+        }
+    };
+    let layered = layers_kept(&dataset.config);
+    if layout == Layout::Hprc1 && !layered {
+        left_out.push(format!("{}: the set has no layers", layout1::SHARES.join(", ")));
+    }
+    if layout == Layout::Hprc2 && layered {
+        left_out.push("layers of sun, sky and lamps: the layout has no place for them".to_owned());
+    }
+    for (what, is_there) in
+        [("geometry", dataset.config.geometry.is_some()), ("noise", dataset.config.noise.is_some())]
+    {
+        if is_there {
+            left_out.push(format!("{what}: the layout has no place for it"));
+        }
+    }
+
+    let images = planned.iter().flat_map(|p| p.moments.iter().map(|_| u64::from(p.lightmap.height)));
+    let kinds = if layout == Layout::Hprc1 && layered { 4 } else { 1 };
+    let progress = console.progress("exporting", kinds * images.sum::<u64>());
+    check_contents(dataset, &hours, layout)?;
+    let mut written = Vec::new();
+    // A configuration may name one file several times; it has one content.
+    let mut named = BTreeSet::new();
+    for (page, mut planned) in planned.into_iter().enumerate() {
+        planned.masks.retain(|parts| named.insert(parts.clone()));
+        planned.moments.retain(|moment| named.insert(moment.whole.clone()));
+        written.extend(write_page(dataset, page, &planned, root, layered, &progress)?);
+    }
+    write_atomically(&root.join(MANIFEST), &config)?;
+    written.push(config.len() as u64);
+    drop(progress);
+    folder.finish()?;
+    Ok(Exported { hours, left_out, files: written.len(), bytes: written.iter().sum() })
+}
+
+/// The hours that the layout takes, and why not the others.
+fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
+    let all: Vec<f64> = dataset.config.sets.iter().map(|set| set.hour).collect();
+    let list = |hours: &[f64]| hours.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+    let (taken, others): (Vec<f64>, Vec<f64>) = match layout {
+        Layout::Hprc1 => {
+            let missing: Vec<f64> = layout1::hours().filter(|hour| !all.contains(hour)).collect();
+            if !missing.is_empty() {
+                let what = format!("no set at {} h; the layout holds all 24 hours", list(&missing));
+                return Err(Error::unsupported(dataset.root.display(), what));
+            }
+            all.iter().partition(|&&hour| layout1::hours().any(|whole| whole == hour))
+        }
+        _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
+    };
+    if taken.is_empty() {
+        let what = format!("no set at a whole hour; sets at {} h have no time key", list(&others));
+        return Err(Error::unsupported(dataset.root.display(), what));
+    }
+    let reason = match layout {
+        Layout::Hprc1 => "the layout holds whole hours",
+        _ => "the layout holds whole hours, 5.9 and 18.1",
+    };
+    let told = (!others.is_empty())
+        .then(|| format!("{} at {} h: {reason}", count(others.len(), "set"), list(&others)));
+    Ok((taken, told.into_iter().collect()))
+}
+
+/// The configuration to write, and the files it speaks of.
+fn plan(dataset: &Dataset, layout: Layout, hours: &[f64]) -> Result<(Vec<u8>, Vec<Planned>)> {
+    // Another layout's numbers and levels are kept; else pages are counted.
+    let lightmaps = lightmaps_of(dataset)?.unwrap_or_else(|| {
+        let pages = dataset.config.pages.iter().zip(0..);
+        pages.map(|(page, id)| Lightmap { id, level: None, width: page.width, height: page.height }).collect()
+    });
+    let config = match layout {
+        Layout::Hprc1 => layout1::compose(&lightmaps),
+        _ => layout2::compose(&dataset.config.scene, &lightmaps, hours),
+    };
+    let mut planned = Vec::new();
+    parse(layout, Path::new(MANIFEST), &config, |one| {
+        planned.push(one);
+        Ok(())
+    })?;
+    Ok((config, planned))
+}
+
+/// An error unless all files that are read are what the manifest says.
+fn check_contents(dataset: &Dataset, hours: &[f64], layout: Layout) -> Result<()> {
+    let config = &dataset.config;
+    let maps = config.sets.iter().filter(|set| hours.contains(&set.hour)).flat_map(|set| &set.maps);
+    let mut files: Vec<&FileRef> = maps.clone().map(|map| &map.file).collect();
+    if layout == Layout::Hprc1 {
+        files.extend(config.groups.iter().flat_map(|group| &group.layers));
+        files.extend(maps.flat_map(|map| [&map.sun, &map.sky, &map.local]).flatten());
+    }
+    let mut seen = BTreeSet::new();
+    files.retain(|file| seen.insert(&file.path));
+    files.par_iter().try_for_each(|file| {
+        crate::console::stop_if_interrupted()?;
+        dataset.check_content(file)
+    })
+}
+
+/// Writes the files of a page; gives their lengths, parts together.
+fn write_page(
+    dataset: &Dataset,
+    page: usize,
+    planned: &Planned,
+    root: &Path,
+    layered: bool,
+    progress: &Progress,
+) -> Result<Vec<u64>> {
+    let size = (planned.lightmap.width as usize, planned.lightmap.height as usize);
+    let place = |parts: &Parts| -> Result<Parts> {
+        let paths: Parts = parts.iter().map(|part| root.join(part)).collect();
+        for folder in paths.iter().filter_map(|path| path.parent()) {
+            std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+        }
+        Ok(paths)
+    };
+    let mask = dataset.mask(page)?;
+    let mut written = Vec::new();
+    for parts in &planned.masks {
+        let rows = |y0: usize, y1: usize| Ok(mask_bytes(&mask.valid[y0 * size.0..y1 * size.0]));
+        written.push(raw::write(&place(parts)?, size, rows)?);
+    }
+    drop(mask);
+    let moments: Vec<Result<Vec<u64>>> = planned
+        .moments
+        .par_iter()
+        .map(|moment| {
+            let set = dataset.config.sets.iter().position(|set| set.hour == moment.hour);
+            let set = set.expect("hours were taken from the sets");
+            let map = &dataset.config.sets[set].maps[page];
+            let groups = dataset.config.groups.iter().zip(&dataset.config.sets[set].groups_on);
+            let lamps = groups.filter(|(_, on)| **on).filter_map(|(group, _)| group.layers.get(page));
+            let lamps: Vec<&FileRef> = lamps.chain(&map.local).collect();
+            let mut kinds = vec![(&moment.whole, vec![&map.file])];
+            if let Some([sun, sky, local]) = moment.shares.as_ref().filter(|_| layered) {
+                let (own_sun, own_sky) = (map.sun.iter().collect(), map.sky.iter().collect());
+                kinds.extend([(sun, own_sun), (sky, own_sky), (local, lamps)]);
+            }
+            let mut lengths = Vec::with_capacity(kinds.len());
+            for (parts, files) in kinds {
+                let rows = |y0: usize, y1: usize| {
+                    progress.advance((y1 - y0) as u64);
+                    Ok(light_bytes(&sum(dataset, page, &files, (y0, y1))?))
+                };
+                lengths.push(raw::write(&place(parts)?, size, rows)?);
+            }
+            Ok(lengths)
+        })
+        .collect();
+    for lengths in moments {
+        written.extend(lengths?);
+    }
+    Ok(written)
+}
+
+/// The sum of images in their order, from zero on; one alone keeps every bit.
+fn sum(
+    dataset: &Dataset,
+    page: usize,
+    files: &[&FileRef],
+    (y0, y1): (usize, usize),
+) -> Result<Vec<[f32; 3]>> {
+    let Some((first, others)) = files.split_first() else {
+        return Ok(vec![[0.0; 3]; dataset.config.pages[page].width as usize * (y1 - y0)]);
+    };
+    let mut sum = dataset.image_rows(first, page, y0, y1)?;
+    for file in others {
+        let addend = dataset.image_rows(file, page, y0, y1)?;
+        for (sum, addend) in sum.iter_mut().zip(addend) {
+            *sum = std::array::from_fn(|c| sum[c] + addend[c]);
+        }
+    }
+    Ok(sum)
+}

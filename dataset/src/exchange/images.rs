@@ -1,0 +1,194 @@
+//! EXR files, one per hour: found by a pattern of their names, or told by a table.
+
+use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
+use crate::config::{Group, Layout};
+use crate::image::find_channels;
+use crate::{Error, Result};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// What stands for the hour in a pattern.
+const HOUR: &str = "{hour}";
+/// The unit of light that nobody told.
+pub(super) const UNKNOWN_UNIT: &str = "unknown";
+
+/// The files of `folder` whose names match a pattern such as `light_{hour}.exr`, where the hour is 6, 06 or 5.9; 24 is 0. Gives
+/// also the names of other EXR files.
+pub(super) fn by_pattern(
+    folder: &Path,
+    pattern: &str,
+    mask: Option<&Path>,
+    layer: Option<&str>,
+) -> Result<(Incoming, Vec<String>)> {
+    let wrong = |what: String| Error::invalid(format!("--pattern {pattern}"), what);
+    let (before, after) = pattern
+        .split_once(HOUR)
+        .filter(|(before, after)| !after.contains(HOUR) && !before.contains('/') && !after.contains('/'))
+        .ok_or_else(|| {
+            wrong(format!("expected the name of a file with {HOUR} once, such as light_{HOUR}.exr"))
+        })?;
+    let mut names: Vec<String> = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
+        let entry = entry.map_err(Error::io(folder))?;
+        names.extend(entry.file_name().into_string().ok());
+    }
+    names.sort();
+    let (mut found, mut others): (Vec<(f64, String)>, _) = (Vec::new(), Vec::new());
+    for name in names {
+        let middle = name.strip_prefix(before).and_then(|rest| rest.strip_suffix(after));
+        match middle.and_then(number) {
+            Some(hour) if hour <= 24.0 => found.push((hour % 24.0, name)),
+            Some(hour) => {
+                let what =
+                    format!("hour {hour}; expected 0 to 24 (a table can give other names their hours)");
+                return Err(Error::invalid(folder.join(name).display(), what));
+            }
+            None if name.to_ascii_lowercase().ends_with(".exr") => others.push(name),
+            None => {}
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if found.is_empty() {
+        return Err(wrong(format!("no file in {} matches", folder.display())));
+    }
+    if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        return Err(wrong(format!("{} and {} are both for {} h", pair[0].1, pair[1].1, pair[0].0)));
+    }
+    let mask = mask.map(|mask| MaskFile::Picture(mask.to_owned()));
+    others.retain(|name| !matches!(&mask, Some(MaskFile::Picture(path)) if path.ends_with(name)));
+    let sets = found.iter().map(|(_, name)| vec![folder.join(name)]).collect();
+    let incoming = Incoming {
+        layout: Layout::Exr,
+        config: None,
+        unit: UNKNOWN_UNIT.to_owned(),
+        hours: found.iter().map(|(hour, _)| *hour).collect(),
+        groups: Vec::new(),
+        pages: pages(sets, vec![mask], layer)?,
+    };
+    Ok((incoming, others))
+}
+
+/// Digits, and perhaps a fraction.
+fn number(text: &str) -> Option<f64> {
+    let plain = text.starts_with(|c: char| c.is_ascii_digit())
+        && text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+    text.parse().ok().filter(|_| plain)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    unit: Option<String>,
+    layer: Option<String>,
+    #[serde(default)]
+    page: Vec<TablePage>,
+    set: Vec<TableSet>,
+    #[serde(default)]
+    group: Vec<TableGroup>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TablePage {
+    mask: Option<PathBuf>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TableSet {
+    hour: f64,
+    files: Vec<PathBuf>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TableGroup {
+    name: String,
+    on: Vec<[f64; 2]>,
+}
+
+/// The files that a TOML file names, relative to it.
+pub(super) fn by_table(path: &Path) -> Result<Incoming> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let table: Table = toml::from_str(&text).map_err(|error| {
+        let before = error.span().and_then(|span| text.get(..span.start));
+        let line = before.map_or(String::new(), |before| format!(":{}", 1 + before.matches('\n').count()));
+        Error::invalid(format!("{}{line}", path.display()), error.message())
+    })?;
+    let wrong = |what: String| Err(Error::invalid(path.display(), what));
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut sets = table.set;
+    sets.sort_by(|a, b| a.hour.total_cmp(&b.hour));
+    let Some(first) = sets.first() else { return wrong("no [[set]]".to_owned()) };
+    let pages_told = if table.page.is_empty() { first.files.len() } else { table.page.len() };
+    for set in &sets {
+        if !(0.0..24.0).contains(&set.hour) {
+            return wrong(format!("set of hour {}: expected an hour from 0 up to 24", set.hour));
+        }
+        if set.files.len() != pages_told || pages_told == 0 {
+            let expected = format!("expected one for each page: {}", pages_told.max(1));
+            return wrong(format!("set of hour {}: {} files; {expected}", set.hour, set.files.len()));
+        }
+    }
+    if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour == pair[1].hour) {
+        return wrong(format!("hour {} is there twice", pair[0].hour));
+    }
+    let mask = |page: usize| {
+        let mask = table.page.get(page).and_then(|page| page.mask.as_ref());
+        mask.map(|mask| MaskFile::Picture(folder.join(mask)))
+    };
+    let files = sets.iter().map(|set| set.files.iter().map(|file| folder.join(file)).collect()).collect();
+    Ok(Incoming {
+        layout: Layout::Exr,
+        config: None,
+        unit: table.unit.unwrap_or_else(|| UNKNOWN_UNIT.to_owned()),
+        hours: sets.iter().map(|set| set.hour).collect(),
+        groups: table.group.into_iter().map(|g| Group { name: g.name, on: g.on, layers: vec![] }).collect(),
+        pages: pages(files, (0..pages_told).map(mask).collect(), table.layer.as_deref())?,
+    })
+}
+
+/// Pages of the size of their first file; `sets[set][page]` are the files.
+fn pages(
+    sets: Vec<Vec<PathBuf>>,
+    masks: Vec<Option<MaskFile>>,
+    layer: Option<&str>,
+) -> Result<Vec<IncomingPage>> {
+    let page = |(index, mask): (usize, Option<MaskFile>)| {
+        let mut size = None;
+        let mut own = Vec::with_capacity(sets.len());
+        for set in &sets {
+            let path = set[index].clone();
+            let (channels, found) = find_channels(&path, layer)?;
+            let (first, expected) = size.get_or_insert_with(|| (path.clone(), found));
+            if found != *expected {
+                let what = format!(
+                    "size {}×{}; expected that of {}, {}×{}",
+                    found.0,
+                    found.1,
+                    first.display(),
+                    expected.0,
+                    expected.1
+                );
+                return Err(Error::invalid(path.display(), what));
+            }
+            own.push(IncomingSet { whole: Light::Exr(path, channels), shares: None });
+        }
+        let (width, height) = size.map_or((0, 0), |(_, size)| size);
+        Ok(IncomingPage { width, height, masks: mask.into_iter().collect(), sets: own })
+    };
+    masks.into_iter().enumerate().map(page).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hours_are_plain_numbers() {
+        assert_eq!(["6", "06", "5.9", "18.50"].map(number), [6.0, 6.0, 5.9, 18.5].map(Some));
+        for wrong in ["", "-6", "+6", "1e1", "6h", ".5", "inf", "5.9.1", " 6"] {
+            assert_eq!(number(wrong), None, "{wrong:?}");
+        }
+    }
+}

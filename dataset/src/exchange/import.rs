@@ -1,0 +1,155 @@
+//! From a layout to a dataset.
+
+use super::convert::{convert, work};
+use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
+use super::plan::{Parts, Planned, parse, read_config};
+use super::raw::{LIGHT_BYTES, Raw};
+use super::{images, layout1, layout2};
+use crate::config::{Config, Group, Layout};
+use crate::console::{Console, count};
+use crate::files::NewFolder;
+use crate::store::{MANIFEST, is_component};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// What is imported.
+#[derive(Clone, Debug)]
+pub enum Origin {
+    /// A folder in the layout `hprc1` or `hprc2`.
+    Folder(Layout, PathBuf),
+    /// EXR files of one page.
+    Pattern {
+        /// The folder that holds them.
+        folder: PathBuf,
+        /// Their names, with `{hour}` for the hour.
+        pattern: String,
+        /// A picture, light where texels are valid; without one all are.
+        mask: Option<PathBuf>,
+        /// The layer of the files to take.
+        layer: Option<String>,
+    },
+    /// A TOML file that names EXR files.
+    Table(PathBuf),
+}
+
+/// Makes a dataset in the new folder `out`, which appears when it is whole; the scene has the folder's name. Gives
+/// its manifest.
+///
+/// # Errors
+/// For everything about the origin that is not as it should be; then nothing is left behind.
+pub fn import(origin: &Origin, out: &Path, console: &Console) -> Result<Config> {
+    let scene = out.file_name().and_then(|name| name.to_str()).filter(|name| is_component(name));
+    let scene = scene.ok_or_else(|| Error::invalid(out.display(), "expected the name of a new folder"))?;
+    let folder = NewFolder::create(out)?;
+    let incoming = match origin {
+        Origin::Folder(layout, root) => read_folder(*layout, root)?,
+        Origin::Pattern { folder, pattern, mask, layer } => {
+            let (incoming, others) = images::by_pattern(folder, pattern, mask.as_deref(), layer.as_deref())?;
+            if !others.is_empty() {
+                console.say(format!("not matched by the pattern: {}", others.join(", ")));
+            }
+            incoming
+        }
+        Origin::Table(path) => images::by_table(path)?,
+    };
+    let progress = console.progress("importing", work(&incoming));
+    let config = convert(&incoming, folder.temporary(), scene, &progress)?;
+    drop(progress);
+    folder.finish()?;
+    Ok(config)
+}
+
+/// Finds the files of a layout.
+fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
+    let place = root.join(MANIFEST);
+    let bytes = read_config(&place)?;
+    let root = root.canonicalize().map_err(Error::io(root))?;
+    // Layout 1: all folders of shares, or none.
+    let there: Vec<&str> = layout1::SHARES.into_iter().filter(|share| root.join(share).exists()).collect();
+    if layout == Layout::Hprc1 && !matches!(there.len(), 0 | 3) {
+        let what = format!(
+            "there is {} alone; expected {} or none of them",
+            there.join(", "),
+            layout1::SHARES.join(", ")
+        );
+        return Err(Error::invalid(root.display(), what));
+    }
+    let mut pages = Vec::new();
+    let mut hours = Vec::new();
+    parse(layout, &place, &bytes, |planned| {
+        hours = planned.moments.iter().map(|moment| moment.hour).collect();
+        pages.push(find(&root, planned, !there.is_empty())?);
+        Ok(())
+    })?;
+    let lamps = Group { name: "local".to_owned(), on: vec![[18.0, 6.0]], layers: Vec::new() };
+    Ok(Incoming {
+        layout,
+        config: Some(bytes),
+        unit: images::UNKNOWN_UNIT.to_owned(),
+        groups: if layout2::shows_switches(&hours) { vec![lamps] } else { Vec::new() },
+        hours,
+        pages,
+    })
+}
+
+/// Finds the files of a lightmap. All that are missing are named.
+fn find(root: &Path, planned: Planned, with_shares: bool) -> Result<IncomingPage> {
+    let (width, height) = (planned.lightmap.width as usize, planned.lightmap.height as usize);
+    let mut missing = Vec::new();
+    let mut raw = |parts: Parts, texel_bytes: usize| -> Result<Option<Raw>> {
+        let mut paths = Vec::with_capacity(parts.len());
+        for part in parts {
+            match inside(root, &part) {
+                Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                    missing.push(part);
+                }
+                found => paths.push(found?),
+            }
+        }
+        match missing.is_empty() {
+            true => Raw::open(paths, (width, height), texel_bytes).map(Some),
+            false => Ok(None),
+        }
+    };
+    let mut masks = Vec::new();
+    for parts in planned.masks {
+        masks.extend(raw(parts, 1)?.map(MaskFile::Raw));
+    }
+    let mut sets = Vec::new();
+    for moment in planned.moments {
+        let whole = raw(moment.whole, LIGHT_BYTES)?;
+        let mut shares = Vec::new();
+        for parts in moment.shares.into_iter().flatten().filter(|_| with_shares) {
+            shares.extend(raw(parts, LIGHT_BYTES)?.map(Light::Raw));
+        }
+        sets.extend(
+            whole.map(|whole| IncomingSet { whole: Light::Raw(whole), shares: shares.try_into().ok() }),
+        );
+    }
+    if missing.is_empty() {
+        return Ok(IncomingPage { width, height, masks, sets });
+    }
+    let names: Vec<String> = missing.iter().take(30).map(|path| path.display().to_string()).collect();
+    let more = missing.len() - names.len();
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let what = format!(
+        "lightmap {}: {} missing: {}{more}",
+        planned.lightmap.id,
+        count(missing.len(), "file"),
+        names.join(", ")
+    );
+    Err(Error::invalid(root.display(), what))
+}
+
+/// The file at a path in the folder, whose own path is canonical. A link must not lead out of the folder.
+fn inside(root: &Path, relative: &Path) -> Result<PathBuf> {
+    let path = root.join(relative);
+    let real = path.canonicalize().map_err(Error::io(&path))?;
+    match real.starts_with(root) {
+        true => Ok(path),
+        false => {
+            let what = format!("leads to {}; expected a file inside {}", real.display(), root.display());
+            Err(Error::invalid(path.display(), what))
+        }
+    }
+}

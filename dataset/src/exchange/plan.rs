@@ -1,0 +1,156 @@
+//! Which file holds what in a layout: what both import and export go by.
+
+use super::{layout1, layout2};
+use crate::config::{Layout, Source};
+use crate::console::count;
+use crate::image::MAX_SIDE;
+use crate::store::Dataset;
+use crate::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Largest configuration file that is read.
+const MAX_CONFIG_BYTES: u64 = 64 << 20;
+
+/// A lightmap as a layout describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lightmap {
+    /// Its number, unique in the set.
+    pub id: i64,
+    /// The level that it is of, where the layout tells.
+    pub level: Option<String>,
+    /// Width in texels.
+    pub width: u32,
+    /// Height in texels.
+    pub height: u32,
+}
+
+/// Files from the top of a lightmap on, of equal size, relative to the layout's folder.
+pub(super) type Parts = Vec<PathBuf>;
+
+/// A lightmap with its files.
+#[derive(Clone, Debug)]
+pub(super) struct Planned {
+    pub lightmap: Lightmap,
+    /// By ascending hour.
+    pub moments: Vec<Moment>,
+    /// At least one; all are to agree.
+    pub masks: Vec<Parts>,
+}
+
+impl Planned {
+    fn hours(&self) -> Vec<f64> {
+        self.moments.iter().map(|moment| moment.hour).collect()
+    }
+}
+
+/// A lightmap's files of one moment.
+#[derive(Clone, Debug)]
+pub(super) struct Moment {
+    pub hour: f64,
+    pub whole: Parts,
+    /// The shares of sun, sky and lamps, in layouts that have them.
+    pub shares: Option<[Parts; 3]>,
+}
+
+/// The lightmaps of a layout, one after another, from the bytes of its configuration; `place` names that in errors. What a
+/// configuration claims may be far more than is there, so `each` is to look at the files before the next one is planned.
+pub(super) fn parse(
+    layout: Layout,
+    place: &Path,
+    bytes: &[u8],
+    mut each: impl FnMut(Planned) -> Result<()>,
+) -> Result<()> {
+    let planned: Box<dyn Iterator<Item = Result<Planned>>> = match layout {
+        Layout::Hprc1 => Box::new(layout1::parse(place, bytes)?),
+        Layout::Hprc2 => Box::new(layout2::parse(place, bytes)?),
+        Layout::Exr => return Err(Error::invalid(place.display(), "EXR files have no configuration")),
+    };
+    let wrong = |what: String| Err(Error::invalid(place.display(), what));
+    let mut ids = BTreeSet::new();
+    let mut first: Option<(i64, Vec<f64>)> = None;
+    for planned in planned {
+        let planned = planned?;
+        let Lightmap { id, width, height, .. } = planned.lightmap;
+        if !ids.insert(id) {
+            return wrong(format!("lightmap {id} is there twice; expected ids that differ"));
+        }
+        let side = 1..=MAX_SIDE as u32;
+        if !side.contains(&width) || !side.contains(&height) {
+            return wrong(format!("lightmap {id}: resolution {width}×{height}; expected 1 to {MAX_SIDE}"));
+        }
+        let (first_id, hours) = first.get_or_insert_with(|| (id, planned.hours()));
+        let own = planned.hours();
+        let lacks = |a: &[f64], b: &[f64]| b.iter().copied().find(|hour| !a.contains(hour));
+        if let Some(hour) = lacks(&own, hours) {
+            return wrong(format!("lightmap {id} lacks {hour} h, which lightmap {first_id} has"));
+        }
+        if let Some(hour) = lacks(hours, &own) {
+            return wrong(format!("lightmap {first_id} lacks {hour} h, which lightmap {id} has"));
+        }
+        each(planned)?;
+    }
+    Ok(())
+}
+
+/// An error unless the list is as long as it says, and not empty.
+pub(super) fn expect_count(place: &Path, lightmap_count: u64, listed: usize) -> Result<()> {
+    if listed as u64 == lightmap_count && listed > 0 {
+        return Ok(());
+    }
+    let found = count(listed, "lightmap");
+    let what = format!(
+        "lightmap_count is {lightmap_count}, lightmap_list has {found}; expected as many, and one at least"
+    );
+    Err(Error::invalid(place.display(), what))
+}
+
+/// The bytes of a configuration.
+pub(super) fn read_config(path: &Path) -> Result<Vec<u8>> {
+    let length = path.metadata().map_err(Error::io(path))?.len();
+    if length > MAX_CONFIG_BYTES {
+        let what = format!("{length} bytes; expected a configuration of at most {MAX_CONFIG_BYTES}");
+        return Err(Error::invalid(path.display(), what));
+    }
+    std::fs::read(path).map_err(Error::io(path))
+}
+
+/// The files of the layout that a set was imported from, if it was of this layout.
+pub(super) fn kept(dataset: &Dataset, wanted: Option<Layout>) -> Result<Option<(Vec<u8>, Vec<Planned>)>> {
+    let Some(Source { layout, config: Some(file), .. }) = &dataset.config.source else { return Ok(None) };
+    if wanted.is_some_and(|wanted| wanted != *layout) {
+        return Ok(None);
+    }
+    let path = dataset.path(file);
+    let bytes = read_config(&path)?;
+    dataset.check_content(file)?;
+    let config = &dataset.config;
+    let hours: Vec<f64> = config.sets.iter().map(|set| set.hour).collect();
+    let differs = || {
+        let what = "lightmaps or hours differ from the manifest's; expected the configuration of the import";
+        Error::invalid(path.display(), what)
+    };
+    let mut all: Vec<Planned> = Vec::new();
+    parse(*layout, &path, &bytes, |planned| {
+        let size = (planned.lightmap.width, planned.lightmap.height);
+        let page = config.pages.get(all.len()).filter(|page| (page.width, page.height) == size);
+        if page.is_none() || planned.hours() != hours {
+            return Err(differs());
+        }
+        all.push(planned);
+        Ok(())
+    })?;
+    if all.len() != config.pages.len() {
+        return Err(differs());
+    }
+    Ok(Some((bytes, all)))
+}
+
+/// What the layout that a set was imported from calls its pages; `None` for a set from elsewhere.
+///
+/// # Errors
+/// As for a layout's configuration that is read.
+pub fn lightmaps_of(dataset: &Dataset) -> Result<Option<Vec<Lightmap>>> {
+    let kept = kept(dataset, None)?;
+    Ok(kept.map(|(_, planned)| planned.into_iter().map(|planned| planned.lightmap).collect()))
+}
