@@ -71,3 +71,65 @@ fn what_is_no_set_is_said_with_its_name_once() {
         }
     }
 }
+
+#[test]
+fn import_and_export_tell_what_they_did() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    common::layouts::write2(Path::new(&at("contest")));
+    let output =
+        run(&["import", "--json", "--layout", "hprc2", "--out", &at("set")], Path::new(&at("contest")));
+    assert!(output.status.success(), "{output:?}");
+    let object = json(&output);
+    assert_eq!(
+        (&object["scene"], &object["pages"], &object["groups"]),
+        (&"set".into(), &2.into(), &["local"].into())
+    );
+    assert!(
+        String::from_utf8_lossy(&output.stderr).contains("2 pages, 7 sets, layers not known"),
+        "{output:?}"
+    );
+
+    let output = run(&["info", "--json"], Path::new(&at("set")));
+    let source = &json(&output)["source"];
+    assert_eq!((&source["layout"], &source["lightmaps"][1]["id"]), (&"hprc2".into(), &(-1).into()));
+    let output = run(&["info"], Path::new(&at("set")));
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        text.contains("imported from the layout hprc2") && text.contains("lightmap 4 of Level_A"),
+        "{text}"
+    );
+
+    let output =
+        run(&["export", "--quiet", "--layout", "hprc2", "--out", &at("back")], Path::new(&at("set")));
+    assert!(output.status.success() && output.stderr.is_empty() && output.stdout.is_empty(), "{output:?}");
+    let [before, after] = ["contest", "back"].map(|name| common::layouts::content(Path::new(&at(name))));
+    assert!(before == after);
+    // The layout must be told, and a set is not written over.
+    let output = run(&["import", "--out", &at("other")], Path::new(&at("contest")));
+    assert!(
+        String::from_utf8_lossy(&output.stderr).contains("expected --layout hprc1 or hprc2"),
+        "{output:?}"
+    );
+    let output = run(&["import", "--layout", "hprc2", "--out", &at("set")], Path::new(&at("contest")));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("stands there already"), "{output:?}");
+}
+
+#[test]
+fn a_manifest_with_several_faults_is_told_all_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
+    config.sets[1].hour = 25.0;
+    config.groups[1].name.clear();
+    config.pages[0].mask.path = "../mask.png".into();
+    fs::write(folder.path().join(&config.sets[1].maps[0].file.path), b"torn").unwrap();
+    fs::write(folder.path().join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
+    let output = run(&["check", "--json"], folder.path());
+    let faults =
+        json(&output)["faults"].as_array().unwrap().iter().map(|f| f.to_string()).collect::<Vec<_>>();
+    for word in ["hour 25", "hour 21.5; expected ascending", "name is empty", "../mask.png", "4 bytes"] {
+        assert!(faults.iter().any(|fault| fault.contains(word)), "{word}: {faults:?}");
+    }
+    assert_eq!((faults.len(), output.status.code()), (5, Some(1)));
+}

@@ -298,6 +298,56 @@ fn a_sum_that_is_off_by_one_bit_is_found() {
 }
 
 #[test]
+fn all_bad_texels_and_files_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = write_set(folder.path(), &[(20, 300)], 1).unwrap();
+    for (set, places) in [(1, &[5, 6, 280 * 20][..]), (2, &[7])] {
+        let mut image = Dataset::open_manifest(folder.path()).unwrap().map(set, 0).unwrap();
+        places.iter().for_each(|&i| image.texels[i][1] = -1.0);
+        replace(folder.path(), &mut config, set, &image.to_exr());
+    }
+    let verification = Dataset::open(folder.path()).unwrap().verify(|| {});
+    let faults: Vec<String> = verification.faults.iter().map(ToString::to_string).collect();
+    assert_eq!((faults.len(), &*verification.dead_texels), (2, &[None][..]), "{faults:?}");
+    assert!(
+        faults[0].contains("texel (5, 0)") && faults[0].contains("(2 texels more like it)"),
+        "{faults:?}"
+    );
+    assert!(faults[1].contains("texel (7, 0)") && !faults[1].contains("more"), "{faults:?}");
+}
+
+#[test]
+fn sets_must_show_the_lamps_as_the_schedule_has_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let hours = [0.0, 5.95, 6.0, 12.0, 18.0, 18.05, 19.95, 20.0, 20.05];
+    let mut config = common::write_hours(folder.path(), &[(4, 4)], 1, &hours).unwrap();
+    let verify = |config: &Config| {
+        fs::write(folder.path().join(MANIFEST), serde_json::to_vec_pretty(config).unwrap()).unwrap();
+        let found = Dataset::open(folder.path()).unwrap().verify(|| {});
+        (found.faults.iter().map(ToString::to_string).collect::<Vec<_>>(), found.warnings)
+    };
+    assert_eq!(verify(&config), (vec![], vec![]));
+    // A switch without a set on its lit side is told, and is no fault. (The noise file is of all sets.)
+    config.noise = None;
+    let set = config.sets.remove(5);
+    let (faults, warnings) = verify(&config);
+    assert!(faults.is_empty() && warnings.len() == 1, "{faults:?} {warnings:?}");
+    assert!(
+        warnings[0].contains("\"porch\" switches at 18 h; no set within 0.1 h shows it on"),
+        "{warnings:?}"
+    );
+    config.sets.insert(5, set);
+    // The garden's lamps at noon: nor do the layers sum up.
+    config.sets[3].groups_on[1] = true;
+    let (faults, _) = verify(&config);
+    assert_eq!(faults.len(), 2, "{faults:?}");
+    assert!(
+        faults[0].contains("hour 12: groups_on is true for \"garden\"; its schedule says false"),
+        "{faults:?}"
+    );
+}
+
+#[test]
 fn a_noise_file_of_the_wrong_shape_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = write_set(folder.path(), &[(20, 20)], 1).unwrap();

@@ -15,9 +15,9 @@ const INVALID: u8 = -1i8 as u8;
 /// Bytes of light that are held in memory at once, about.
 const BLOCK_BYTES: usize = 4 << 20;
 
-/// Rows that are read or written at once.
+/// Rows that are read or written at once: whole blocks of compressed EXR files, too.
 pub(super) fn block_rows(width: usize) -> usize {
-    (BLOCK_BYTES / (LIGHT_BYTES * width)).max(1)
+    (BLOCK_BYTES / (LIGHT_BYTES * width)).next_multiple_of(32).max(32)
 }
 
 /// A lightmap or a mask as raw files.

@@ -8,6 +8,8 @@ use dataset::store::Writer;
 use dataset::tiles::{TILE, tiles};
 use std::path::Path;
 
+pub mod layouts;
+
 /// SplitMix64.
 pub struct Random(pub u64);
 
@@ -47,14 +49,21 @@ fn plus(a: &Image, b: &Image) -> Image {
 
 /// Writes a set of three hours with two light groups and all layers; pages of the sizes given. `seed` decides the texels.
 pub fn write_set(root: &Path, sizes: &[(usize, usize)], seed: u64) -> Result<Config> {
+    write_hours(root, sizes, seed, &[0.0, 12.0, 21.5])
+}
+
+/// [`write_set`] at other hours.
+pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f64]) -> Result<Config> {
     let mut writer = Writer::create(root)?;
     let mut pages = Vec::new();
     let mut groups: Vec<Group> = [("porch", [18.0, 6.0]), ("garden", [20.0, 23.0])]
         .map(|(name, on)| Group { name: name.into(), on: vec![on], layers: vec![] })
         .into();
-    let mut sets: Vec<Set> = [(0.0, [true, false]), (12.0, [false, false]), (21.5, [true, true])]
-        .map(|(hour, on)| Set { hour, groups_on: on.into(), relative_error: Some(0.01), maps: vec![] })
-        .into();
+    let set = |&hour: &f64| {
+        let groups_on = groups.iter().map(|group| group.is_on(hour) == Some(true)).collect();
+        Set { hour, groups_on, relative_error: Some(0.01), maps: vec![] }
+    };
+    let mut sets: Vec<Set> = hours.iter().map(set).collect();
     for (page, &(width, height)) in sizes.iter().enumerate() {
         let mut mask = full_mask(width, height);
         mask.valid[0] = width * height == 1;

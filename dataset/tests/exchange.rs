@@ -1,0 +1,258 @@
+//! Layouts of others: what goes out comes back with every bit, and what comes in goes out again.
+
+mod common;
+
+use common::layouts::{self, content};
+use common::{noise_image, write_hours};
+use dataset::config::{Config, Layout};
+use dataset::console::Console;
+use dataset::exchange::{Origin, export, import, lightmaps_of};
+use dataset::store::{DATA, Dataset};
+use std::fs;
+use std::path::Path;
+
+/// A day with both sides of the porch's switches, and one moment that no layout has a place for.
+fn day() -> Vec<f64> {
+    let mut hours: Vec<f64> = (0..24).map(f64::from).chain([5.9, 18.1, 20.4]).collect();
+    hours.sort_by(f64::total_cmp);
+    hours
+}
+
+fn import_folder(layout: Layout, from: &Path, out: &Path) -> Config {
+    import(&Origin::Folder(layout, from.to_owned()), out, &Console::silent()).unwrap()
+}
+
+fn export_folder(dataset: &Path, layout: Layout, out: &Path) -> dataset::exchange::Exported {
+    export(&Dataset::open(dataset).unwrap(), layout, out, &Console::silent()).unwrap()
+}
+
+fn faults(root: &Path) -> Vec<String> {
+    Dataset::open(root).unwrap().verify(|| {}).faults.iter().map(ToString::to_string).collect()
+}
+
+fn bits(texels: &[[f32; 3]]) -> Vec<[u32; 3]> {
+    texels.iter().map(|texel| texel.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
+    let lightmaps = layouts::write2(&source);
+    let config = import_folder(Layout::Hprc2, &source, &set);
+    assert_eq!(faults(&set), Vec::<String>::new());
+
+    // Pages in the file's order, whatever their ids; hours sorted; lamps told by the hours beside their switches.
+    let dataset = Dataset::open(&set).unwrap();
+    assert_eq!(dataset.config, config);
+    let sizes: Vec<_> = config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect();
+    assert_eq!(sizes, lightmaps.iter().map(|l| (l.width, l.height)).collect::<Vec<_>>());
+    let told = lightmaps_of(&dataset).unwrap().unwrap();
+    assert_eq!(
+        told.iter().map(|l| l.id).collect::<Vec<_>>(),
+        lightmaps.iter().map(|l| l.id).collect::<Vec<_>>()
+    );
+    assert_eq!(told[1].level.as_deref(), Some("Level \u{e9}"));
+    let lit: Vec<(f64, bool)> = config.sets.iter().map(|set| (set.hour, set.groups_on[0])).collect();
+    assert_eq!(
+        lit,
+        [(0.0, true), (5.9, true), (6.0, false), (7.5, false), (18.0, false), (18.1, true), (23.0, true)]
+    );
+    assert_eq!((&*config.groups[0].name, &*config.groups[0].on), ("local", &[[18.0, 6.0]][..]));
+
+    for (page, lightmap) in lightmaps.iter().enumerate() {
+        let mask = dataset.mask(page).unwrap();
+        assert_eq!(mask.valid, lightmap.valid);
+        for set in 0..config.sets.len() {
+            assert_eq!(bits(&dataset.map(set, page).unwrap().texels), bits(&lightmap.light[set]));
+        }
+    }
+    let exported = export_folder(&set, Layout::Hprc2, &back);
+    assert_eq!(exported.left_out, Vec::<String>::new());
+    assert_eq!(content(&back), content(&source));
+}
+
+#[test]
+fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
+    let light = layouts::write1(&source, &[(7, (12, 8), 4), (3, (5, 3), 1)], true);
+    let config = import_folder(Layout::Hprc1, &source, &set);
+    assert_eq!(faults(&set), Vec::<String>::new());
+    let dataset = Dataset::open(&set).unwrap();
+    // Time 24 is midnight.
+    assert_eq!(bits(&dataset.map(0, 0).unwrap().texels), bits(&light(7, "Original", 24, 12 * 8)));
+    assert_eq!(bits(&dataset.map(13, 1).unwrap().texels), bits(&light(3, "Original", 13, 5 * 3)));
+    let local = config.sets[13].maps[1].local.as_ref().unwrap();
+    assert_eq!(bits(&dataset.image(local, 1).unwrap().texels), bits(&light(3, "LocalOnly", 13, 5 * 3)));
+    assert!(config.groups.is_empty());
+    export_folder(&set, Layout::Hprc1, &back);
+    assert_eq!(content(&back), content(&source));
+
+    // In the other layout it keeps its numbers.
+    let other = folder.path().join("other");
+    let exported = export_folder(&set, Layout::Hprc2, &other);
+    assert!(exported.left_out.iter().any(|what| what.contains("layers")), "{:?}", exported.left_out);
+    let written = fs::read_to_string(other.join("config.json")).unwrap();
+    assert!(written.contains("\"id\": 7") && written.contains("\"level\": \"set\""), "{written}");
+}
+
+#[test]
+fn a_set_in_layout_1_without_shares_is_imported_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
+    layouts::write1(&source, &[(0, (4, 4), 2)], false);
+    let config = import_folder(Layout::Hprc1, &source, &set);
+    assert!(config.sets[0].maps[0].sun.is_none() && config.sets[0].maps[0].local.is_none());
+    export_folder(&set, Layout::Hprc1, &back);
+    assert_eq!(content(&back), content(&source));
+}
+
+#[test]
+fn a_baked_day_goes_out_and_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("yard");
+    write_hours(&root, &[(20, 20), (7, 3)], 1, &day()).unwrap();
+    let baked = Dataset::open(&root).unwrap();
+    for (layout, hours, reason) in [
+        (Layout::Hprc1, 24, "3 sets at 5.9, 18.1, 20.4 h: the layout holds whole hours"),
+        (Layout::Hprc2, 26, "1 set at 20.4 h: the layout holds whole hours, 5.9 and 18.1"),
+    ] {
+        let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
+        let exported = export_folder(&root, layout, &at("out"));
+        assert_eq!((exported.hours.len(), &*exported.left_out[0]), (hours, reason));
+        let told = exported.left_out.join("\n");
+        assert!(told.contains("geometry") && told.contains("noise"), "{told}");
+        let bytes: u64 = content(&at("out")).values().map(|bytes| bytes.len() as u64).sum();
+        assert_eq!(exported.bytes, bytes);
+
+        let config = import_folder(layout, &at("out"), &at("in"));
+        assert_eq!(faults(&at("in")), Vec::<String>::new());
+        let imported = Dataset::open(&at("in")).unwrap();
+        for page in 0..2 {
+            assert_eq!(imported.mask(page).unwrap(), baked.mask(page).unwrap());
+            for (k, set) in config.sets.iter().enumerate() {
+                let own = baked.config.sets.iter().position(|own| own.hour == set.hour).unwrap();
+                let (own_map, map) = (&baked.config.sets[own].maps[page], &set.maps[page]);
+                assert_eq!(
+                    bits(&imported.map(k, page).unwrap().texels),
+                    bits(&baked.map(own, page).unwrap().texels)
+                );
+                if layout == Layout::Hprc1 {
+                    assert_eq!(map.sun.as_ref().map(|f| &f.blake3), own_map.sun.as_ref().map(|f| &f.blake3));
+                    assert_eq!(map.sky.as_ref().map(|f| &f.blake3), own_map.sky.as_ref().map(|f| &f.blake3));
+                    assert_eq!(map.local.is_some(), set.hour < 6.0 || set.hour > 18.0, "{} h", set.hour);
+                }
+            }
+        }
+        export_folder(&at("in"), layout, &at("again"));
+        assert_eq!(content(&at("again")), content(&at("out")));
+    }
+    // A plain texel of the first layout, as others would read it.
+    let name = "out-hprc1/LocalOnly/lightmapRawData_Dilate_VirtualTexture0_1_HQ_7_3_22.00.bin_0";
+    let bytes = fs::read(folder.path().join(name)).unwrap();
+    let lamps = [0, 1].map(|lamp| noise_image(7, 3, 1 ^ (lamp + 100)));
+    let sum = lamps[0].texels[9][2] + lamps[1].texels[9][2];
+    assert_eq!(bytes[4 * (3 * 9 + 2)..][..4], sum.to_le_bytes());
+    let name = "out-hprc1/Mask/lightmapCoverage_Dilate_VirtualTexture0_0_HQ_20_20_1.00.bin_0";
+    let mask = fs::read(folder.path().join(name)).unwrap();
+    assert_eq!((mask.len(), mask[0] as i8, mask[1] as i8), (400, -1, 127));
+}
+
+#[test]
+fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let [root, out] = ["yard", "out"].map(|name| folder.path().join(name));
+    let refused = |hours: &[f64], layout: Layout| {
+        let _ = fs::remove_dir_all(&root);
+        write_hours(&root, &[(5, 5)], 1, hours).unwrap();
+        let error =
+            export(&Dataset::open(&root).unwrap(), layout, &out, &Console::silent()).unwrap_err().to_string();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "only the set");
+        error
+    };
+    let error = refused(&day()[1..], Layout::Hprc1);
+    assert!(error.contains("no set at 0 h; the layout holds all 24 hours"), "{error}");
+    let error = refused(&[4.5, 20.4], Layout::Hprc2);
+    assert!(error.contains("sets at 4.5, 20.4 h have no time key"), "{error}");
+    // A damaged set, though its texels can still be read.
+    write_hours(&root, &[(5, 5)], 1, &[0.0, 12.0]).unwrap();
+    let dataset = Dataset::open(&root).unwrap();
+    let victim = dataset.path(&dataset.config.sets[1].maps[0].file);
+    let mut bytes = fs::read(&victim).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(&victim, bytes).unwrap();
+    let error = export(&dataset, Layout::Hprc2, &out, &Console::silent()).unwrap_err().to_string();
+    assert!(error.contains("checksum"), "{error}");
+    // A folder with something in it is left alone.
+    fs::create_dir(&out).unwrap();
+    fs::write(out.join("mine"), b"x").unwrap();
+    let error = export(&dataset, Layout::Hprc2, &out, &Console::silent()).unwrap_err().to_string();
+    assert!(error.contains("stands there already"), "{error}");
+}
+
+#[test]
+fn values_outside_the_mask_that_are_no_light_become_zero_and_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set] = ["contest", "set"].map(|name| folder.path().join(name));
+    let lightmaps = layouts::write2(&source);
+    let outside = lightmaps[0].valid.iter().position(|valid| !valid).unwrap();
+    let file = source.join("Data/raw_4_0.bin_0");
+    let mut bytes = fs::read(&file).unwrap();
+    for (channel, value) in [f32::NAN, -1.5, 7.0].into_iter().enumerate() {
+        bytes[4 * (3 * outside + channel)..][..4].copy_from_slice(&value.to_le_bytes());
+    }
+    fs::write(&file, bytes).unwrap();
+    let config = import_folder(Layout::Hprc2, &source, &set);
+    assert_eq!(config.source.unwrap().replaced_values, 2);
+    let map = Dataset::open(&set).unwrap().map(0, 0).unwrap();
+    assert_eq!(map.texels[outside], [0.0, 0.0, 7.0]);
+    assert_eq!(faults(&set), Vec::<String>::new());
+}
+
+#[test]
+fn a_sum_that_is_nearly_one_is_good_enough_for_an_import() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set] = ["contest", "set"].map(|name| folder.path().join(name));
+    let light = layouts::write1(&source, &[(0, (4, 4), 1)], true);
+    let file = source.join("Original/lightmapRawData_Dilate_VirtualTexture0_0_HQ_4_4_9.00.bin_0");
+    let write = |factor: f32| {
+        let mut texels = light(0, "Original", 9, 16);
+        texels[6] = texels[6].map(|value| factor * value);
+        // Beside the mask anything goes.
+        texels[0] = [5.0; 3];
+        fs::write(&file, layouts::light_bytes(&texels)).unwrap();
+    };
+    write(1.01);
+    let origin = Origin::Folder(Layout::Hprc1, source.clone());
+    let error = import(&origin, &set, &Console::silent()).unwrap_err().to_string();
+    assert!(error.contains("_9.00.bin_0, texel (2, 1)") && error.contains("sum to"), "{error}");
+    assert!(!set.exists());
+    write(1.0005);
+    let config = import_folder(Layout::Hprc1, &source, &set);
+    assert_eq!(faults(&set), Vec::<String>::new());
+    // The check has the same measure, and names the place.
+    let mut image = Dataset::open(&set).unwrap().map(9, 0).unwrap();
+    image.texels[6] = image.texels[6].map(|value| 1.01 * value);
+    let mut config = config;
+    let file = &mut config.sets[9].maps[0].file;
+    let bytes = image.to_exr();
+    fs::write(set.join(&file.path), &bytes).unwrap();
+    (file.bytes, file.blake3) = (bytes.len() as u64, blake3::hash(&bytes).to_hex().to_string());
+    fs::write(set.join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
+    let found = faults(&set);
+    assert!(found.len() == 1 && found[0].contains("texel (2, 1)"), "{found:?}");
+}
+
+#[test]
+fn equal_files_are_stored_once_and_no_temporary_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set] = ["contest", "set"].map(|name| folder.path().join(name));
+    layouts::write2(&source);
+    fs::copy(source.join("Data/raw_4_0.bin_0"), source.join("Data/raw_4_2300.bin_0")).unwrap();
+    let config = import_folder(Layout::Hprc2, &source, &set);
+    assert_eq!(config.sets[0].maps[0].file, config.sets[6].maps[0].file);
+    // Two lightmaps at 7 hours less one, two masks, the configuration.
+    assert_eq!(fs::read_dir(set.join(DATA)).unwrap().count(), 2 * 7 - 1 + 2 + 1);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+}

@@ -1,0 +1,30 @@
+//! A stopped import or export leaves nothing. A test file of its own: the request to stop is the whole process's.
+
+mod common;
+
+use common::{layouts, write_set};
+use dataset::Error;
+use dataset::config::Layout;
+use dataset::console::{Console, INTERRUPTED};
+use dataset::exchange::{Origin, export, import};
+use dataset::store::Dataset;
+use std::fs;
+use std::sync::atomic::Ordering;
+
+#[test]
+fn a_stopped_exchange_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set, out] = ["contest", "set", "out"].map(|name| folder.path().join(name));
+    layouts::write2(&source);
+    write_set(&set, &[(20, 20)], 1).unwrap();
+    let dataset = Dataset::open(&set).unwrap();
+    INTERRUPTED.store(true, Ordering::SeqCst);
+    let imported = import(&Origin::Folder(Layout::Hprc2, source.clone()), &out, &Console::silent());
+    assert!(matches!(imported, Err(Error::Interrupted)), "{imported:?}");
+    let exported = export(&dataset, Layout::Hprc2, &out, &Console::silent());
+    assert!(matches!(exported, Err(Error::Interrupted)), "{exported:?}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    // Asked again it is done.
+    INTERRUPTED.store(false, Ordering::SeqCst);
+    import(&Origin::Folder(Layout::Hprc2, source), &out, &Console::silent()).unwrap();
+}
