@@ -62,7 +62,7 @@ pub(super) fn parse(place: &Path, bytes: &[u8]) -> Result<impl Iterator<Item = R
 
 fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
     let Entry { id, resolution: Resolution { width, height }, parts } = *entry;
-    if !(1..=MAX_PARTS).contains(&parts) || height % parts != 0 {
+    if !(1..=MAX_PARTS).contains(&parts) || !height.is_multiple_of(parts) {
         let expected = format!("expected 1 to {MAX_PARTS} that divide the height, {height}");
         let what = format!("lightmap {id}: {parts} parts; {expected}");
         return Err(Error::invalid(place.display(), what));
@@ -100,7 +100,7 @@ pub(super) fn compose(lightmaps: &[Lightmap]) -> Vec<u8> {
 /// The fewest equal parts of at most so many bytes; one where no number will do.
 fn parts(lightmap: &Lightmap, most: u64) -> u32 {
     let bytes = u64::from(lightmap.width) * u64::from(lightmap.height) * super::raw::LIGHT_BYTES as u64;
-    let divides = |parts: &u32| lightmap.height % parts == 0;
+    let divides = |parts: &u32| lightmap.height.is_multiple_of(*parts);
     let fit = (1..=MAX_PARTS).filter(divides).find(|&parts| bytes / u64::from(parts) <= most);
     fit.unwrap_or(1)
 }
