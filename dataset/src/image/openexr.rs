@@ -16,7 +16,7 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Channels(pub [String; 3]);
 
-/// The bytes of an EXR file as [`Image::to_exr`] gives them, of an image that need not be in memory: `fill(y, row)` writes the texels of
+/// The bytes of an EXR file as [`super::Image::to_exr`] gives them, of an image that need not be in memory: `fill(y, row)` writes the texels of
 /// row y.
 ///
 /// # Panics
