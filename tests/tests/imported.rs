@@ -28,7 +28,7 @@ fn light(lightmap: usize, key: u32, x: usize, y: usize) -> [f32; 3] {
 }
 
 fn is_valid(x: usize, y: usize) -> bool {
-    (x + y) % 41 != 0
+    !(x + y).is_multiple_of(41)
 }
 
 /// Writes the set in layout 2.
