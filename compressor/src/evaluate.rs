@@ -6,10 +6,12 @@
 
 mod between;
 mod seams;
+mod steps;
 mod strips;
 mod table;
 
 pub use between::Between;
+pub use steps::{Step, Steps};
 pub(crate) use strips::{read, strips, valid};
 pub use table::COLUMNS;
 pub(crate) use table::{aligned, cell};
@@ -25,6 +27,9 @@ use dataset::tiles::{Rect, TILE, tiles};
 use rayon::prelude::*;
 use seams::Seams;
 use std::ops::Range;
+
+/// Side of the large tiles that quality is told of too.
+pub const LARGE: usize = 2 * TILE;
 
 /// One tile of one set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,6 +73,8 @@ pub struct Quality {
     pub psnr_worst_percent_db: Option<f64>,
     /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
+    /// The same with windows of 7×7 texels that count alike.
+    pub one_minus_ssim_uniform: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,
     /// Relative error over the darkest quarter of the valid texels of a set; the mean over sets.
@@ -84,6 +91,17 @@ pub struct Quality {
     pub black_largest_error: f64,
 }
 
+/// Means over (large tile, set), of those that are neither black nor constant in space.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Large {
+    /// Mean PSNR; peak = the tile's largest valid value.
+    pub psnr_db: Option<f64>,
+    /// Mean PSNR with peak = largest − smallest.
+    pub psnr_range_db: Option<f64>,
+    /// 1 − mean structural similarity.
+    pub one_minus_ssim: Option<f64>,
+}
+
 /// A bundle's quality.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
@@ -97,6 +115,10 @@ pub struct Evaluation {
     pub distinct: Quality,
     /// How many sets differ.
     pub distinct_sets: usize,
+    /// Over all sets, on tiles of [`LARGE`]² texels.
+    pub large: Large,
+    /// How well the change from set to set is met.
+    pub steps: Steps,
     /// Length of the bundle file × 8 ÷ (texels of all pages × sets), texels without a surface included.
     pub bpp: f64,
     /// Bytes of the bundle file.
@@ -129,6 +151,7 @@ pub fn evaluate(
     let sets = &dataset.config.sets;
     let progress = console.progress("evaluating", (sets.len() * masks.len()) as u64);
     let mut samples = Vec::new();
+    let mut large: Vec<TileQuality> = Vec::new();
     let mut decode_seconds = 0.0;
     let mut seams = Seams::default();
     let mut dark: Vec<Option<f64>> = Vec::with_capacity(sets.len());
@@ -166,10 +189,13 @@ pub fn evaluate(
                 }
                 mask.height = rows.len();
                 mask.valid.truncate(rows.len() * mask.width);
+                let judge = |&rect: &Rect| metrics::compare(&decoded, &reference, &mask, rect);
+                let rects = tiles(mask.width, mask.height, LARGE);
+                large.par_extend(rects.par_iter().map(judge).filter(|quality| quality.ssim.is_some()));
                 let rects = tiles(mask.width, mask.height, TILE);
                 let before = rows.start / TILE * mask.width.div_ceil(TILE);
                 samples.par_extend(rects.par_iter().enumerate().filter_map(|(i, &rect)| {
-                    let quality = metrics::compare(&decoded, &reference, &mask, rect);
+                    let quality = judge(&rect);
                     let ceiling = |mse: f64| metrics::psnr_db(quality.peak, mse);
                     (quality.texels > 0).then(|| Sample {
                         set: k,
@@ -213,6 +239,12 @@ pub fn evaluate(
         by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
         distinct: over(&|k| firsts.binary_search(&k).is_ok()),
         distinct_sets: firsts.len(),
+        large: Large {
+            psnr_db: mean(large.iter().filter_map(|quality| quality.psnr_db)),
+            psnr_range_db: mean(large.iter().filter_map(|quality| quality.psnr_range_db)),
+            one_minus_ssim: mean(large.iter().filter_map(|quality| quality.ssim)).map(|ssim| 1.0 - ssim),
+        },
+        steps: steps::steps(dataset, decoder, console)?,
         bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
         bytes: bundle.bytes,
         seam_ratio: seams.ratio(),
@@ -273,7 +305,7 @@ fn check_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
 }
 
 /// The means over samples; without the error in the dark, which is a set's.
-fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
+pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
     let (black, lit): (Vec<&Sample>, Vec<&Sample>) =
         samples.partition(|sample| sample.quality.psnr_db.is_none());
     let (constant, judged): (Vec<&Sample>, Vec<&Sample>) =
@@ -297,6 +329,7 @@ fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
         noise_ceiling_db: over(&|s| s.noise_ceiling_db),
         psnr_worst_percent_db: mean(worst.into_iter()),
         one_minus_ssim: over(&|s| s.quality.ssim.map(|ssim| 1.0 - ssim)),
+        one_minus_ssim_uniform: over(&|s| s.quality.ssim_uniform.map(|ssim| 1.0 - ssim)),
         relative_error: over(&|s| Some(s.relative_error)),
         dark_relative_error: None,
         samples: judged.len(),
@@ -396,6 +429,7 @@ mod tests {
                 psnr_db: psnr,
                 psnr_range_db: psnr.filter(|_| !constant),
                 ssim: psnr.filter(|_| !constant).map(|_| 0.9),
+                ssim_uniform: psnr.filter(|_| !constant).map(|_| 0.8),
             },
             psnr_8bit_db: psnr,
             noise_ceiling_db: None,
@@ -421,6 +455,7 @@ mod tests {
         assert!((q.psnr_worst_percent_db.unwrap() - 20.0).abs() < 1e-9);
         assert!((q.constant_relative_error.unwrap() - 1e-3).abs() < 1e-12);
         assert!((q.one_minus_ssim.unwrap() - 0.1).abs() < 1e-12);
+        assert!((q.one_minus_ssim_uniform.unwrap() - 0.2).abs() < 1e-12);
         assert!((q.psnr_log_db.unwrap() - 27.0).abs() < 1e-9);
         assert_eq!(q.noise_ceiling_db, None);
         assert_eq!(quality([].iter()), Quality::default());

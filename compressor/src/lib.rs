@@ -3,7 +3,7 @@
 //!
 //! Modules in the order the data passes them; a module imports only what stands above it. The decoding half
 //! (`lanes`, `time`, `model`, `bc7`, `grid`, `bundle`, `decode`) never imports the training half
-//! (`clock`, `mean`, `tile`, `train`, `compress`, `evaluate`, `report`, `run`, `sweep`). Of the latter, `evaluate` needs `mean` alone.
+//! (`clock`, `mean`, `tile`, `train`, `compress`, `evaluate`, `report`, `run`, `sweep`, `compare`). Of the latter, `evaluate` needs `mean` alone.
 
 mod lanes;
 pub mod time;
@@ -21,6 +21,7 @@ pub mod evaluate;
 pub mod report;
 pub mod run;
 pub mod sweep;
+pub mod compare;
 
 #[cfg(test)]
 mod testing;

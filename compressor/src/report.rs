@@ -94,6 +94,37 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
             ),
         ],
     });
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or("–".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    let (all, large) = (&evaluation.all, &evaluation.large);
+    section.subheading("By other measures");
+    let row = |name: &str, value: String| vec![name.to_owned(), value];
+    section.table(
+        &["measure", "value"],
+        &[
+            row("PSNR dB, peak = largest − smallest", number(all.psnr_range_db, 2)),
+            row("1 − SSIM, windows of 7×7 texels alike", number(all.one_minus_ssim_uniform, 5)),
+            row("PSNR dB, tiles of 256×256", number(large.psnr_db, 2)),
+            row("PSNR dB, tiles of 256×256, peak = largest − smallest", number(large.psnr_range_db, 2)),
+            row("1 − SSIM, tiles of 256×256", number(large.one_minus_ssim, 5)),
+            row("LPIPS", "not measured".to_owned()),
+        ],
+    );
+    let steps = |switch: bool| {
+        let each = evaluation.steps.each.iter().filter(|step| step.switch == switch);
+        each.filter_map(|step| Some((step.from, step.error?))).collect::<Vec<_>>()
+    };
+    if !evaluation.steps.each.is_empty() {
+        section.plot(&Plot {
+            title: "Error of the change of light to the next set".to_owned(),
+            x: "hour".to_owned(),
+            y: "RMS of the error ÷ RMS of the change".to_owned(),
+            log_x: false,
+            log_y: true,
+            lines: vec![("same lamps".to_owned(), steps(false)), ("across a switch".to_owned(), steps(true))],
+        });
+    }
     let mut worst: Vec<_> = evaluation
         .samples
         .iter()

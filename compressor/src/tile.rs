@@ -8,6 +8,7 @@ use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use dataset::image::Mask;
 use dataset::store::Dataset;
+use dataset::tiles::Rect;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -125,7 +126,20 @@ impl Band {
     /// Reads one band of all sets. Texels are checked by [`Dataset::map_rows`].
     pub fn load(dataset: &Dataset, mask: &Mask, page: usize, row: usize) -> Result<Self> {
         let grid = Grid { width: mask.width, height: mask.height };
-        let rows = Self::rows(grid, row);
+        Self::read(dataset, mask, page, row, Self::rows(grid, row))
+    }
+
+    /// Reads the rows of a page that hold `rect`, of all sets, and cuts out its texels alone: a tile without a border. `rect` is at
+    /// most 128×128.
+    pub(crate) fn load_alone(dataset: &Dataset, mask: &Mask, page: usize, rect: Rect) -> Result<TileSource> {
+        let band = Self::read(dataset, mask, page, 0, rect.y0..rect.y1)?;
+        let size = [rect.width(), rect.height()];
+        Ok(band.cut([rect.x0 as isize, rect.y0 as isize], size.map(|side| side.next_multiple_of(4)), size))
+    }
+
+    /// The rows `rows` of a page, which hold band `row` or are looked at otherwise.
+    fn read(dataset: &Dataset, mask: &Mask, page: usize, row: usize, rows: Range<usize>) -> Result<Self> {
+        let grid = Grid { width: mask.width, height: mask.height };
         let mut read: BTreeMap<&str, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
         let mut sets = Vec::with_capacity(dataset.config.sets.len());
         for (k, set) in dataset.config.sets.iter().enumerate() {
@@ -159,14 +173,21 @@ impl Band {
         let (width, height) = self.grid.stored(column, self.row);
         let (own_width, own_height) = self.grid.payload(column, self.row);
         let (left, top) = Place { page: self.page, column, row: self.row }.origin();
+        self.cut([left, top], [width, height], [own_width, own_height].map(|own| own + 2 * BORDER))
+    }
+
+    /// The texels from (left, top) on, of which only the first `looked_at` across and down are.
+    fn cut(&self, [left, top]: [isize; 2], [width, height]: [usize; 2], looked_at: [usize; 2]) -> TileSource {
         // Index into the band's texels of each stored texel, row by row.
         let mut from = Vec::with_capacity(width * height);
         for y in 0..height as isize {
-            let line = (mirrored(top + y, self.grid.height) - self.rows.start) * self.grid.width;
+            // What is not looked at may lie past the rows that are held.
+            let row = mirrored(top + y, self.grid.height).clamp(self.rows.start, self.rows.end - 1);
+            let line = (row - self.rows.start) * self.grid.width;
             from.extend((0..width as isize).map(|x| line + mirrored(left + x, self.grid.width)));
         }
         let sets = self.sets.iter().map(|texels| from.iter().map(|&i| texels[i]).collect()).collect();
-        let read = |i: usize| i % width < own_width + 2 * BORDER && i / width < own_height + 2 * BORDER;
+        let read = |i: usize| i % width < looked_at[0] && i / width < looked_at[1];
         let coverage = from
             .iter()
             .enumerate()

@@ -8,8 +8,10 @@ use crate::tiles::Rect;
 
 mod dark;
 mod ssim;
+mod steps;
 
 pub use dark::{Brightnesses, psnr_log_db};
+pub use steps::StepError;
 
 /// PSNR is capped here: an exact tile has no finite one.
 pub const PSNR_CAP_DB: f64 = 100.0;
@@ -40,6 +42,8 @@ pub struct TileQuality {
     /// as `psnr_range_db`. Windows are cut at the tile's edge; invalid texels weigh nothing, and the weights of the
     /// rest are scaled to a sum of one; windows stand at valid texels. C₁ = (0.01 · range)², C₂ = (0.03 · range)².
     pub ssim: Option<f64>,
+    /// The same with windows of 7×7 texels that count alike.
+    pub ssim_uniform: Option<f64>,
 }
 
 impl TileQuality {
@@ -109,6 +113,7 @@ pub fn compare(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect) -> T
             psnr_db: None,
             psnr_range_db: None,
             ssim: None,
+            ssim_uniform: None,
         };
     }
     let samples = (3 * texels) as f64;
@@ -127,6 +132,7 @@ pub fn compare(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect) -> T
         constant,
         psnr_db: psnr,
         psnr_range_db: varies.then(|| psnr_db(range, mse)),
-        ssim: varies.then(|| ssim::masked(decoded, reference, mask, tile, range)),
+        ssim: varies.then(|| ssim::masked(ssim::gaussian(), decoded, reference, mask, tile, range)),
+        ssim_uniform: varies.then(|| ssim::masked(ssim::uniform(), decoded, reference, mask, tile, range)),
     }
 }

@@ -5,7 +5,8 @@ mod common;
 use common::{Random, full_mask, noise_image};
 use dataset::image::{Image, Mask};
 use dataset::metrics::{
-    Brightnesses, PSNR_CAP_DB, TileQuality, compare, psnr_db, psnr_log_db, relative_error, valid_sum,
+    Brightnesses, PSNR_CAP_DB, StepError, TileQuality, compare, psnr_db, psnr_log_db, relative_error,
+    valid_sum,
 };
 use dataset::tiles::{Rect, TILE, tiles};
 
@@ -81,6 +82,78 @@ fn compare_agrees_with_the_definitions() {
             assert!((ssim - expected.2).abs() < 1e-9, "{ssim} {expected:?}");
         }
     }
+}
+
+/// The expected values were computed with numpy 2.4.6, scipy 1.17.1 and scikit-image 0.26.0: PSNR by
+/// `skimage.metrics.peak_signal_noise_ratio` of the valid texels with data_range = peak, and max − min; each moment of SSIM by
+/// `scipy.ndimage.correlate(a · mask, window, mode="constant")` ÷ that of the mask. Where no window is cut these maps equal those of
+/// `skimage.metrics.structural_similarity(gaussian_weights=True, sigma=1.5 | win_size=7, use_sample_covariance=False)` to 1e-14.
+#[test]
+fn values_are_those_of_numpy_scipy_and_scikit_image() {
+    let (width, height) = (24, 20);
+    let image = |value: &dyn Fn(usize, usize, usize) -> f32| Image {
+        width,
+        height,
+        texels: (0..width * height)
+            .map(|i| std::array::from_fn(|c| value(i % width, i / width, c)))
+            .collect(),
+    };
+    let light = |x: usize, y: usize, c: usize| ((7 * x + 13 * y + 5 * c + x * y) % 32) as f32 / 32.0 + 0.125;
+    let reference = image(&light);
+    let decoded = image(&|x, y, c| light(x, y, c) + (((x * x + 3 * y + c) % 5) as f32 - 2.0) / 16.0);
+    // The next set: upside down and half as bright.
+    let next = image(&|x, y, c| light(x, height - 1 - y, c) / 2.0);
+    let decoded_next =
+        image(&|x, y, c| light(x, height - 1 - y, c) / 2.0 + (((x + y + c) % 3) as f32 - 1.0) / 128.0);
+    let holes = Mask {
+        width,
+        height,
+        valid: (0..width * height).map(|i| (5 * (i % width) + 3 * (i / width)) % 7 != 0).collect(),
+    };
+    let whole = Rect { x0: 0, y0: 0, x1: width, y1: height };
+    // PSNR, of the range, of the logarithm; SSIM, with the uniform window; error of the step.
+    for (mask, expected) in [
+        (full_mask(width, height), [21.850461, 20.796334, 22.834849, 0.954866, 0.955015, 0.198353]),
+        (holes, [21.839933, 20.785805, 24.243361, 0.953375, 0.953576, 0.200557]),
+    ] {
+        let quality = compare(&decoded, &reference, &mask, whole);
+        let mut step = StepError::default();
+        // In two parts.
+        for part in [0..100, 100..width * height] {
+            let cut = |image: &Image| image.texels[part.clone()].to_vec();
+            let [d0, d1, r0, r1] = [&decoded, &decoded_next, &reference, &next].map(cut);
+            step.add([&d0, &d1], [&r0, &r1], &mask.valid[part]);
+        }
+        let found = [
+            quality.psnr_db,
+            quality.psnr_range_db,
+            psnr_log_db(&decoded, &reference, &mask, whole, quality.mean),
+            quality.ssim,
+            quality.ssim_uniform,
+            step.relative(),
+        ];
+        for (found, expected) in found.into_iter().zip(expected) {
+            assert!((found.unwrap() - expected).abs() < 1e-5, "{found:?} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_step_that_is_none_has_no_error() {
+    let step = |change: f32, error: f32| {
+        let mut step = StepError::default();
+        let at = |light: f32| [[light; 3]; 4];
+        step.add(
+            [&at(1.0), &at(1.0 + change + error)],
+            [&at(1.0), &at(1.0 + change)],
+            &[true, true, false, true],
+        );
+        step.relative()
+    };
+    assert_eq!(step(0.0, 0.5), None);
+    assert_eq!(step(0.5, 0.0), Some(0.0));
+    assert!((step(0.5, 0.25).unwrap() - 0.5).abs() < 1e-6);
+    assert_eq!(StepError::default().relative(), None);
 }
 
 #[test]

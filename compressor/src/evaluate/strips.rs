@@ -1,9 +1,9 @@
-//! Pages a strip of whole tiles at a time, so that memory grows with their width, not with their height.
+//! Pages a strip of whole tiles at a time, the large ones of [`super::LARGE`] too, so that memory grows with their width, not with their height.
 
+use super::LARGE;
 use crate::Result;
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
-use dataset::tiles::TILE;
 use std::ops::Range;
 
 /// Texels of a strip, about: 100 MB an image.
@@ -11,7 +11,7 @@ const TEXELS: usize = 1 << 23;
 
 /// The rows of each strip of a page that has a valid texel.
 pub(crate) fn strips(mask: &Mask) -> Vec<Range<usize>> {
-    of_height(mask, (TEXELS / mask.width / TILE).max(1) * TILE)
+    of_height(mask, (TEXELS / mask.width / LARGE).max(1) * LARGE)
 }
 
 fn of_height(mask: &Mask, height: usize) -> Vec<Range<usize>> {

@@ -157,6 +157,16 @@ impl Evaluation {
                 ),
             });
         }
+        if self.steps.smooth.or(self.steps.switch).is_some() {
+            let percent = |error: Option<f64>| {
+                error.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error))
+            };
+            remarks.push(format!(
+                "from set to set the change of light is wrong by {} of itself in the mean, across switches of lamps by {}",
+                percent(self.steps.smooth),
+                percent(self.steps.switch)
+            ));
+        }
         if let Some(ratio) = self.seam_ratio {
             remarks.push(format!(
                 "the step from a texel to its neighbour is wrong by {ratio:.3} times as much across tile borders as inside tiles"
@@ -168,17 +178,24 @@ impl Evaluation {
     /// Every judged (tile, set) as comma-separated values.
     pub fn csv(&self) -> String {
         let mut out = String::from(
-            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,psnr_8bit_db,noise_ceiling_db,psnr_log_db,relative_error\n",
+            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,relative_error\n",
         );
         for s in &self.samples {
             let (q, r) = (&s.quality, &s.rect);
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
             let place = format!("{},{},{},{},{},{}", self.by_hour[s.set].0, s.page, r.x0, r.y0, r.x1, r.y1);
             let plain = format!("{},{},{},{},{},{}", q.texels, q.peak, q.range, q.mean, q.constant, q.mse());
-            let rest =
-                [q.psnr_db, q.psnr_range_db, q.ssim, s.psnr_8bit_db, s.noise_ceiling_db, s.psnr_log_db]
-                    .map(number)
-                    .join(",");
+            let rest = [
+                q.psnr_db,
+                q.psnr_range_db,
+                q.ssim,
+                q.ssim_uniform,
+                s.psnr_8bit_db,
+                s.noise_ceiling_db,
+                s.psnr_log_db,
+            ]
+            .map(number)
+            .join(",");
             let _ = writeln!(out, "{place},{plain},{rest},{}", s.relative_error);
         }
         out
@@ -195,8 +212,15 @@ impl Evaluation {
         let hours: Vec<_> = self
             .by_hour
             .iter()
-            .map(|(hour, q)| json!({ "hour": hour, "psnr_db": q.psnr_db, "noise_ceiling_db": q.noise_ceiling_db, "psnr_log_db": q.psnr_log_db,
-                "relative_error": q.relative_error, "dark_relative_error": q.dark_relative_error }))
+            .map(|(hour, q)| json!({ "hour": hour, "psnr_db": q.psnr_db, "psnr_range_db": q.psnr_range_db, "psnr_pooled_db": q.psnr_pooled_db,
+                "psnr_worst_percent_db": q.psnr_worst_percent_db, "noise_ceiling_db": q.noise_ceiling_db, "psnr_log_db": q.psnr_log_db,
+                "one_minus_ssim": q.one_minus_ssim, "relative_error": q.relative_error, "dark_relative_error": q.dark_relative_error }))
+            .collect();
+        let steps: Vec<_> = self
+            .steps
+            .each
+            .iter()
+            .map(|step| json!({ "from": step.from, "to": step.to, "switch": step.switch, "error": step.error }))
             .collect();
         json!({
             "psnr_db": q.psnr_db,
@@ -211,6 +235,11 @@ impl Evaluation {
             "psnr_8bit_features_db": Value::Null,
             "noise_ceiling_db": q.noise_ceiling_db,
             "one_minus_ssim": q.one_minus_ssim,
+            "one_minus_ssim_uniform": q.one_minus_ssim_uniform,
+            "psnr_256_db": self.large.psnr_db,
+            "psnr_range_256_db": self.large.psnr_range_db,
+            "one_minus_ssim_256": self.large.one_minus_ssim,
+            "lpips": Value::Null,
             "relative_error": q.relative_error,
             "dark_relative_error": q.dark_relative_error,
             "constant_relative_error": q.constant_relative_error,
@@ -223,7 +252,10 @@ impl Evaluation {
             "between_median_db": self.between.map(|between| between.median_db),
             "between_worst_db": self.between.map(|between| between.worst.0),
             "between_linear_median_db": self.between.and_then(|between| between.linear_median_db),
+            "step_error": self.steps.smooth,
+            "switch_error": self.steps.switch,
             "hours": hours,
+            "steps": steps,
         })
     }
 }

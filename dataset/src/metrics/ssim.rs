@@ -3,21 +3,24 @@
 use crate::image::{Image, Mask};
 use crate::tiles::Rect;
 
-/// Half the window's side, rounded down: 11×11 texels.
-const RADIUS: usize = 5;
-/// Texels along the window.
-const TAPS: usize = 2 * RADIUS + 1;
-/// Standard deviation of the window's Gaussian, in texels.
+/// Standard deviation of the Gaussian window, in texels.
 const SIGMA: f64 = 1.5;
 
-/// Mean over channels and valid texels of the tile, windows cut at the tile's edge and weighted by the mask.
-/// The tile holds a valid texel and `range > 0`.
-pub(super) fn masked(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect, range: f64) -> f64 {
+/// Mean over channels and valid texels of the tile, windows cut at the tile's edge and weighted by the mask. `window` holds the
+/// weights along one axis, which are symmetric and of sum one. The tile holds a valid texel and `range > 0`.
+pub(super) fn masked<const TAPS: usize>(
+    window: [f64; TAPS],
+    decoded: &Image,
+    reference: &Image,
+    mask: &Mask,
+    tile: Rect,
+    range: f64,
+) -> f64 {
     let (width, height) = (tile.width(), tile.height());
     // Index in the page of each texel of the tile, row by row.
     let in_page = || (tile.y0..tile.y1).flat_map(|y| (tile.x0..tile.x1).map(move |x| y * mask.width + x));
     let valid: Vec<bool> = in_page().map(|texel| mask.valid[texel]).collect();
-    let mut blur = Blur::new(width, height);
+    let mut blur = Blur::new(window, width, height);
 
     // W = G ∗ m, the weight of each window.
     let mut weight: Vec<f64> = valid.iter().map(|&valid| f64::from(u8::from(valid))).collect();
@@ -64,39 +67,48 @@ pub(super) fn masked(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect
     sum / texels as f64
 }
 
-/// The window's weights along one axis, of sum one.
-fn gaussian() -> [f64; TAPS] {
-    let weights: [f64; TAPS] =
-        std::array::from_fn(|tap| (-(tap as f64 - RADIUS as f64).powi(2) / (2.0 * SIGMA * SIGMA)).exp());
+/// Wang et al.'s window of 11×11 texels.
+pub(super) fn gaussian() -> [f64; 11] {
+    let weights: [f64; 11] =
+        std::array::from_fn(|tap| (-(tap as f64 - 5.0).powi(2) / (2.0 * SIGMA * SIGMA)).exp());
     let sum: f64 = weights.iter().sum();
     weights.map(|weight| weight / sum)
 }
 
+/// 7×7 texels that count alike.
+pub(super) fn uniform() -> [f64; 7] {
+    [1.0 / 7.0; 7]
+}
+
 /// A separable filter over fields of one size; what lies outside counts as zero.
-struct Blur {
+struct Blur<const TAPS: usize> {
     window: [f64; TAPS],
     width: usize,
     height: usize,
-    /// One row with [`RADIUS`] zeros before and after it.
+    /// One row with half a window of zeros before and after it.
     padded_row: Vec<f64>,
-    /// The field filtered along its rows, with [`RADIUS`] rows of zeros above and below it.
+    /// The field filtered along its rows, with as many rows of zeros above and below it.
     padded_rows: Vec<f64>,
 }
 
-impl Blur {
-    fn new(width: usize, height: usize) -> Self {
-        let padded_row = vec![0.0; width + 2 * RADIUS];
-        let padded_rows = vec![0.0; width * (height + 2 * RADIUS)];
-        Blur { window: gaussian(), width, height, padded_row, padded_rows }
+impl<const TAPS: usize> Blur<TAPS> {
+    /// Half the window, its middle left out.
+    const RADIUS: usize = TAPS / 2;
+
+    fn new(window: [f64; TAPS], width: usize, height: usize) -> Self {
+        let padded_row = vec![0.0; width + 2 * Self::RADIUS];
+        let padded_rows = vec![0.0; width * (height + 2 * Self::RADIUS)];
+        Blur { window, width, height, padded_row, padded_rows }
     }
 
     fn apply(&mut self, field: &mut [f64]) {
         let width = self.width;
         // Along each row.
         for y in 0..self.height {
-            self.padded_row[RADIUS..RADIUS + width].copy_from_slice(&field[y * width..(y + 1) * width]);
+            self.padded_row[Self::RADIUS..Self::RADIUS + width]
+                .copy_from_slice(&field[y * width..(y + 1) * width]);
             let shifted: [&[f64]; TAPS] = std::array::from_fn(|tap| &self.padded_row[tap..tap + width]);
-            let start = (y + RADIUS) * width;
+            let start = (y + Self::RADIUS) * width;
             weighted_sum(&mut self.padded_rows[start..start + width], shifted, &self.window);
         }
         // Across rows.
@@ -108,11 +120,12 @@ impl Blur {
 }
 
 /// `out[i] = Σ window[k] · inputs[k][i]`, the window being symmetric.
-fn weighted_sum(out: &mut [f64], inputs: [&[f64]; TAPS], window: &[f64; TAPS]) {
+fn weighted_sum<const TAPS: usize>(out: &mut [f64], inputs: [&[f64]; TAPS], window: &[f64; TAPS]) {
+    let middle = TAPS / 2;
     let inputs = inputs.map(|input| &input[..out.len()]);
     for (i, out) in out.iter_mut().enumerate() {
-        let mut sum = window[RADIUS] * inputs[RADIUS][i];
-        for tap in 0..RADIUS {
+        let mut sum = window[middle] * inputs[middle][i];
+        for tap in 0..middle {
             sum += window[tap] * (inputs[tap][i] + inputs[TAPS - 1 - tap][i]);
         }
         *out = sum;

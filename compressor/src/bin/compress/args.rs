@@ -18,6 +18,7 @@ Examples:
   compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
   compress evaluate dataset/yard --csv quality.csv
   compress sweep dataset/yard --tiles 4 --presets draft     profiles side by side
+  compress compare dataset/yard --draft                     other methods beside it
   compress info dataset/yard/yard.ndgi
 
 A run that was stopped continues where it was when the same command is given again (a time limit begins anew).
@@ -33,7 +34,9 @@ Keys of the --json object (null where there is none):
   psnr_unquantised_db    before quantisation, mean over the training's tiles (compress only)
   psnr_8bit_features_db  the same with all features rounded to 8 bits (compress only)
   noise_ceiling_db       the bake's own sampling error as a PSNR, mean
-  one_minus_ssim         1 - mean structural similarity
+  one_minus_ssim         1 - mean structural similarity (11x11 Gaussian, sigma 1.5); one_minus_ssim_uniform with 7x7 texels alike
+  psnr_256_db, psnr_range_256_db, one_minus_ssim_256   on tiles of 256x256 texels instead of 128x128
+  lpips                  null: not measured
   relative_error         mean of RMSE / mean
   dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets
   constant_relative_error  the same over pairs constant in space, which have no PSNR
@@ -43,7 +46,10 @@ Keys of the --json object (null where there is none):
   between_median_db      psnr_pooled_db of moments between sets against light linear between them, or against a withheld bake: the
                          median; between_worst_db the least
   between_linear_median_db  of that linear light, against the withheld bake
-  hours                  a list of hour, psnr_db, noise_ceiling_db, psnr_log_db, relative_error, dark_relative_error
+  step_error             from set to set, RMS error of the change of light / RMS of the change, mean; switch_error across switches
+  hours                  a list of hour, psnr_db, psnr_range_db, psnr_pooled_db, psnr_worst_percent_db, noise_ceiling_db, psnr_log_db,
+                         one_minus_ssim, relative_error, dark_relative_error
+  steps                  a list of from, to (hours), switch, error
   tiles, seconds         tiles of the bundle, wall-clock seconds
   bundle, report         paths written (compress only)
   steps_least, steps_most   training steps of a tile with light (compress only)
@@ -58,6 +64,15 @@ Examples:
 Each tile is trained as `compress --profile … --preset …` would with that seed. The three PSNRs are of one training: of the float
 model, of that with all features rounded to 8 bits, and of the stored tile in BC7; bpp counts the texels of the trained tiles alone. With --json: tiles, tiles_of, rows (profile,
 preset, bpp, psnr_unquantised_db, psnr_8bit_features_db, psnr_bc7_db, one_minus_ssim, seconds), report, seconds.";
+
+const COMPARE_EXAMPLES: &str = "\
+Examples:
+  compress compare dataset/yard --draft                     a first look, at the first page
+  compress compare dataset/yard --tiles 16 --csv yard.csv   minutes to hours
+
+BC6H, BC7 and ASTC need a build with --features baselines. How each method is set up: compressor/BASELINES.md. With --json: tiles,
+tiles_of, sets, draft, noise_ceiling_db, rows (family, method, bpp, psnr_db and other means, encode_seconds of a tile,
+decode_milliseconds of 1024x1024 texels, note), left_out, report, seconds.";
 
 const INFO_EXAMPLES: &str = "\
 Examples:
@@ -114,6 +129,9 @@ pub enum Command {
     /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation, seconds.
     #[command(after_help = SWEEP_EXAMPLES)]
     Sweep(Sweep),
+    /// Compare NDGI with block compression, keyframes, a linear control and NTC on some tiles of a dataset.
+    #[command(after_help = COMPARE_EXAMPLES)]
+    Compare(Compare),
     /// Show what a bundle says of itself.
     #[command(after_help = INFO_EXAMPLES)]
     Info {
@@ -142,6 +160,27 @@ pub struct Sweep {
     #[arg(long)]
     pub csv: Option<PathBuf>,
     /// The report to write, with PSNR against seconds [default: <dataset>/<scene>.sweep.html].
+    #[arg(long)]
+    pub report: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// The dataset's folder.
+    pub dataset: PathBuf,
+    /// Tiles of 128×128 texels to compare on, at most; which, the seed decides [default: all of the first page].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub tiles: Option<u32>,
+    /// A first look: brief trainings and faster presets of all encoders.
+    #[arg(long)]
+    pub draft: bool,
+    /// Seed of all randomness.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write the table to this file as well.
+    #[arg(long)]
+    pub csv: Option<PathBuf>,
+    /// The report to write, with plots and pictures [default: <dataset>/<scene>.compare.html].
     #[arg(long)]
     pub report: Option<PathBuf>,
 }

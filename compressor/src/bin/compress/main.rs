@@ -3,8 +3,9 @@
 mod args;
 mod info;
 
-use args::{Command, Compress, RecipeName, Sweep};
+use args::{Command, Compare, Compress, RecipeName, Sweep};
 use compressor::bundle::Bundle;
+use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
 use compressor::decode::Decoder;
 use compressor::evaluate::evaluate;
@@ -30,7 +31,8 @@ fn main() -> ExitCode {
         Some(Command::Evaluate { dataset, bundle, withheld, csv }) => {
             judge(dataset, bundle, withheld, csv, &console)
         }
-        Some(Command::Sweep(sweep)) => compare(sweep, &console),
+        Some(Command::Sweep(args)) => run_sweep(args, &console),
+        Some(Command::Compare(args)) => run_compare(args, &console),
         Some(Command::Info { bundle }) => info::info(bundle, &console),
     };
     match done {
@@ -114,7 +116,7 @@ fn judge(
     Ok(())
 }
 
-fn compare(args: Sweep, console: &Console) -> Result<()> {
+fn run_sweep(args: Sweep, console: &Console) -> Result<()> {
     let start = Instant::now();
     let dataset = Dataset::open(&args.dataset)?;
     let scene = &dataset.config.scene;
@@ -133,6 +135,33 @@ fn compare(args: Sweep, console: &Console) -> Result<()> {
     report.write(&path)?;
     console.say(format!("report: {}", path.display()));
     let mut object = json!(sweep);
+    object["report"] = json!(path);
+    object["seconds"] = json!(start.elapsed().as_secs_f64());
+    console.result(&object)
+}
+
+fn run_compare(args: Compare, console: &Console) -> Result<()> {
+    let start = Instant::now();
+    let dataset = Dataset::open(&args.dataset)?;
+    let scene = &dataset.config.scene;
+    let path = args.report.unwrap_or_else(|| dataset.root.join(format!("{scene}.compare.html")));
+    expect_output(&path, "html", "--report")?;
+    args.csv.as_ref().map_or(Ok(()), |path| expect_output(path, "csv", "--csv"))?;
+    let options = compare::Options {
+        tiles: args.tiles.map(|tiles| tiles as usize),
+        effort: if args.draft { Effort::Draft } else { Effort::Full },
+        seed: args.seed,
+    };
+    let comparison = compare::compare(&dataset, &options, console)?;
+    comparison.table().iter().for_each(|line| console.print(line));
+    if let Some(path) = args.csv {
+        write_atomically(&path, comparison.csv().as_bytes())?;
+    }
+    let mut report = Report::new(&format!("{scene}, methods compared"));
+    report.push(comparison.section());
+    report.write(&path)?;
+    console.say(format!("report: {}", path.display()));
+    let mut object = json!(comparison);
     object["report"] = json!(path);
     object["seconds"] = json!(start.elapsed().as_secs_f64());
     console.result(&object)

@@ -1,0 +1,221 @@
+//! NDGI beside what else there is: every method on the same tiles, in the same run, judged by the same measures.
+//!
+//! How each is set up stands in `BASELINES.md`. Methods of foreign codecs are there with the feature `baselines`.
+
+#[cfg(feature = "baselines")]
+mod astc;
+#[cfg(feature = "baselines")]
+mod bc;
+mod curve;
+mod judge;
+mod keyframes;
+mod linear;
+mod method;
+mod ndgi;
+mod svd;
+mod table;
+#[cfg(test)]
+mod testing;
+mod tiles;
+
+pub use table::{Comparison, Row};
+
+use crate::Result;
+use crate::compress::{DRAFT, MEDIUM, Preset};
+use crate::model::PROFILES;
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::store::Dataset;
+use judge::{Judge, Judged};
+use keyframes::{Float16, KEPT};
+use method::{CodedTiles, ImageCodec, each_tile};
+use table::Shown;
+use tiles::TileSet;
+
+/// What is compared on what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Tiles with valid texels, at most, drawn by the seed from all pages; otherwise those of the first page.
+    pub tiles: Option<usize>,
+    /// How hard every encoder and trainer tries.
+    pub effort: Effort,
+    /// Seed of all randomness.
+    pub seed: u64,
+}
+
+/// How hard every encoder and trainer tries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// A first look.
+    Draft,
+    /// NDGI's default preset, the thorough ones of the others.
+    Full,
+}
+
+impl Effort {
+    /// NDGI's.
+    fn preset(self) -> Preset {
+        match self {
+            Effort::Draft => DRAFT,
+            Effort::Full => MEDIUM,
+        }
+    }
+}
+
+/// Components of the singular value decomposition.
+const RANKS: [usize; 6] = [1, 2, 3, 4, 6, 8];
+
+/// Why methods are not in the table, whatever the build.
+const NOT_RUN: &str = "PRT (clustered PCA over spherical-harmonic layers of the sky): it needs a baker's transfer, not a dataset";
+
+/// Ways of one method, and what is to be said of each; the best is shown.
+type Ways = Vec<(CodedTiles, String)>;
+
+/// A row of the table to be.
+struct Method<'a> {
+    family: &'static str,
+    name: String,
+    run: Box<dyn Fn() -> Result<Ways> + 'a>,
+}
+
+/// Compares all methods on tiles of a dataset. Writes nothing.
+///
+/// # Errors
+/// As [`crate::compress::compress`].
+pub fn compare(dataset: &Dataset, options: &Options, console: &Console) -> Result<Comparison> {
+    let set = TileSet::load(dataset, options)?;
+    let noise = dataset.noise()?;
+    let judge = Judge::new(&set, noise.as_ref());
+    let mut comparison = Comparison::new(&set, options.effort);
+    let mut left_out = vec![NOT_RUN.to_owned()];
+    let mut methods = own(&set, options);
+    foreign(&set, options, &mut methods, &mut left_out);
+    let progress = console.progress("comparing", methods.len() as u64);
+    let mut shown = Vec::new();
+    for method in methods {
+        progress.note(&method.name);
+        let (row, judged) = measure(&set, &judge, &method)?;
+        // The same for all.
+        comparison.noise_ceiling_db = judged.quality.noise_ceiling_db;
+        shown.push(Shown { method: row.method.clone(), images: judged.shown });
+        comparison.rows.push(row);
+        progress.advance(1);
+    }
+    comparison.left_out = left_out;
+    comparison.finish(&set, &judge.shown, shown);
+    Ok(comparison)
+}
+
+/// Runs a method; the best of its ways counts.
+fn measure(set: &TileSet, judge: &Judge, method: &Method) -> Result<(Row, Judged)> {
+    stop_if_interrupted()?;
+    let mut best: Option<(Row, Judged)> = None;
+    let mut notes = Vec::new();
+    for (coded, note) in (method.run)()? {
+        let judged = judge.judge(&coded);
+        let row = Row::new(set, method.family, &method.name, &coded, &judged);
+        let db = table::decibels(row.psnr_db);
+        notes.push((note.clone(), db));
+        if best.as_ref().is_none_or(|(best, _)| row.psnr_db > best.psnr_db) {
+            best = Some((Row { note, ..row }, judged));
+        }
+    }
+    let (mut row, judged) =
+        best.ok_or_else(|| crate::Error::invalid(method.name.clone(), "has no way to run"))?;
+    if notes.len() > 1 {
+        let others = notes.iter().filter(|(note, _)| *note != row.note);
+        let others: Vec<String> = others.map(|(note, db)| format!("({note}: {db} dB)")).collect();
+        row.note = format!("{} {}", row.note, others.join(" "));
+    }
+    Ok((row, judged))
+}
+
+/// Methods that need nothing foreign.
+fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
+    let preset = options.effort.preset();
+    let mut methods = Vec::new();
+    for profile in &PROFILES {
+        methods.push(Method {
+            family: "NDGI",
+            name: format!("NDGI {}", profile.name),
+            run: Box::new(move || {
+                let coded = ndgi::code(set, profile, &preset, options.seed)?;
+                Ok(vec![(coded, format!("preset {}", preset.name))])
+            }),
+        });
+    }
+    for rank in RANKS {
+        methods.push(Method {
+            family: "SVD",
+            name: format!("SVD {rank}"),
+            run: Box::new(move || {
+                let coded = each_tile(set, |tile| svd::code(tile, rank))?;
+                let note = format!("8-bit maps; {}", coded.note());
+                Ok(vec![(coded, note)])
+            }),
+        });
+    }
+    methods.push(keys(set, "float16", || Box::new(Float16)));
+    methods
+}
+
+/// Sets that are kept, by some codec.
+fn keys<'a>(
+    set: &'a TileSet,
+    codec_name: &'a str,
+    codec: impl Fn() -> Box<dyn ImageCodec> + 'a,
+) -> Method<'a> {
+    Method {
+        family: "keyframes",
+        name: format!("{KEPT} sets, {codec_name}"),
+        run: Box::new(move || {
+            let (coded, kept) = keyframes::code(set, &*codec())?;
+            let hours: Vec<String> = kept.iter().map(|&k| set.timeline.hours[k].to_string()).collect();
+            Ok(vec![(coded, format!("light linear between {} h", hours.join(", ")))])
+        }),
+    }
+}
+
+#[cfg(not(feature = "baselines"))]
+fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, left_out: &mut Vec<String>) {
+    left_out.push(
+        "BC6H, BC7 and ASTC: this build has no foreign codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
+    );
+}
+
+/// Methods of foreign codecs.
+#[cfg(feature = "baselines")]
+fn foreign<'a>(set: &'a TileSet, options: &'a Options, methods: &mut Vec<Method<'a>>, _: &mut Vec<String>) {
+    use astc::Astc;
+    use bc::{Bc6h, Bc7, Halves};
+    use method::each_image;
+    let effort = options.effort;
+    let image = |family, name: &str, codec: fn(Effort) -> Box<dyn ImageCodec>| Method {
+        family,
+        name: name.to_owned(),
+        run: Box::new(move || {
+            let coded = each_image(set, &*codec(effort))?;
+            let note = coded.note();
+            Ok(vec![(coded, note)])
+        }),
+    };
+    methods.push(image("BC", "BC7", |effort| Box::new(Bc7(effort))));
+    methods.push(image("BC", "BC6H", |effort| Box::new(Bc6h(effort, Halves::Direct))));
+    methods.push(image("BC", "BC6H, curve", |effort| Box::new(Bc6h(effort, Halves::Curve))));
+    for side in [12, 10, 8] {
+        methods.push(Method {
+            family: "ASTC",
+            name: format!("ASTC {side}×{side}"),
+            run: Box::new(move || {
+                let way = |hdr: bool| {
+                    let coded = each_image(set, &Astc { side, hdr, effort })?;
+                    let note = if hdr { "HDR".to_owned() } else { format!("LDR, {}", coded.note()) };
+                    Ok((coded, note))
+                };
+                Ok(vec![way(false)?, way(true)?])
+            }),
+        });
+    }
+    methods.push(keys(set, "BC6H", move || Box::new(Bc6h(effort, Halves::Direct))));
+    methods.push(keys(set, "ASTC 8×8", move || Box::new(Astc { side: 8, hdr: false, effort })));
+    methods.push(keys(set, "ASTC 6×6", move || Box::new(Astc { side: 6, hdr: false, effort })));
+}

@@ -1,0 +1,205 @@
+//! BC6H and BC7 by Intel's ISPC encoder, decoded by `bcdec_rs`.
+
+use super::Effort;
+use super::curve::{CURVES, Curve, scale};
+use super::method::{Coded, ImageCodec, squared_error, timed};
+use super::tiles::{Texels, Tile};
+use crate::Result;
+use half::f16;
+use intel_tex_2::{RgbaSurface, bc6h, bc7};
+
+/// Both formats: bits of a texel.
+const BITS: f64 = 8.0;
+/// Largest finite half, as bits: BC6H gives no more.
+const LARGEST: f64 = 0x7bff as f64;
+/// What a direct BC6H texture has as its peak: far from the least normal half, so that the dark keeps its digits.
+const DIRECT_PEAK: f32 = 16384.0;
+
+/// BC7 of an 8-bit encoding: the curve of each image is the best of [`CURVES`], tried with a fast encoder.
+pub(super) struct Bc7(pub Effort);
+
+impl ImageCodec for Bc7 {
+    fn code(&self, texels: &Texels, tile: &Tile) -> Result<Coded<Texels>> {
+        let scale = scale(texels);
+        let encode = |settings: &bc7::EncodeSettings, curve: Curve| {
+            let byte = |v: f32| (255.0 * curve.encode(f64::from(v / scale))).round() as u8;
+            let bytes: Vec<u8> = texels
+                .iter()
+                .flat_map(|texel| {
+                    let [r, g, b] = texel.map(byte);
+                    [r, g, b, 255]
+                })
+                .collect();
+            bc7::compress_blocks(settings, &surface(tile, &bytes, 4))
+        };
+        let decode = |blocks: &[u8], curve: Curve| {
+            let light: Vec<f32> =
+                (0..=255).map(|q| scale * curve.decode(f64::from(q) / 255.0) as f32).collect();
+            decode_bc7(blocks, tile, &light)
+        };
+        let thorough = match self.0 {
+            Effort::Draft => bc7::opaque_basic_settings(),
+            Effort::Full => bc7::opaque_slow_settings(),
+        };
+        timed(
+            || {
+                let error = |curve: Curve| {
+                    let blocks = encode(&bc7::opaque_very_fast_settings(), curve);
+                    squared_error(&decode(&blocks, curve), texels, tile)
+                };
+                let curve = best(&CURVES, error);
+                Ok(((encode(&thorough, curve), curve), bits(tile), vec![curve]))
+            },
+            |(blocks, curve)| Ok(decode(blocks, *curve)),
+        )
+    }
+}
+
+/// How light stands in BC6H's halves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Halves {
+    /// As it is but for its scale: what a game's texture holds.
+    Direct,
+    /// A code value of the best of [`CURVES`] as the half's bits. They go with the logarithm of the half, so the encoder sees
+    /// code values; a decoder takes a logarithm.
+    Curve,
+}
+
+/// BC6H of the light.
+pub(super) struct Bc6h(pub Effort, pub Halves);
+
+impl ImageCodec for Bc6h {
+    fn code(&self, texels: &Texels, tile: &Tile) -> Result<Coded<Texels>> {
+        let scale = scale(texels);
+        let encode = |settings: &bc6h::EncodeSettings, curve: Option<Curve>| {
+            let half = |v: f32| match curve {
+                None => f16::from_f32(v / scale * DIRECT_PEAK),
+                Some(curve) => f16::from_bits((LARGEST * curve.encode(f64::from(v / scale))).round() as u16),
+            };
+            let one = f16::ONE;
+            let halves: Vec<f16> = texels
+                .iter()
+                .flat_map(|texel| {
+                    let [r, g, b] = texel.map(half);
+                    [r, g, b, one]
+                })
+                .collect();
+            bc6h::compress_blocks(settings, &surface(tile, bytemuck::cast_slice(&halves), 8))
+        };
+        let decode = |blocks: &[u8], curve: Option<Curve>| {
+            let light = |v: f32| match curve {
+                None => v / DIRECT_PEAK * scale,
+                Some(curve) => {
+                    let code = f64::from(f16::from_f32(v).to_bits()) / LARGEST;
+                    scale * curve.decode(code) as f32
+                }
+            };
+            decode_bc6h(blocks, tile).into_iter().map(|texel| texel.map(light)).collect::<Texels>()
+        };
+        let thorough = match self.0 {
+            Effort::Draft => bc6h::slow_settings(),
+            Effort::Full => bc6h::very_slow_settings(),
+        };
+        timed(
+            || {
+                let error = |curve: Curve| {
+                    let blocks = encode(&bc6h::fast_settings(), Some(curve));
+                    squared_error(&decode(&blocks, Some(curve)), texels, tile)
+                };
+                let curve = (self.1 == Halves::Curve).then(|| best(&CURVES, error));
+                Ok(((encode(&thorough, curve), curve), bits(tile), curve.into_iter().collect()))
+            },
+            |(blocks, curve)| Ok(decode(blocks, *curve)),
+        )
+    }
+}
+
+/// All of an image: its blocks, its scale, and which curve.
+fn bits(tile: &Tile) -> f64 {
+    BITS * tile.texels() as f64 + 32.0 + 8.0
+}
+
+fn surface<'a>(tile: &Tile, data: &'a [u8], bytes: u32) -> RgbaSurface<'a> {
+    let (width, height) = (tile.source.width as u32, tile.source.height as u32);
+    RgbaSurface { width, height, stride: width * bytes, data }
+}
+
+/// The curve of least error.
+pub(super) fn best(curves: &[Curve], error: impl Fn(Curve) -> f64) -> Curve {
+    let errors = curves.iter().map(|&curve| (error(curve), curve));
+    errors.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(Curve::Power(1.0), |(_, curve)| curve)
+}
+
+/// Calls `put(texel's index, index in the block)` for each texel of a block.
+fn texels_of(tile: &Tile, block: usize, mut put: impl FnMut(usize, usize)) {
+    let width = tile.source.width;
+    let (left, top) = (4 * (block % (width / 4)), 4 * (block / (width / 4)));
+    (0..16).for_each(|j| put((top + j / 4) * width + left + j % 4, j));
+}
+
+fn decode_bc7(blocks: &[u8], tile: &Tile, light: &[f32]) -> Texels {
+    let mut out = vec![[0.0; 3]; tile.texels()];
+    let mut rgba = [0u8; 64];
+    for (i, block) in blocks.chunks_exact(16).enumerate() {
+        bcdec_rs::bc7(block, &mut rgba, 16);
+        texels_of(tile, i, |texel, j| out[texel] = [0, 1, 2].map(|c| light[usize::from(rgba[4 * j + c])]));
+    }
+    out
+}
+
+fn decode_bc6h(blocks: &[u8], tile: &Tile) -> Texels {
+    let mut out = vec![[0.0; 3]; tile.texels()];
+    let mut rgb = [0.0f32; 48];
+    for (i, block) in blocks.chunks_exact(16).enumerate() {
+        bcdec_rs::bc6h_float(block, &mut rgb, 12, false);
+        texels_of(tile, i, |texel, j| out[texel] = [0, 1, 2].map(|c| rgb[3 * j + c]));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::tile_of;
+    use super::*;
+    use dataset::metrics::psnr_db;
+
+    /// Smooth light, darker by a hundred in one corner, in 12×8 texels.
+    fn smooth() -> Tile {
+        let texel = |i: usize| {
+            let (x, y) = ((i % 12) as f32, (i / 12) as f32);
+            [3.0 + x, 0.2 + 0.5 * y, 0.13 * (1.0 + x + y)]
+        };
+        tile_of(12, 8, vec![(0..96).map(texel).collect()])
+    }
+
+    fn psnr(tile: &Tile, coded: &Coded<Texels>) -> f64 {
+        let error = squared_error(&coded.decoded, &tile.filled[0], tile);
+        psnr_db(f64::from(tile.peaks[0]), error / 288.0)
+    }
+
+    #[test]
+    fn gradients_come_back_through_every_codec_in_their_place() {
+        let tile = smooth();
+        let codecs: [&dyn ImageCodec; 3] =
+            [&Bc7(Effort::Draft), &Bc6h(Effort::Draft, Halves::Direct), &Bc6h(Effort::Draft, Halves::Curve)];
+        for (codec, least) in codecs.into_iter().zip([38.0, 38.0, 38.0]) {
+            let coded = codec.code(&tile.filled[0], &tile).unwrap();
+            let db = psnr(&tile, &coded);
+            assert!((least..70.0).contains(&db), "{db}");
+            assert_eq!(coded.bits, 8.0 * 96.0 + 40.0);
+        }
+    }
+
+    #[test]
+    fn a_constant_block_is_met_to_the_step_of_its_code() {
+        let tile = tile_of(4, 4, vec![vec![[0.5, 0.25, 1.0]; 16]]);
+        let direct = Bc6h(Effort::Draft, Halves::Direct).code(&tile.filled[0], &tile).unwrap();
+        let bc7 = Bc7(Effort::Draft).code(&tile.filled[0], &tile).unwrap();
+        for (found, wanted) in direct.decoded[7].into_iter().zip([0.5, 0.25, 1.0]) {
+            assert!((found - wanted).abs() < 0.005 * wanted, "{found}");
+        }
+        for (found, wanted) in bc7.decoded[7].into_iter().zip([0.5, 0.25, 1.0]) {
+            assert!((found - wanted).abs() < 1.5 / 255.0, "{found}");
+        }
+    }
+}

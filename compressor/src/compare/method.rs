@@ -1,0 +1,107 @@
+//! The shape of a method: tiles in; decoded sets, bits and seconds out.
+
+use super::curve::{Curve, tally};
+use super::tiles::{Texels, Tile, TileSet};
+use crate::Result;
+use crate::clock::Clock;
+use dataset::console::stop_if_interrupted;
+use rayon::prelude::*;
+
+/// What a method makes of one image, or of one tile's images.
+#[derive(Clone, Debug)]
+pub(super) struct Coded<T> {
+    /// What its decoder gives: never negative, always finite.
+    pub decoded: T,
+    /// All bits that the decoder needs.
+    pub bits: f64,
+    /// CPU seconds.
+    pub encode_seconds: f64,
+    /// CPU seconds.
+    pub decode_seconds: f64,
+    /// The transfer curves chosen, where there was a choice.
+    pub curves: Vec<Curve>,
+}
+
+/// A tile at every set.
+pub(super) type CodedTile = Coded<Vec<Texels>>;
+/// All tiles.
+pub(super) type CodedTiles = Coded<Vec<Vec<Texels>>>;
+
+/// Runs an encoder, then its decoder, on this thread and takes their times. The decoder gets what was encoded.
+pub(super) fn timed<E, T>(
+    encode: impl FnOnce() -> Result<(E, f64, Vec<Curve>)>,
+    decode: impl FnOnce(&E) -> Result<T>,
+) -> Result<Coded<T>> {
+    let clock = Clock::start();
+    let (encoded, bits, curves) = encode()?;
+    let encode_seconds = clock.seconds();
+    let clock = Clock::start();
+    let decoded = decode(&encoded)?;
+    Ok(Coded { decoded, bits, encode_seconds, decode_seconds: clock.seconds(), curves })
+}
+
+/// Items one after the other: their decoded parts in a list, the rest summed.
+pub(super) fn together<T>(parts: impl IntoIterator<Item = Coded<T>>) -> Coded<Vec<T>> {
+    let mut all = Coded {
+        decoded: Vec::new(),
+        bits: 0.0,
+        encode_seconds: 0.0,
+        decode_seconds: 0.0,
+        curves: Vec::new(),
+    };
+    for part in parts {
+        all.decoded.push(part.decoded);
+        all.bits += part.bits;
+        all.encode_seconds += part.encode_seconds;
+        all.decode_seconds += part.decode_seconds;
+        all.curves.extend(part.curves);
+    }
+    all
+}
+
+/// A method that compresses each tile by itself.
+pub(super) fn each_tile(
+    set: &TileSet,
+    method: impl Fn(&Tile) -> Result<CodedTile> + Sync,
+) -> Result<CodedTiles> {
+    let tiles: Vec<CodedTile> = set
+        .tiles
+        .par_iter()
+        .with_max_len(1)
+        .map(|tile| {
+            stop_if_interrupted()?;
+            method(tile)
+        })
+        .collect::<Result<_>>()?;
+    Ok(together(tiles))
+}
+
+/// A codec of single images: the texels, width and height in; multiples of 4.
+pub(super) trait ImageCodec: Sync {
+    /// Compresses an image, whose valid texels decide the choices that there are.
+    fn code(&self, texels: &Texels, tile: &Tile) -> Result<Coded<Texels>>;
+}
+
+/// A method that compresses every image of every tile by itself.
+pub(super) fn each_image(set: &TileSet, codec: &dyn ImageCodec) -> Result<CodedTiles> {
+    each_tile(set, |tile| {
+        let images = tile.filled.iter().map(|texels| codec.code(texels, tile));
+        Ok(together(images.collect::<Result<Vec<_>>>()?))
+    })
+}
+
+/// Squared error over the valid texels.
+pub(super) fn squared_error(decoded: &Texels, wanted: &Texels, tile: &Tile) -> f64 {
+    let of = |i: usize| {
+        let error = |c: usize| f64::from(decoded[i][c]) - f64::from(wanted[i][c]);
+        (0..3).map(|c| error(c).powi(2)).sum::<f64>()
+    };
+    tile.valid().map(of).sum()
+}
+
+impl<T> Coded<T> {
+    /// What is to be said of the curves.
+    pub fn note(&self) -> String {
+        if self.curves.is_empty() { String::new() } else { tally(self.curves.iter().copied()) }
+    }
+}

@@ -1,0 +1,352 @@
+//! A comparison as table, CSV, JSON and report section.
+
+use super::Effort;
+use super::judge::{Judged, image};
+use super::method::CodedTiles;
+use super::tiles::{Texels, TileSet};
+use crate::evaluate::{aligned, cell};
+use dataset::image::{Image, Mask};
+use dataset::report::Section;
+use dataset::report::plot::Plot;
+use dataset::report::preview::{exposure, tone_mapped_png};
+use serde::Serialize;
+
+/// What a method reaches on all tiles of a run. Means as in [`crate::evaluate::Quality`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Methods of one family make one line of the plot.
+    pub family: &'static str,
+    /// Name.
+    pub method: String,
+    /// Bits per stored texel and set.
+    pub bpp: f64,
+    /// Mean PSNR.
+    pub psnr_db: Option<f64>,
+    /// Mean PSNR, peak = largest − smallest.
+    pub psnr_range_db: Option<f64>,
+    /// Pooled PSNR.
+    pub psnr_pooled_db: Option<f64>,
+    /// Mean PSNR of the logarithm.
+    pub psnr_log_db: Option<f64>,
+    /// Mean PSNR of the worst 1 %.
+    pub psnr_worst_percent_db: Option<f64>,
+    /// 1 − mean structural similarity.
+    pub one_minus_ssim: Option<f64>,
+    /// The same, windows of 7×7 alike.
+    pub one_minus_ssim_uniform: Option<f64>,
+    /// Not measured.
+    pub lpips: Option<f64>,
+    /// Relative error in the darkest quarter of each set.
+    pub dark_relative_error: Option<f64>,
+    /// Error of the change from set to set.
+    pub step_error: Option<f64>,
+    /// The same across switches.
+    pub switch_error: Option<f64>,
+    /// CPU seconds to encode a tile with all its sets.
+    pub encode_seconds: f64,
+    /// CPU milliseconds to decode 1024² texels of one set.
+    pub decode_milliseconds: f64,
+    /// What was chosen.
+    pub note: String,
+}
+
+/// The columns for people.
+const HEADER: [&str; 10] = [
+    "method",
+    "bpp",
+    "PSNR dB",
+    "pooled dB",
+    "log dB",
+    "1 − SSIM",
+    "LPIPS",
+    "step error",
+    "encode s/tile",
+    "decode ms/1024²",
+];
+
+/// The CSV's columns.
+const COLUMNS: &str = "family,method,bpp,psnr_db,psnr_range_db,psnr_pooled_db,psnr_log_db,psnr_worst_percent_db,one_minus_ssim,\
+     one_minus_ssim_uniform,lpips,dark_relative_error,step_error,switch_error,encode_seconds,decode_milliseconds,note";
+
+/// Differences that the paper's table shows, in dB: the first method over the second.
+const PAPER: [(&str, &str, f64); 3] =
+    [("NDGI M", "NTC L", 3.08), ("NDGI M", "BC7", 4.42), ("NDGI M", "BC6H", 2.38)];
+
+/// A method's image of one set of each tile, with its PSNR.
+pub(super) struct Shown {
+    pub method: String,
+    pub images: Vec<(Texels, Option<f64>)>,
+}
+
+/// A comparison.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Tiles of 128×128 texels compared on.
+    pub tiles: usize,
+    /// Tiles with valid texels that the dataset has.
+    pub tiles_of: usize,
+    /// Sets.
+    pub sets: usize,
+    /// True for a first look.
+    pub draft: bool,
+    /// Mean noise ceiling in dB: what the bake's own sampling error allows.
+    pub noise_ceiling_db: Option<f64>,
+    /// Every method, by bits.
+    pub rows: Vec<Row>,
+    /// What is not there, and why.
+    pub left_out: Vec<String>,
+    /// Tiles shown: what and the pictures.
+    #[serde(skip)]
+    pictures: Vec<(String, Vec<(String, Vec<u8>)>)>,
+}
+
+pub(super) fn decibels(db: Option<f64>) -> String {
+    cell(db, 2)
+}
+
+impl Row {
+    pub(super) fn new(
+        set: &TileSet,
+        family: &'static str,
+        method: &str,
+        coded: &CodedTiles,
+        judged: &Judged,
+    ) -> Self {
+        let q = &judged.quality;
+        Row {
+            family,
+            method: method.to_owned(),
+            bpp: coded.bits / set.values(),
+            psnr_db: q.psnr_db,
+            psnr_range_db: q.psnr_range_db,
+            psnr_pooled_db: q.psnr_pooled_db,
+            psnr_log_db: q.psnr_log_db,
+            psnr_worst_percent_db: q.psnr_worst_percent_db,
+            one_minus_ssim: q.one_minus_ssim,
+            one_minus_ssim_uniform: q.one_minus_ssim_uniform,
+            lpips: None,
+            dark_relative_error: q.dark_relative_error,
+            step_error: judged.steps.smooth,
+            switch_error: judged.steps.switch,
+            encode_seconds: coded.encode_seconds / set.tiles.len() as f64,
+            decode_milliseconds: 1e3 * coded.decode_seconds / set.values() * f64::from(1 << 20),
+            note: String::new(),
+        }
+    }
+
+    fn cells(&self) -> Vec<String> {
+        vec![
+            self.method.clone(),
+            format!("{:.2}", self.bpp),
+            decibels(self.psnr_db),
+            decibels(self.psnr_pooled_db),
+            decibels(self.psnr_log_db),
+            cell(self.one_minus_ssim, 4),
+            cell(self.lpips, 4),
+            cell(self.step_error, 3),
+            format!("{:.2}", self.encode_seconds),
+            format!("{:.1}", self.decode_milliseconds),
+        ]
+    }
+
+    fn csv(&self) -> String {
+        let numbers = [
+            Some(self.bpp),
+            self.psnr_db,
+            self.psnr_range_db,
+            self.psnr_pooled_db,
+            self.psnr_log_db,
+            self.psnr_worst_percent_db,
+            self.one_minus_ssim,
+            self.one_minus_ssim_uniform,
+            self.lpips,
+            self.dark_relative_error,
+            self.step_error,
+            self.switch_error,
+            Some(self.encode_seconds),
+            Some(self.decode_milliseconds),
+        ];
+        let numbers = numbers.map(|value| value.map_or(String::new(), |value| value.to_string())).join(",");
+        format!("{},\"{}\",{numbers},\"{}\"\n", self.family, self.method, self.note)
+    }
+}
+
+impl Comparison {
+    pub(super) fn new(set: &TileSet, effort: Effort) -> Self {
+        Comparison {
+            tiles: set.tiles.len(),
+            tiles_of: set.of,
+            sets: set.timeline.hours.len(),
+            draft: effort == Effort::Draft,
+            noise_ceiling_db: None,
+            rows: Vec::new(),
+            left_out: Vec::new(),
+            pictures: Vec::new(),
+        }
+    }
+
+    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's set that is shown.
+    pub(super) fn finish(&mut self, set: &TileSet, of_tiles: &[usize], shown: Vec<Shown>) {
+        let near = self.method("NDGI M").map(|row| row.bpp);
+        let equal = near.and_then(|bpp| self.nearest("SVD", bpp));
+        let wanted: Vec<String> = ["NDGI M", "NTC L", "ASTC 12×12", "8 sets, ASTC 8×8", "BC7", "BC6H"]
+            .map(str::to_owned)
+            .into_iter()
+            .chain(equal)
+            .collect();
+        let shown: Vec<&Shown> =
+            wanted.iter().filter_map(|name| shown.iter().find(|s| s.method == *name)).collect();
+        let spread = |i: usize| {
+            let of = shown.iter().filter_map(|shown| shown.images[i].1);
+            let (low, high) =
+                of.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), db| (l.min(db), h.max(db)));
+            high - low
+        };
+        let mut tiles: Vec<usize> = (0..set.tiles.len()).filter(|&i| spread(i) >= 0.0).collect();
+        tiles.sort_by(|&a, &b| spread(b).total_cmp(&spread(a)));
+        tiles.truncate(2);
+        self.pictures = tiles.into_iter().map(|i| pictures(set, i, of_tiles[i], &shown)).collect();
+        self.rows.sort_by(|a, b| a.bpp.total_cmp(&b.bpp));
+    }
+
+    fn method(&self, name: &str) -> Option<&Row> {
+        self.rows.iter().find(|row| row.method == name)
+    }
+
+    /// The name of a family's row with the bits nearest to some.
+    fn nearest(&self, family: &str, bpp: f64) -> Option<String> {
+        let of = self.rows.iter().filter(|row| row.family == family);
+        of.min_by(|a, b| (a.bpp - bpp).abs().total_cmp(&(b.bpp - bpp).abs())).map(|row| row.method.clone())
+    }
+
+    /// The table as lines of text, and what belongs to it.
+    pub fn table(&self) -> Vec<String> {
+        let rows: Vec<Vec<String>> = self.rows.iter().map(Row::cells).collect();
+        let mut lines = aligned(&HEADER, &rows);
+        lines.push(self.basis());
+        lines.extend(self.remarks());
+        lines
+    }
+
+    fn basis(&self) -> String {
+        let effort = if self.draft { "draft effort" } else { "full effort" };
+        format!(
+            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB; LPIPS is not measured",
+            self.tiles,
+            self.tiles_of,
+            self.sets,
+            decibels(self.noise_ceiling_db)
+        )
+    }
+
+    /// Differences beside the paper's, the linear control at equal bits, and what is left out.
+    fn remarks(&self) -> Vec<String> {
+        let gap = |a: &str, b: &str| {
+            let of = |name: &str| self.method(name).and_then(|row| row.psnr_db);
+            Some((of(a)? - of(b)?, a.to_owned(), b.to_owned()))
+        };
+        let paper = PAPER.iter().filter_map(|(a, b, paper)| {
+            let (db, a, b) = gap(a, b)?;
+            Some(format!("{a} − {b}: {db:+.2} dB (the paper, on its data: {paper:+.2})"))
+        });
+        let m = self.method("NDGI M").map(|row| row.bpp);
+        let control = m.and_then(|bpp| {
+            let (db, a, b) = gap("NDGI M", &self.nearest("SVD", bpp)?)?;
+            Some(format!("{a} − {b}, at about equal bits: {db:+.2} dB"))
+        });
+        paper.chain(control).chain(self.left_out.iter().map(|what| format!("not run: {what}"))).collect()
+    }
+
+    /// Comma-separated values, to full precision.
+    pub fn csv(&self) -> String {
+        format!("{COLUMNS}\n{}", self.rows.iter().map(Row::csv).collect::<String>())
+    }
+
+    /// The report's section: table, plot, pictures.
+    pub fn section(&self) -> Section {
+        let mut section = Section::new("Methods");
+        section.paragraph(&format!(
+            "{}. All methods compress the same tiles of 128×128 texels. PSNR: mean over tiles and sets, valid texels, linear RGB, peak = \
+             the tile's largest valid value; pooled: from the mean squared error relative to the peak; log: of ln(1 + E/ε), ε a \
+             thousandth of the set's mean. Step error: of the change of light from set to set under the same lamps, beside that change. \
+             Bits: all that a decoder needs, over the tile's texels and sets; NDGI's with the border of a bundle's tiles. Seconds of one \
+             processor core.",
+            self.basis()
+        ));
+        let header: Vec<&str> = HEADER.into_iter().chain(["chosen"]).collect();
+        let cells = |row: &Row| {
+            let mut cells = row.cells();
+            cells[6] = row.lpips.map_or("not measured".to_owned(), |value| format!("{value:.4}"));
+            cells.push(row.note.clone());
+            cells
+        };
+        section.table(&header, &self.rows.iter().map(cells).collect::<Vec<_>>());
+        section.list(&self.remarks());
+        section.plot(&self.plot("PSNR in dB", |row| row.psnr_db));
+        section.plot(&self.plot("1 − SSIM", |row| row.one_minus_ssim));
+        for (what, pictures) in &self.pictures {
+            section.subheading(what);
+            section.pictures(pictures);
+        }
+        section
+    }
+
+    fn plot(&self, y: &str, value: impl Fn(&Row) -> Option<f64>) -> Plot {
+        let mut families: Vec<&str> = Vec::new();
+        for row in &self.rows {
+            if !families.contains(&row.family) {
+                families.push(row.family);
+            }
+        }
+        let line = |family: &str| {
+            let of = self.rows.iter().filter(|row| row.family == family);
+            (family.to_owned(), of.filter_map(|row| Some((row.bpp, value(row)?))).collect())
+        };
+        Plot {
+            title: "Rate and distortion".to_owned(),
+            x: "bits per texel and set".to_owned(),
+            y: y.to_owned(),
+            log_x: true,
+            log_y: y.starts_with('1'),
+            lines: families.into_iter().map(line).collect(),
+        }
+    }
+}
+
+/// Errors are shown this much brighter than the light.
+const ERROR_GAIN: f32 = 16.0;
+/// Screen pixels of a texel, along a side.
+const ZOOM: usize = 2;
+
+/// A tile at a set: the reference, and each method with its error.
+fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec<(String, Vec<u8>)>) {
+    let tile = &set.tiles[i];
+    let reference = image(tile, &tile.source.sets[k]);
+    let bright = exposure(&reference, &tile.mask);
+    let png = |image: &Image, gain: f32| {
+        let (image, mask) = enlarged(image, &tile.mask);
+        tone_mapped_png(&image, &mask, gain * bright, image.width.max(image.height))
+    };
+    let mut pictures = vec![("reference".to_owned(), png(&reference, 1.0))];
+    for shown in shown {
+        let (texels, db) = &shown.images[i];
+        let decoded = image(tile, texels);
+        let error = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| (a[c] - b[c]).abs());
+        let error =
+            Image { texels: texels.iter().zip(&reference.texels).map(error).collect(), ..reference.clone() };
+        pictures.push((format!("{}, {} dB", shown.method, decibels(*db)), png(&decoded, 1.0)));
+        pictures.push((format!("its error × {ERROR_GAIN}"), png(&error, ERROR_GAIN)));
+    }
+    let place = tile.place;
+    let hour = set.timeline.hours[k];
+    (format!("Page {}, tile ({}, {}) at {hour} h", place.page, place.column, place.row), pictures)
+}
+
+/// Each texel as a square of [`ZOOM`]² pixels.
+fn enlarged(image: &Image, mask: &Mask) -> (Image, Mask) {
+    let (width, height) = (ZOOM * image.width, ZOOM * image.height);
+    let from = |i: usize| i / width / ZOOM * image.width + i % width / ZOOM;
+    let texels = (0..width * height).map(|i| image.texels[from(i)]).collect();
+    let valid = (0..width * height).map(|i| mask.valid[from(i)]).collect();
+    (Image { width, height, texels }, Mask { width, height, valid })
+}

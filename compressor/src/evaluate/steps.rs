@@ -1,0 +1,104 @@
+//! Smoothness in time: how well the change of light from set to set is met, over the day and across switches.
+
+use super::strips::{read, strips, valid};
+use crate::Result;
+use crate::decode::Decoder;
+use crate::mean::mean;
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::image::Image;
+use dataset::metrics::StepError;
+use dataset::store::Dataset;
+
+/// From one set to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Hour of the first set.
+    pub from: f64,
+    /// Hour of the second; past midnight that of the first set of the day.
+    pub to: f64,
+    /// True where light groups switch in between.
+    pub switch: bool,
+    /// As [`StepError::relative`]: `None` where the light does not change.
+    pub error: Option<f64>,
+}
+
+/// All steps of the day, and what they come to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Steps {
+    /// Every set to the one after it; none where there is one set.
+    pub each: Vec<Step>,
+    /// Mean error of the steps between sets under the same lamps.
+    pub smooth: Option<f64>,
+    /// Mean error of the steps across a switch.
+    pub switch: Option<f64>,
+}
+
+impl Steps {
+    /// Of sets at `hours`, with the light groups that are on.
+    pub(crate) fn new(hours: &[f64], groups_on: &[Vec<bool>], errors: &[StepError]) -> Self {
+        let n = hours.len();
+        let step = |(k, error): (usize, &StepError)| {
+            let next = (k + 1) % n;
+            let (from, to) = (hours[k], hours[next]);
+            Step { from, to, switch: groups_on[k] != groups_on[next], error: error.relative() }
+        };
+        let each: Vec<Step> = errors.iter().enumerate().map(step).collect();
+        let of = |switch: bool| {
+            mean(each.iter().filter(|step| step.switch == switch).filter_map(|step| step.error))
+        };
+        Steps { smooth: of(false), switch: of(true), each }
+    }
+}
+
+/// Judges a bundle's steps; the bundle is the dataset's.
+pub(super) fn steps(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Steps> {
+    let sets = &dataset.config.sets;
+    let n = sets.len();
+    if n < 2 {
+        return Ok(Steps::default());
+    }
+    let mut errors = vec![StepError::default(); n];
+    let progress = console.progress("from set to set", (n * dataset.config.pages.len()) as u64);
+    for page in 0..dataset.config.pages.len() {
+        let mask = dataset.mask(page)?;
+        for rows in strips(&mask) {
+            let load = |k: usize| -> Result<[Image; 2]> {
+                stop_if_interrupted()?;
+                Ok([decoder.decode_rows(page, sets[k].hour, rows.clone())?, read(dataset, k, page, &rows)?])
+            };
+            let valid = valid(&mask, &rows);
+            let mut before = load(0)?;
+            for k in 0..n {
+                let after = load((k + 1) % n)?;
+                let [decoded, reference] =
+                    [0, 1].map(|i| [before[i].texels.as_slice(), after[i].texels.as_slice()]);
+                errors[k].add(decoded, reference, valid);
+                before = after;
+            }
+        }
+        progress.advance(n as u64);
+    }
+    let hours: Vec<f64> = sets.iter().map(|set| set.hour).collect();
+    let groups_on: Vec<Vec<bool>> = sets.iter().map(|set| set.groups_on.clone()).collect();
+    Ok(Steps::new(&hours, &groups_on, &errors))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_across_a_switch_stand_apart_and_the_last_goes_to_the_first() {
+        let error = |error: f32| {
+            let mut step = StepError::default();
+            step.add([&[[1.0; 3]], &[[2.0 + error; 3]]], [&[[1.0; 3]], &[[2.0; 3]]], &[true]);
+            step
+        };
+        let (hours, on) = ([1.0, 5.0, 9.0], [vec![false], vec![false], vec![true]]);
+        let steps = Steps::new(&hours, &on, &[error(0.25), error(0.5), error(1.0)]);
+        let switches: Vec<bool> = steps.each.iter().map(|step| step.switch).collect();
+        assert_eq!(switches, [false, true, true]);
+        assert_eq!((steps.each[2].from, steps.each[2].to), (9.0, 1.0));
+        assert_eq!((steps.smooth, steps.switch), (Some(0.25), Some(0.75)));
+    }
+}
