@@ -12,6 +12,7 @@ mod keyframes;
 mod linear;
 mod method;
 mod ndgi;
+mod ntc;
 mod svd;
 mod table;
 #[cfg(test)]
@@ -140,6 +141,18 @@ fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
             run: Box::new(move || {
                 let coded = ndgi::code(set, profile, &preset, options.seed)?;
                 Ok(vec![(coded, format!("preset {}", preset.name))])
+            }),
+        });
+    }
+    for preset in &ntc::PRESETS {
+        methods.push(Method {
+            family: "NTC",
+            name: preset.name.to_owned(),
+            run: Box::new(move || {
+                let (coded, networks) = ntc::code(set, preset, options.effort, options.seed)?;
+                let note =
+                    format!("networks not counted: {networks:.2} bpp more if only these tiles shared them");
+                Ok(vec![(coded, note)])
             }),
         });
     }

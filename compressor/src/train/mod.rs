@@ -3,14 +3,14 @@
 mod blocks;
 mod descent;
 mod features;
-mod kernel;
+pub(crate) mod kernel;
 mod light;
-mod network;
-mod optimise;
+pub(crate) mod network;
+pub(crate) mod optimise;
 mod phases;
 mod problem;
 mod quantise;
-mod random;
+pub(crate) mod random;
 mod trial;
 #[cfg(test)]
 mod oracle;

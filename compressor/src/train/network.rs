@@ -265,7 +265,7 @@ fn first_layer<V: Lanes, const H: usize>(
 
 /// `out[s] = bias + Σ_i input[s][i] · weights[i]`: eight rows at a time, so that multiply-adds overlap.
 #[inline(always)]
-fn product<V: Lanes, const I: usize, const O: usize>(
+pub(crate) fn product<V: Lanes, const I: usize, const O: usize>(
     input: &Rows<I>,
     weights: &[[f32; O]; I],
     bias: Option<&[f32; O]>,
@@ -291,7 +291,7 @@ fn product<V: Lanes, const I: usize, const O: usize>(
 
 /// `out[j] += Σ_s d[s][j] · input[s]`, G rows of the sum in registers at a time.
 #[inline(always)]
-fn outer<V: Lanes, const G: usize, const J: usize, const I: usize>(
+pub(crate) fn outer<V: Lanes, const G: usize, const J: usize, const I: usize>(
     d: &Rows<J>,
     input: &Rows<I>,
     out: &mut [[f32; I]; J],
@@ -315,7 +315,7 @@ fn outer<V: Lanes, const G: usize, const J: usize, const I: usize>(
 
 /// `out += Σ_s rows[s]`
 #[inline(always)]
-fn column_sums<V: Lanes, const N: usize>(rows: &Rows<N>, out: &mut [f32; N]) {
+pub(crate) fn column_sums<V: Lanes, const N: usize>(rows: &Rows<N>, out: &mut [f32; N]) {
     for lane in (0..N).step_by(V::N) {
         let mut sum = V::load(&out[lane..]);
         for row in rows.iter() {
@@ -327,7 +327,7 @@ fn column_sums<V: Lanes, const N: usize>(rows: &Rows<N>, out: &mut [f32; N]) {
 
 /// `rows ∘= factors`
 #[inline(always)]
-fn scale<V: Lanes, const N: usize>(rows: &mut Rows<N>, factors: &Rows<N>) {
+pub(crate) fn scale<V: Lanes, const N: usize>(rows: &mut Rows<N>, factors: &Rows<N>) {
     for (row, factor) in rows.iter_mut().zip(factors.iter()) {
         for lane in (0..N).step_by(V::N) {
             V::load(&row[lane..]).mul(V::load(&factor[lane..])).store(&mut row[lane..]);
@@ -337,7 +337,7 @@ fn scale<V: Lanes, const N: usize>(rows: &mut Rows<N>, factors: &Rows<N>) {
 
 /// [`crate::model::gelu`] in place, and its derivative.
 #[inline(always)]
-fn gelu<V: Lanes, const N: usize>(rows: &mut Rows<N>, slopes: &mut Rows<N>) {
+pub(crate) fn gelu<V: Lanes, const N: usize>(rows: &mut Rows<N>, slopes: &mut Rows<N>) {
     let p = GELU_COEFFICIENTS.map(V::splat);
     let q: [V; 6] = std::array::from_fn(|k| V::splat((2 * k + 1) as f32 * GELU_COEFFICIENTS[k]));
     let (low, high, half) = (V::splat(-GELU_BOUND), V::splat(GELU_BOUND), V::splat(0.5));

@@ -1,0 +1,149 @@
+//! The network: two hidden layers of 64, on the same blocks of samples and matrix products as NDGI's trainer.
+
+use super::{Preset, SETS};
+use crate::lanes::Lanes;
+use crate::train::network::{Rows, column_sums, gelu, outer, product, scale};
+use crate::train::random::Random;
+use bytemuck::{Pod, Zeroable};
+
+/// Inputs, with room to spare.
+pub const INPUTS: usize = 96;
+/// Width of the hidden layers.
+pub const HIDDEN: usize = 64;
+/// Outputs: RGB of each set, and a spare one.
+pub const OUTPUTS: usize = 16;
+
+/// W₁ b₁ W₂ b₂ W₃ b₃, a row of each matrix per input.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Weights {
+    w1: [[f32; HIDDEN]; INPUTS],
+    b1: [f32; HIDDEN],
+    w2: [[f32; HIDDEN]; HIDDEN],
+    b2: [f32; HIDDEN],
+    w3: [[f32; OUTPUTS]; HIDDEN],
+    b3: [f32; OUTPUTS],
+}
+
+impl Weights {
+    /// Zeros.
+    pub fn zeros() -> Box<Self> {
+        bytemuck::zeroed_box()
+    }
+
+    /// Uniform in ±√(6 ÷ inputs of the layer) (He et al. 2015), biases 0, outputs at one half.
+    pub fn initial(inputs: usize, random: &mut Random) -> Box<Self> {
+        let mut weights = Self::zeros();
+        let mut fill = |rows: &mut [f32], inputs: usize| {
+            let bound = (6.0 / inputs as f32).sqrt();
+            rows.iter_mut().for_each(|w| *w = random.uniform(-bound, bound));
+        };
+        fill(weights.w1[..inputs].as_flattened_mut(), inputs);
+        fill(weights.w2.as_flattened_mut(), HIDDEN);
+        fill(weights.w3.as_flattened_mut(), 6 * HIDDEN);
+        weights.b3 = [0.5; OUTPUTS];
+        weights
+    }
+
+    /// How many a preset's decoder stores.
+    pub fn stored(preset: &Preset) -> usize {
+        let inputs = preset.inputs();
+        (inputs + 1) * HIDDEN + (HIDDEN + 1) * HIDDEN + (HIDDEN + 1) * 3 * SETS
+    }
+
+    pub fn flat(&self) -> &[f32] {
+        bytemuck::cast_slice(std::slice::from_ref(self))
+    }
+
+    pub fn flat_mut(&mut self) -> &mut [f32] {
+        bytemuck::cast_slice_mut(std::slice::from_mut(self))
+    }
+}
+
+impl Preset {
+    /// Inputs of the network: four cells, the low-resolution grid, the position.
+    pub fn inputs(&self) -> usize {
+        4 * self.features[0] + self.features[1] + 12
+    }
+}
+
+/// The matrices the other way round, for gradients.
+pub struct Transposed {
+    w1: Box<[[f32; INPUTS]; HIDDEN]>,
+    w2: Box<[[f32; HIDDEN]; HIDDEN]>,
+    w3: Box<[[f32; HIDDEN]; OUTPUTS]>,
+}
+
+impl Transposed {
+    pub fn new(weights: &Weights) -> Self {
+        let (mut w1, mut w2, mut w3) = (
+            Box::new([[0.0; INPUTS]; HIDDEN]),
+            Box::new([[0.0; HIDDEN]; HIDDEN]),
+            Box::new([[0.0; HIDDEN]; OUTPUTS]),
+        );
+        for (i, row) in weights.w1.iter().enumerate() {
+            row.iter().zip(w1.iter_mut()).for_each(|(w, column)| column[i] = *w);
+        }
+        for (i, row) in weights.w2.iter().enumerate() {
+            row.iter().zip(w2.iter_mut()).for_each(|(w, column)| column[i] = *w);
+        }
+        for (i, row) in weights.w3.iter().enumerate() {
+            row.iter().zip(w3.iter_mut()).for_each(|(w, column)| column[i] = *w);
+        }
+        Transposed { w1, w2, w3 }
+    }
+}
+
+/// Hidden values of a block, and slopes of their activations.
+pub struct Trace {
+    h1: Rows<HIDDEN>,
+    slope1: Rows<HIDDEN>,
+    h2: Rows<HIDDEN>,
+    slope2: Rows<HIDDEN>,
+}
+
+impl Trace {
+    pub fn new() -> Self {
+        Trace { h1: Rows::new(), slope1: Rows::new(), h2: Rows::new(), slope2: Rows::new() }
+    }
+}
+
+impl Weights {
+    /// The outputs of a block of inputs.
+    #[inline(always)]
+    pub fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, trace: &mut Trace) -> Rows<OUTPUTS> {
+        product::<V, INPUTS, HIDDEN>(x, &self.w1, Some(&self.b1), &mut trace.h1);
+        gelu::<V, HIDDEN>(&mut trace.h1, &mut trace.slope1);
+        product::<V, HIDDEN, HIDDEN>(&trace.h1, &self.w2, Some(&self.b2), &mut trace.h2);
+        gelu::<V, HIDDEN>(&mut trace.h2, &mut trace.slope2);
+        let mut y = Rows::new();
+        product::<V, HIDDEN, OUTPUTS>(&trace.h2, &self.w3, Some(&self.b3), &mut y);
+        y
+    }
+}
+
+/// From ∂L/∂y: adds to the weights' gradient, and gives ∂L/∂x where it is wanted.
+#[inline(always)]
+pub fn backward<V: Lanes>(
+    transposed: &Transposed,
+    x: &Rows<INPUTS>,
+    trace: &Trace,
+    dy: &Rows<OUTPUTS>,
+    gradient: &mut Weights,
+    dx: Option<&mut Rows<INPUTS>>,
+) {
+    let (mut d2, mut d1) = (Rows::new(), Rows::new());
+    outer::<V, 8, HIDDEN, OUTPUTS>(&trace.h2, dy, &mut gradient.w3);
+    column_sums::<V, OUTPUTS>(dy, &mut gradient.b3);
+    product::<V, OUTPUTS, HIDDEN>(dy, &transposed.w3, None, &mut d2);
+    scale::<V, HIDDEN>(&mut d2, &trace.slope2);
+    outer::<V, 8, HIDDEN, HIDDEN>(&trace.h1, &d2, &mut gradient.w2);
+    column_sums::<V, HIDDEN>(&d2, &mut gradient.b2);
+    product::<V, HIDDEN, HIDDEN>(&d2, &transposed.w2, None, &mut d1);
+    scale::<V, HIDDEN>(&mut d1, &trace.slope1);
+    outer::<V, 8, INPUTS, HIDDEN>(x, &d1, &mut gradient.w1);
+    column_sums::<V, HIDDEN>(&d1, &mut gradient.b1);
+    if let Some(dx) = dx {
+        product::<V, HIDDEN, INPUTS>(&d1, &transposed.w1, None, dx);
+    }
+}
