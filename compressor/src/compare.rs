@@ -2,6 +2,7 @@
 //!
 //! How each is set up stands in `BASELINES.md`. Methods of foreign codecs are there with the feature `baselines`.
 
+mod ablations;
 #[cfg(feature = "baselines")]
 mod astc;
 #[cfg(feature = "baselines")]
@@ -39,6 +40,8 @@ pub struct Options {
     pub tiles: Option<usize>,
     /// How hard every encoder and trainer tries.
     pub effort: Effort,
+    /// The paper's ablations instead of other methods.
+    pub ablations: bool,
     /// Seed of all randomness.
     pub seed: u64,
 }
@@ -86,10 +89,16 @@ pub fn compare(dataset: &Dataset, options: &Options, console: &Console) -> Resul
     let set = TileSet::load(dataset, options)?;
     let noise = dataset.noise()?;
     let judge = Judge::new(&set, noise.as_ref());
-    let mut comparison = Comparison::new(&set, options.effort);
-    let mut left_out = vec![NOT_RUN.to_owned()];
-    let mut methods = own(&set, options);
-    foreign(&set, options, &mut methods, &mut left_out);
+    let mut comparison = Comparison::new(&set, options);
+    let mut left_out = Vec::new();
+    let methods = if options.ablations {
+        ablations::methods(&set, options)
+    } else {
+        left_out.push(NOT_RUN.to_owned());
+        let mut methods = own(&set, options);
+        foreign(&set, options, &mut methods, &mut left_out);
+        methods
+    };
     let progress = console.progress("comparing", methods.len() as u64);
     let mut shown = Vec::new();
     for method in methods {
@@ -100,6 +109,9 @@ pub fn compare(dataset: &Dataset, options: &Options, console: &Console) -> Resul
         shown.push(Shown { method: row.method.clone(), images: judged.shown });
         comparison.rows.push(row);
         progress.advance(1);
+    }
+    if options.ablations {
+        comparison.rows.extend(ablations::sizes(&set, options)?);
     }
     comparison.left_out = left_out;
     comparison.finish(&set, &judge.shown, shown);

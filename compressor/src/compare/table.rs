@@ -1,9 +1,9 @@
 //! A comparison as table, CSV, JSON and report section.
 
-use super::Effort;
 use super::judge::{Judged, image};
 use super::method::CodedTiles;
 use super::tiles::{Texels, TileSet};
+use super::{Effort, Options};
 use crate::evaluate::{aligned, cell};
 use dataset::image::{Image, Mask};
 use dataset::report::Section;
@@ -43,9 +43,9 @@ pub struct Row {
     /// The same across switches.
     pub switch_error: Option<f64>,
     /// CPU seconds to encode a tile with all its sets.
-    pub encode_seconds: f64,
+    pub encode_seconds: Option<f64>,
     /// CPU milliseconds to decode 1024² texels of one set.
-    pub decode_milliseconds: f64,
+    pub decode_milliseconds: Option<f64>,
     /// What was chosen.
     pub note: String,
 }
@@ -69,8 +69,14 @@ const COLUMNS: &str = "family,method,bpp,psnr_db,psnr_range_db,psnr_pooled_db,ps
      one_minus_ssim_uniform,lpips,dark_relative_error,step_error,switch_error,encode_seconds,decode_milliseconds,note";
 
 /// Differences that the paper's table shows, in dB: the first method over the second.
-const PAPER: [(&str, &str, f64); 3] =
-    [("NDGI M", "NTC L", 3.08), ("NDGI M", "BC7", 4.42), ("NDGI M", "BC6H", 2.38)];
+const PAPER: [(&str, &str, f64); 6] = [
+    ("NDGI M", "NTC L", 3.08),
+    ("NDGI M", "BC7", 4.42),
+    ("NDGI M", "BC6H", 2.38),
+    ("hybrid, profile M", "2D maps alone", 2.8),
+    ("hybrid, profile M", "3D map alone, 64²", 8.3),
+    ("endpoints and weights, plain BC7", "texel by texel, plain BC7", 6.24),
+];
 
 /// A method's image of one set of each tile, with its PSNR.
 pub(super) struct Shown {
@@ -89,6 +95,8 @@ pub struct Comparison {
     pub sets: usize,
     /// True for a first look.
     pub draft: bool,
+    /// True where the rows are the paper's ablations.
+    pub ablations: bool,
     /// Mean noise ceiling in dB: what the bake's own sampling error allows.
     pub noise_ceiling_db: Option<f64>,
     /// Every method, by bits.
@@ -128,9 +136,32 @@ impl Row {
             dark_relative_error: q.dark_relative_error,
             step_error: judged.steps.smooth,
             switch_error: judged.steps.switch,
-            encode_seconds: coded.encode_seconds / set.tiles.len() as f64,
-            decode_milliseconds: 1e3 * coded.decode_seconds / set.values() * f64::from(1 << 20),
+            encode_seconds: Some(coded.encode_seconds / set.tiles.len() as f64),
+            decode_milliseconds: Some(1e3 * coded.decode_seconds / set.values() * f64::from(1 << 20)),
             note: String::new(),
+        }
+    }
+
+    /// A row of which only the bits and the PSNR are known.
+    pub(super) fn bare(family: &'static str, method: &str, bpp: f64, psnr_db: Option<f64>) -> Self {
+        Row {
+            family,
+            method: method.to_owned(),
+            bpp,
+            psnr_db,
+            psnr_range_db: None,
+            psnr_pooled_db: None,
+            psnr_log_db: None,
+            psnr_worst_percent_db: None,
+            one_minus_ssim: None,
+            one_minus_ssim_uniform: None,
+            lpips: None,
+            dark_relative_error: None,
+            step_error: None,
+            switch_error: None,
+            encode_seconds: None,
+            decode_milliseconds: None,
+            note: "stored bits without headers; the trainer's own PSNR".to_owned(),
         }
     }
 
@@ -144,8 +175,8 @@ impl Row {
             cell(self.one_minus_ssim, 4),
             cell(self.lpips, 4),
             cell(self.step_error, 3),
-            format!("{:.2}", self.encode_seconds),
-            format!("{:.1}", self.decode_milliseconds),
+            cell(self.encode_seconds, 2),
+            cell(self.decode_milliseconds, 1),
         ]
     }
 
@@ -163,8 +194,8 @@ impl Row {
             self.dark_relative_error,
             self.step_error,
             self.switch_error,
-            Some(self.encode_seconds),
-            Some(self.decode_milliseconds),
+            self.encode_seconds,
+            self.decode_milliseconds,
         ];
         let numbers = numbers.map(|value| value.map_or(String::new(), |value| value.to_string())).join(",");
         format!("{},\"{}\",{numbers},\"{}\"\n", self.family, self.method, self.note)
@@ -172,12 +203,13 @@ impl Row {
 }
 
 impl Comparison {
-    pub(super) fn new(set: &TileSet, effort: Effort) -> Self {
+    pub(super) fn new(set: &TileSet, options: &Options) -> Self {
         Comparison {
             tiles: set.tiles.len(),
             tiles_of: set.of,
             sets: set.timeline.hours.len(),
-            draft: effort == Effort::Draft,
+            draft: options.effort == Effort::Draft,
+            ablations: options.ablations,
             noise_ceiling_db: None,
             rows: Vec::new(),
             left_out: Vec::new(),
@@ -189,11 +221,22 @@ impl Comparison {
     pub(super) fn finish(&mut self, set: &TileSet, of_tiles: &[usize], shown: Vec<Shown>) {
         let near = self.method("NDGI M").map(|row| row.bpp);
         let equal = near.and_then(|bpp| self.nearest("SVD", bpp));
-        let wanted: Vec<String> = ["NDGI M", "NTC L", "ASTC 12×12", "8 sets, ASTC 8×8", "BC7", "BC6H"]
-            .map(str::to_owned)
-            .into_iter()
-            .chain(equal)
-            .collect();
+        let wanted: Vec<String> = [
+            "hybrid, profile M",
+            "2D maps alone",
+            "3D map alone, 64²",
+            "texel by texel, plain BC7",
+            "NDGI M",
+            "NTC L",
+            "ASTC 12×12",
+            "8 sets, ASTC 8×8",
+            "BC7",
+            "BC6H",
+        ]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(equal)
+        .collect();
         let shown: Vec<&Shown> =
             wanted.iter().filter_map(|name| shown.iter().find(|s| s.method == *name)).collect();
         let spread = |i: usize| {
@@ -264,7 +307,7 @@ impl Comparison {
 
     /// The report's section: table, plot, pictures.
     pub fn section(&self) -> Section {
-        let mut section = Section::new("Methods");
+        let mut section = Section::new(if self.ablations { "Ablations" } else { "Methods" });
         section.paragraph(&format!(
             "{}. All methods compress the same tiles of 128×128 texels. PSNR: mean over tiles and sets, valid texels, linear RGB, peak = \
              the tile's largest valid value; pooled: from the mean squared error relative to the peak; log: of ln(1 + E/ε), ε a \

@@ -21,7 +21,7 @@ pub fn centred(f: f32) -> f32 {
 /// Where the parameters lie in their flat vector; features first, in [0, 1], then the decoder.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// e₀, e₁ of each block of F_uv, 8 values a block.
+    /// e₀, e₁ of each block of F_uv, 8 values a block; texel by texel 64 values, and no weights.
     pub uv_endpoints: Range<usize>,
     /// 16 weights a block.
     pub uv_weights: Range<usize>,
@@ -39,18 +39,19 @@ pub struct Layout {
 
 impl Layout {
     /// The layout of a shape.
-    pub fn new(shape: &Shape) -> Self {
+    pub fn new(shape: &Shape, texel_by_texel: bool) -> Self {
         let mut end = 0;
         let mut next = |n: usize| {
             end += n;
             end - n..end
         };
         let [uv, uvt, ..] = shape.counts();
+        let (endpoints, weights) = if texel_by_texel { (64, 0) } else { (8, 16) };
         Layout {
-            uv_endpoints: next(uv * 8),
-            uv_weights: next(uv * 16),
-            uvt_endpoints: next(uvt * 8),
-            uvt_weights: next(uvt * 16),
+            uv_endpoints: next(uv * endpoints),
+            uv_weights: next(uv * weights),
+            uvt_endpoints: next(uvt * endpoints),
+            uvt_weights: next(uvt * weights),
             ut: next(shape.rows * shape.ut * 2),
             vt: next(shape.rows * shape.vt * 2),
             mlp: next(shape.mlp_len()),
@@ -60,7 +61,12 @@ impl Layout {
     /// Parameters before training: features near the middle with a small spread, decoder weights of variance 1/fan-in.
     pub fn initial(&self, shape: &Shape, random: &mut Random) -> Vec<f32> {
         let mut p = vec![0.0; self.mlp.end];
+        let blocks = !self.uv_weights.is_empty() || !self.uvt_weights.is_empty();
         for endpoints in [&self.uv_endpoints, &self.uvt_endpoints] {
+            if !blocks {
+                p[endpoints.clone()].fill_with(|| 0.5 + random.uniform(-0.2, 0.2));
+                continue;
+            }
             for (i, e) in p[endpoints.clone()].iter_mut().enumerate() {
                 let middle = if i % 8 < 4 { 0.3 } else { 0.7 };
                 *e = middle + random.uniform(-0.1, 0.1);
@@ -167,6 +173,11 @@ impl Maps {
 
 #[inline(always)]
 fn fill_blocks(endpoints: &[f32], weights: &[f32], map: &mut [Quad]) {
+    if weights.is_empty() {
+        // Texel by texel, or no map.
+        map.as_flattened_mut().iter_mut().zip(endpoints).for_each(|(to, f)| *to = centred(*f));
+        return;
+    }
     let (endpoints, _) = endpoints.as_chunks::<8>();
     let (weights, _) = weights.as_chunks::<16>();
     let (map, _) = map.as_chunks_mut::<16>();
@@ -187,6 +198,11 @@ fn contract_blocks(
     d_endpoints: &mut [f32],
     d_weights: &mut [f32],
 ) {
+    if weights.is_empty() {
+        let texels = map.as_flattened_mut();
+        d_endpoints.iter_mut().zip(texels).for_each(|(d, g)| *d = CENTRE_SLOPE * std::mem::take(g));
+        return;
+    }
     let (endpoints, _) = endpoints.as_chunks::<8>();
     let (weights, _) = weights.as_chunks::<16>();
     let (d_endpoints, _) = d_endpoints.as_chunks_mut::<8>();

@@ -117,9 +117,41 @@ pub fn train_chosen(source: &TileSource, contents: &Contents, recipe: &Recipe) -
     })
 }
 
+/// How F_uv and F_uvt come to their blocks, for comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Coded {
+    /// Learned as endpoints and weights; blocks and all else fitted on the loss: the standard recipe.
+    OnTheLoss,
+    /// Learned as endpoints and weights; encoded plainly.
+    Plainly,
+    /// Learned texel by texel, which no block holds; encoded plainly.
+    TexelByTexel,
+}
+
+/// Trains a tile with a profile's maps as `edit` changes them, and its blocks as told. Otherwise as [`train`].
+pub(crate) fn train_ablated(
+    source: &TileSource,
+    profile: &Profile,
+    edit: impl Fn(Contents) -> Contents,
+    coded: Coded,
+    recipe: &Recipe,
+) -> Result<TrainedTile> {
+    let choose = |light: &Light, left_out: &mut Vec<String>| edit(needed(light, profile, recipe, left_out));
+    train_coded(source, recipe, coded, choose)
+}
+
 fn train_as(
     source: &TileSource,
     recipe: &Recipe,
+    choose: impl Fn(&Light, &mut Vec<String>) -> Contents,
+) -> Result<TrainedTile> {
+    train_coded(source, recipe, Coded::OnTheLoss, choose)
+}
+
+fn train_coded(
+    source: &TileSource,
+    recipe: &Recipe,
+    coded: Coded,
     choose: impl Fn(&Light, &mut Vec<String>) -> Contents,
 ) -> Result<TrainedTile> {
     check(source)?;
@@ -146,7 +178,8 @@ fn train_as(
     }
     let contents = choose(&light, &mut left_out);
     let shape = Shape::new(&contents, source.width, source.height, source.sets.len(), recipe.coding());
-    let problem = Problem::new(source, &light, shape, recipe.coding());
+    let mut problem = Problem::new(source, &light, shape, recipe.coding());
+    problem.coded = coded;
     match contents.hidden {
         16 => train_width::<16>(&problem, recipe, 1.0, left_out),
         64 => train_width::<64>(&problem, recipe, 1.0, left_out),

@@ -1,6 +1,5 @@
 //! The training loop of one tile: epochs, steps of Adam, the loss weights, and the error so far.
 
-use super::Aim;
 use super::features::{Layout, Maps};
 use super::kernel::{
     Adam, Batch, Contract, FillMaps, Gradient, Noise, Samples, Scope, SquaredErrors, WEIGHT_CAP, run,
@@ -8,6 +7,7 @@ use super::kernel::{
 use super::network::{BLOCK, Network, NetworkGradient};
 use super::problem::{GUTTER_SHARE, Problem};
 use super::random::Random;
+use super::{Aim, Coded};
 use crate::Result;
 use crate::lanes::Tier;
 use dataset::console::stop_if_interrupted;
@@ -75,7 +75,7 @@ impl<const H: usize> Trainer<H> {
     /// Before the first step.
     pub fn new(problem: Problem, seed: u64, tier: Tier) -> Self {
         let mut random = Random::new(seed);
-        let layout = Layout::new(&problem.shape);
+        let layout = Layout::new(&problem.shape, problem.coded == Coded::TexelByTexel);
         let params = layout.initial(&problem.shape, &mut random);
         let maps = Maps::new(&problem);
         let mut trainer = Trainer {

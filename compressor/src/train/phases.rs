@@ -4,7 +4,7 @@ use super::kernel::Scope;
 use super::optimise::{Step, Trainer, schedule};
 use super::problem::Problem;
 use super::quantise::Blocks;
-use super::{Aim, Point, Recipe, TrainedTile};
+use super::{Aim, Coded, Point, Recipe, TrainedTile};
 use crate::clock::Clock;
 use crate::lanes::Tier;
 use crate::{Error, Result};
@@ -81,7 +81,11 @@ impl<const H: usize> Attempt<H> {
     /// result's `left_out` is empty.
     pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
-        let trained = if recipe.paper { self.paper(recipe.iterations) } else { self.standard(recipe) };
+        let trained = match self.trainer.problem.coded {
+            _ if recipe.paper => self.paper(recipe.iterations),
+            Coded::OnTheLoss => self.standard(recipe),
+            Coded::Plainly | Coded::TexelByTexel => self.plain(recipe.iterations),
+        };
         let (blocks, psnr) = match trained {
             Ok(trained) => trained,
             Err(Stop::Diverged) => return Ok(None),
@@ -147,6 +151,18 @@ impl<const H: usize> Attempt<H> {
         self.trainer.round_planes();
         self.refit(Scope::Decoder, 100, |i| 0.001 * schedule(i, 100, 30, 0.0))?;
         self.trainer.refine_uv(&mut blocks);
+        Ok((blocks, psnr))
+    }
+
+    /// The main phase as ever, then what the paper does: all maps to 8 bits, a plain BC7 encoder, the decoder around them.
+    fn plain(&mut self, iterations: usize) -> Result<(Blocks, [f64; 2]), Stop> {
+        let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
+        let psnr = self.main_phase(iterations, &ALIGNMENTS, rates)?;
+        let psnr = [psnr, self.trainer.psnr_8bit()];
+        self.trainer.round_planes();
+        let blocks = self.trainer.encode_blocks();
+        self.point();
+        self.refit(Scope::Decoder, PAPER_FINE_TUNING, |i| 0.003 * schedule(i, PAPER_FINE_TUNING, 30, 0.0))?;
         Ok((blocks, psnr))
     }
 

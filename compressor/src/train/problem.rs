@@ -1,5 +1,6 @@
 //! What the training of one tile is given: its samples' targets and weights, and where each sample reads the maps.
 
+use super::Coded;
 use super::light::{LEAST_MEAN_OF_PEAK, Light};
 use crate::lanes::Quad;
 use crate::model::Shape;
@@ -119,6 +120,8 @@ pub struct Problem {
     pub axis: Axis,
     /// Light groups that are gates.
     pub gates: Vec<u16>,
+    /// How F_uv and F_uvt come to their blocks.
+    pub coded: Coded,
 }
 
 impl Problem {
@@ -154,6 +157,7 @@ impl Problem {
         }
         let uvt_row = shape.uvt[0] / 4;
         Problem {
+            coded: Coded::OnTheLoss,
             columns: (0..shape.width)
                 .map(|x| {
                     site(

@@ -11,6 +11,7 @@
     reason = "rows and columns of small matrices, as the formulas index them"
 )]
 
+use super::Coded;
 use super::blocks::{Matrix, Wanted, add_outer};
 use super::descent::{Descent, Sample};
 use super::features::{CENTRE_SLOPE, centred};
@@ -57,17 +58,24 @@ impl<const H: usize> Trainer<H> {
         self.frozen = true;
         let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
         let tier = self.tier();
-        let plain = |map: &mut [Quad], start: &[[Quad; 2]]| {
+        let texel_by_texel = self.problem.coded == Coded::TexelByTexel;
+        let plain = |map: &mut [Quad], start: Vec<[Quad; 2]>| {
             round_texels(map);
             let (texels, _) = map.as_chunks::<16>();
+            let start: Vec<[Quad; 2]> =
+                if texel_by_texel { texels.iter().map(principal).collect() } else { start };
             let metric = vec![[identity; 16]; texels.len()];
-            let blocks = run(tier, Fit { texels, metric: &metric, start });
+            let blocks = run(tier, Fit { texels, metric: &metric, start: &start });
             show(&blocks, map);
             blocks
         };
-        let uv = self.learned(self.layout.uv_endpoints.start, self.maps.uv.len() / 16);
-        let uvt = self.learned(self.layout.uvt_endpoints.start, self.maps.uvt.len() / 16);
-        Blocks { uv: plain(&mut self.maps.uv, &uv), uvt: plain(&mut self.maps.uvt, &uvt) }
+        let learned = |trainer: &Self, first: usize, map: &[Quad]| match texel_by_texel {
+            true => Vec::new(),
+            false => trainer.learned(first, map.len() / 16),
+        };
+        let uv = learned(self, self.layout.uv_endpoints.start, &self.maps.uv);
+        let uvt = learned(self, self.layout.uvt_endpoints.start, &self.maps.uvt);
+        Blocks { uv: plain(&mut self.maps.uv, uv), uvt: plain(&mut self.maps.uvt, uvt) }
     }
 
     /// Improves frozen blocks around the present planes and decoder.
@@ -292,6 +300,33 @@ impl<const H: usize> Trainer<H> {
         run(self.tier(), descent);
         show(blocks, &mut self.maps.uvt);
     }
+}
+
+/// Endpoints in 8-bit steps for a block of centred texels: the ends of its principal axis.
+fn principal(texels: &[Quad; 16]) -> [Quad; 2] {
+    let steps = texels.map(|t| t.map(|v| v / STEP + 127.5));
+    let mean: Quad = std::array::from_fn(|c| steps.iter().map(|t| t[c]).sum::<f32>() / 16.0);
+    let from_mean = steps.map(|t| -> Quad { std::array::from_fn(|c| t[c] - mean[c]) });
+    let dot = |a: &Quad, b: &Quad| (0..4).map(|c| a[c] * b[c]).sum::<f32>();
+    // Power iteration from the texel farthest from the mean: v ← Σ (tᵀv) t.
+    let farthest = from_mean.iter().max_by(|a, b| dot(a, a).total_cmp(&dot(b, b)));
+    let mut axis = farthest.copied().unwrap_or_default();
+    for _ in 0..8 {
+        let mut next = [0.0; 4];
+        for t in &from_mean {
+            next = Quad::splat(dot(t, &axis)).mul_add(*t, next);
+        }
+        let length = dot(&next, &next).sqrt();
+        if length < 1e-6 {
+            break;
+        }
+        axis = next.map(|v| v / length);
+    }
+    let length = dot(&axis, &axis).sqrt().max(1e-6);
+    axis = axis.map(|v| v / length);
+    let along = from_mean.map(|t| dot(&t, &axis));
+    let (low, high) = along.iter().fold((0.0f32, 0.0f32), |(l, h), &x| (l.min(x), h.max(x)));
+    [low, high].map(|end| std::array::from_fn(|c| (mean[c] + end * axis[c]).clamp(0.0, 255.0)))
 }
 
 /// Rounds centred texels to 8 bits.

@@ -69,9 +69,10 @@ const COMPARE_EXAMPLES: &str = "\
 Examples:
   compress compare dataset/yard --draft                     a first look, at the first page
   compress compare dataset/yard --tiles 16 --csv yard.csv   minutes to hours
+  compress compare dataset/yard --draft --ablations
 
 BC6H, BC7 and ASTC need a build with --features baselines. How each method is set up: compressor/BASELINES.md. With --json: tiles,
-tiles_of, sets, draft, noise_ceiling_db, rows (family, method, bpp, psnr_db and other means, encode_seconds of a tile,
+tiles_of, sets, draft, ablations, noise_ceiling_db, rows (family, method, bpp, psnr_db and other means, encode_seconds of a tile,
 decode_milliseconds of 1024x1024 texels, note), left_out, report, seconds.";
 
 const INFO_EXAMPLES: &str = "\
@@ -174,6 +175,9 @@ pub struct Compare {
     /// A first look: brief trainings and faster presets of all encoders.
     #[arg(long)]
     pub draft: bool,
+    /// The paper's ablations instead of other methods: 2D and 3D maps, training that knows of blocks, quantisation.
+    #[arg(long)]
+    pub ablations: bool,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

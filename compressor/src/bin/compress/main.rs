@@ -150,6 +150,7 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
     let options = compare::Options {
         tiles: args.tiles.map(|tiles| tiles as usize),
         effort: if args.draft { Effort::Draft } else { Effort::Full },
+        ablations: args.ablations,
         seed: args.seed,
     };
     let comparison = compare::compare(&dataset, &options, console)?;

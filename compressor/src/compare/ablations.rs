@@ -1,0 +1,114 @@
+//! The paper's ablations on the same tiles: which maps, whether training knows of blocks, what quantisation saves.
+
+use super::method::{CodedTiles, each_tile};
+use super::ndgi::{recipe, trained};
+use super::table::Row;
+use super::tiles::{Tile, TileSet};
+use super::{Method, Options};
+use crate::Result;
+use crate::compress::of_tile;
+use crate::mean::mean;
+use crate::model::{Contents, PROFILES, Profile, Shape};
+use crate::time::Coding;
+use crate::train::{Coded, train_ablated};
+use dataset::console::stop_if_interrupted;
+use rayon::prelude::*;
+
+/// What all are changed from.
+const M: Profile = PROFILES[1];
+
+/// A change of the maps; tiles that never change have F_uv alone whatever it is.
+type Edit = fn(Contents) -> Contents;
+
+/// Maps at like bits, twice: at those of planes alone, and at those of profile M.
+const STRUCTURES: [(&str, Edit); 5] = [
+    ("2D maps alone", |all| Contents { uvt: 0, slices: 0, ..all }),
+    ("3D map alone, 32²", |all| Contents { uvt: 32, slices: 2 * all.slices, ..space(all) }),
+    ("3D map alone, 64²", |all| Contents { uvt: 64, slices: all.slices.div_ceil(2) + 1, ..space(all) }),
+    ("hybrid, 3D map 8²", |all| Contents { uvt: 8, ..all }),
+    ("hybrid, profile M", |all| all),
+];
+
+/// Without the planes.
+fn space(all: Contents) -> Contents {
+    Contents { uv: false, ut: false, vt: false, rows: 0, ..all }
+}
+
+const CODINGS: [(&str, Coded); 3] = [
+    ("texel by texel, plain BC7", Coded::TexelByTexel),
+    ("endpoints and weights, plain BC7", Coded::Plainly),
+    ("endpoints and weights, BC7 on the loss", Coded::OnTheLoss),
+];
+
+/// The rows that a decoder stands behind.
+pub(super) fn methods<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
+    let structure = |&(name, edit): &(&str, Edit)| {
+        let edit = move |all: Contents| if all.uvt == 0 { all } else { edit(all) };
+        (
+            "maps",
+            name.to_owned(),
+            Box::new(edit) as Box<dyn Fn(Contents) -> Contents + Sync>,
+            Coded::OnTheLoss,
+        )
+    };
+    let coding = |&(name, coded): &(&str, Coded)| {
+        let edit = Box::new(|all: Contents| all) as Box<dyn Fn(Contents) -> Contents + Sync>;
+        ("blocks", name.to_owned(), edit, coded)
+    };
+    let all = STRUCTURES.iter().map(structure).chain(CODINGS.iter().map(coding));
+    all.map(|(family, name, edit, coded)| Method {
+        family,
+        name,
+        run: Box::new(move || Ok(vec![(code(set, options, &edit, coded)?, String::new())])),
+    })
+    .collect()
+}
+
+fn code(
+    set: &TileSet,
+    options: &Options,
+    edit: &(dyn Fn(Contents) -> Contents + Sync),
+    coded: Coded,
+) -> Result<CodedTiles> {
+    let preset = options.effort.preset();
+    each_tile(set, |tile| {
+        let recipe = recipe(&preset, options.seed, tile);
+        trained(tile, &set.timeline, |source| train_ablated(source, &M, edit, coded, &recipe))
+    })
+}
+
+/// What each step of quantisation of profile M saves and costs: float32, 8 bits, BC7. PSNRs are the trainer's own.
+pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
+    let preset = options.effort.preset();
+    let tile = |tile: &Tile| -> Result<Option<[(f64, Option<f64>); 3]>> {
+        stop_if_interrupted()?;
+        let recipe = recipe(&preset, options.seed, tile);
+        let trained = train_ablated(&tile.source, &M, |all| all, Coded::OnTheLoss, &recipe)
+            .map_err(|error| of_tile(tile.place, error))?;
+        let Some(params) = &trained.params else { return Ok(None) };
+        let shape = Shape::new(
+            &params.shape.contents,
+            tile.source.width,
+            tile.source.height,
+            tile.source.sets.len(),
+            Coding::Standard,
+        );
+        let [uv, uvt, ut, vt] = shape.counts();
+        // Values of the block maps, of the planes; decoder and means are 16 and 32 bits in all.
+        let (blocks, planes) = ((64 * (uv + uvt)) as f64, (2 * (ut + vt)) as f64);
+        let decoder = (16 * params.mlp.len() + 96 * params.means.len()) as f64;
+        Ok(Some([
+            (32.0 * (blocks + planes) + 2.0 * decoder, trained.psnr_unquantised_db),
+            (8.0 * (blocks + planes) + decoder, trained.psnr_8bit_features_db),
+            (2.0 * blocks + 8.0 * planes + decoder, trained.psnr_db),
+        ]))
+    };
+    let tiles: Vec<_> = set.tiles.par_iter().with_max_len(1).map(tile).collect::<Result<_>>()?;
+    let names = ["profile M, float32", "profile M, 8-bit maps", "profile M, 8-bit planes and BC7"];
+    let row = |(i, name): (usize, &str)| {
+        let of = || tiles.iter().flatten().map(|steps| steps[i]);
+        let bpp = of().map(|(bits, _)| bits).sum::<f64>() / set.values();
+        Row::bare("sizes", name, bpp, mean(of().filter_map(|(_, db)| db)))
+    };
+    Ok(names.into_iter().enumerate().map(row).collect())
+}
