@@ -22,9 +22,9 @@ mod tiles;
 
 pub use table::{Comparison, Row};
 
-use crate::Result;
 use crate::compress::{DRAFT, MEDIUM, Preset};
 use crate::model::PROFILES;
+use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::store::Dataset;
 use judge::{Judge, Judged};
@@ -87,6 +87,12 @@ struct Method<'a> {
 /// As [`crate::compress::compress`].
 pub fn compare(dataset: &Dataset, options: &Options, console: &Console) -> Result<Comparison> {
     let set = TileSet::load(dataset, options)?;
+    if set.tiles.is_empty() {
+        return Err(Error::invalid(
+            dataset.root.display(),
+            "no tile has a valid texel: nothing to compare on",
+        ));
+    }
     let noise = dataset.noise()?;
     let judge = Judge::new(&set, noise.as_ref());
     let mut comparison = Comparison::new(&set, options);
@@ -132,8 +138,7 @@ fn measure(set: &TileSet, judge: &Judge, method: &Method) -> Result<(Row, Judged
             best = Some((Row { note, ..row }, judged));
         }
     }
-    let (mut row, judged) =
-        best.ok_or_else(|| crate::Error::invalid(method.name.clone(), "has no way to run"))?;
+    let (mut row, judged) = best.ok_or_else(|| Error::invalid(method.name.clone(), "has no way to run"))?;
     if notes.len() > 1 {
         let others = notes.iter().filter(|(note, _)| *note != row.note);
         let others: Vec<String> = others.map(|(note, db)| format!("({note}: {db} dB)")).collect();
@@ -211,7 +216,7 @@ fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, left_out: &mut Vec<Str
 #[cfg(feature = "baselines")]
 fn foreign<'a>(set: &'a TileSet, options: &'a Options, methods: &mut Vec<Method<'a>>, _: &mut Vec<String>) {
     use astc::Astc;
-    use bc::{Bc6h, Bc7, Halves};
+    use bc::{Bc6h, Bc7, Bc7Rgbm, Halves};
     use method::each_image;
     let effort = options.effort;
     let image = |family, name: &str, codec: fn(Effort) -> Box<dyn ImageCodec>| Method {
@@ -224,6 +229,7 @@ fn foreign<'a>(set: &'a TileSet, options: &'a Options, methods: &mut Vec<Method<
         }),
     };
     methods.push(image("BC", "BC7", |effort| Box::new(Bc7(effort))));
+    methods.push(image("BC", "BC7, RGBM", |effort| Box::new(Bc7Rgbm(effort))));
     methods.push(image("BC", "BC6H", |effort| Box::new(Bc6h(effort, Halves::Direct))));
     methods.push(image("BC", "BC6H, curve", |effort| Box::new(Bc6h(effort, Halves::Curve))));
     for side in [12, 10, 8] {

@@ -137,7 +137,7 @@ impl Judged {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Quality;
+    use crate::evaluate::{Large, Quality, Steps};
 
     #[test]
     fn a_target_missed_by_little_is_a_remark() {
@@ -151,6 +151,8 @@ mod tests {
             bpp: 0.5,
             bytes: 1,
             seam_ratio: None,
+            large: Large::default(),
+            steps: Steps::default(),
             between: None,
             decode_seconds: 0.0,
         };

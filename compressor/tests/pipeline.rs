@@ -387,6 +387,40 @@ fn under_a_time_limit_every_tile_gets_its_share() {
 }
 
 #[test]
+fn methods_and_ablations_are_compared_on_one_tile() {
+    let folder = tempfile::tempdir().unwrap();
+    let hours = vec![0.0, 5.9, 6.0, 12.0];
+    Scene { width: 20, height: 12, hours, valid: |x, y| (x + y) % 5 > 0, ..islands() }.write(folder.path());
+    for (what, method, control) in
+        [("compare", "NDGI M", "SVD 1"), ("--ablations", "hybrid, profile M", "2D maps alone")]
+    {
+        let arguments = ["compare", ".", "--draft", "--csv", "c.csv", "--report", "c.html", "--json", what];
+        let arguments = if what == "compare" { &arguments[..8] } else { &arguments[..] };
+        let told = json(&run(arguments, folder.path()));
+        assert_eq!((&told["tiles"], &told["tiles_of"], &told["sets"]), (&1.into(), &1.into(), &4.into()));
+        assert!((told["noise_ceiling_db"].as_f64().unwrap() - 60.0).abs() < 20.0);
+        let rows = told["rows"].as_array().unwrap();
+        let row = |name: &str| rows.iter().find(|row| row["method"] == name).unwrap();
+        let db = |name: &str| row(name)["psnr_db"].as_f64().unwrap();
+        assert!(db(method) > db(control) && db(control) > 10.0, "{} {}", db(method), db(control));
+        assert!(rows.is_sorted_by_key(|row| row["bpp"].as_f64().unwrap().to_bits()));
+        assert!(rows.iter().all(|row| row["lpips"].is_null()));
+        let csv = fs::read_to_string(folder.path().join("c.csv")).unwrap();
+        assert_eq!(csv.lines().count(), 1 + rows.len());
+        let report = fs::read_to_string(folder.path().join("c.html")).unwrap();
+        assert!(
+            report.contains("<svg") && report.contains("its error × 16") && report.contains("not measured")
+        );
+    }
+    // Nothing valid is nothing to compare.
+    let empty = folder.path().join("empty");
+    Scene { width: 20, height: 12, valid: |_, _| false, ..islands() }.write(&empty);
+    let output = run(&["compare", "empty", "--draft"], folder.path());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("no tile has a valid texel"));
+}
+
+#[test]
 fn a_sweep_tells_what_compressing_would_give() {
     let folder = tempfile::tempdir().unwrap();
     // No valid texel in the border, and one evaluation tile: both judge the same texels.

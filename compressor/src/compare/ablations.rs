@@ -24,7 +24,7 @@ type Edit = fn(Contents) -> Contents;
 const STRUCTURES: [(&str, Edit); 5] = [
     ("2D maps alone", |all| Contents { uvt: 0, slices: 0, ..all }),
     ("3D map alone, 32²", |all| Contents { uvt: 32, slices: 2 * all.slices, ..space(all) }),
-    ("3D map alone, 64²", |all| Contents { uvt: 64, slices: all.slices.div_ceil(2) + 1, ..space(all) }),
+    ("3D map alone, 64²", |all| Contents { uvt: 64, slices: (3 * all.slices).div_ceil(4), ..space(all) }),
     ("hybrid, 3D map 8²", |all| Contents { uvt: 8, ..all }),
     ("hybrid, profile M", |all| all),
 ];
