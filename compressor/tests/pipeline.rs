@@ -392,7 +392,7 @@ fn methods_and_ablations_are_compared_on_one_tile() {
     let hours = vec![0.0, 5.9, 6.0, 12.0];
     Scene { width: 20, height: 12, hours, valid: |x, y| (x + y) % 5 > 0, ..islands() }.write(folder.path());
     for (what, method, control) in
-        [("compare", "NDGI M", "SVD 1"), ("--ablations", "hybrid, profile M", "2D maps alone")]
+        [("compare", "NDGI M", "SVD 1"), ("--ablations", "hybrid, profile M", "3D map alone, 32²")]
     {
         let arguments = ["compare", ".", "--draft", "--csv", "c.csv", "--report", "c.html", "--json", what];
         let arguments = if what == "compare" { &arguments[..8] } else { &arguments[..] };

@@ -77,10 +77,13 @@ fn code(
     })
 }
 
+/// Bits of a tile, and its PSNR.
+type Stage = (f64, Option<f64>);
+
 /// What each step of quantisation of profile M saves and costs: float32, 8 bits, BC7. PSNRs are the trainer's own.
 pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
     let preset = options.effort.preset();
-    let tile = |tile: &Tile| -> Result<Option<[(f64, Option<f64>); 3]>> {
+    let tile = |tile: &Tile| -> Result<Option<[Stage; 3]>> {
         stop_if_interrupted()?;
         let recipe = recipe(&preset, options.seed, tile);
         let trained = train_ablated(&tile.source, &M, |all| all, Coded::OnTheLoss, &recipe)

@@ -208,11 +208,12 @@ mod tests {
     use super::*;
     use dataset::metrics::psnr_db;
 
-    /// Smooth light, darker by a hundred in one corner, in 12×8 texels.
+    /// Smooth light of one colour, in 12×8 texels.
     fn smooth() -> Tile {
         let texel = |i: usize| {
             let (x, y) = ((i % 12) as f32, (i / 12) as f32);
-            [3.0 + x, 0.2 + 0.5 * y, 0.13 * (1.0 + x + y)]
+            // One colour: what a block can hold.
+            [1.0, 0.5, 0.125].map(|c| c * (3.0 + x + 2.0 * y))
         };
         tile_of(12, 8, vec![(0..96).map(texel).collect()])
     }

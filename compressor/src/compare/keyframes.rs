@@ -158,9 +158,9 @@ mod tests {
         // Straight from 1 h to 11 h; what is left is how 17 h lies between 14 and 4.
         assert_eq!(kept, [0, 4]);
         let keys: Vec<Texels> = kept.iter().map(|&k| set.tiles[0].filled[k].clone()).collect();
-        for k in 0..6 {
+        for (k, &light) in light.iter().enumerate() {
             let found = between(k, &kept, &hours, &keys)[3][1];
-            let expected = if k == 5 { 14.0 - 10.0 * 6.0 / 14.0 } else { light[k] };
+            let expected = if k == 5 { 14.0 - 10.0 * 6.0 / 14.0 } else { light };
             assert!((found - expected).abs() < 1e-5, "{k}: {found}");
         }
         let all = choose(&costs(&set), 99);

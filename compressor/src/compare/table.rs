@@ -84,6 +84,9 @@ pub(super) struct Shown {
     pub images: Vec<(Texels, Option<f64>)>,
 }
 
+/// A caption and a PNG.
+type Picture = (String, Vec<u8>);
+
 /// A comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
@@ -105,7 +108,7 @@ pub struct Comparison {
     pub left_out: Vec<String>,
     /// Tiles shown: what and the pictures.
     #[serde(skip)]
-    pictures: Vec<(String, Vec<(String, Vec<u8>)>)>,
+    pictures: Vec<(String, Vec<Picture>)>,
 }
 
 pub(super) fn decibels(db: Option<f64>) -> String {
@@ -362,7 +365,7 @@ const ERROR_GAIN: f32 = 16.0;
 const ZOOM: usize = 2;
 
 /// A tile at a set: the reference, and each method with its error.
-fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec<(String, Vec<u8>)>) {
+fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec<Picture>) {
     let tile = &set.tiles[i];
     let reference = image(tile, &tile.source.sets[k]);
     let bright = exposure(&reference, &tile.mask);

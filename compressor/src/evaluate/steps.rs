@@ -68,11 +68,11 @@ pub(super) fn steps(dataset: &Dataset, decoder: &Decoder, console: &Console) -> 
             };
             let valid = valid(&mask, &rows);
             let mut before = load(0)?;
-            for k in 0..n {
+            for (k, error) in errors.iter_mut().enumerate() {
                 let after = load((k + 1) % n)?;
                 let [decoded, reference] =
                     [0, 1].map(|i| [before[i].texels.as_slice(), after[i].texels.as_slice()]);
-                errors[k].add(decoded, reference, valid);
+                error.add(decoded, reference, valid);
                 before = after;
             }
         }
