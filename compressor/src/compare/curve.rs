@@ -12,6 +12,7 @@ pub(super) enum Curve {
 }
 
 /// What 8-bit codecs are tried with.
+#[cfg(any(test, feature = "baselines"))]
 pub(super) const CURVES: [Curve; 4] =
     [Curve::Power(1.0), Curve::Power(1.5), Curve::Power(2.2), Curve::Log(8.0)];
 

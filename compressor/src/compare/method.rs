@@ -83,6 +83,7 @@ pub(super) trait ImageCodec: Sync {
 }
 
 /// A method that compresses every image of every tile by itself.
+#[cfg(feature = "baselines")]
 pub(super) fn each_image(set: &TileSet, codec: &dyn ImageCodec) -> Result<CodedTiles> {
     each_tile(set, |tile| {
         let images = tile.filled.iter().map(|texels| codec.code(texels, tile));
