@@ -130,6 +130,14 @@ fn measure(set: &TileSet, judge: &Judge, method: &Method) -> Result<(Row, Judged
     let mut best: Option<(Row, Judged)> = None;
     let mut notes = Vec::new();
     for (coded, note) in (method.run)()? {
+        // (Means leave out what is not a number: a method must not gain by that.)
+        let is_number = |texel: &[f32; 3]| texel.iter().all(|value| value.is_finite());
+        if !coded.decoded.iter().flatten().flatten().all(is_number) {
+            return Err(Error::invalid(
+                &method.name,
+                "decodes to what is no finite number: a fault of this method",
+            ));
+        }
         let judged = judge.judge(&coded);
         let row = Row::new(set, method.family, &method.name, &coded, &judged);
         let db = table::decibels(row.psnr_db);

@@ -169,23 +169,31 @@ enum Standing {
     Same(Box<Outcome>),
     /// One of other light or other settings, in words.
     Other(String),
-    /// None, or none that can be read.
+    /// None.
     None,
 }
 
 /// What stands at `out`, beside what is asked for. Under a time limit no two runs are the same.
 fn standing(out: &Path, header: &Header) -> Standing {
-    let Ok(there) = Bundle::open(out) else { return Standing::None };
+    if !out.exists() {
+        return Standing::None;
+    }
+    let Ok(there) = Bundle::open(out) else {
+        return Standing::Other("which this program cannot read".to_owned());
+    };
     let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
     let (old, new) = (told(&there.header), told(header));
-    let is_same = there.header == *header && new["time_limit_secs"].is_null();
+    let is_limited = !new["time_limit_secs"].is_null();
+    let is_same = there.header == *header && !is_limited;
     let kept = outcome::read(out).filter(|outcome| is_same && outcome.bytes == there.bytes);
     if let Some(outcome) = kept {
         return Standing::Same(Box::new(outcome));
     }
     let differs = |key: &str| old[key] != new[key];
     let what = match () {
-        () if differs("inputs") => "made from another bake".to_owned(),
+        () if is_same => "which lacks the record of its training (.run.json)".to_owned(),
+        () if differs("inputs") => "made from other light".to_owned(),
+        () if is_limited => "whatever it took".to_owned(),
         () if differs("iterations") => format!("trained for {} steps", old["iterations"]),
         () => "made with other settings".to_owned(),
     };

@@ -32,8 +32,8 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The user asked to stop (Ctrl-C); what was finished is kept.
-    #[error("interrupted; run the same command again to continue")]
+    /// The user asked to stop (Ctrl-C). Bakes and compressions keep what was finished.
+    #[error("interrupted; run the same command again to go on")]
     Interrupted,
 }
 

@@ -8,9 +8,9 @@ pub mod console;
 pub mod config;
 pub mod image;
 pub mod files;
+pub mod tiles;
 pub mod store;
 pub mod exchange;
-pub mod tiles;
 pub mod metrics;
 pub mod report;
 

@@ -6,7 +6,7 @@
 use super::method::{CodedTile, CodedTiles, ImageCodec, each_tile, together};
 use super::tiles::{Texels, Tile, TileSet};
 use crate::Result;
-use std::time::Instant;
+use crate::clock::Clock;
 
 /// Sets that are kept, of a day's 24 and more.
 pub(super) const KEPT: usize = 8;
@@ -18,9 +18,9 @@ pub(super) fn code(set: &TileSet, codec: &dyn ImageCodec) -> Result<(CodedTiles,
     let coded = each_tile(set, |tile| {
         let images = kept.iter().map(|&k| codec.code(&tile.filled[k], tile)).collect::<Result<Vec<_>>>()?;
         let keys = together(images);
-        let start = Instant::now();
+        let clock = Clock::start();
         let decoded = (0..hours.len()).map(|k| between(k, &kept, hours, &keys.decoded)).collect();
-        let decode_seconds = keys.decode_seconds + start.elapsed().as_secs_f64();
+        let decode_seconds = keys.decode_seconds + clock.seconds();
         Ok(CodedTile { decoded, decode_seconds, ..into(keys) })
     })?;
     Ok((coded, kept))

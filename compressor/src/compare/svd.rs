@@ -42,7 +42,11 @@ pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
         let [first, others @ ..] = tries;
         let stored = others.into_iter().fold(first, |a, b| if b.0 < a.0 { b } else { a }).1;
         // With the peaks, and the choice of the curve.
-        let bits = 8 * stored.maps.len() + 16 * stored.curves.len() + 64 * rank + 32 * tile.peaks.len() + 8;
+        let bits = 8 * stored.maps.len()
+            + 16 * stored.curves.len()
+            + 64 * stored.ranges.len()
+            + 32 * tile.peaks.len()
+            + 8;
         let curve = stored.curve;
         Ok((stored, bits as f64, vec![curve]))
     };

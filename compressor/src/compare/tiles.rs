@@ -7,11 +7,14 @@ use crate::compress::{seed, timeline};
 use crate::grid::Place;
 use crate::tile::{Band, Coverage, TileSource};
 use crate::time::{Coding, Timeline};
+use dataset::config::FileRef;
 use dataset::console::stop_if_interrupted;
 use dataset::image::Mask;
 use dataset::metrics;
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, grid, tiles};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// An image of a tile at one set: its texels row by row.
 pub(super) type Texels = Vec<[f32; 3]>;
@@ -86,6 +89,12 @@ impl TileSet {
         let pages = &dataset.config.pages;
         let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
         let (chosen, of) = choose(&masks, options.tiles, options.seed);
+        let used: BTreeSet<usize> = chosen.iter().map(|(place, _)| place.page).collect();
+        let files: BTreeMap<&str, &FileRef> = (used.iter())
+            .flat_map(|&page| dataset.config.sets.iter().map(move |set| &set.maps[page].file))
+            .map(|file| (file.path.as_str(), file))
+            .collect();
+        files.par_iter().try_for_each(|(_, file)| dataset.check_content(file))?;
         let load = |(place, rect): (Place, Rect)| {
             stop_if_interrupted()?;
             let mask = &masks[place.page];

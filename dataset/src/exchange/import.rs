@@ -62,8 +62,8 @@ pub fn import(origin: &Origin, out: &Path, console: &Console) -> Result<Config> 
 /// Finds the files of a layout.
 fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
     let place = root.join(MANIFEST);
-    let bytes = read_config(&place)?;
     let root = root.canonicalize().map_err(Error::io(root))?;
+    let bytes = read_config(&inside(&root, Path::new(MANIFEST))?)?;
     // Layout 1: all folders of shares, or none.
     let there: Vec<&str> = layout1::SHARES.into_iter().filter(|share| root.join(share).exists()).collect();
     if layout == Layout::Hprc1 && !matches!(there.len(), 0 | 3) {

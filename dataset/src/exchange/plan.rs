@@ -7,6 +7,7 @@ use crate::image::MAX_SIDE;
 use crate::store::Dataset;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Largest configuration file that is read.
@@ -107,12 +108,19 @@ pub(super) fn expect_count(place: &Path, lightmap_count: u64, listed: usize) -> 
 
 /// The bytes of a configuration.
 pub(super) fn read_config(path: &Path) -> Result<Vec<u8>> {
-    let length = path.metadata().map_err(Error::io(path))?.len();
-    if length > MAX_CONFIG_BYTES {
-        let what = format!("{length} bytes; expected a configuration of at most {MAX_CONFIG_BYTES}");
-        return Err(Error::invalid(path.display(), what));
+    let refused = |what: String| Err(Error::invalid(path.display(), what));
+    if !path.metadata().map_err(Error::io(path))?.is_file() {
+        return refused("no plain file; expected a configuration".to_owned());
     }
-    std::fs::read(path).map_err(Error::io(path))
+    let mut bytes = Vec::new();
+    let mut file = std::fs::File::open(path).map_err(Error::io(path))?.take(MAX_CONFIG_BYTES + 1);
+    file.read_to_end(&mut bytes).map_err(Error::io(path))?;
+    if bytes.len() as u64 > MAX_CONFIG_BYTES {
+        return refused(format!(
+            "longer than {MAX_CONFIG_BYTES} bytes; expected a configuration of at most that"
+        ));
+    }
+    Ok(bytes)
 }
 
 /// The files of the layout that a set was imported from, if it was of this layout.

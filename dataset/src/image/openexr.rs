@@ -176,8 +176,9 @@ fn rgb() -> Channels {
 /// Opens an EXR file as a dataset has them: channels R, G, B, nothing lost by compression.
 fn open_rgb(path: &Path) -> Result<Reader> {
     let reader = open_exr(path, &rgb())?;
-    let compression = reader.headers()[0].compression;
-    if !compression.is_lossless_for(SampleType::F32) {
+    let header = &reader.headers()[0];
+    let compression = header.compression;
+    if header.channels.list.iter().any(|channel| !compression.is_lossless_for(channel.sample_type)) {
         let what = format!("{compression}; expected a lossless one: none, RLE, ZIP or PIZ");
         return Err(Error::unsupported(path.display(), what));
     }

@@ -74,8 +74,8 @@ impl Dataset {
             }
             add(&mut sum, &local);
             let same = |i: usize| match imported {
-                // Dilated texels are nobody's light.
-                true => mask.is_some_and(|m| !m.valid[y0 * width + i]) || about_equal(&texels[i], &sum[i]),
+                // Dilated texels are nobody's light; without a mask that can be read, nobody knows which they are.
+                true => mask.is_none_or(|m| !m.valid[y0 * width + i]) || about_equal(&texels[i], &sum[i]),
                 false => texels[i].map(f32::to_bits) == sum[i].map(f32::to_bits),
             };
             for i in (0..texels.len()).filter(|&i| !same(i)) {
