@@ -13,5 +13,6 @@ pub mod store;
 pub mod exchange;
 pub mod metrics;
 pub mod report;
+pub mod release;
 
 pub use error::{Error, Result};

@@ -13,7 +13,7 @@ mod check;
 mod stage;
 mod verify;
 
-pub(crate) use check::{is_component, layers_kept};
+pub(crate) use check::{is_component, layers_kept, references};
 pub(crate) use stage::Staged;
 pub use verify::Verification;
 pub(crate) use verify::about_equal;
@@ -167,6 +167,25 @@ fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
     }
 }
 
+/// Reads a manifest, and gives everything in it that breaks a rule; `place` names it in errors.
+///
+/// # Errors
+/// `Unsupported` for a version of the future, `Invalid` for what is no manifest.
+pub fn parse_config(place: &Path, bytes: &[u8]) -> Result<(Config, Vec<Error>)> {
+    // The version decides how the rest reads, so it is looked at first.
+    let value = parse_manifest(place, bytes)?;
+    if let Some(version) = value.get("version").and_then(serde_json::Value::as_u64)
+        && version > u64::from(crate::config::VERSION)
+    {
+        let known = crate::config::VERSION;
+        let what = format!("format version {version}; this program reads up to {known}: use a newer one");
+        return Err(Error::unsupported(place.display(), what));
+    }
+    let config: Config = serde_json::from_slice(bytes).map_err(|error| json_error(place, &error))?;
+    let faults = check::faults(place, &config);
+    Ok((config, faults))
+}
+
 /// A syntax or type error of a JSON file, with its line.
 pub(crate) fn json_error(path: &Path, error: &serde_json::Error) -> Error {
     match error.line() {
@@ -236,18 +255,7 @@ impl Dataset {
             let what = format!("not a temporal lightmap set: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }
-        let bytes = read(&manifest)?;
-        // The version decides how the rest reads, so it is looked at first.
-        let value = parse_manifest(&manifest, &bytes)?;
-        if let Some(version) = value.get("version").and_then(serde_json::Value::as_u64)
-            && version > u64::from(crate::config::VERSION)
-        {
-            let known = crate::config::VERSION;
-            let what = format!("format version {version}; this program reads up to {known}: use a newer one");
-            return Err(Error::unsupported(manifest.display(), what));
-        }
-        let config: Config = serde_json::from_slice(&bytes).map_err(|error| json_error(&manifest, &error))?;
-        let faults = check::faults(&manifest, &config);
+        let (config, faults) = parse_config(&manifest, &read(&manifest)?)?;
         Ok((Dataset { root: root.to_owned(), config }, faults))
     }
 

@@ -1,4 +1,4 @@
-//! A stopped import or export leaves nothing. A test file of its own: the request to stop is the whole process's.
+//! A stopped import, export or release leaves nothing. A test file of its own: the request to stop is the whole process's.
 
 mod common;
 
@@ -7,12 +7,13 @@ use dataset::Error;
 use dataset::config::Layout;
 use dataset::console::{Console, INTERRUPTED};
 use dataset::exchange::{Origin, export, import};
+use dataset::release::{release, verify};
 use dataset::store::Dataset;
 use std::fs;
 use std::sync::atomic::Ordering;
 
 #[test]
-fn a_stopped_exchange_leaves_nothing() {
+fn a_stopped_command_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, out] = ["contest", "set", "out"].map(|name| folder.path().join(name));
     layouts::write2(&source);
@@ -23,8 +24,17 @@ fn a_stopped_exchange_leaves_nothing() {
     assert!(matches!(imported, Err(Error::Interrupted)), "{imported:?}");
     let exported = export(&dataset, Layout::Hprc2, &out, &Console::silent());
     assert!(matches!(exported, Err(Error::Interrupted)), "{exported:?}");
+    let released = release(&[set.clone()], &[], &out, &Console::silent());
+    assert!(matches!(released, Err(Error::Interrupted)), "{released:?}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     // Asked again it is done.
     INTERRUPTED.store(false, Ordering::SeqCst);
     import(&Origin::Folder(Layout::Hprc2, source), &out, &Console::silent()).unwrap();
+    let released = folder.path().join("release");
+    release(&[set], &[], &released, &Console::silent()).unwrap();
+    INTERRUPTED.store(true, Ordering::SeqCst);
+    let verified = verify(&released, &Console::silent());
+    assert!(matches!(verified, Err(Error::Interrupted)), "{verified:?}");
+    INTERRUPTED.store(false, Ordering::SeqCst);
+    assert!(verify(&released, &Console::silent()).unwrap().faults.is_empty());
 }

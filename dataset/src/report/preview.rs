@@ -68,7 +68,6 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
     section.pictures(&pictures.collect::<Vec<_>>());
 
     // Day, twilight and night differ by factors of thousands: each group of like brightness has its exposure.
-    let is_lit = |image: &Image| image.texels.iter().any(|texel| luminance(*texel) > 0.0);
     let own = |(image, mask): &(Image, Mask)| is_lit(image).then(|| exposure(image, mask));
     let of_set = |pages: &[(Image, Mask)]| pages.iter().filter_map(own).min_by(f32::total_cmp);
     let groups = group_by_exposure(&reduced.chunks(masks.len().max(1)).map(of_set).collect::<Vec<_>>());
@@ -94,6 +93,21 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
         section.pictures(&pictures.collect::<Vec<_>>());
     }
     Ok(section)
+}
+
+/// A set's pages as sRGB PNGs at most `max_side` texels on a side, under one exposure.
+pub(crate) fn pictures(dataset: &Dataset, set: usize, max_side: usize) -> Result<Vec<Vec<u8>>> {
+    let pages = 0..dataset.config.pages.len();
+    let reduced =
+        pages.into_par_iter().map(|page| reduce(dataset, &dataset.mask(page)?, set, page, max_side));
+    let reduced: Vec<(Image, Mask)> = reduced.collect::<Result<_>>()?;
+    let lit = reduced.iter().filter(|(image, _)| is_lit(image));
+    let exposure = lit.map(|(image, mask)| exposure(image, mask)).min_by(f32::total_cmp).unwrap_or(1.0);
+    Ok(reduced.iter().map(|(image, mask)| encode(image, mask, exposure)).collect())
+}
+
+fn is_lit(image: &Image) -> bool {
+    image.texels.iter().any(|texel| luminance(*texel) > 0.0)
 }
 
 /// Sets of like brightness, the brightest first: the exposure of each group's brightest, and which sets are in it, ascending. Those

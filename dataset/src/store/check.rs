@@ -154,7 +154,7 @@ pub(super) fn size(path: &Path, (width, height): (usize, usize), page: &Page) ->
 }
 
 /// Every reference to a file, in the manifest's order.
-pub(super) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
+pub(crate) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
     let masks = config.pages.iter().map(|page| &page.mask);
     let layers = config.groups.iter().flat_map(|group| &group.layers);
     let maps = config.sets.iter().flat_map(|set| &set.maps);

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 /// Layouts that both commands know.
 #[derive(Clone, Copy, ValueEnum)]
-enum LayoutName {
+pub enum LayoutName {
     /// Folders by light type (Original, DirectionalOnly, SkyLightOnly, LocalOnly, Mask), times 1 to 24.
     Hprc1,
     /// config.json, which names every file, and Data/.
@@ -19,7 +19,7 @@ enum LayoutName {
 }
 
 impl LayoutName {
-    fn layout(self) -> Layout {
+    pub fn layout(self) -> Layout {
         match self {
             LayoutName::Hprc1 => Layout::Hprc1,
             LayoutName::Hprc2 => Layout::Hprc2,

@@ -1,6 +1,7 @@
-//! `dataset`: looks at temporal lightmap sets, and exchanges them with others.
+//! `dataset`: looks at temporal lightmap sets, exchanges them with others, and packages them for release.
 
 mod exchange;
+mod release;
 
 use clap::{Parser, Subcommand};
 use dataset::config::Config;
@@ -13,7 +14,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Looks at temporal lightmap sets: what is in one, and whether it is whole; reads and writes the layouts of others.
+/// Looks at temporal lightmap sets: what is in one, and whether it is whole; reads and writes the layouts of others;
+/// packages sets for release.
 #[derive(Parser)]
 #[command(
     version,
@@ -24,7 +26,9 @@ Examples:
   dataset check dataset/yard --json    the same for a program; exit code 1 with faults
   dataset import contest --layout hprc2 --out dataset/contest
   dataset import renders --pattern 'light_{hour}.exr' --mask mask.png --out dataset/hall
-  dataset export dataset/yard --layout hprc1 --out yard-hprc1"
+  dataset export dataset/yard --layout hprc1 --out yard-hprc1
+  dataset release dataset/yard dataset/city --out release
+  dataset verify release               every checksum, and what the archives hold"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -95,6 +99,31 @@ Examples:
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
   dataset export dataset/yard --layout hprc2 --out yard-hprc2")]
     Export(exchange::Export),
+    /// Packages datasets for release: archives, bundles, pictures, datasheets, checksums.
+    ///
+    /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun, sky and lamps where
+    /// layers are kept, the bundles (*.ndgi) found beside the set, pictures, a datasheet SCENE.md. Beside them release.json,
+    /// read_dataset.py and SHA256SUMS. Equal sets give equal bytes. Each set is checked first; a stopped or failed command leaves
+    /// nothing. With --json, one object: out, scenes, left_out [text], files, bytes, seconds.
+    #[command(after_help = "\
+Examples:
+  dataset release dataset/yard dataset/city --out release
+  dataset release dataset/yard --layout hprc1 --layout hprc2 --out release")]
+    Release(release::Release),
+    /// Verifies a release, or a set unpacked from one.
+    ///
+    /// Of a release: that the files are those of SHA256SUMS, and that the archives hold what release.json and each set's manifest
+    /// say; nothing is unpacked to the disk. A folder that holds config.json is checked as by `check`. With --json, one object: ok,
+    /// faults [text], scenes, files, bytes, seconds; of an unpacked set that of `check`.
+    #[command(after_help = "\
+Examples:
+  dataset verify release
+  dataset verify yard          unpacked from yard-sets.tar.zst")]
+    Verify {
+        /// A folder that holds SHA256SUMS, or config.json.
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -106,6 +135,11 @@ fn main() -> ExitCode {
         Command::Check { folder } => check(&console, folder),
         Command::Import(import) => import.run(&console).map(|()| ExitCode::SUCCESS),
         Command::Export(export) => export.run(&console).map(|()| ExitCode::SUCCESS),
+        Command::Release(release) => release.run(&console).map(|()| ExitCode::SUCCESS),
+        Command::Verify { folder } if folder.join(dataset::store::MANIFEST).is_file() => {
+            check(&console, folder)
+        }
+        Command::Verify { folder } => release::verify_release(&console, folder),
     };
     result.unwrap_or_else(|error| fail(&error))
 }

@@ -1,0 +1,79 @@
+//! `dataset release` and `dataset verify`.
+
+use crate::exchange::LayoutName;
+use clap::Args;
+use dataset::Result;
+use dataset::config::Layout;
+use dataset::console::{Console, count};
+use dataset::release::{release, verify};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+#[derive(Args)]
+pub struct Release {
+    /// The datasets: folders that hold config.json.
+    #[arg(value_name = "DIR", required = true)]
+    folders: Vec<PathBuf>,
+    /// The new folder to write.
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Adds an archive of the sets in this layout; may be given for both.
+    #[arg(long)]
+    layout: Vec<LayoutName>,
+}
+
+impl Release {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let start = std::time::Instant::now();
+        let mut layouts: Vec<Layout> = Vec::new();
+        for layout in self.layout.iter().map(|layout| layout.layout()) {
+            if !layouts.contains(&layout) {
+                layouts.push(layout);
+            }
+        }
+        let packaged = release(&self.folders, &layouts, &self.out, console)?;
+        for what in &packaged.left_out {
+            console.say(format!("left out of {what}"));
+        }
+        let (scenes, files) = (count(packaged.scenes.len(), "scene"), count(packaged.files, "file"));
+        let size = packaged.bytes as f64 / 1e6;
+        console.say(format!("{}: {scenes}, {files}, {size:.1} MB", self.out.display()));
+        console.result(&json!({
+            "out": self.out,
+            "scenes": packaged.scenes,
+            "left_out": packaged.left_out,
+            "files": packaged.files,
+            "bytes": packaged.bytes,
+            "seconds": start.elapsed().as_secs_f64(),
+        }))
+    }
+}
+
+/// `dataset verify` of a release folder.
+pub fn verify_release(console: &Console, folder: &Path) -> Result<ExitCode> {
+    let start = std::time::Instant::now();
+    let verified = verify(folder, console)?;
+    for fault in &verified.faults {
+        console.error(fault);
+    }
+    let faults: Vec<String> = verified.faults.iter().map(ToString::to_string).collect();
+    let ok = faults.is_empty();
+    let found = match ok {
+        true => {
+            let (scenes, files) = (count(verified.scenes.len(), "scene"), count(verified.files, "file"));
+            format!("{scenes}, {files}: no fault")
+        }
+        false => count(faults.len(), "fault"),
+    };
+    console.say(format!("{}: {found}", folder.display()));
+    console.result(&json!({
+        "ok": ok,
+        "faults": faults,
+        "scenes": verified.scenes,
+        "files": verified.files,
+        "bytes": verified.bytes,
+        "seconds": start.elapsed().as_secs_f64(),
+    }))?;
+    Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}

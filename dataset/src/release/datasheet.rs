@@ -1,0 +1,184 @@
+//! The datasheet of a scene: what the data are, how they were made, how far they can be relied on.
+
+use super::{Archive, LAYERS, READER, SUMS};
+use crate::config::Config;
+use crate::console::count;
+use std::fmt::Write;
+
+/// What the datasheet tells beside the manifest: names and lengths of the files.
+pub(super) struct Files<'a> {
+    pub archives: &'a [(Archive, u64)],
+    pub bundles: &'a [(String, u64)],
+    pub previews: &'a [String],
+    /// What the layouts of exchange leave out.
+    pub left_out: &'a [String],
+}
+
+/// The datasheet as Markdown.
+pub(super) fn datasheet(config: &Config, files: &Files) -> String {
+    let mut text = format!("# {}\n\n", plain(&config.scene));
+    let (sets, pages) = (count(config.sets.len(), "set"), count(config.pages.len(), "page"));
+    let _ = writeln!(
+        text,
+        "A temporal lightmap set: the light that arrives at the surfaces of one scene, {sets} of lightmaps over one day, \
+         {pages}, as float32 images.\n"
+    );
+    for name in files.previews {
+        let _ = writeln!(text, "![{}]({})", plain(name), link(name));
+    }
+    text.push_str(
+        "\nPictures are tone-mapped, each hour at an exposure of its own; grey texels lie on no surface.\n",
+    );
+    contents(&mut text, files);
+    how_made(&mut text, config);
+    sets_table(&mut text, config);
+    limits(&mut text, config);
+    text.push_str("\n## Licence\n\n");
+    text.push_str(match &config.source {
+        None => {
+            "CC0 1.0: to the extent possible under law, all rights are waived \
+             (https://creativecommons.org/publicdomain/zero/1.0/).\n"
+        }
+        Some(_) => "That of the set which was imported; this release gives no other.\n",
+    });
+    text
+}
+
+fn contents(text: &mut String, files: &Files) {
+    text.push_str("\n## Files\n\n| file | what | MB | unpacked, MB |\n|---|---|---|---|\n");
+    for (archive, bytes) in files.archives {
+        let what = match &*archive.holds {
+            "sets" => {
+                "config.json, masks, the lightmaps of all hours, sampling error, geometry with lightmap coordinates"
+            }
+            "sun" => "the sun's share of each lightmap",
+            "sky" => "the sky's share of each lightmap",
+            "lamps" => "the light of the lamps, group by group",
+            _ => "the lightmaps in a layout of raw files",
+        };
+        let unpacked: u64 = archive.files.iter().map(|file| file.bytes).sum();
+        let _ = writeln!(text, "| {} | {what} | {} | {} |", plain(&archive.name), mb(*bytes), mb(unpacked));
+    }
+    for (name, bytes) in files.bundles {
+        let _ = writeln!(
+            text,
+            "| {} | compressed lightmaps (NDGI), as found beside the set | {} | |",
+            plain(name),
+            mb(*bytes)
+        );
+    }
+    for what in files.left_out {
+        let _ = writeln!(text, "\nLeft out of {}", plain(what));
+    }
+    let layered =
+        files.archives.iter().any(|(archive, _)| ["sun", "sky", "lamps"].contains(&&*archive.holds));
+    let _ = writeln!(
+        text,
+        "\n`sha256sum -c --ignore-missing {SUMS}` checks what was downloaded; `zstd -dc FILE | tar -x` or `tar --zstd -xf FILE` \
+         unpacks an archive. The sets' archive is usable alone, by `{READER}` (Python with numpy and OpenEXR) for one."
+    );
+    if layered {
+        let _ = writeln!(
+            text,
+            "The other layers unpack into the same folder. Its `config.json` names the sets alone, `{LAYERS}` also the layers: \
+             once all of them are there, it takes the place of `config.json`."
+        );
+    }
+}
+
+fn how_made(text: &mut String, config: &Config) {
+    text.push_str("\n## How it was made\n\n");
+    let _ = match &config.source {
+        None => writeln!(
+            text,
+            "Path traced by {}, up to {} samples per texel and layer, seed {}. Texels hold {}.",
+            plain(&config.generator),
+            config.samples,
+            config.seed,
+            plain(&config.unit)
+        ),
+        Some(source) => writeln!(
+            text,
+            "Imported from the layout {} by {}. Unit: {}. {} outside the masks were no light and are 0.",
+            source.layout.name(),
+            plain(&config.generator),
+            plain(&config.unit),
+            count(source.replaced_values as usize, "value")
+        ),
+    };
+    text.push('\n');
+    for (index, page) in config.pages.iter().enumerate() {
+        let _ = writeln!(text, "- page {index}: {}×{} texels", page.width, page.height);
+    }
+    for group in &config.groups {
+        let on: Vec<String> = group.on.iter().map(|[from, to]| format!("{from} to {to} h")).collect();
+        let on = if on.is_empty() { "never on".to_owned() } else { format!("on {}", on.join(", ")) };
+        let _ = writeln!(text, "- lamps “{}”: {on}", plain(&group.name));
+    }
+    if config.settings.as_object().is_some_and(|settings| !settings.is_empty())
+        && let Ok(settings) = serde_json::to_string_pretty(&config.settings)
+    {
+        let _ = writeln!(text, "\nAll settings:\n\n```json\n{settings}\n```");
+    }
+}
+
+fn sets_table(text: &mut String, config: &Config) {
+    text.push_str("\n## Estimated error by the hour\n\n");
+    text.push_str(
+        "The standard error of the sampling, root mean square over surfaces, ÷ their mean light. By tile it stands in the file that \
+         `noise` of `config.json` names.\n\n| hour | lamps on | error, % |\n|---|---|---|\n",
+    );
+    for set in &config.sets {
+        let on = config.groups.iter().zip(&set.groups_on).filter(|(_, on)| **on);
+        let on: Vec<String> = on.map(|(group, _)| plain(&group.name)).collect();
+        let error =
+            set.relative_error.map_or("not known".to_owned(), |error| format!("{:.2}", 100.0 * error));
+        let _ = writeln!(text, "| {} | {} | {error} |", set.hour, on.join(", "));
+    }
+}
+
+fn limits(text: &mut String, config: &Config) {
+    text.push_str("\n## Known limits\n\n");
+    if config.source.is_none() {
+        text.push_str(
+            "- The error above is that of sampling alone. What the method itself gets wrong (light is cached in texels and patches \
+             unless the settings say `path`) is not in it, and thin shadows that all trial samples missed are not either.\n\
+             - Surfaces are diffuse; a texel holds irradiance, no directions.\n\
+             - One day at one place; no weather.\n",
+        );
+    }
+    text.push_str(
+        "- Texels outside the masks are copies of their neighbours, or whatever their writer left there; leave them out of metrics.\n\
+         - Between two sets light is not known. It may be interpolated only where the same lamps are on.\n\
+         - A bundle is as good as its compressor made it, and was not compared with this set.\n",
+    );
+}
+
+fn mb(bytes: u64) -> String {
+    format!("{:.2}", bytes as f64 / 1e6)
+}
+
+/// A text of others that Markdown does not read as its own.
+fn plain(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '\\' | '`' | '*' | '_' | '[' | ']' | '<' | '>' | '#' | '|' | '&' => out.extend(['\\', c]),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A file's name as the target of a link.
+fn link(name: &str) -> String {
+    let mut out = String::with_capacity(name.len());
+    for byte in name.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'.' | b'-' | b'_' => out.push(byte.into()),
+            byte => _ = write!(out, "%{byte:02X}"),
+        }
+    }
+    out
+}

@@ -1,0 +1,62 @@
+//! Datasets as they are handed to others: a folder of archives, bundles, pictures and datasheets, with checksums. Once in place, it
+//! is whole; nothing of it depends on the day, the machine or the number of threads.
+
+mod archive;
+mod datasheet;
+mod package;
+mod parts;
+mod sums;
+mod verify;
+
+use crate::config::FileRef;
+use serde::{Deserialize, Serialize};
+
+pub use package::{Packaged, release};
+pub use parts::LAYERS;
+pub use verify::{Verified, verify};
+
+/// The name of the manifest of a release.
+pub const MANIFEST: &str = "release.json";
+/// The checksums of all other files, as `sha256sum -c` reads them.
+pub const SUMS: &str = "SHA256SUMS";
+/// The reader that comes with a release.
+pub const READER: &str = "read_dataset.py";
+/// The value of [`Manifest::format`].
+const FORMAT: &str = "temporal-lightmap-release";
+/// The version of the manifest that is written, and the largest that is read.
+const VERSION: u32 = 1;
+/// Largest manifest, list of checksums or `config.json` that is read.
+const MAX_TEXT_BYTES: u64 = 64 << 20;
+
+/// `release.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    format: String,
+    version: u32,
+    /// What wrote it.
+    generator: String,
+    scenes: Vec<Scene>,
+}
+
+/// What there is of a scene; names are those of files beside the manifest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Scene {
+    scene: String,
+    datasheet: String,
+    archives: Vec<Archive>,
+    bundles: Vec<String>,
+    previews: Vec<String>,
+}
+
+/// A `.tar.zst`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Archive {
+    name: String,
+    /// `sets`, `sun`, `sky`, `lamps`, or a layout of exchange.
+    holds: String,
+    /// In the archive's order, with the folder that they unpack to.
+    files: Vec<FileRef>,
+}

@@ -1,0 +1,139 @@
+//! The reader in Python, `python/read_dataset.py`, against our own. It needs Python with numpy and OpenEXR: that of `NDGI_PYTHON`,
+//! which must work, or else `python3`, without which the test says that it was skipped.
+
+mod common;
+
+use common::{Random, write_set};
+use dataset::config::{Config, FileRef};
+use dataset::image::Mask;
+use dataset::release::release;
+use dataset::store::Dataset;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// A Python that has numpy and OpenEXR.
+fn python() -> Option<String> {
+    let named = std::env::var("NDGI_PYTHON").ok();
+    let python = named.clone().unwrap_or("python3".to_owned());
+    let imports = Command::new(&python).args(["-c", "import numpy, OpenEXR"]).output();
+    let works = imports.is_ok_and(|output| output.status.success());
+    assert!(works || named.is_none(), "NDGI_PYTHON={python} does not run, or lacks numpy or OpenEXR");
+    if !works {
+        eprintln!("skipped: there is no python3 with numpy and OpenEXR");
+    }
+    works.then_some(python)
+}
+
+/// Prints an array's shape and the sum of its bytes times their places, both of which our side knows too.
+const DIGEST: &str = "
+import sys, numpy as np
+def told(array):
+    data = np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8).astype(np.uint64)
+    print(*array.shape, int((data * np.arange(1, len(data) + 1, dtype=np.uint64)).sum()))
+sys.path.insert(0, sys.argv[1])
+from read_dataset import Set
+s = Set(sys.argv[2])
+assert s.hours == [0, 12, 21.5], s.hours
+for page in (0, 1):
+    told(s.mask(page))
+    for hour in s.hours:
+        told(s.light(hour, page))
+        for layer in ('sun', 'sky', 'porch', 'garden'):
+            told(s.layer(layer, hour, page))
+";
+
+fn told(shape: &[usize], bytes: impl Iterator<Item = u8>) -> String {
+    let sum: u64 = bytes.zip(1..).map(|(byte, place): (u8, u64)| u64::from(byte) * place).sum();
+    let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
+    format!("{} {sum}\n", shape.join(" "))
+}
+
+fn told_image(dataset: &Dataset, page: usize, file: Option<&FileRef>) -> String {
+    let size = &dataset.config.pages[page];
+    let (width, height) = (size.width as usize, size.height as usize);
+    let texels =
+        file.map_or(vec![[0.0; 3]; width * height], |file| dataset.image(file, page).unwrap().texels);
+    told(&[height, width, 3], texels.into_iter().flatten().flat_map(f32::to_ne_bytes))
+}
+
+/// Everything that the script prints.
+fn expected(dataset: &Dataset) -> String {
+    let mut text = String::new();
+    for page in 0..2 {
+        let mask = dataset.mask(page).unwrap();
+        text += &told(&[mask.height, mask.width], mask.valid.iter().map(|&valid| u8::from(valid)));
+        for set in &dataset.config.sets {
+            let map = &set.maps[page];
+            text += &told_image(dataset, page, Some(&map.file));
+            text += &told_image(dataset, page, map.sun.as_ref());
+            text += &told_image(dataset, page, map.sky.as_ref());
+            for (group, on) in dataset.config.groups.iter().zip(&set.groups_on) {
+                text += &told_image(dataset, page, on.then(|| &group.layers[page]));
+            }
+        }
+    }
+    text
+}
+
+/// Masks whose rows a writer filters in every way.
+fn with_hard_masks(root: &Path) -> Config {
+    let config = write_set(root, &[(70, 60), (9, 5)], 3).unwrap();
+    let mut random = Random(5);
+    let mut mask = Mask { width: 70, height: 60, valid: vec![false; 70 * 60] };
+    for y in 0..60 {
+        for x in 0..70 {
+            mask.valid[y * 70 + x] = match y / 12 {
+                0 => random.below(2) == 0,
+                1 => x > y,
+                2 => x % 7 < 3,
+                3 => (x + y) % 9 < 4,
+                _ => x > 20 && random.below(40) > 0,
+            };
+        }
+    }
+    let png = mask.to_png();
+    let mut config = config;
+    config.pages[0].mask.bytes = png.len() as u64;
+    config.pages[0].mask.blake3 = blake3::hash(&png).to_hex().to_string();
+    fs::write(root.join(&config.pages[0].mask.path), png).unwrap();
+    fs::write(root.join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
+    config
+}
+
+#[test]
+fn the_reader_in_python_reads_the_same_texels() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (set, out) = (folder.path().join("set"), folder.path().join("release"));
+    with_hard_masks(&set);
+    let dataset = Dataset::open(&set).unwrap();
+    release(&[set.clone()], &[], &out, &dataset::console::Console::silent()).unwrap();
+    // As an unpacked release has it: the layers stand in a manifest beside that of the sets.
+    fs::copy(set.join("config.json"), set.join("layers.json")).unwrap();
+    fs::write(set.join("config.json"), b"{}").unwrap();
+    let run = |arguments: &[&Path]| {
+        let mut command = Command::new(&python);
+        command.env("PYTHONDONTWRITEBYTECODE", "1").args(arguments).output().unwrap()
+    };
+    let output = run(&[Path::new("-c"), Path::new(DIGEST), &out, &set]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), expected(&dataset));
+
+    // As a program.
+    let script = out.join("read_dataset.py");
+    let npy = folder.path().join("x.npy");
+    let arguments = |hour: &'static str| -> [&Path; 6] {
+        [&script, &set, Path::new("--hour"), Path::new(hour), Path::new("--out"), &npy]
+    };
+    let output = run(&arguments("12"));
+    assert!(output.status.success(), "{output:?}");
+    let texels = dataset.map(1, 0).unwrap().texels;
+    let bytes: Vec<u8> = texels.into_iter().flatten().flat_map(f32::to_ne_bytes).collect();
+    assert!(fs::read(&npy).unwrap().ends_with(&bytes));
+    let output = run(&arguments("13"));
+    assert!(!output.status.success() && !String::from_utf8_lossy(&output.stderr).contains("Traceback"));
+    fs::write(set.join(&dataset.config.sets[1].maps[0].file.path), b"torn").unwrap();
+    let output = run(&arguments("12"));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("4 bytes; expected"), "{output:?}");
+}
