@@ -24,7 +24,7 @@ fn a_stopped_command_leaves_nothing() {
     assert!(matches!(imported, Err(Error::Interrupted)), "{imported:?}");
     let exported = export(&dataset, Layout::Hprc2, &out, &Console::silent());
     assert!(matches!(exported, Err(Error::Interrupted)), "{exported:?}");
-    let released = release(&[set.clone()], &[], &out, &Console::silent());
+    let released = release(std::slice::from_ref(&set), &[], &out, &Console::silent());
     assert!(matches!(released, Err(Error::Interrupted)), "{released:?}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     // Asked again it is done.

@@ -1,0 +1,200 @@
+//! One function per reader: it must not panic on any bytes, nor take more memory than they account for; what it accepts must keep the
+//! rules. Used by libFuzzer and by the ordinary test `mutations`.
+
+use compressor::bundle::{Bundle, checksum};
+use compressor::decode::Decoder;
+use dataset::config::Layout;
+use dataset::console::Console;
+use dataset::exchange::{Origin, import};
+use dataset::image::{Image, Mask, read_exr_rows};
+use dataset::release::{MANIFEST, SUMS, verify};
+use dataset::store::{Dataset, parse_config};
+use std::fs;
+use std::path::Path;
+
+/// A reader's function: a folder for its files, and the bytes to be read; whether they are accepted.
+pub type Target = fn(&Path, &[u8]) -> bool;
+
+/// All of them, by the names of their corpora.
+pub const TARGETS: [(&str, Target); 8] = [
+    ("config", config),
+    ("exr", exr),
+    ("mask", mask),
+    ("table", table),
+    ("hprc1", hprc1),
+    ("hprc2", hprc2),
+    ("bundle", bundle),
+    ("archive", archive),
+];
+
+/// `config.json`.
+pub fn config(_: &Path, bytes: &[u8]) -> bool {
+    let Ok((config, faults)) = parse_config(Path::new("config.json"), bytes) else { return false };
+    let again = serde_json::to_vec(&config).expect("a manifest can be written");
+    let (_, again) = parse_config(Path::new("config.json"), &again).expect("and read again");
+    assert_eq!(faults.len(), again.len());
+    faults.is_empty()
+}
+
+/// An EXR file as a dataset has it, and as others have it, with any channels, as light and as its own mask.
+pub fn exr(scratch: &Path, bytes: &[u8]) -> bool {
+    let folder = scratch.join("exr");
+    fs::create_dir_all(&folder).expect("a folder");
+    let path = folder.join("light_12.exr");
+    fs::write(&path, bytes).expect("a file");
+    if let Ok(image) = Image::read_exr(&path) {
+        let half = image.height / 2;
+        let rows = read_exr_rows(&path, half, image.height).expect("rows of a whole image");
+        assert!(rows == image.texels[half * image.width..]);
+    }
+    let import = |mask| {
+        let pattern = "light_{hour}.exr".to_owned();
+        imported(scratch, &Origin::Pattern { folder: folder.clone(), pattern, mask, layer: None })
+    };
+    import(None) | import(Some(path.clone()))
+}
+
+/// A mask.
+pub fn mask(scratch: &Path, bytes: &[u8]) -> bool {
+    let path = scratch.join("mask.png");
+    fs::write(&path, bytes).expect("a file");
+    let Ok(mask) = Mask::read_png(&path) else { return false };
+    fs::write(&path, mask.to_png()).expect("a file");
+    assert!(Mask::read_png(&path).expect("a mask") == mask);
+    true
+}
+
+/// A table of EXR files; there is one that it may name, and a mask.
+pub fn table(scratch: &Path, bytes: &[u8]) -> bool {
+    let folder = scratch.join("table");
+    fs::create_dir_all(&folder).expect("a folder");
+    let image = Image::black(3, 2);
+    fs::write(folder.join("a.exr"), image.to_exr()).expect("a file");
+    fs::write(folder.join("m.png"), Mask { width: 3, height: 2, valid: vec![true; 6] }.to_png())
+        .expect("a file");
+    fs::write(folder.join("table.toml"), bytes).expect("a file");
+    imported(scratch, &Origin::Table(folder.join("table.toml")))
+}
+
+/// The layout `hprc1`: its configuration, a zero byte, the mask of 4×2 texels, their light at all hours.
+pub fn hprc1(scratch: &Path, bytes: &[u8]) -> bool {
+    let folder = scratch.join("hprc1");
+    let name = |kind: &str, time: u32| format!("{kind}_Dilate_VirtualTexture0_0_HQ_4_2_{time}.00.bin_0");
+    let (config, mask, light) = parts(bytes);
+    fs::create_dir_all(folder.join("Original")).expect("a folder");
+    fs::create_dir_all(folder.join("Mask")).expect("a folder");
+    fs::write(folder.join("config.json"), config).expect("a file");
+    fs::write(folder.join("Mask").join(name("lightmapCoverage", 1)), mask).expect("a file");
+    for time in 1..=24 {
+        fs::write(folder.join("Original").join(name("lightmapRawData", time)), light).expect("a file");
+    }
+    imported(scratch, &Origin::Folder(Layout::Hprc1, folder))
+}
+
+/// The layout `hprc2`: its configuration, a zero byte, the content of `Data/m` (8 bytes), the content of `Data/l`.
+pub fn hprc2(scratch: &Path, bytes: &[u8]) -> bool {
+    let folder = scratch.join("hprc2");
+    let (config, mask, light) = parts(bytes);
+    fs::create_dir_all(folder.join("Data")).expect("a folder");
+    fs::write(folder.join("config.json"), config).expect("a file");
+    fs::write(folder.join("Data/m"), mask).expect("a file");
+    fs::write(folder.join("Data/l"), light).expect("a file");
+    imported(scratch, &Origin::Folder(Layout::Hprc2, folder))
+}
+
+/// A bundle, as it is and with its checksums mended: else most changes would end at them.
+pub fn bundle(_: &Path, bytes: &[u8]) -> bool {
+    let mut mended = bytes.to_vec();
+    mend(&mut mended);
+    decode(bytes.to_vec()) | decode(mended)
+}
+
+/// A release: its manifest, a zero byte, the archive, unpacked; and once more the archive as it is.
+pub fn archive(scratch: &Path, bytes: &[u8]) -> bool {
+    let folder = scratch.join("release");
+    fs::create_dir_all(&folder).expect("a folder");
+    let (manifest, tar) = split(bytes);
+    fs::write(folder.join(MANIFEST), manifest).expect("a file");
+    let sums = [MANIFEST, "hut-sets.tar.zst"].map(|name| format!("{}  {name}\n", "0".repeat(64)));
+    fs::write(folder.join(SUMS), sums.concat()).expect("a file");
+    let verified = |packed: &[u8]| {
+        fs::write(folder.join("hut-sets.tar.zst"), packed).expect("a file");
+        let verified = verify(&folder, &Console::silent()).expect("a folder that can be read");
+        assert_eq!(fs::read_dir(&folder).expect("a folder").count(), 3);
+        // The checksums are wrong in any case.
+        assert!(!verified.faults.is_empty());
+        verified.faults.iter().all(|fault| fault.to_string().contains("SHA-256"))
+    };
+    verified(tar) | verified(&zstd::encode_all(tar, 1).expect("packed"))
+}
+
+/// What is imported without an error is a dataset without a fault; else nothing is left.
+fn imported(scratch: &Path, origin: &Origin) -> bool {
+    let out = scratch.join("out");
+    if import(origin, &out, &Console::silent()).is_err() {
+        assert!(!out.exists());
+        return false;
+    }
+    let dataset = Dataset::open(&out).expect("a dataset");
+    let faults = dataset.verify(|| ()).faults;
+    assert!(faults.is_empty(), "{faults:?}");
+    fs::remove_dir_all(&out).expect("a folder");
+    true
+}
+
+/// The bytes before and after the first zero byte.
+fn split(bytes: &[u8]) -> (&[u8], &[u8]) {
+    let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+    (&bytes[..end], bytes.get(end + 1..).unwrap_or_default())
+}
+
+/// A configuration, eight bytes of a mask, light.
+fn parts(bytes: &[u8]) -> (&[u8], &[u8], &[u8]) {
+    let (config, data) = split(bytes);
+    let (mask, light) = data.split_at(data.len().min(8));
+    (config, mask, light)
+}
+
+/// Opens a bundle and decodes places and rows of it; whether all of them could be.
+fn decode(bytes: Vec<u8>) -> bool {
+    let Ok(bundle) = Bundle::from_bytes(bytes) else { return false };
+    let pages = bundle.header.pages.clone();
+    let decoder = Decoder::new(bundle);
+    let mut whole = true;
+    for (page, grid) in pages.iter().enumerate().take(3) {
+        for (u, v, hour) in [(0.0, 0.0, 0.0), (0.5, 0.5, 5.95), (1.0, 1.0, 23.9)] {
+            whole &= decoder.sample(page, u, v, hour).is_ok();
+        }
+        // A few bytes may tell of a page that no memory holds.
+        let rows = if grid.width <= 1024 { 0..grid.height.min(130) } else { 0..1 };
+        whole &= decoder.decode_rows(page, 12.0, rows).is_ok();
+    }
+    whole
+}
+
+/// Gives the header and all tiles the checksums that they should have, as far as the lengths in the header can be followed.
+fn mend(bytes: &mut [u8]) {
+    let number = |bytes: &[u8], at: usize| -> Option<usize> {
+        Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
+    };
+    let whole = bytes.len() as u64;
+    let Some(head) = number(bytes, 12).filter(|&head| (32..=bytes.len()).contains(&head)) else { return };
+    bytes[16..24].copy_from_slice(&whole.to_le_bytes());
+    // The index ends the header but for some padding. Payloads lie one after another, so the last line's ends with the file.
+    for padding in 0..16 {
+        let (mut line, mut end) = (head.saturating_sub(24 + padding), bytes.len());
+        while line >= 32 {
+            let [offset, length] = [line, line + 8].map(|at| number(bytes, at).unwrap_or(0));
+            if offset < head || offset.saturating_add(length) != end {
+                break;
+            }
+            if length > 0 {
+                let sum = checksum(&[&bytes[offset..end]]);
+                bytes[line + 16..line + 24].copy_from_slice(&sum.to_le_bytes());
+            }
+            (line, end) = (line - 24, offset);
+        }
+    }
+    let sum = checksum(&[&bytes[..24], &bytes[32..head]]);
+    bytes[24..32].copy_from_slice(&sum.to_le_bytes());
+}
