@@ -147,7 +147,7 @@ fn no_reader_panics_or_takes_more_memory_than_its_input_accounts_for() {
                     format!("{taken} bytes of memory for {} of input", bytes.len())
                 }
                 // The corpus itself is good, or tests nothing.
-                Ok(false) if number < seeds.len() => format!("{} is refused", paths[number].display()),
+                Ok(false) if number < seeds.len() => "refused, though it is of the corpus".to_owned(),
                 Ok(good) => {
                     accepted += usize::from(good);
                     continue;
