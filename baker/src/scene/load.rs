@@ -125,12 +125,12 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
 
 /// The scene's name: the folder its dataset is written to.
 fn name(top: &Table, path: &Path) -> Result<String> {
-    let expected = "letters, digits, _ and -, and not src, tests or benches";
+    let expected = "letters, digits, _ and -, and not src, tests, benches or python";
     let good = |name: &str| {
         let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
         !name.is_empty()
             && name.bytes().all(plain)
-            && !["src", "tests", "benches"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+            && !["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
     };
     match top.get("name") {
         Some(value) => {
