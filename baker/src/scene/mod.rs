@@ -31,7 +31,7 @@ pub(crate) const WHITE: f64 = 0.98;
 /// A scene file, resolved: no option left open, every value checked, every path joined to the scene file's folder.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scene {
-    /// One path component, never `src`, `tests` or `benches`.
+    /// One path component, never `src`, `tests`, `benches` or `python`.
     pub name: String,
     /// What the scene is for; may be empty. Kept in the manifest's settings.
     pub description: String,
