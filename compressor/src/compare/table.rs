@@ -223,7 +223,7 @@ impl Comparison {
     /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's set that is shown.
     pub(super) fn finish(&mut self, set: &TileSet, of_tiles: &[usize], shown: Vec<Shown>) {
         let near = self.method("NDGI M").map(|row| row.bpp);
-        let equal = near.and_then(|bpp| self.nearest("SVD", bpp));
+        let equal = near.and_then(|bpp| self.no_fewer("SVD", bpp));
         let wanted: Vec<String> = [
             "hybrid, profile M",
             "2D maps alone",
@@ -259,10 +259,11 @@ impl Comparison {
         self.rows.iter().find(|row| row.method == name)
     }
 
-    /// The name of a family's row with the bits nearest to some.
-    fn nearest(&self, family: &str, bpp: f64) -> Option<String> {
-        let of = self.rows.iter().filter(|row| row.family == family);
-        of.min_by(|a, b| (a.bpp - bpp).abs().total_cmp(&(b.bpp - bpp).abs())).map(|row| row.method.clone())
+    /// The name of a family's row of the fewest bits that are no fewer than some; of the most where all are fewer.
+    fn no_fewer(&self, family: &str, bpp: f64) -> Option<String> {
+        let of = || self.rows.iter().filter(|row| row.family == family);
+        let enough = of().filter(|row| row.bpp >= bpp).min_by(|a, b| a.bpp.total_cmp(&b.bpp));
+        enough.or_else(|| of().max_by(|a, b| a.bpp.total_cmp(&b.bpp))).map(|row| row.method.clone())
     }
 
     /// The table as lines of text, and what belongs to it.
@@ -297,8 +298,8 @@ impl Comparison {
         });
         let m = self.method("NDGI M").map(|row| row.bpp);
         let control = m.and_then(|bpp| {
-            let (db, a, b) = gap("NDGI M", &self.nearest("SVD", bpp)?)?;
-            Some(format!("{a} − {b}, at about equal bits: {db:+.2} dB"))
+            let (db, a, b) = gap("NDGI M", &self.no_fewer("SVD", bpp)?)?;
+            Some(format!("{a} − {b}, the next larger: {db:+.2} dB"))
         });
         paper.chain(control).chain(self.left_out.iter().map(|what| format!("not run: {what}"))).collect()
     }

@@ -1,20 +1,25 @@
 //! What every method compresses: the same tiles, whole, at all sets.
 
 use super::Options;
-use crate::Result;
 use crate::bundle::checksum;
 use crate::compress::{seed, timeline};
 use crate::grid::Place;
 use crate::tile::{Band, Coverage, TileSource};
 use crate::time::{Coding, Timeline};
+use crate::{Error, Result};
 use dataset::config::FileRef;
-use dataset::console::stop_if_interrupted;
+use dataset::console::{count, stop_if_interrupted};
 use dataset::image::Mask;
 use dataset::metrics;
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, grid, tiles};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Memory that the light of all tiles may take.
+const MEMORY: u64 = 8 << 30;
+/// How often it is held at once: as it is, filled, and as a method decodes it.
+const HELD: usize = 3;
 
 /// An image of a tile at one set: its texels row by row.
 pub(super) type Texels = Vec<[f32; 3]>;
@@ -89,6 +94,18 @@ impl TileSet {
         let pages = &dataset.config.pages;
         let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
         let (chosen, of) = choose(&masks, options.tiles, options.seed);
+        let texels: usize = chosen.iter().map(|(_, rect)| rect.width() * rect.height()).sum();
+        let bytes = (HELD * texels * dataset.config.sets.len() * size_of::<[f32; 3]>()) as u64;
+        if bytes > MEMORY {
+            let what = format!(
+                "{} with {} would take about {} GB of memory; expected at most {}: choose fewer with --tiles",
+                count(chosen.len(), "tile"),
+                count(dataset.config.sets.len(), "set"),
+                bytes >> 30,
+                MEMORY >> 30
+            );
+            return Err(Error::unsupported(dataset.root.display(), what));
+        }
         let used: BTreeSet<usize> = chosen.iter().map(|(place, _)| place.page).collect();
         let files: BTreeMap<&str, &FileRef> = (used.iter())
             .flat_map(|&page| dataset.config.sets.iter().map(move |set| &set.maps[page].file))
