@@ -193,8 +193,8 @@ fn standing(out: &Path, header: &Header) -> Standing {
     let what = match () {
         () if is_same => "which lacks the record of its training (.run.json)".to_owned(),
         () if differs("inputs") => "made from other light".to_owned(),
-        () if is_limited => "whatever it took".to_owned(),
         () if differs("iterations") => format!("trained for {} steps", old["iterations"]),
+        () if there.header == *header => "of an earlier run under a time limit".to_owned(),
         () => "made with other settings".to_owned(),
     };
     Standing::Other(what)
