@@ -24,14 +24,14 @@ fn a_stopped_command_leaves_nothing() {
     assert!(matches!(imported, Err(Error::Interrupted)), "{imported:?}");
     let exported = export(&dataset, Layout::Hprc2, &out, &Console::silent());
     assert!(matches!(exported, Err(Error::Interrupted)), "{exported:?}");
-    let released = release(std::slice::from_ref(&set), &[], &out, &Console::silent());
+    let released = release(std::slice::from_ref(&set), &[], false, &out, &Console::silent());
     assert!(matches!(released, Err(Error::Interrupted)), "{released:?}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     // Asked again it is done.
     INTERRUPTED.store(false, Ordering::SeqCst);
     import(&Origin::Folder(Layout::Hprc2, source), &out, &Console::silent()).unwrap();
     let released = folder.path().join("release");
-    release(&[set], &[], &released, &Console::silent()).unwrap();
+    release(&[set], &[], false, &released, &Console::silent()).unwrap();
     INTERRUPTED.store(true, Ordering::SeqCst);
     let verified = verify(&released, &Console::silent());
     assert!(matches!(verified, Err(Error::Interrupted)), "{verified:?}");

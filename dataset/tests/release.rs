@@ -37,7 +37,7 @@ impl Released {
 
     fn package(&self, name: &str) {
         let sets = [self.at("hut"), self.at("yard")];
-        release(&sets, &[Layout::Hprc2], &self.at(name), &Console::silent()).unwrap();
+        release(&sets, &[Layout::Hprc2], true, &self.at(name), &Console::silent()).unwrap();
     }
 
     fn faults(&self) -> Vec<String> {
@@ -292,12 +292,23 @@ fn archives_that_do_not_hold_what_the_manifest_of_the_set_names_are_found() {
 }
 
 #[test]
+fn a_licence_is_stated_only_where_one_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let config = write_set(&at("set"), &[(8, 8)], 1).unwrap();
+    release(&[at("set")], &[], false, &at("release"), &Console::silent()).unwrap();
+    let datasheet = fs::read_to_string(at("release").join(format!("{}.md", config.scene))).unwrap();
+    assert!(datasheet.contains("## Licence\n\nNot stated") && !datasheet.contains("CC0"), "{datasheet}");
+}
+
+#[test]
 fn what_cannot_be_released_is_refused_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let config = write_set(&at("set"), &[(20, 20)], 1).unwrap();
     let refused = |sets: &[PathBuf], layouts: &[Layout], word: &str| {
-        let error = release(sets, layouts, &at("release"), &Console::silent()).unwrap_err().to_string();
+        let error =
+            release(sets, layouts, false, &at("release"), &Console::silent()).unwrap_err().to_string();
         assert!(error.contains(word), "{word}: {error}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "{word}");
     };
@@ -315,7 +326,7 @@ fn what_cannot_be_released_is_refused_and_leaves_nothing() {
     // What stands there stays.
     fs::create_dir(at("taken")).unwrap();
     fs::write(at("taken/file"), b"x").unwrap();
-    let error = release(&[at("set")], &[], &at("taken"), &Console::silent()).unwrap_err().to_string();
+    let error = release(&[at("set")], &[], false, &at("taken"), &Console::silent()).unwrap_err().to_string();
     assert!(error.contains("stands there already"), "{error}");
     assert_eq!(fs::read_dir(at("taken")).unwrap().count(), 1);
 }

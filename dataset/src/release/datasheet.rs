@@ -12,6 +12,8 @@ pub(super) struct Files<'a> {
     pub previews: &'a [String],
     /// What the layouts of exchange leave out.
     pub left_out: &'a [String],
+    /// Whether the set is given away under CC0.
+    pub cc0: bool,
 }
 
 /// The datasheet as Markdown.
@@ -34,12 +36,13 @@ pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     sets_table(&mut text, config);
     limits(&mut text, config);
     text.push_str("\n## Licence\n\n");
-    text.push_str(match &config.source {
-        None => {
+    text.push_str(match (files.cc0, &config.source) {
+        (true, _) => {
             "CC0 1.0: to the extent possible under law, all rights are waived \
              (https://creativecommons.org/publicdomain/zero/1.0/).\n"
         }
-        Some(_) => "That of the set which was imported; this release gives no other.\n",
+        (false, None) => "Not stated: ask whoever released it.\n",
+        (false, Some(_)) => "That of the set which was imported; this release gives no other.\n",
     });
     text
 }

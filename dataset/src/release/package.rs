@@ -37,11 +37,18 @@ pub struct Packaged {
     pub bytes: u64,
 }
 
-/// Packages datasets, and what lies beside them, into the new folder `out`, which appears when it is whole. Each is checked first.
+/// Packages datasets, and what lies beside them, into the new folder `out`, which appears when it is whole. Each is checked first. `cc0`: the
+/// datasheets say that the sets are given away under CC0.
 ///
 /// # Errors
 /// For a dataset with a fault, and for all that goes wrong on the way; then nothing is left behind.
-pub fn release(folders: &[PathBuf], layouts: &[Layout], out: &Path, console: &Console) -> Result<Packaged> {
+pub fn release(
+    folders: &[PathBuf],
+    layouts: &[Layout],
+    cc0: bool,
+    out: &Path,
+    console: &Console,
+) -> Result<Packaged> {
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
     let mut datasets = Vec::new();
@@ -70,7 +77,7 @@ pub fn release(folders: &[PathBuf], layouts: &[Layout], out: &Path, console: &Co
     let progress = console.progress("packing", total);
     let mut scenes = Vec::new();
     for (dataset, plan) in datasets.iter().zip(plans) {
-        scenes.push(plan.fill(dataset, root, &progress)?);
+        scenes.push(plan.fill(dataset, cc0, root, &progress)?);
     }
     drop(progress);
 
@@ -155,7 +162,13 @@ impl Plan {
     }
 
     /// Writes the scene's files; gives its entry of the manifest, and what was left out.
-    fn fill(self, dataset: &Dataset, root: &Path, progress: &Progress) -> Result<(Scene, Vec<String>)> {
+    fn fill(
+        self,
+        dataset: &Dataset,
+        cc0: bool,
+        root: &Path,
+        progress: &Progress,
+    ) -> Result<(Scene, Vec<String>)> {
         let config = &dataset.config;
         let scene = &config.scene;
         let packed = self.archives.par_iter().map(|(holds, members)| {
@@ -178,8 +191,8 @@ impl Plan {
                 previews.push(name);
             }
         }
-        let files =
-            Files { archives: &archives, bundles: &bundles, previews: &previews, left_out: &self.left_out };
+        let (archives_of, left_out) = (&archives, &self.left_out);
+        let files = Files { archives: archives_of, bundles: &bundles, previews: &previews, left_out, cc0 };
         let name = format!("{scene}.md");
         expect_free(root, &name)?;
         write_atomically(&root.join(&name), datasheet(config, &files).as_bytes())?;

@@ -111,6 +111,9 @@ fn look(
 
 /// A text file; larger ones than a release has are not read.
 fn text(path: &Path) -> Result<Vec<u8>> {
+    if !path.metadata().map_err(Error::io(path))?.is_file() {
+        return Err(Error::invalid(path.display(), "not a plain file"));
+    }
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(Error::io(path))?;
     file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut bytes).map_err(Error::io(path))?;

@@ -27,7 +27,7 @@ Examples:
   dataset import contest --layout hprc2 --out dataset/contest
   dataset import renders --pattern 'light_{hour}.exr' --mask mask.png --out dataset/hall
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
-  dataset release dataset/yard dataset/city --out release
+  dataset release dataset/yard dataset/city --cc0 --out release
   dataset verify release               every checksum, and what the archives hold"
 )]
 struct Arguments {

@@ -21,6 +21,9 @@ pub struct Release {
     /// Adds an archive of the sets in this layout; may be given for both.
     #[arg(long)]
     layout: Vec<LayoutName>,
+    /// The datasheets say that the sets are given away under CC0 1.0; without it they state no licence.
+    #[arg(long)]
+    cc0: bool,
 }
 
 impl Release {
@@ -32,7 +35,7 @@ impl Release {
                 layouts.push(layout);
             }
         }
-        let packaged = release(&self.folders, &layouts, &self.out, console)?;
+        let packaged = release(&self.folders, &layouts, self.cc0, &self.out, console)?;
         for what in &packaged.left_out {
             console.say(format!("left out of {what}"));
         }
