@@ -26,6 +26,7 @@ use crate::compress::{DRAFT, MEDIUM, Preset};
 use crate::model::PROFILES;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
+use dataset::metrics::Lpips;
 use dataset::store::Dataset;
 use judge::{Judge, Judged};
 use keyframes::{Float16, KEPT};
@@ -81,11 +82,16 @@ struct Method<'a> {
     run: Box<dyn Fn() -> Result<Ways> + 'a>,
 }
 
-/// Compares all methods on tiles of a dataset. Writes nothing.
+/// Compares all methods on tiles of a dataset, with LPIPS where there is a network for it. Writes nothing.
 ///
 /// # Errors
 /// As [`crate::compress::compress`].
-pub fn compare(dataset: &Dataset, options: &Options, console: &Console) -> Result<Comparison> {
+pub fn compare(
+    dataset: &Dataset,
+    options: &Options,
+    lpips: Option<&Lpips>,
+    console: &Console,
+) -> Result<Comparison> {
     let set = TileSet::load(dataset, options)?;
     if set.tiles.is_empty() {
         return Err(Error::invalid(
@@ -94,7 +100,7 @@ pub fn compare(dataset: &Dataset, options: &Options, console: &Console) -> Resul
         ));
     }
     let noise = dataset.noise()?;
-    let judge = Judge::new(&set, noise.as_ref());
+    let judge = Judge::new(&set, noise.as_ref(), lpips);
     let mut comparison = Comparison::new(&set, options);
     let mut left_out = Vec::new();
     let methods = if options.ablations {
@@ -138,7 +144,7 @@ fn measure(set: &TileSet, judge: &Judge, method: &Method) -> Result<(Row, Judged
                 "decodes to what is no finite number: a fault of this method",
             ));
         }
-        let judged = judge.judge(&coded);
+        let judged = judge.judge(&coded)?;
         let row = Row::new(set, method.family, &method.name, &coded, &judged);
         let db = table::decibels(row.psnr_db);
         notes.push((note.clone(), db));

@@ -21,7 +21,7 @@ use crate::mean::mean;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::{Image, Mask};
-use dataset::metrics::{self, Brightnesses, TileQuality};
+use dataset::metrics::{self, Brightnesses, Lpips, TileQuality};
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 use rayon::prelude::*;
@@ -50,6 +50,8 @@ pub struct Sample {
     pub relative_error: f64,
     /// PSNR of the logarithm, as [`metrics::psnr_log_db`].
     pub psnr_log_db: Option<f64>,
+    /// LPIPS, where there is a network for it.
+    pub lpips: Option<f64>,
     /// Largest decoded value of a valid texel.
     pub largest: f32,
 }
@@ -75,6 +77,8 @@ pub struct Quality {
     pub one_minus_ssim: Option<f64>,
     /// The same with windows of 7×7 texels that count alike.
     pub one_minus_ssim_uniform: Option<f64>,
+    /// Mean LPIPS; `None` without a network.
+    pub lpips: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,
     /// Relative error over the darkest quarter of the valid texels of a set; the mean over sets.
@@ -132,16 +136,24 @@ pub struct Evaluation {
     pub decode_seconds: f64,
 }
 
-/// Decodes every set of `decoder`'s bundle and compares it with `dataset`; between sets with `withheld`, a bake of the same scene at
-/// other hours, if there is one.
+/// What is judged by besides the dataset.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Measures<'a> {
+    /// A bake of the same scene at other hours: between the sets it is the truth.
+    pub withheld: Option<&'a Dataset>,
+    /// The network that LPIPS is measured by.
+    pub lpips: Option<&'a Lpips>,
+}
+
+/// Decodes every set of `decoder`'s bundle and compares it with `dataset`.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged; [`Error::Io`];
 /// [`Error::Interrupted`].
 pub fn evaluate(
     dataset: &Dataset,
-    withheld: Option<&Dataset>,
     decoder: &Decoder,
+    measures: Measures,
     console: &Console,
 ) -> Result<Evaluation> {
     let bundle = decoder.bundle();
@@ -194,10 +206,13 @@ pub fn evaluate(
                 large.par_extend(rects.par_iter().map(judge).filter(|quality| quality.ssim.is_some()));
                 let rects = tiles(mask.width, mask.height, TILE);
                 let before = rows.start / TILE * mask.width.div_ceil(TILE);
-                samples.par_extend(rects.par_iter().enumerate().filter_map(|(i, &rect)| {
+                let sample = |(i, &rect): (usize, &Rect)| {
                     let quality = judge(&rect);
                     let ceiling = |mse: f64| metrics::psnr_db(quality.peak, mse);
-                    (quality.texels > 0).then(|| Sample {
+                    let lpips = |lpips: &Lpips| {
+                        lpips.distance(&decoded, &reference, &mask, rect, &quality).transpose()
+                    };
+                    Ok(Sample {
                         set: k,
                         page,
                         rect: Rect { y0: rect.y0 + rows.start, y1: rect.y1 + rows.start, ..rect },
@@ -208,9 +223,12 @@ pub fn evaluate(
                         noise_ceiling_db: quality.psnr_db.and(noise.map(|tiles| ceiling(tiles[before + i]))),
                         relative_error: 0.0,
                         psnr_log_db: metrics::psnr_log_db(&decoded, &reference, &mask, rect, page_mean),
+                        lpips: measures.lpips.and_then(lpips).transpose()?,
                         largest: largest(&decoded, &mask, rect),
                     })
-                }));
+                };
+                let judged = rects.par_iter().enumerate().map(sample).collect::<Result<Vec<_>>>()?;
+                samples.extend(judged.into_iter().filter(|sample| sample.quality.texels > 0));
                 brightnesses.add(&decoded, &reference, &mask);
             }
             sum += page_sum;
@@ -248,7 +266,7 @@ pub fn evaluate(
         bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
         bytes: bundle.bytes,
         seam_ratio: seams.ratio(),
-        between: between::between(dataset, withheld, decoder, console)?,
+        between: between::between(dataset, measures.withheld, decoder, console)?,
         decode_seconds,
         samples,
     })
@@ -330,6 +348,7 @@ pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality 
         psnr_worst_percent_db: mean(worst.into_iter()),
         one_minus_ssim: over(&|s| s.quality.ssim.map(|ssim| 1.0 - ssim)),
         one_minus_ssim_uniform: over(&|s| s.quality.ssim_uniform.map(|ssim| 1.0 - ssim)),
+        lpips: over(&|s| s.lpips),
         relative_error: over(&|s| Some(s.relative_error)),
         dark_relative_error: None,
         samples: judged.len(),
@@ -435,6 +454,7 @@ mod tests {
             noise_ceiling_db: None,
             relative_error: mse.sqrt(),
             psnr_log_db: psnr.map(|db| db - 3.0),
+            lpips: psnr.map(|db| db / 100.0),
             largest: 2.0 * mse.sqrt() as f32,
         }
     }
@@ -457,6 +477,7 @@ mod tests {
         assert!((q.one_minus_ssim.unwrap() - 0.1).abs() < 1e-12);
         assert!((q.one_minus_ssim_uniform.unwrap() - 0.2).abs() < 1e-12);
         assert!((q.psnr_log_db.unwrap() - 27.0).abs() < 1e-9);
+        assert!((q.lpips.unwrap() - 0.3).abs() < 1e-9);
         assert_eq!(q.noise_ceiling_db, None);
         assert_eq!(quality([].iter()), Quality::default());
     }

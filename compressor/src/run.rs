@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::compress::{Options, Outcome, Rate, compress};
 use crate::decode::Decoder;
-use crate::evaluate::{Evaluation, evaluate};
+use crate::evaluate::{Evaluation, Measures, evaluate};
 use crate::report;
 use dataset::console::Console;
 use dataset::report::Section;
@@ -36,7 +36,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
     }
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle)?;
-    let evaluation = evaluate(&dataset, None, &decoder, console)?;
+    let evaluation = evaluate(&dataset, &decoder, Measures::default(), console)?;
     let mut remarks: Vec<String> =
         quantisation(&outcome).into_iter().chain(steps(options, &outcome)).collect();
     let missed = missed(options.rate, &evaluation);

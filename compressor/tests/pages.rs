@@ -157,8 +157,14 @@ fn every_page_comes_back_as_itself() {
     config.noise = None;
     std::fs::write(root.join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
     let fewer = Dataset::open(&root).unwrap();
-    let message =
-        compressor::evaluate::evaluate(&fewer, None, &decoder, &Console::silent()).unwrap_err().to_string();
+    let message = compressor::evaluate::evaluate(
+        &fewer,
+        &decoder,
+        compressor::evaluate::Measures::default(),
+        &Console::silent(),
+    )
+    .unwrap_err()
+    .to_string();
     assert!(message.contains("pages"), "{message}");
 }
 

@@ -6,7 +6,7 @@ use common::{HOURS, Scene, islands};
 use compressor::bundle::Bundle;
 use compressor::compress::{Options, Rate, compress};
 use compressor::decode::Decoder;
-use compressor::evaluate::evaluate;
+use compressor::evaluate::{Measures, evaluate};
 use compressor::model::Contents;
 use compressor::run::compress_and_judge;
 use compressor::time::Coding;
@@ -288,7 +288,7 @@ fn pages_and_masks_of_any_size() {
         let outcome = compress(folder.path(), &brief(80), &Console::silent()).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();
         let decoder = Decoder::open(&outcome.bundle).unwrap();
-        let evaluation = evaluate(&dataset, None, &decoder, &Console::silent()).unwrap();
+        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
         let mask = scene.mask();
         assert_eq!(evaluation.samples.is_empty(), !mask.valid.contains(&true));
         for &hour in &scene.hours {
@@ -327,7 +327,10 @@ fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
     let [dataset, withheld] = [&root, &other].map(|root| Dataset::open(root).unwrap());
     let decoder = Decoder::open(&outcome.bundle).unwrap();
     let between = |withheld: Option<&Dataset>| {
-        evaluate(&dataset, withheld, &decoder, &Console::silent()).unwrap().between.unwrap()
+        evaluate(&dataset, &decoder, Measures { withheld, lpips: None }, &Console::silent())
+            .unwrap()
+            .between
+            .unwrap()
     };
     let judged = between(Some(&withheld));
     let expected = -10.0 * ((1.0 / 9.0f64).powi(2) / 3.0 / 4.0).log10();
@@ -343,7 +346,10 @@ fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
     let small = folder.path().join("small");
     Scene { width: 39, ..scene(&[12.0]) }.write(&small);
     let small = Dataset::open(&small).unwrap();
-    let message = evaluate(&dataset, Some(&small), &decoder, &Console::silent()).unwrap_err().to_string();
+    let message =
+        evaluate(&dataset, &decoder, Measures { withheld: Some(&small), lpips: None }, &Console::silent())
+            .unwrap_err()
+            .to_string();
     assert!(message.contains("small") && message.contains("39 × 40"), "{message}");
 }
 
@@ -508,6 +514,11 @@ fn the_command_line_answers_and_refuses() {
     // Four evaluation tiles, of which three hold valid texels, at six hours.
     assert_eq!(csv.lines().count(), 1 + 3 * 6, "{csv}");
     assert!(csv.lines().all(|line| line.split(',').count() == columns));
+
+    // A network that is not there, or that this build cannot run, is an error, not a column without numbers.
+    let output = run(&["evaluate", "isles", "--lpips", "alex.onnx"], folder.path());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && message.contains("alex.onnx"), "{message}");
 
     let output = run(&["decode", "isles/isles.ndgi", "--hour", "18.05", "--out", "x.exr"], folder.path());
     assert!(output.status.success());

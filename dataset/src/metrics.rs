@@ -7,10 +7,12 @@ use crate::image::{Image, Mask};
 use crate::tiles::Rect;
 
 mod dark;
+mod lpips;
 mod ssim;
 mod steps;
 
 pub use dark::{Brightnesses, psnr_log_db};
+pub use lpips::Lpips;
 pub use steps::StepError;
 
 /// PSNR is capped here: an exact tile has no finite one.

@@ -2,7 +2,7 @@
 
 use compressor::compress::{Options, compress};
 use compressor::decode::Decoder;
-use compressor::evaluate::evaluate;
+use compressor::evaluate::{Measures, evaluate};
 use dataset::config::Layout;
 use dataset::console::Console;
 use dataset::exchange::{Origin, import};
@@ -105,7 +105,7 @@ fn lightmaps_of_others_are_compressed_like_our_own() {
     }
 
     // Judged like a baked set: all tiles of both sizes, at every hour.
-    let evaluation = evaluate(&dataset, None, &decoder, &Console::silent()).unwrap();
+    let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
     let tiles = |page: usize| evaluation.samples.iter().filter(|sample| sample.page == page).count();
     assert_eq!([tiles(0), tiles(1)], [2 * KEYS.len(), 3 * KEYS.len()]);
 }

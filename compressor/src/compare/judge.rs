@@ -2,11 +2,12 @@
 
 use super::method::CodedTiles;
 use super::tiles::{Texels, Tile, TileSet, set_means};
+use crate::Result;
 use crate::evaluate::{Quality, Sample, Steps, quality};
 use crate::mean::mean;
 use dataset::config::Noise;
 use dataset::image::Image;
-use dataset::metrics::{self, Brightnesses, StepError};
+use dataset::metrics::{self, Brightnesses, Lpips, StepError};
 use rayon::prelude::*;
 
 /// The quality of a method over all tiles.
@@ -23,26 +24,29 @@ pub(super) struct Judge<'a> {
     set: &'a TileSet,
     set_means: Vec<f64>,
     noise: Option<&'a Noise>,
+    lpips: Option<&'a Lpips>,
     /// Per tile: the set that is shown of it.
     pub shown: Vec<usize>,
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>) -> Self {
+    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>, lpips: Option<&'a Lpips>) -> Self {
         let shown = set.tiles.iter().map(most_contrast).collect();
-        Judge { set, set_means: set_means(set), noise, shown }
+        Judge { set, set_means: set_means(set), noise, lpips, shown }
     }
 
     /// Compares what a method decodes with the light.
-    pub fn judge(&self, coded: &CodedTiles) -> Judged {
+    pub fn judge(&self, coded: &CodedTiles) -> Result<Judged> {
         let tiles = &self.set.tiles;
         let samples: Vec<Vec<Sample>> = tiles
             .par_iter()
             .zip(&coded.decoded)
             .map(|(tile, decoded)| {
-                (0..decoded.len()).filter_map(|k| self.sample(tile, k, &decoded[k])).collect()
+                let samples =
+                    (0..decoded.len()).filter_map(|k| self.sample(tile, k, &decoded[k]).transpose());
+                samples.collect()
             })
-            .collect();
+            .collect::<Result<_>>()?;
         let n = self.set.timeline.hours.len();
         let (mut dark, mut steps) = (Vec::new(), vec![StepError::default(); n]);
         for k in 0..n {
@@ -58,7 +62,7 @@ impl<'a> Judge<'a> {
         let all = quality(samples.iter().flatten());
         let steps = if n < 2 { Vec::new() } else { steps };
         let timeline = &self.set.timeline;
-        Judged {
+        Ok(Judged {
             quality: Quality { dark_relative_error: mean(dark.into_iter().flatten()), ..all },
             steps: Steps::new(&timeline.hours, &timeline.states, &steps),
             shown: (0..tiles.len())
@@ -68,16 +72,22 @@ impl<'a> Judge<'a> {
                     (coded.decoded[i][k].clone(), sample.and_then(|sample| sample.quality.psnr_db))
                 })
                 .collect(),
-        }
+        })
     }
 
     /// A tile at a set; nothing of one without a valid texel.
-    fn sample(&self, tile: &Tile, k: usize, decoded: &Texels) -> Option<Sample> {
+    fn sample(&self, tile: &Tile, k: usize, decoded: &Texels) -> Result<Option<Sample>> {
         let (decoded, reference) = (image(tile, decoded), image(tile, &tile.source.sets[k]));
         let quality = metrics::compare(&decoded, &reference, &tile.mask, tile.rect());
         let ceiling =
             |noise: &Noise| metrics::psnr_db(quality.peak, noise.mse[k][tile.place.page][tile.index]);
-        (quality.texels > 0).then(|| Sample {
+        if quality.texels == 0 {
+            return Ok(None);
+        }
+        let lpips = |lpips: &Lpips| {
+            lpips.distance(&decoded, &reference, &tile.mask, tile.rect(), &quality).transpose()
+        };
+        Ok(Some(Sample {
             set: k,
             page: tile.place.page,
             rect: tile.rect(),
@@ -92,8 +102,9 @@ impl<'a> Judge<'a> {
                 tile.rect(),
                 self.set_means[k],
             ),
+            lpips: self.lpips.and_then(lpips).transpose()?,
             largest: tile.valid().flat_map(|i| decoded.texels[i]).fold(0.0, f32::max),
-        })
+        }))
     }
 }
 
@@ -123,7 +134,7 @@ mod tests {
     fn an_exact_method_has_no_error_and_another_has_its_own() {
         let hours = [1.0, 9.0, 17.0];
         let set = set_of(vec![tile(8, 8, 3, 1), tile(12, 4, 3, 2)], &hours);
-        let judge = Judge::new(&set, None);
+        let judge = Judge::new(&set, None, None);
         let coded = |offset: f32| Coded {
             decoded: set
                 .tiles
@@ -138,10 +149,10 @@ mod tests {
             decode_seconds: 0.0,
             curves: vec![],
         };
-        let exact = judge.judge(&coded(0.0));
+        let exact = judge.judge(&coded(0.0)).unwrap();
         assert_eq!((exact.quality.psnr_db, exact.quality.samples), (Some(100.0), 6));
         assert_eq!((exact.steps.smooth, exact.steps.each.len()), (Some(0.0), 3));
-        let brighter = judge.judge(&coded(0.01));
+        let brighter = judge.judge(&coded(0.01)).unwrap();
         // Peaks are just below 1.
         assert!((brighter.quality.psnr_db.unwrap() - 40.0).abs() < 0.5);
         // All sets are wrong alike: their steps are not.

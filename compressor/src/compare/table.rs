@@ -135,7 +135,7 @@ impl Row {
             psnr_worst_percent_db: q.psnr_worst_percent_db,
             one_minus_ssim: q.one_minus_ssim,
             one_minus_ssim_uniform: q.one_minus_ssim_uniform,
-            lpips: None,
+            lpips: q.lpips,
             dark_relative_error: q.dark_relative_error,
             step_error: judged.steps.smooth,
             switch_error: judged.steps.switch,

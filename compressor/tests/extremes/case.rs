@@ -3,7 +3,7 @@
 
 use compressor::compress::{Options, Outcome, compress};
 use compressor::decode::Decoder;
-use compressor::evaluate::{Evaluation, evaluate};
+use compressor::evaluate::{Evaluation, Measures, evaluate};
 use compressor::time::is_on;
 use dataset::config::{Config, FORMAT, Group, Map, Page, Set, VERSION};
 use dataset::console::Console;
@@ -124,7 +124,7 @@ impl<'a> Case<'a> {
         let outcome = compress(folder.path(), &options, &Console::silent()).unwrap();
         let decoder = Decoder::open(&outcome.bundle).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();
-        let evaluation = evaluate(&dataset, None, &decoder, &Console::silent()).unwrap();
+        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
         for place in decoder.bundle().header.places() {
             if let Some(tile) = decoder.tile(place).unwrap() {
                 assert!(tile.means.as_flattened().iter().all(|m| m.is_finite() && *m >= 0.0));

@@ -36,7 +36,7 @@ Keys of the --json object (null where there is none):
   noise_ceiling_db       the bake's own sampling error as a PSNR, mean
   one_minus_ssim         1 - mean structural similarity (11x11 Gaussian, sigma 1.5); one_minus_ssim_uniform with 7x7 texels alike
   psnr_256_db, psnr_range_256_db, one_minus_ssim_256   on tiles of 256x256 texels instead of 128x128
-  lpips                  null: not measured
+  lpips                  mean LPIPS, with --lpips
   relative_error         mean of RMSE / mean
   dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets
   constant_relative_error  the same over pairs constant in space, which have no PSNR
@@ -123,6 +123,9 @@ pub enum Command {
         /// A bake of the same scene at other hours: judge the bundle there too, beside linear interpolation of the sets.
         #[arg(long, value_name = "DATASET")]
         withheld: Option<PathBuf>,
+        /// Measure LPIPS too, by this network: an ONNX file as dataset/python/export_lpips.py writes it (builds with --features lpips).
+        #[arg(long, value_name = "FILE")]
+        lpips: Option<PathBuf>,
         /// Write one line per (tile, set) to this file.
         #[arg(long)]
         csv: Option<PathBuf>,
@@ -178,6 +181,9 @@ pub struct Compare {
     /// The paper's ablations instead of other methods: 2D and 3D maps, training that knows of blocks, quantisation.
     #[arg(long)]
     pub ablations: bool,
+    /// Measure LPIPS too, by this network: an ONNX file as dataset/python/export_lpips.py writes it (builds with --features lpips).
+    #[arg(long, value_name = "FILE")]
+    pub lpips: Option<PathBuf>,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

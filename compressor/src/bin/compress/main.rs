@@ -8,12 +8,13 @@ use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
 use compressor::decode::Decoder;
-use compressor::evaluate::evaluate;
+use compressor::evaluate::{Measures, evaluate};
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
 use compressor::{Error, Result};
 use dataset::console::{Console, catch_interrupts, fail};
 use dataset::files::{expect_output, write_atomically};
+use dataset::metrics::Lpips;
 use dataset::report::{Report, preview};
 use dataset::store::Dataset;
 use serde_json::json;
@@ -28,8 +29,8 @@ fn main() -> ExitCode {
     let done = match cli.command {
         None => compress(cli.compress, &console),
         Some(Command::Decode { bundle, hour, out, page }) => decode(bundle, hour, out, page, &console),
-        Some(Command::Evaluate { dataset, bundle, withheld, csv }) => {
-            judge(dataset, bundle, withheld, csv, &console)
+        Some(Command::Evaluate { dataset, bundle, withheld, lpips, csv }) => {
+            judge(dataset, bundle, withheld, lpips, csv, &console)
         }
         Some(Command::Sweep(args)) => run_sweep(args, &console),
         Some(Command::Compare(args)) => run_compare(args, &console),
@@ -87,6 +88,7 @@ fn judge(
     root: PathBuf,
     bundle: Option<PathBuf>,
     withheld: Option<PathBuf>,
+    lpips: Option<PathBuf>,
     csv: Option<PathBuf>,
     console: &Console,
 ) -> Result<()> {
@@ -100,7 +102,9 @@ fn judge(
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
-    let evaluation = evaluate(&dataset, withheld.as_ref(), &decoder, console)?;
+    let lpips = lpips.map(|path| Lpips::load(&path)).transpose()?;
+    let measures = Measures { withheld: withheld.as_ref(), lpips: lpips.as_ref() };
+    let evaluation = evaluate(&dataset, &decoder, measures, console)?;
     if withheld.is_some() && evaluation.between.is_none() {
         console.warn("--withheld: none of its hours lies between sets that the bundle interpolates; nothing to judge there");
     }
@@ -153,7 +157,8 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
         ablations: args.ablations,
         seed: args.seed,
     };
-    let comparison = compare::compare(&dataset, &options, console)?;
+    let lpips = args.lpips.map(|path| Lpips::load(&path)).transpose()?;
+    let comparison = compare::compare(&dataset, &options, lpips.as_ref(), console)?;
     comparison.table().iter().for_each(|line| console.print(line));
     if let Some(path) = args.csv {
         write_atomically(&path, comparison.csv().as_bytes())?;
