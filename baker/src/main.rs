@@ -51,6 +51,10 @@ struct Args {
     /// Hours to bake: a half-open range, a range with a step, or a list.
     #[arg(long, default_value = "0..24", value_name = "HOURS")]
     hours: String,
+    /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps, into dataset/<scene>-transfer:
+    /// what `compress compare DATASET --transfer` needs for its comparison with precomputed radiance transfer.
+    #[arg(long, conflicts_with_all = ["hours", "compress"])]
+    transfer: bool,
     /// Hand the dataset to the compressor (profile M), write the bundle and measure it.
     #[arg(long)]
     compress: bool,
@@ -83,7 +87,7 @@ struct Args {
     /// Print what would be traced, what is left out and why, and about what disk and memory it takes; bake nothing.
     #[arg(long)]
     plan: bool,
-    /// Folder of the dataset [default: dataset/<scene>].
+    /// Folder of the dataset [default: dataset/<scene>, with --transfer dataset/<scene>-transfer].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Start over, whatever an earlier run left, even where its dataset holds more than this bake will.
@@ -100,6 +104,7 @@ Examples:
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
+  bake scenes/yard.toml --transfer                 its light under spherical harmonics, into dataset/yard-transfer
   bake scenes/yard.toml --plan                     what would run, what is left out and why
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
 
@@ -149,6 +154,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         _ => Preset::Default,
     };
     let options = Options {
+        transfer: args.transfer,
         samples: args.samples,
         target_error: args.target_error,
         time_limit: args.time_limit,

@@ -63,6 +63,7 @@ fn write(root: &Path) {
         geometry: None,
         settings: serde_json::json!({}),
         source: None,
+        transfer: None,
     };
     writer.commit(&config).unwrap();
 }

@@ -48,6 +48,42 @@ pub struct Config {
     /// Where an imported set comes from. Only imported sets have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Source>,
+    /// What makes the sets a scene's transfer. Only transfers have the key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<Transfer>,
+}
+
+/// A scene's transfer: each set is the irradiance under one part of a spherical harmonic as the sky, and the scene's own daylight
+/// is about a sum of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Transfer {
+    /// The name of the scene whose transfer it is.
+    pub scene: String,
+    /// Per set, the light that it shows.
+    pub parts: Vec<TransferPart>,
+    /// The scene's sky and sun at its moments, by ascending hour.
+    pub light: Vec<TransferLight>,
+}
+
+/// One sign of one function: max(Y, 0), or max(−Y, 0).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TransferPart {
+    /// Index of the function, l² + l + m of the harmonic.
+    pub function: u32,
+    /// Whether it is the negative part.
+    pub negative: bool,
+}
+
+/// The light of one moment in terms of the functions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TransferLight {
+    /// The moment, in hours, 0 ≤ hour < 24.
+    pub hour: f64,
+    /// Per function, by what it is multiplied, red, green and blue.
+    pub coefficients: Vec<[f64; 3]>,
 }
 
 /// What an imported set was made of.

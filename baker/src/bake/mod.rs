@@ -19,6 +19,7 @@ pub mod seams;
 pub mod assemble;
 pub mod scene_glb;
 pub mod options;
+pub mod transfer;
 pub mod prepare;
 pub mod forecast;
 pub mod folder;

@@ -12,8 +12,10 @@ use std::time::Duration;
 /// What to bake, apart from the scene.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The moments.
+    /// The moments; not looked at for a transfer, which has its own.
     pub hours: Hours,
+    /// The scene's transfer instead of its light.
+    pub transfer: bool,
     /// Samples of indirect light per texel; `None`: the scene's, or as many as a target error needs.
     pub samples: Option<u32>,
     /// Relative error at which 16×16 texels get no more samples.
@@ -39,6 +41,7 @@ impl Options {
     pub fn new(hours: Hours) -> Self {
         Options {
             hours,
+            transfer: false,
             samples: None,
             target_error: None,
             time_limit: None,

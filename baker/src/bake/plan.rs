@@ -265,6 +265,8 @@ fn signature(scene: &Scene, hour: f64) -> Vec<Vec3> {
             let is_lit = !SkyTable::new(Some(sky), None, &[hour]).lit.is_empty();
             return vec![Vec3::splat(f32::from(u8::from(is_lit)))];
         }
+        // The hour tells the parts apart.
+        Sky::Harmonics { upper } => return vec![Vec3::new(1.0, f32::from(u8::from(*upper)), hour as f32)],
         Sky::HosekWilkie { .. } => {}
     }
     sky::radiances(sky, scene.place.as_ref(), hour, &directions(RINGS))

@@ -5,11 +5,14 @@ use super::json;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
+use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry};
+use crate::light::schedule::Hours;
 use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
 use crate::{Error, Result};
+use dataset::config::Transfer;
 use dataset::console::Console;
 use std::path::Path;
 use std::time::Instant;
@@ -22,6 +25,10 @@ const METHOD: &str = "walks-11";
 pub struct Prepared {
     /// The scene, with what the command line overrides.
     pub scene: Scene,
+    /// The hours that are asked for.
+    hours: Hours,
+    /// What the scene is the transfer of, where that is asked for.
+    pub transfer: Option<Transfer>,
     /// Its triangles.
     pub geometry: Geometry,
     /// The layers.
@@ -68,7 +75,7 @@ impl Prepared {
 
     /// The settings as they go into the manifest, and the digest of all that decides the dataset.
     pub fn manifest(&self, options: &Options) -> Result<(serde_json::Value, String)> {
-        let settings = settings(&self.scene, options)?;
+        let settings = settings(&self.scene, &self.hours, options)?;
         let mut hash = blake3::Hasher::new();
         hash.update(self.base.as_bytes());
         self.digests.iter().for_each(|d| {
@@ -77,6 +84,9 @@ impl Prepared {
         let moments: Vec<(f64, &[bool])> =
             self.plan.moments.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
         hash.update(&json::bytes(&(moments, &settings), "settings")?);
+        if let Some(transfer) = &self.transfer {
+            hash.update(&json::bytes(transfer, "transfer")?);
+        }
         self.geometry.instances.iter().for_each(|i| {
             hash.update(i.name.as_bytes()).update(&[0]);
         });
@@ -97,11 +107,17 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         let place = crate::light::sun::check(place);
         place.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
     }
+    let (scene, hours, transfer) = if options.transfer {
+        let (scene, hours, transfer) = transfer::of_scene(scene, scene_file)?;
+        (scene, hours, Some(transfer))
+    } else {
+        (scene, options.hours.clone(), None)
+    };
     warnings.iter().for_each(|w| console.warn(w));
     let (geometry, geometry_warnings) = geometry::load(&scene)?;
     geometry_warnings.iter().for_each(|w| console.warn(w));
     warnings.extend(geometry_warnings);
-    let mut plan = Plan::new(&scene, &geometry, &options.hours);
+    let mut plan = Plan::new(&scene, &geometry, &hours);
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {
             let why = "the cache holds all bounces";
@@ -122,7 +138,19 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let base = base_digest(&scene, &geometry, integrator, options)?;
     let digests = plan.digests(&scene, &base)?;
     let backend = options.backend;
-    Ok(Prepared { scene, geometry, plan, integrator, backend, limits, warnings, base, digests })
+    Ok(Prepared {
+        scene,
+        hours,
+        transfer,
+        geometry,
+        plan,
+        integrator,
+        backend,
+        limits,
+        warnings,
+        base,
+        digests,
+    })
 }
 
 /// Overrides what the command line overrides.
@@ -189,8 +217,7 @@ fn base_digest(
 }
 
 /// The settings as they go into the manifest: no path of the machine that baked.
-fn settings(scene: &Scene, options: &Options) -> Result<serde_json::Value> {
-    let hours = &options.hours;
+fn settings(scene: &Scene, hours: &Hours, options: &Options) -> Result<serde_json::Value> {
     let mut settings = serde_json::to_value(scene).map_err(|e| Error::invalid("scene", e))?;
     if let Some(objects) = settings["objects"].as_array_mut() {
         for object in objects.iter_mut().filter_map(|o| o.as_object_mut()) {

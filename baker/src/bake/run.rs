@@ -114,6 +114,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         instances: instances(geometry, &atlas),
         settings,
         source: None,
+        transfer: prepared.transfer.clone(),
     };
     writer.commit(&config)?;
     let forgotten = layers.keep_only(&base, digests);

@@ -3,8 +3,10 @@
 pub mod schedule;
 pub mod sun;
 mod sky_image;
+pub mod harmonics;
 mod sky_model;
 pub mod sky;
+pub mod project;
 mod rectangle;
 mod cone;
 mod disc;

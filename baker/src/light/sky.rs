@@ -1,5 +1,6 @@
 //! The sky's radiance by direction, tabulated for all hours of a bake at once.
 
+use super::harmonics::{Harmonic, harmonics};
 use super::sky_image::ImageMap;
 use super::sky_model::SkyAt;
 use crate::Rgb;
@@ -10,7 +11,7 @@ use std::f32::consts::FRAC_PI_4;
 pub use super::sky_model::{radiance, radiances};
 
 /// Sky radiance of several hours over the sphere of directions, stored so that one lookup reads all hours from
-/// neighbouring memory. A constant sky and a picture are what they are; others are bilinear in a map of the upper hemisphere that is equal-area in
+/// neighbouring memory. A constant sky, a picture and harmonics are what they are; others are bilinear in a map of the upper hemisphere that is equal-area in
 /// azimuth and finer towards the horizon, where clear skies change fastest.
 #[derive(Clone, Debug)]
 pub struct SkyTable {
@@ -25,6 +26,8 @@ enum Store {
     Constant(Rgb),
     /// One picture, the same at every lit hour.
     Image(ImageMap),
+    /// Per lit hour, a part of a harmonic: all functions are evaluated where they are asked for.
+    Harmonics(Vec<Harmonic>),
     /// `[row][column][lit hour][channel]`: nodes of a grid over the square of [`square_from_direction`], on its border
     /// too, so that the horizon is a node and nothing below it is ever mixed in.
     Dome(Vec<f32>),
@@ -54,6 +57,7 @@ impl SkyTable {
             Some(SkyAt::Constant(radiance)) => Store::Constant(*radiance),
             Some(SkyAt::Image(image)) => Store::Image(image.clone()),
             Some(SkyAt::Dome(_)) => Store::Dome(tabulate(&skies)),
+            Some(SkyAt::Harmonic(_)) => Store::Harmonics(skies.iter().filter_map(SkyAt::harmonic).collect()),
         };
         Self { lit, store }
     }
@@ -77,6 +81,12 @@ impl SkyTable {
             Store::Image(image) => {
                 let light = beta * image.radiance(direction);
                 out.iter_mut().for_each(|o| *o += light);
+            }
+            Store::Harmonics(parts) => {
+                let values = harmonics(direction);
+                for (o, part) in out.iter_mut().zip(parts) {
+                    *o += beta * part.radiance(&values, direction);
+                }
             }
             Store::Dome(nodes) => {
                 if direction.y < 0.0 || self.lit.is_empty() {

@@ -4,6 +4,7 @@
 //! a twilight follows that keeps the model's last picture, fades it into a smooth one (darker and bluer overhead, a warm
 //! glow over the sun) and scales both to published illuminances; from −18° on an even night sky stays.
 
+use super::harmonics::{Harmonic, harmonics, part_at};
 use super::sky_image::ImageMap;
 use super::{luminance, sun};
 use crate::Rgb;
@@ -44,6 +45,8 @@ pub(super) enum SkyAt {
     Dome(Dome),
     /// A picture of the whole sphere.
     Image(ImageMap),
+    /// A part of a spherical harmonic.
+    Harmonic(Harmonic),
 }
 
 /// The sky above the horizon as a weighted sum of pictures.
@@ -71,6 +74,10 @@ impl SkyAt {
             }
             (Sky::Image(image), _) => Self::Image(ImageMap::new(image)),
             (Sky::HosekWilkie { .. }, None) => Self::Constant(Rgb::ZERO),
+            (Sky::Harmonics { upper }, _) => match part_at(*upper, hour) {
+                Some(part) => Self::Harmonic(Harmonic { part, upper: *upper }),
+                None => Self::Constant(Rgb::ZERO),
+            },
         }
     }
 
@@ -78,8 +85,16 @@ impl SkyAt {
     pub(super) fn is_black(&self) -> bool {
         match self {
             Self::Constant(radiance) => *radiance == Rgb::ZERO,
-            Self::Dome(_) => false,
+            Self::Dome(_) | Self::Harmonic(_) => false,
             Self::Image(image) => image.is_black(),
+        }
+    }
+
+    /// The harmonic, if it is one.
+    pub(super) fn harmonic(&self) -> Option<Harmonic> {
+        match self {
+            Self::Harmonic(harmonic) => Some(*harmonic),
+            _ => None,
         }
     }
 
@@ -89,6 +104,7 @@ impl SkyAt {
             Self::Dome(dome) if direction.y >= 0.0 => dome.radiance(direction),
             Self::Dome(_) => Rgb::ZERO,
             Self::Image(image) => image.radiance(direction),
+            Self::Harmonic(harmonic) => Rgb::splat(harmonic.radiance(&harmonics(direction), direction)),
         }
     }
 }

@@ -141,6 +141,11 @@ pub enum Sky {
     },
     /// A picture of the whole sphere, the same at all hours.
     Image(SkyImage),
+    /// A part of a spherical harmonic at each hour: what a scene's transfer is baked under. No scene file can ask for it.
+    Harmonics {
+        /// Black below the horizon.
+        upper: bool,
+    },
 }
 
 /// A rectangle through which sky light is worth looking for, such as a window: it guides samples, it gives no light.

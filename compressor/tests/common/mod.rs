@@ -101,6 +101,7 @@ impl Scene {
             geometry: None,
             settings: serde_json::json!({}),
             source: None,
+            transfer: None,
         };
         writer.commit(&config).unwrap();
     }

@@ -112,6 +112,7 @@ impl<'a> Case<'a> {
             geometry: None,
             settings: serde_json::json!({}),
             source: None,
+            transfer: None,
         };
         writer.commit(&config).unwrap();
     }

@@ -71,6 +71,7 @@ pub(super) fn convert(incoming: &Incoming, root: &Path, scene: &str, progress: &
         instances: Vec::new(),
         settings: serde_json::json!({}),
         source: Some(Source { layout, config: told, replaced_values: replaced.into_inner() }),
+        transfer: None,
     };
     writer.commit(&config)?;
     Ok(config)

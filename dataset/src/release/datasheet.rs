@@ -25,6 +25,13 @@ pub(super) fn datasheet(config: &Config, files: &Files) -> String {
         "A temporal lightmap set: the light that arrives at the surfaces of one scene, {sets} of lightmaps over one day, \
          {pages}, as float32 images.\n"
     );
+    if let Some(transfer) = &config.transfer {
+        let _ = writeln!(
+            text,
+            "These are no moments: each set is the light under one part of a spherical harmonic as the sky of the scene {},              and `transfer` in `config.json` says which, and of how much of each the scene's daylight is made.\n",
+            plain(&transfer.scene)
+        );
+    }
     for name in files.previews {
         let _ = writeln!(text, "![{}]({})", plain(name), link(name));
     }

@@ -24,6 +24,7 @@ pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
     pages(config, &mut wrong);
     groups(config, &mut wrong);
     sets(config, &mut wrong);
+    transfer(config, &mut wrong);
     for (index, instance) in config.instances.iter().enumerate() {
         let (page, pages) = (instance.page as usize, config.pages.len());
         if page >= pages {
@@ -114,6 +115,50 @@ fn sets(config: &Config, wrong: &mut impl FnMut(String)) {
             && !(error.is_finite() && error >= 0.0)
         {
             wrong(format!("set {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
+        }
+    }
+}
+
+/// A part per set, none twice; light of one day in terms of the functions that the parts make up.
+fn transfer(config: &Config, wrong: &mut impl FnMut(String)) {
+    let Some(transfer) = &config.transfer else { return };
+    if !is_component(&transfer.scene) {
+        wrong(format!("transfer: scene is {:?}; expected a name that can be a folder's", transfer.scene));
+    }
+    let (parts, sets) = (transfer.parts.len(), config.sets.len());
+    if parts != sets {
+        wrong(format!("transfer: {}; expected {sets}, one per set", count(parts, "part")));
+    }
+    let mut seen = BTreeSet::new();
+    for part in &transfer.parts {
+        let (function, sign) = (part.function, if part.negative { "negative" } else { "positive" });
+        if !seen.insert((function, part.negative)) {
+            wrong(format!("transfer: the {sign} part of function {function} is there twice"));
+        }
+    }
+    let functions: BTreeSet<u32> = seen.iter().map(|(function, _)| *function).collect();
+    if let Some(missing) = (0..functions.len() as u32).find(|function| !functions.contains(function)) {
+        wrong(format!("transfer: no part of function {missing}; expected functions from 0 on"));
+    }
+    if transfer.light.is_empty() {
+        wrong("transfer: light of no moment".into());
+    }
+    let mut previous = f64::NEG_INFINITY;
+    for light in &transfer.light {
+        let hour = light.hour;
+        if !(0.0..24.0).contains(&hour) || hour <= previous {
+            wrong(format!("transfer: light at hour {hour}; expected ascending hours in [0, 24)"));
+        }
+        previous = hour;
+        let (found, expected) = (light.coefficients.len(), functions.len());
+        if found != expected {
+            wrong(format!(
+                "transfer: light at hour {hour} has {}; expected {expected}",
+                count(found, "coefficient")
+            ));
+        }
+        if let Some(value) = light.coefficients.iter().flatten().find(|value| !value.is_finite()) {
+            wrong(format!("transfer: light at hour {hour} has a coefficient {value}; expected finite ones"));
         }
     }
 }

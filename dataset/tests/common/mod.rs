@@ -121,6 +121,7 @@ pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f6
         geometry: Some(geometry),
         settings: serde_json::json!({"b": 1, "a": [2.5]}),
         source: None,
+        transfer: None,
     };
     writer.commit(&config)?;
     Ok(config)

@@ -43,7 +43,7 @@ enum Command {
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
     /// valid_texels}], groups [{name, on, layers}], sets [{hour, on, relative_error}], source (null, or of an imported set:
-    /// {layout, replaced_values, lightmaps [{id, level}]}).
+    /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (null, or of a scene's transfer: {scene, functions, moments}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
     Info {
         /// The folder that holds config.json.
@@ -166,6 +166,16 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             }
         }
     }
+    let transfer = config.transfer.as_ref().map(|transfer| {
+        let functions = transfer.light.first().map_or(0, |light| light.coefficients.len());
+        (&transfer.scene, functions, transfer.light.len())
+    });
+    if let Some((scene, functions, moments)) = transfer {
+        let moments = count(moments, "moment");
+        console.print(format!(
+            "  transfer of {scene}: each set is a part of one of {functions} functions; light of {moments}"
+        ));
+    }
     let names = lightmaps.as_deref().unwrap_or_default();
     for (index, (page, valid)) in config.pages.iter().zip(&valid).enumerate() {
         let share = 100.0 * *valid as f64 / (f64::from(page.width) * f64::from(page.height));
@@ -218,6 +228,11 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             "lightmaps": lightmaps.unwrap_or_default().iter()
                 .map(|lightmap| json!({ "id": lightmap.id, "level": lightmap.level }))
                 .collect::<Vec<_>>(),
+        })),
+        "transfer": transfer.map(|(scene, functions, moments)| json!({
+            "scene": scene,
+            "functions": functions,
+            "moments": moments,
         })),
     }))?;
     Ok(())

@@ -1,0 +1,53 @@
+//! A scene's transfer: the scene under spherical harmonics instead of its own sun, sky and lamps.
+
+use crate::light::harmonics::{hours, parts};
+use crate::light::project::{coefficients, is_upper};
+use crate::light::schedule::{Hours, moments, parse_hours};
+use crate::scene::{Look, Scene, Sky};
+use crate::{Error, Result};
+use dataset::config::{Transfer, TransferLight};
+use std::path::Path;
+
+/// The hours of a day's bake, for whose moments the light is told.
+const DAY: &str = "0..24";
+
+/// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of these hours; and what that
+/// stands for.
+///
+/// # Errors
+/// A scene whose light is that of lamps alone.
+pub fn of_scene(scene: Scene, scene_file: &Path) -> Result<(Scene, Hours, Transfer)> {
+    if scene.sun.is_none() && scene.sky.is_none() {
+        return Err(Error::invalid(
+            scene_file.display(),
+            "has neither sun nor sky; expected one of them for --transfer, which is of daylight",
+        ));
+    }
+    let day = parse_hours(DAY).map_err(|what| Error::invalid(DAY, what))?;
+    let upper = is_upper(&scene);
+    let moments: Vec<f64> = moments(&day, &scene.groups).iter().map(|moment| moment.hour).collect();
+    let light = moments.iter().zip(coefficients(&scene, &moments));
+    let transfer = Transfer {
+        scene: scene.name.clone(),
+        parts: parts(upper),
+        light: light.map(|(&hour, coefficients)| TransferLight { hour, coefficients }).collect(),
+    };
+    let mut objects = scene.objects;
+    for object in &mut objects {
+        object.parts.iter_mut().map(|part| &mut part.look).chain([&mut object.look]).for_each(darken);
+    }
+    let scene = Scene {
+        name: format!("{}-transfer", scene.name),
+        sun: None,
+        sky: Some(Sky::Harmonics { upper }),
+        objects,
+        groups: Vec::new(),
+        ..scene
+    };
+    Ok((scene, Hours { list: hours(upper), whole_day: false }, transfer))
+}
+
+/// Surfaces that shine do so with a group.
+fn darken(look: &mut Look) {
+    (look.emission, look.group) = (None, None);
+}
