@@ -95,6 +95,17 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
         let one = of_threads("1");
         assert!(one == of_threads("2") && one == of_threads("5"), "{integrator}");
     }
+    // Of a transfer, too, with the light that it is told by.
+    let transfer = |threads: &str| {
+        let out = dir.path().join(format!("transfer-{threads}"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
+        command
+            .args(["--transfer", "--quiet", "--samples", "4", "--out", text(&out)])
+            .arg(fixture("court.toml"));
+        assert!(command.env("RAYON_NUM_THREADS", threads).status().unwrap().success());
+        data(&out)
+    };
+    assert!(transfer("1") == transfer("3"));
     // A target error hands out samples in rounds, by what all threads found.
     let towards = |threads: &str| {
         let out = dir.path().join(format!("target-{threads}"));

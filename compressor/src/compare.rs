@@ -14,6 +14,7 @@ mod linear;
 mod method;
 mod ndgi;
 mod ntc;
+mod prt;
 mod svd;
 mod table;
 #[cfg(test)]
@@ -31,6 +32,7 @@ use dataset::store::Dataset;
 use judge::{Judge, Judged};
 use keyframes::{Float16, KEPT};
 use method::{CodedTiles, ImageCodec, each_tile};
+use prt::Transfer;
 use table::Shown;
 use tiles::TileSet;
 
@@ -69,9 +71,6 @@ impl Effort {
 /// Components of the singular value decomposition.
 const RANKS: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
-/// Why methods are not in the table, whatever the build.
-const NOT_RUN: &str = "PRT (clustered PCA over spherical-harmonic layers of the sky): it needs a baker's transfer, not a dataset";
-
 /// Ways of one method, and what is to be said of each; the best is shown.
 type Ways = Vec<(CodedTiles, String)>;
 
@@ -82,14 +81,15 @@ struct Method<'a> {
     run: Box<dyn Fn() -> Result<Ways> + 'a>,
 }
 
-/// Compares all methods on tiles of a dataset, with LPIPS where there is a network for it. Writes nothing.
+/// Compares all methods on tiles of a dataset; `transfer` is that of its scene, `lpips` the network for LPIPS. Writes nothing.
 ///
 /// # Errors
-/// As [`crate::compress::compress`].
+/// As [`crate::compress::compress`], and a transfer that is not of this dataset.
 pub fn compare(
     dataset: &Dataset,
-    options: &Options,
+    transfer: Option<&Dataset>,
     lpips: Option<&Lpips>,
+    options: &Options,
     console: &Console,
 ) -> Result<Comparison> {
     let set = TileSet::load(dataset, options)?;
@@ -99,6 +99,7 @@ pub fn compare(
             "no tile has a valid texel: nothing to compare on",
         ));
     }
+    let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &set)).transpose()?;
     let noise = dataset.noise()?;
     let judge = Judge::new(&set, noise.as_ref(), lpips);
     let mut comparison = Comparison::new(&set, options);
@@ -106,8 +107,11 @@ pub fn compare(
     let methods = if options.ablations {
         ablations::methods(&set, options)
     } else {
-        left_out.push(NOT_RUN.to_owned());
         let mut methods = own(&set, options);
+        match &transfer {
+            Some(transfer) => methods.extend(prt::methods(&set, transfer)),
+            None => left_out.push(without_transfer(&dataset.config.scene)),
+        }
         foreign(&set, options, &mut methods, &mut left_out);
         methods
     };
@@ -128,6 +132,14 @@ pub fn compare(
     comparison.left_out = left_out;
     comparison.finish(&set, &judge.shown, shown);
     Ok(comparison)
+}
+
+/// What is said where PRT is not in the table.
+fn without_transfer(scene: &str) -> String {
+    format!(
+        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer; `bake scenes/{scene}.toml --transfer`, then \
+         `--transfer dataset/{scene}-transfer`"
+    )
 }
 
 /// Runs a method; the best of its ways counts.

@@ -76,9 +76,9 @@ mod tests {
     use super::*;
     use std::f64::consts::{PI, TAU};
 
-    /// ∫ f over the sphere: 64 rings of equal height, 128 directions each.
+    /// ∫ f over the sphere: 128 rings of equal height, as many directions each.
     fn integral(f: impl Fn(Vec3) -> f64) -> f64 {
-        let (rings, around) = (64, 128);
+        let (rings, around) = (128, 128);
         let direction = |i: usize| {
             let y = 2.0 * ((i / around) as f64 + 0.5) / rings as f64 - 1.0;
             let (sin, cos) = ((i % around) as f64 * TAU / around as f64).sin_cos();

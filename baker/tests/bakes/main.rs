@@ -7,6 +7,7 @@ mod preview;
 mod relight;
 mod scenes;
 mod statistics;
+mod transfer;
 
 use baker::bake::run::{Options, Outcome, bake};
 use baker::light::schedule::parse_hours;

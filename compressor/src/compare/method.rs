@@ -100,6 +100,19 @@ pub(super) fn squared_error(decoded: &Texels, wanted: &Texels, tile: &Tile) -> f
     tile.valid().map(of).sum()
 }
 
+/// Errors relative to the peak are told apart down to this (100 dB).
+const LEAST_ERROR: f64 = 1e-10;
+
+/// Per set: the mean squared error relative to the peak; none of a black one.
+pub(super) fn relative_errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64>> {
+    let values = (3 * tile.valid().count()).max(1) as f64;
+    let of = |(k, texels): (usize, &Texels)| {
+        let error = squared_error(texels, &tile.source.sets[k], tile) / values;
+        (tile.peaks[k] > 0.0).then(|| (error / f64::from(tile.peaks[k]).powi(2)).max(LEAST_ERROR))
+    };
+    decoded.iter().enumerate().map(of).collect()
+}
+
 impl<T> Coded<T> {
     /// What is to be said of the curves.
     pub fn note(&self) -> String {

@@ -7,7 +7,7 @@
 
 use super::curve::Curve;
 use super::linear::{eigen, solve};
-use super::method::{CodedTile, squared_error, timed};
+use super::method::{CodedTile, relative_errors, timed};
 use super::tiles::{Texels, Tile};
 use crate::Result;
 use half::f16;
@@ -29,8 +29,6 @@ struct Stored {
 
 /// Rounds of weighting; after the eighth little changes.
 const ROUNDS: usize = 8;
-/// Errors relative to the peak are told apart down to this (100 dB).
-const LEAST_ERROR: f64 = 1e-10;
 
 /// Compresses a tile to so many components.
 pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
@@ -56,7 +54,7 @@ fn best(tile: &Tile, rank: usize, rounds: usize) -> (Stored, f64) {
         let mut weights = vec![1.0; tile.peaks.len()];
         for _ in 0..rounds {
             let stored = encode(&rows, rank, curve, &weights);
-            let errors = errors(tile, &decode(tile, &stored));
+            let errors = relative_errors(tile, &decode(tile, &stored));
             let logarithms: Vec<f64> = errors.iter().flatten().map(|error| error.ln()).collect();
             let mean = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
             // Of Σ ln MSE a set's squared error has the derivative 1 ÷ MSE.
@@ -67,16 +65,6 @@ fn best(tile: &Tile, rank: usize, rounds: usize) -> (Stored, f64) {
         }
     }
     best.expect("there is a curve and a round")
-}
-
-/// Per set: the mean squared error relative to the peak; none of a black one.
-fn errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64>> {
-    let values = (3 * tile.valid().count()).max(1) as f64;
-    let of = |(k, texels): (usize, &Texels)| {
-        let error = squared_error(texels, &tile.source.sets[k], tile) / values;
-        (tile.peaks[k] > 0.0).then(|| (error / f64::from(tile.peaks[k]).powi(2)).max(LEAST_ERROR))
-    };
-    decoded.iter().enumerate().map(of).collect()
 }
 
 /// The matrix that is decomposed: a row a valid texel, a column a set and channel.
@@ -177,6 +165,7 @@ fn decode(tile: &Tile, stored: &Stored) -> Vec<Texels> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::method::squared_error;
     use super::super::testing::{tile, tile_of};
     use super::*;
 

@@ -231,6 +231,7 @@ impl Comparison {
             "texel by texel, plain BC7",
             "NDGI M",
             "NTC L",
+            "PRT, clustered PCA",
             "ASTC 12×12",
             "8 sets, ASTC 8×8",
             "BC7",

@@ -69,6 +69,7 @@ const COMPARE_EXAMPLES: &str = "\
 Examples:
   compress compare dataset/yard --draft                     a first look, at the first page
   compress compare dataset/yard --tiles 16 --csv yard.csv   minutes to hours
+  compress compare dataset/yard --transfer dataset/yard-transfer   precomputed radiance transfer beside them
   compress compare dataset/yard --draft --ablations
 
 BC6H, BC7 and ASTC need a build with --features baselines. How each method is set up: compressor/BASELINES.md. With --json: tiles,
@@ -133,7 +134,7 @@ pub enum Command {
     /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation, seconds.
     #[command(after_help = SWEEP_EXAMPLES)]
     Sweep(Sweep),
-    /// Compare NDGI with block compression, keyframes, a linear control and NTC on some tiles of a dataset.
+    /// Compare NDGI with block compression, keyframes, a linear control, NTC and PRT on some tiles of a dataset.
     #[command(after_help = COMPARE_EXAMPLES)]
     Compare(Compare),
     /// Show what a bundle says of itself.
@@ -175,6 +176,9 @@ pub struct Compare {
     /// Tiles of 128×128 texels to compare on, at most; which, the seed decides [default: all of the first page].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub tiles: Option<u32>,
+    /// The transfer of the dataset's scene, baked alike (`bake SCENE --transfer`): PRT is compared, too.
+    #[arg(long, value_name = "DIR", conflicts_with = "ablations")]
+    pub transfer: Option<PathBuf>,
     /// A first look: brief trainings and faster presets of all encoders.
     #[arg(long)]
     pub draft: bool,

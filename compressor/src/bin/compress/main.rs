@@ -157,8 +157,9 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
         ablations: args.ablations,
         seed: args.seed,
     };
+    let transfer = args.transfer.as_deref().map(Dataset::open).transpose()?;
     let lpips = args.lpips.map(|path| Lpips::load(&path)).transpose()?;
-    let comparison = compare::compare(&dataset, &options, lpips.as_ref(), console)?;
+    let comparison = compare::compare(&dataset, transfer.as_ref(), lpips.as_ref(), &options, console)?;
     comparison.table().iter().for_each(|line| console.print(line));
     if let Some(path) = args.csv {
         write_atomically(&path, comparison.csv().as_bytes())?;

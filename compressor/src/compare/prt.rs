@@ -1,0 +1,216 @@
+//! Precomputed radiance transfer: what each spherical harmonic of sky light does to a texel, lit by each moment's sky and sun.
+//!
+//! A texel is a vector: the irradiance under each function, from the scene's transfer (`bake --transfer`), and under each light group,
+//! from the dataset's layers. Its light at a moment is linear in that vector, by weights that all texels share: the coefficients of sky
+//! and sun, and 1 for the groups that are on. What the functions cannot follow, shadows of the sun above all, no coding brings back.
+
+mod cluster;
+mod code;
+
+use super::method::{CodedTile, CodedTiles, each_tile};
+use super::tiles::{Tile, TileSet};
+use super::{Method, Ways};
+use crate::{Error, Result};
+use dataset::config::{FileRef, Transfer as Light};
+use dataset::console::count;
+use dataset::image::Mask;
+use dataset::store::Dataset;
+use dataset::tiles::TILE;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Bits per texel and set of the compressed vectors.
+const BPP: f64 = 1.0;
+
+/// A dataset with its scene's transfer, which fits it.
+pub(super) struct Transfer<'a> {
+    dataset: &'a Dataset,
+    transfer: &'a Dataset,
+    light: &'a Light,
+    /// Per page of the transfer.
+    masks: Vec<Mask>,
+    /// Per set of the dataset, its moment in the transfer's light.
+    moments: Vec<usize>,
+}
+
+/// The vectors of a tile's valid texels.
+pub(super) struct Vectors {
+    /// Functions and groups.
+    sources: usize,
+    /// Per valid texel and channel, a value per source; groups relative to their largest value in the tile.
+    rows: Vec<f64>,
+    /// Per set and channel, the weight of each source.
+    weights: Vec<f64>,
+    /// Largest values stored with the tile: one per group.
+    groups: usize,
+}
+
+impl<'a> Transfer<'a> {
+    /// Checks that a transfer is one, and of this dataset, before anything is compressed.
+    pub fn open(dataset: &'a Dataset, transfer: &'a Dataset, set: &TileSet) -> Result<Self> {
+        let wrong = |what: String| Error::invalid(transfer.root.display(), what);
+        let scene = &dataset.config.scene;
+        let Some(light) = &transfer.config.transfer else {
+            return Err(wrong(format!(
+                "holds no transfer; expected what `bake scenes/{scene}.toml --transfer` makes"
+            )));
+        };
+        if light.scene != *scene {
+            return Err(wrong(format!("is the transfer of {}; expected that of {scene}", light.scene)));
+        }
+        let sizes = |set: &Dataset| -> Vec<String> {
+            set.config.pages.iter().map(|page| format!("{}×{}", page.width, page.height)).collect()
+        };
+        let (found, expected) = (sizes(transfer), sizes(dataset));
+        if found != expected || transfer.config.instances != dataset.config.instances {
+            return Err(wrong(format!(
+                "pages of {}; {} has {}, and texels must lie in the same places: bake both alike (--draft, --final)",
+                found.join(", "),
+                dataset.root.display(),
+                expected.join(", ")
+            )));
+        }
+        let moment = |hour: f64| {
+            let found = light.light.iter().position(|light| (light.hour - hour).abs() < 1e-6);
+            found.ok_or_else(|| {
+                wrong(format!(
+                    "has no light for {hour} h, of which {} has a set; expected a dataset of the moments of --hours 0..24",
+                    dataset.root.display()
+                ))
+            })
+        };
+        let moments = dataset.config.sets.iter().map(|set| moment(set.hour)).collect::<Result<Vec<_>>>()?;
+        if let Some(group) = dataset.config.groups.iter().find(|group| group.layers.is_empty()) {
+            let what = format!(
+                "keeps no layer of the light group {:?}; expected one for PRT, which has lamps by group",
+                group.name
+            );
+            return Err(Error::invalid(dataset.root.display(), what));
+        }
+        let masks =
+            (0..transfer.config.pages.len()).map(|page| transfer.mask(page)).collect::<Result<Vec<_>>>()?;
+        let opened = Transfer { dataset, transfer, light, masks, moments };
+        let pages: BTreeSet<usize> = set.tiles.iter().map(|tile| tile.place.page).collect();
+        let images: Vec<_> = pages.into_iter().flat_map(|page| opened.images(page)).collect();
+        images.par_iter().try_for_each(|(set, file)| set.check_content(file))?;
+        Ok(opened)
+    }
+
+    /// The images of a page: of the parts of the functions, then of the groups.
+    fn images(&self, page: usize) -> Vec<(&'a Dataset, &'a FileRef)> {
+        let parts = self.transfer.config.sets.iter().map(|set| (self.transfer, &set.maps[page].file));
+        let groups = self.dataset.config.groups.iter().map(|group| (self.dataset, &group.layers[page]));
+        parts.chain(groups).collect()
+    }
+
+    fn functions(&self) -> usize {
+        self.light.light[0].coefficients.len()
+    }
+
+    /// Reads the vectors of a tile.
+    fn vectors(&self, tile: &Tile) -> Result<Vectors> {
+        let page = tile.place.page;
+        let (left, top) = (tile.place.column * TILE, tile.place.row * TILE);
+        let mask = &self.masks[page];
+        // Places on the rows of the page that hold the tile.
+        let bottom = (top + TILE).min(mask.height);
+        let (functions, groups) = (self.functions(), self.dataset.config.groups.len());
+        let sources = functions + groups;
+        let place = |i: usize| left + i % tile.source.width + i / tile.source.width * mask.width;
+        let places: Vec<usize> = tile.valid().map(place).collect();
+        let mut rows = vec![0.0; 3 * sources * places.len()];
+        let mut scales = Vec::new();
+        for (i, (set, file)) in self.images(page).into_iter().enumerate() {
+            let image = set.image_rows(file, page, top, bottom)?;
+            let part = self.light.parts.get(i);
+            let source = part.map_or(functions + i - self.light.parts.len(), |part| part.function as usize);
+            let factor = match part {
+                Some(part) if part.negative => -1.0,
+                Some(_) => 1.0,
+                None => {
+                    let values = places.iter().flat_map(|&place| image[place]);
+                    let peak = f64::from(values.fold(0.0, f32::max));
+                    scales.push(peak);
+                    if peak > 0.0 { peak.recip() } else { 0.0 }
+                }
+            };
+            for (row, &place) in rows.chunks_exact_mut(3 * sources).zip(&places) {
+                // Where no function's light arrives, the transfer holds what dilation put there.
+                if part.is_none() || mask.valid[top * mask.width + place] {
+                    (0..3).for_each(|c| row[c * sources + source] += factor * f64::from(image[place][c]));
+                }
+            }
+        }
+        Ok(Vectors { sources, rows, weights: self.weights(&scales), groups })
+    }
+
+    /// Per set and channel, the weight of each source; `scales` are the groups'.
+    fn weights(&self, scales: &[f64]) -> Vec<f64> {
+        let mut weights = Vec::new();
+        for (set, &moment) in self.dataset.config.sets.iter().zip(&self.moments) {
+            for c in 0..3 {
+                weights.extend(self.light.light[moment].coefficients.iter().map(|rgb| rgb[c]));
+                weights.extend(
+                    set.groups_on.iter().zip(scales).map(|(on, scale)| if *on { *scale } else { 0.0 }),
+                );
+            }
+        }
+        weights
+    }
+}
+
+impl Vectors {
+    /// Numbers of a vector.
+    fn numbers(&self) -> usize {
+        3 * self.sources
+    }
+
+    /// The light of a vector, or of anything that light goes linearly with: 3 values a set.
+    fn light(&self, vector: &[f64]) -> Vec<f64> {
+        let of = |(i, weights): (usize, &[f64])| {
+            let channel = &vector[i % 3 * self.sources..][..self.sources];
+            weights.iter().zip(channel).map(|(weight, x)| weight * x).sum()
+        };
+        self.weights.chunks_exact(self.sources).enumerate().map(of).collect()
+    }
+}
+
+/// The rows of the table: the vectors as they are, and compressed.
+pub(super) fn methods<'a>(set: &'a TileSet, transfer: &'a Transfer) -> Vec<Method<'a>> {
+    let note = move |what: &str| {
+        let functions = count(transfer.functions(), "function");
+        format!("{functions}; {what}; coefficients of sky and sun are not counted")
+    };
+    let method = |name: &str, run: Box<dyn Fn() -> Result<Ways> + 'a>| Method {
+        family: "PRT",
+        name: name.to_owned(),
+        run,
+    };
+    vec![
+        method(
+            "PRT, no codec",
+            Box::new(move || {
+                let coded = each(set, transfer, |tile, vectors, _| code::plain(tile, vectors))?;
+                Ok(vec![(coded, note("float16"))])
+            }),
+        ),
+        method(
+            "PRT, clustered PCA",
+            Box::new(move || {
+                let coded = each(set, transfer, code::clustered)?;
+                Ok(vec![(coded, note("per tile the clusters and components that are best at these bits"))])
+            }),
+        ),
+    ]
+}
+
+/// Every tile by its vectors, and the bits that it may take: in proportion to its valid texels.
+fn each(
+    set: &TileSet,
+    transfer: &Transfer,
+    code: impl Fn(&Tile, &Vectors, f64) -> Result<CodedTile> + Sync,
+) -> Result<CodedTiles> {
+    let valid: usize = set.tiles.iter().map(|tile| tile.valid().count()).sum();
+    let each_valid = BPP * set.values() / valid as f64;
+    each_tile(set, |tile| code(tile, &transfer.vectors(tile)?, each_valid * tile.valid().count() as f64))
+}
