@@ -45,11 +45,14 @@ fn a_transfer_is_read_checked_told_and_released() {
     assert!(datasheet.contains("spherical harmonic as the sky of the scene yard"), "{datasheet}");
 }
 
+/// A change, and words of the error that it must give.
+type Case = (fn(&mut Transfer), &'static str);
+
 #[test]
 fn what_breaks_a_transfer_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let good = write(folder.path());
-    let cases: [(fn(&mut Transfer), &str); 9] = [
+    let cases: [Case; 9] = [
         (|t| t.scene = "a/b".into(), "transfer: scene is \"a/b\""),
         (|t| t.parts.truncate(2), "transfer: 2 parts; expected 3, one per set"),
         (|t| t.parts[2].negative = false, "the positive part of function 1 is there twice"),
