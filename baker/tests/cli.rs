@@ -180,6 +180,15 @@ fn a_plan_traces_nothing_and_writes_nothing() {
     for expected in ["trace sun at 12:00", "trace sky at 12:00", "trace group \"lamp\"", "left out:"] {
         assert!(words.contains(expected), "{words}");
     }
+    let transfer = Command::new(env!("CARGO_BIN_EXE_bake"))
+        .args([text(&scene), "--plan", "--transfer"])
+        .current_dir(dir.path())
+        .output()
+        .unwrap();
+    let words = String::from_utf8(transfer.stdout).unwrap();
+    for expected in ["trace harmonic 0, 0, positive", "trace harmonic 3, -3, negative", "no sun and no lamps"] {
+        assert!(words.contains(expected), "{words}");
+    }
     let object: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();
     assert!(object["moments"].as_array().unwrap().len() >= 24, "{object}");
     assert!(object["layers"].to_string().contains("lamp"), "{object}");

@@ -92,6 +92,7 @@ pub fn compare(
     options: &Options,
     console: &Console,
 ) -> Result<Comparison> {
+    dataset.expect_moments()?;
     let set = TileSet::load(dataset, options)?;
     if set.tiles.is_empty() {
         return Err(Error::invalid(

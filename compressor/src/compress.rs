@@ -129,6 +129,7 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
     let dataset = Dataset::open(root)?;
+    dataset.expect_moments()?;
     let out = options.out.clone().unwrap_or_else(|| default_bundle(&dataset));
     expect_folder(&out)?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;

@@ -100,6 +100,7 @@ struct Measured {
 /// # Errors
 /// As [`crate::compress::compress`].
 pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<Sweep> {
+    dataset.expect_moments()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let (places, of) = choose(&masks, options);
     let timeline = timeline(dataset, Coding::Standard);

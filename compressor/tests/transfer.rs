@@ -3,7 +3,9 @@
 mod common;
 
 use common::{Scene, lamp_is_on};
+use compressor::compress::{Options, compress};
 use dataset::config::{Config, Transfer, TransferLight, TransferPart};
+use dataset::console::Console;
 use dataset::image::Image;
 use dataset::store::{Dataset, Writer};
 use serde_json::Value;
@@ -139,6 +141,8 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     };
     light(|transfer| drop(transfer.light.remove(1)));
     refused(with, &["transfer: has no light for 5.9 h", "--hours 0..24"]);
+    let refusal = compress(&transfer, &Options::default(), &Console::silent()).unwrap_err().to_string();
+    assert!(refusal.contains("holds the transfer of isles; expected sets that are moments"), "{refusal}");
     light(|transfer| transfer.scene = "other".to_owned());
     refused(with, &["transfer: is the transfer of other; expected that of isles"]);
     write(folder.path());

@@ -1,4 +1,4 @@
-"""Writes the network of LPIPS (Zhang et al. 2018) as the ONNX file that `compress evaluate --lpips FILE` takes.
+"""Writes the network of LPIPS (Zhang et al. 2018) as the ONNX file that `compress evaluate` and `compress compare` take with `--lpips FILE`.
 
     pip install lpips torch torchvision onnx
     python export_lpips.py lpips-alex.onnx

@@ -377,6 +377,13 @@ impl Dataset {
         Ok(Some(noise))
     }
 
+    /// An error where the sets are no moments of a day: those of a transfer.
+    pub fn expect_moments(&self) -> Result<()> {
+        let Some(transfer) = &self.config.transfer else { return Ok(()) };
+        let what = format!("holds the transfer of {}; expected sets that are moments", transfer.scene);
+        Err(Error::unsupported(self.root.display(), what))
+    }
+
     /// An error where the content of a file differs from the manifest's checksum.
     pub fn check_content(&self, file: &FileRef) -> Result<()> {
         let path = self.path(file);

@@ -3,8 +3,9 @@
 mod common;
 
 use common::write_set;
-use dataset::config::{Config, Transfer, TransferLight, TransferPart};
+use dataset::config::{Config, Layout, Transfer, TransferLight, TransferPart};
 use dataset::console::Console;
+use dataset::exchange::export;
 use dataset::release::{release, verify};
 use dataset::store::{Dataset, Writer};
 use std::path::Path;
@@ -42,7 +43,20 @@ fn a_transfer_is_read_checked_told_and_released() {
     release(std::slice::from_ref(&set), &[], false, &out, &Console::silent()).unwrap();
     assert!(verify(&out, &Console::silent()).unwrap().faults.is_empty());
     let datasheet = std::fs::read_to_string(out.join("test.md")).unwrap();
-    assert!(datasheet.contains("spherical harmonic as the sky of the scene yard"), "{datasheet}");
+    assert!(datasheet.contains("The transfer of the scene yard"), "{datasheet}");
+}
+
+#[test]
+fn a_transfer_is_not_taken_for_moments() {
+    let folder = tempfile::tempdir().unwrap();
+    write(&folder.path().join("set"));
+    let dataset = Dataset::open(&folder.path().join("set")).unwrap();
+    let out = folder.path().join("out");
+    for layout in [Layout::Hprc1, Layout::Hprc2] {
+        let error = export(&dataset, layout, &out, &Console::silent()).unwrap_err().to_string();
+        assert!(error.contains("holds the transfer of yard; expected sets that are moments"), "{error}");
+        assert!(!out.exists());
+    }
 }
 
 /// A change, and words of the error that it must give.

@@ -5,12 +5,14 @@ use crate::geometry::Geometry;
 use crate::light::emitter::emitters;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
+use crate::light::harmonics;
 use crate::light::schedule::{Hours, Moment, moments, switches_outside};
 use crate::light::sky::{self, SkyTable};
 use crate::light::sun::{self, SunDisc};
 use crate::scene::{Lamp, Scene, Sky};
 use crate::trace::lights::{GroupLight, Lights, SunLight};
 use crate::{Result, Rgb};
+use dataset::config::TransferPart;
 use dataset::console::count;
 use glam::{DVec3, Vec3};
 
@@ -25,6 +27,8 @@ pub struct Plan {
     pub sun_of: Vec<Option<usize>>,
     /// Distinct skies that are not black: the hour of each (the first of those that share it).
     pub skies: Vec<f64>,
+    /// What each is called.
+    sky_names: Vec<String>,
     /// Per moment, its sky among `skies`.
     pub sky_of: Vec<Option<usize>>,
     /// The groups that are lit at any moment.
@@ -81,7 +85,9 @@ impl Plan {
             place_of_group[g] = Some(groups.len());
             groups.push(planned);
         }
-        if scene.groups.is_empty() {
+        if matches!(scene.sky, Some(Sky::Harmonics { .. })) {
+            left_out.push("no sun and no lamps: a transfer is of the sky's functions".to_owned());
+        } else if scene.groups.is_empty() {
             left_out.push("no lamp sampler and no switch extras: the scene has no light groups".to_owned());
         }
         if !geometry.materials.iter().any(|m| m.alpha_cutoff.is_some()) {
@@ -90,7 +96,8 @@ impl Plan {
         if geometry.textures.is_empty() {
             left_out.push("no texture lookups: the scene has no textures".to_owned());
         }
-        Plan { moments, suns, sun_of, skies, sky_of, groups, place_of_group, left_out }
+        let sky_names = skies.iter().map(|&at| sky_name(scene, at)).collect();
+        Plan { moments, suns, sun_of, skies, sky_names, sky_of, groups, place_of_group, left_out }
     }
 
     /// Number of layers: suns, skies, groups, in that order.
@@ -133,7 +140,7 @@ impl Plan {
                 format!("sun at {}", hour(self.moments[moment].hour))
             }
             (_, Some(group)) => format!("group \"{}\"", group.name),
-            _ => format!("sky at {}", hour(self.skies[layer - n])),
+            _ => self.sky_names[layer - n].clone(),
         }
     }
 
@@ -153,7 +160,10 @@ impl Plan {
                 } else {
                     hash.update(&json::bytes(&("sky", &scene.sky, &scene.portals), "sky")?);
                     let hour = self.skies[layer - self.suns.len()];
-                    hash.update(bytemuck::cast_slice(&signature(scene, hour)));
+                    match part(scene, hour) {
+                        Some(part) => hash.update(&json::bytes(&part, "part")?),
+                        None => hash.update(bytemuck::cast_slice(&signature(scene, hour))),
+                    };
                 }
                 Ok(hash.finalize().to_hex().to_string())
             })
@@ -203,7 +213,9 @@ fn plan_suns(
         })
         .collect();
     let with_sun = sun_of.iter().flatten().count();
-    if scene.sun.is_none() {
+    if matches!(scene.sky, Some(Sky::Harmonics { .. })) {
+        // Told with the lamps.
+    } else if scene.sun.is_none() {
         left_out.push("no sun rays: the scene has no sun".to_owned());
     } else if with_sun < moments.len() {
         left_out.push(format!(
@@ -253,6 +265,18 @@ fn plan_skies(
         ));
     }
     (skies.into_iter().map(|(hour, _)| hour).collect(), sky_of)
+}
+
+/// The part of a harmonic that is the sky of an hour, in a transfer.
+fn part(scene: &Scene, hour: f64) -> Option<TransferPart> {
+    match scene.sky {
+        Some(Sky::Harmonics { upper }) => harmonics::part_at(upper, hour),
+        _ => None,
+    }
+}
+
+fn sky_name(scene: &Scene, at: f64) -> String {
+    part(scene, at).map_or_else(|| format!("sky at {}", hour(at)), harmonics::name)
 }
 
 /// The sky of an hour in a few hundred directions: equal signatures, equal skies (they come from one model).

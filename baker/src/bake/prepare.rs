@@ -25,7 +25,7 @@ const METHOD: &str = "walks-11";
 pub struct Prepared {
     /// The scene, with what the command line overrides.
     pub scene: Scene,
-    /// The hours that are asked for.
+    /// The hours that are baked.
     hours: Hours,
     /// What the scene is the transfer of, where that is asked for.
     pub transfer: Option<Transfer>,

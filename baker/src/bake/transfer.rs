@@ -2,14 +2,11 @@
 
 use crate::light::harmonics::{hours, parts};
 use crate::light::project::{coefficients, is_upper};
-use crate::light::schedule::{Hours, moments, parse_hours};
+use crate::light::schedule::{Hours, moments};
 use crate::scene::{Look, Scene, Sky};
 use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
-
-/// The hours of a day's bake, for whose moments the light is told.
-const DAY: &str = "0..24";
 
 /// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of these hours; and what that
 /// stands for.
@@ -23,7 +20,8 @@ pub fn of_scene(scene: Scene, scene_file: &Path) -> Result<(Scene, Hours, Transf
             "has neither sun nor sky; expected one of them for --transfer, which is of daylight",
         ));
     }
-    let day = parse_hours(DAY).map_err(|what| Error::invalid(DAY, what))?;
+    // The light is told of the moments of a day's bake.
+    let day = Hours { list: (0..24).map(f64::from).collect(), whole_day: true };
     let upper = is_upper(&scene);
     let moments: Vec<f64> = moments(&day, &scene.groups).iter().map(|moment| moment.hour).collect();
     let light = moments.iter().zip(coefficients(&scene, &moments));

@@ -47,8 +47,15 @@ pub fn hours(upper: bool) -> Vec<f64> {
 }
 
 /// The part that stands at an hour.
-pub(super) fn part_at(upper: bool, hour: f64) -> Option<TransferPart> {
+pub fn part_at(upper: bool, hour: f64) -> Option<TransferPart> {
     parts(upper).get((hour / STEP).round() as usize).copied()
+}
+
+/// What a part is called: `harmonic 2, -1, negative`, its band and its order.
+pub fn name(part: TransferPart) -> String {
+    let band = part.function.isqrt();
+    let order = i64::from(part.function) - i64::from(band * (band + 1));
+    format!("harmonic {band}, {order}, {}", if part.negative { "negative" } else { "positive" })
 }
 
 /// All functions in a unit direction; function l² + l + m has band l and order m. The polar axis is +Y.
@@ -74,6 +81,14 @@ pub fn harmonics(direction: Vec3) -> [f32; FUNCTIONS] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parts_are_called_by_band_and_order() {
+        let called = |function: u32, negative: bool| name(TransferPart { function, negative });
+        assert_eq!(called(0, false), "harmonic 0, 0, positive");
+        assert_eq!(called(5, true), "harmonic 2, -1, negative");
+        assert_eq!(called(15, false), "harmonic 3, 3, positive");
+    }
     use std::f64::consts::{PI, TAU};
 
     /// ∫ f over the sphere: 128 rings of equal height, as many directions each.

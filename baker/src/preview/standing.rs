@@ -36,6 +36,7 @@ pub fn open(
 ) -> Result<(Dataset, Atlas, Vec<String>)> {
     let scene_file = scene_file.display();
     let dataset = Dataset::open(folder)?;
+    dataset.expect_moments()?;
     let config = &dataset.config;
     let other = |what: &str| {
         let expected = format!("expected a dataset that `bake {scene_file}` made of the scene as it is now");

@@ -278,8 +278,10 @@ impl Comparison {
 
     fn basis(&self) -> String {
         let effort = if self.draft { "draft effort" } else { "full effort" };
+        let is_measured = self.rows.iter().any(|row| row.lpips.is_some());
+        let lpips = if is_measured { "" } else { "; LPIPS is not measured" };
         format!(
-            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB; LPIPS is not measured",
+            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB{lpips}",
             self.tiles,
             self.tiles_of,
             self.sets,

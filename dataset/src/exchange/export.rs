@@ -32,6 +32,7 @@ pub struct Exported {
 /// `Unsupported` where the layout cannot hold the set at all; `Invalid` for a dataset that breaks a rule. Then nothing is left
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
+    dataset.expect_moments()?;
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
     let (hours, mut left_out, (config, planned)) = match kept(dataset, Some(layout))? {

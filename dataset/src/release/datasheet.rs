@@ -20,18 +20,20 @@ pub(super) struct Files<'a> {
 pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     let mut text = format!("# {}\n\n", plain(&config.scene));
     let (sets, pages) = (count(config.sets.len(), "set"), count(config.pages.len(), "page"));
-    let _ = writeln!(
-        text,
-        "A temporal lightmap set: the light that arrives at the surfaces of one scene, {sets} of lightmaps over one day, \
-         {pages}, as float32 images.\n"
-    );
-    if let Some(transfer) = &config.transfer {
-        let _ = writeln!(
+    let _ = match &config.transfer {
+        None => writeln!(
             text,
-            "These are no moments: each set is the light under one part of a spherical harmonic as the sky of the scene {},              and `transfer` in `config.json` says which, and of how much of each the scene's daylight is made.\n",
+            "A temporal lightmap set: the light that arrives at the surfaces of one scene, {sets} of lightmaps over one day, \
+             {pages}, as float32 images.\n"
+        ),
+        Some(transfer) => writeln!(
+            text,
+            "The transfer of the scene {}: the light that arrives at its surfaces under spherical harmonics as the sky, {sets} of \
+             lightmaps, {pages}, as float32 images. Their hours are no times of day: `transfer` in `config.json` says which part of \
+             which function each set is, and of how much of each the scene's daylight is made.\n",
             plain(&transfer.scene)
-        );
-    }
+        ),
+    };
     for name in files.previews {
         let _ = writeln!(text, "![{}]({})", plain(name), link(name));
     }

@@ -17,7 +17,7 @@ const ROUNDS: usize = 8;
 const PASSES: [usize; 2] = [8, 3];
 /// Most clusters, and most components, of a tile.
 const MOST: [usize; 2] = [64, 16];
-/// Bits that are taken, as shares of those that may be: as near as can be, and never fewer.
+/// Bits that are taken, as shares of those that are wanted; where no numbers lie between, the nearest from above.
 const NEAR: std::ops::RangeInclusive<f64> = 0.95..=1.05;
 /// Share of the variance that may be lost before clusters are sought: 70 dB below the light.
 const LOST: f64 = 1e-7;
