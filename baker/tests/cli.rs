@@ -186,7 +186,8 @@ fn a_plan_traces_nothing_and_writes_nothing() {
         .output()
         .unwrap();
     let words = String::from_utf8(transfer.stdout).unwrap();
-    for expected in ["trace harmonic 0, 0, positive", "trace harmonic 3, -3, negative", "no sun and no lamps"] {
+    for expected in ["trace harmonic 0, 0, positive", "trace harmonic 3, -3, negative", "no sun and no lamps"]
+    {
         assert!(words.contains(expected), "{words}");
     }
     let object: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();

@@ -26,6 +26,7 @@ pub use table::{Comparison, Row};
 use crate::compress::{DRAFT, MEDIUM, Preset};
 use crate::model::PROFILES;
 use crate::{Error, Result};
+use dataset::config::Config;
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::metrics::Lpips;
 use dataset::store::Dataset;
@@ -111,7 +112,7 @@ pub fn compare(
         let mut methods = own(&set, options);
         match &transfer {
             Some(transfer) => methods.extend(prt::methods(&set, transfer)),
-            None => left_out.push(without_transfer(&dataset.config.scene)),
+            None => left_out.push(without_transfer(&dataset.config)),
         }
         foreign(&set, options, &mut methods, &mut left_out);
         methods
@@ -136,7 +137,11 @@ pub fn compare(
 }
 
 /// What is said where PRT is not in the table.
-fn without_transfer(scene: &str) -> String {
+fn without_transfer(config: &Config) -> String {
+    if config.source.is_some() {
+        return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this set was imported".to_owned();
+    }
+    let scene = &config.scene;
     format!(
         "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer; `bake scenes/{scene}.toml --transfer`, then \
          `--transfer dataset/{scene}-transfer`"

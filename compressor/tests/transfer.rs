@@ -86,6 +86,7 @@ fn write(folder: &Path) {
         config.scene = "isles-transfer".to_owned();
         config.transfer = Some(Transfer {
             scene: "isles".to_owned(),
+            inputs: config.inputs.clone(),
             parts: parts.map(|(function, negative)| TransferPart { function, negative }).to_vec(),
             light: HOURS.iter().map(light).collect(),
         });
@@ -145,6 +146,8 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     assert!(refusal.contains("holds the transfer of isles; expected sets that are moments"), "{refusal}");
     light(|transfer| transfer.scene = "other".to_owned());
     refused(with, &["transfer: is the transfer of other; expected that of isles"]);
+    light(|transfer| transfer.inputs.replace_range(..1, "1"));
+    refused(with, &["transfer: goes with another bake than set", "the same `bake` command"]);
     write(folder.path());
     refused(&["--transfer", "set"], &["set: holds no transfer", "bake scenes/isles.toml --transfer"]);
     refused(&["--transfer", "transfer", "--ablations"], &["--ablations"]);

@@ -60,6 +60,8 @@ pub struct Config {
 pub struct Transfer {
     /// The name of the scene whose transfer it is.
     pub scene: String,
+    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the set that it goes with.
+    pub inputs: String,
     /// Per set, the light that it shows.
     pub parts: Vec<TransferPart>,
     /// The scene's sky and sun at its moments, by ascending hour.

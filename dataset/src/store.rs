@@ -251,7 +251,8 @@ impl Dataset {
                 (false, true) => "it is a file".to_owned(),
                 (false, false) => "it does not exist".to_owned(),
             };
-            let expected = format!("expected the folder that `bake` made, with {MANIFEST} in it");
+            let expected =
+                format!("expected the folder that `bake` or `dataset import` made, with {MANIFEST} in it");
             let what = format!("not a temporal lightmap set: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }

@@ -165,7 +165,7 @@ fn a_table_gives_pages_hours_and_lamps() {
     fs::remove_dir_all(&out).unwrap();
     for (from, to, words) in [
         ("unit", "units", &["hall.toml:1: unknown field `units`"][..]),
-        ("hour = 18.1", "hour = 24.0", &["set of hour 24: expected an hour from 0 up to 24"]),
+        ("hour = 18.1", "hour = 24.0", &["set of hour 24: expected an hour from 0 to below 24"]),
         ("hour = 18.1", "hour = nan", &["set of hour NaN"]),
         ("hour = 18.1", "hour = 18.0", &["hour 18 is there twice"]),
         (

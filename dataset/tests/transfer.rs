@@ -17,6 +17,7 @@ fn write(root: &Path) -> Config {
     let light = |hour: f64| TransferLight { hour, coefficients: vec![[1.0, -2.0, 0.5]; 2] };
     config.transfer = Some(Transfer {
         scene: "yard".into(),
+        inputs: "0123".into(),
         parts: [(0, false), (1, false), (1, true)]
             .map(|(function, negative)| TransferPart { function, negative })
             .into(),

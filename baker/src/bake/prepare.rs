@@ -108,7 +108,9 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         place.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
     }
     let (scene, hours, transfer) = if options.transfer {
-        let (scene, hours, transfer) = transfer::of_scene(scene, scene_file)?;
+        let day = Options { hours: transfer::day(), transfer: false, ..options.clone() };
+        let (_, inputs) = prepare(scene_file, &day, &Console::silent())?.manifest(&day)?;
+        let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs)?;
         (scene, hours, Some(transfer))
     } else {
         (scene, options.hours.clone(), None)

@@ -8,25 +8,29 @@ use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
 
+/// The hours of a day's bake, for whose moments the light is told.
+pub fn day() -> Hours {
+    Hours { list: (0..24).map(f64::from).collect(), whole_day: true }
+}
+
 /// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of these hours; and what that
-/// stands for.
+/// stands for. `inputs` is the digest of the day's bake that it goes with.
 ///
 /// # Errors
 /// A scene whose light is that of lamps alone.
-pub fn of_scene(scene: Scene, scene_file: &Path) -> Result<(Scene, Hours, Transfer)> {
+pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scene, Hours, Transfer)> {
     if scene.sun.is_none() && scene.sky.is_none() {
         return Err(Error::invalid(
             scene_file.display(),
             "has neither sun nor sky; expected one of them for --transfer, which is of daylight",
         ));
     }
-    // The light is told of the moments of a day's bake.
-    let day = Hours { list: (0..24).map(f64::from).collect(), whole_day: true };
     let upper = is_upper(&scene);
-    let moments: Vec<f64> = moments(&day, &scene.groups).iter().map(|moment| moment.hour).collect();
+    let moments: Vec<f64> = moments(&day(), &scene.groups).iter().map(|moment| moment.hour).collect();
     let light = moments.iter().zip(coefficients(&scene, &moments));
     let transfer = Transfer {
         scene: scene.name.clone(),
+        inputs,
         parts: parts(upper),
         light: light.map(|(&hour, coefficients)| TransferLight { hour, coefficients }).collect(),
     };

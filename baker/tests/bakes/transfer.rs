@@ -85,6 +85,13 @@ fn a_plane_under_a_constant_sky_has_pi_times_its_radiance() {
     let expected = Vec3::new(3.0, 4.0, 5.0) * PI as f32;
     // The walks' directions go with the cosine: a constant sky has no noise.
     assert!((mean - expected).length() < 1e-3 * expected.length(), "{mean}");
+    // It goes with the day's bake by the same settings, and with no other.
+    let inputs = |hours: &str, samples: u32| {
+        let bake = |o: &mut baker::bake::run::Options| o.samples = Some(samples);
+        stage.bake(&format!("{text}{SAMPLES}"), &format!("set-{samples}"), hours, bake).1.config.inputs
+    };
+    assert_eq!(inputs("0..24", 64), transfer.inputs);
+    assert_ne!(inputs("0..24", 16), transfer.inputs);
 }
 
 /// Funk and Hecke: what a plane of normal n that nothing hides has of function Y of band l is A Y(n), with A = π, 2π/3, π/4 and 0.

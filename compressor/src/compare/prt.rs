@@ -62,12 +62,11 @@ impl<'a> Transfer<'a> {
             set.config.pages.iter().map(|page| format!("{}×{}", page.width, page.height)).collect()
         };
         let (found, expected) = (sizes(transfer), sizes(dataset));
-        if found != expected || transfer.config.instances != dataset.config.instances {
+        let there = dataset.root.display();
+        if found != expected {
+            let (found, expected) = (found.join(", "), expected.join(", "));
             return Err(wrong(format!(
-                "pages of {}; {} has {}, and texels must lie in the same places: bake both alike (--draft, --final)",
-                found.join(", "),
-                dataset.root.display(),
-                expected.join(", ")
+                "pages of {found}; {there} has {expected}: bake both alike (--draft, --final)"
             )));
         }
         let moment = |hour: f64| {
@@ -86,6 +85,12 @@ impl<'a> Transfer<'a> {
                 group.name
             );
             return Err(Error::invalid(dataset.root.display(), what));
+        }
+        if light.inputs != dataset.config.inputs {
+            return Err(wrong(format!(
+                "goes with another bake than {there}: scene file, models or settings differ; expected both by the same `bake` command, \
+                 with and without --transfer, for --hours 0..24"
+            )));
         }
         let masks =
             (0..transfer.config.pages.len()).map(|page| transfer.mask(page)).collect::<Result<Vec<_>>>()?;

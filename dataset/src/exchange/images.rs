@@ -123,7 +123,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     let pages_told = if table.page.is_empty() { first.files.len() } else { table.page.len() };
     for set in &sets {
         if !(0.0..24.0).contains(&set.hour) {
-            return wrong(format!("set of hour {}: expected an hour from 0 up to 24", set.hour));
+            return wrong(format!("set of hour {}: expected an hour from 0 to below 24", set.hour));
         }
         if set.files.len() != pages_told || pages_told == 0 {
             let expected = format!("expected one for each page: {}", pages_told.max(1));

@@ -40,7 +40,7 @@ pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     text.push_str(
         "\nPictures are tone-mapped, each hour at an exposure of its own; grey texels lie on no surface.\n",
     );
-    contents(&mut text, files);
+    contents(&mut text, config, files);
     how_made(&mut text, config);
     sets_table(&mut text, config);
     limits(&mut text, config);
@@ -56,13 +56,17 @@ pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     text
 }
 
-fn contents(text: &mut String, files: &Files) {
+fn contents(text: &mut String, config: &Config, files: &Files) {
     text.push_str("\n## Files\n\n| file | what | MB | unpacked, MB |\n|---|---|---|---|\n");
+    let more = [
+        (config.noise.is_some(), ", sampling error"),
+        (config.geometry.is_some(), ", geometry with lightmap coordinates"),
+    ];
+    let more: String = more.into_iter().filter(|(there, _)| *there).map(|(_, what)| what).collect();
+    let sets = format!("config.json, masks, the lightmaps of all sets{more}");
     for (archive, bytes) in files.archives {
         let what = match &*archive.holds {
-            "sets" => {
-                "config.json, masks, the lightmaps of all hours, sampling error, geometry with lightmap coordinates"
-            }
+            "sets" => &*sets,
             "sun" => "the sun's share of each lightmap",
             "sky" => "the sky's share of each lightmap",
             "lamps" => "the light of the lamps, group by group",
