@@ -7,7 +7,8 @@
 import argparse, struct, sys, numpy as np
 from blake3_numpy import checksum
 
-WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])
+WEIGHTS = {2: np.array([0, 21, 43, 64]), 3: np.array([0, 9, 18, 27, 37, 46, 55, 64]),  # of indices of so many bits
+           4: np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])}
 GELU = [-5.1827092e-7, 2.8011605e-5, -6.3417493e-4, 0.007962516, -0.06293608, 0.39684325]  # of P, highest power first
 
 def check(holds, what):
@@ -15,15 +16,29 @@ def check(holds, what):
         raise ValueError(what)
 
 def bc7(data, columns):
-    """Blocks of mode 6, `columns` in a row -> texels x 4 channels in 0 ... 1."""
-    low, high = data.view('<u8').reshape(-1, 2).T
-    check(np.all(low & 127 == 64), 'a block is not of BC7 mode 6')
-    ends = (low[:, None] >> np.arange(7, 63, 7, dtype=np.uint64) & 127).reshape(-1, 1, 4, 2)
-    ends = (2 * ends + np.stack([low >> 63, high & 1], 1)[:, None, None]).astype(int)
-    index = high[:, None] >> np.arange(0, 64, 4, dtype=np.uint64) & 15
-    index[:, 0] >>= 1
-    weight = WEIGHTS[index][:, :, None]
-    texels = (64 - weight) * ends[..., 0] + weight * ends[..., 1] + 32 >> 6
+    """Blocks of modes 6 and 4, `columns` in a row -> texels x 4 channels in 0 ... 1."""
+    bits = np.unpackbits(data.view(np.uint8).reshape(-1, 16), axis=1, bitorder='little').astype(int)
+    six = np.all(bits[:, :7] == [0, 0, 0, 0, 0, 0, 1], 1)
+    check(np.all(six | np.all(bits[:, :5] == [0, 0, 0, 0, 1], 1)), 'a block is neither of BC7 mode 6 nor of mode 4')
+    texels = np.empty((len(bits), 16, 4), int)
+    def fields(b, at, count, width):
+        return b[:, at:at + count * width].reshape(-1, count, width) @ (1 << np.arange(width))
+    def weights(b, at, width):  # the top bit of texel 0 is not there
+        return WEIGHTS[width][fields(np.insert(b, at + width - 1, 0, 1), at, 16, width)]
+    def between(ends, weight): return (64 - weight) * ends[..., 0] + weight * ends[..., 1] + 32 >> 6
+    b = bits[six]
+    ends = 2 * fields(b, 7, 8, 7).reshape(-1, 1, 4, 2) + b[:, None, None, 63:65]
+    texels[six] = between(ends, weights(b, 65, 4)[:, :, None])
+    b = bits[~six]
+    rgb, alone = fields(b, 8, 6, 5).reshape(-1, 1, 3, 2), fields(b, 38, 2, 6)[:, None]
+    two, three, coarse = weights(b, 50, 2), weights(b, 81, 3), b[:, 7, None] == 1
+    rgb = between(rgb << 3 | rgb >> 2, np.where(coarse, three, two)[:, :, None])
+    alone = between(alone << 2 | alone >> 4, np.where(coarse, two, three))
+    four = np.concatenate([rgb, alone[:, :, None]], 2)
+    for rotation, order in enumerate([[0, 1, 2, 3], [3, 1, 2, 0], [0, 3, 2, 1], [0, 1, 3, 2]]):
+        rotated = fields(b, 5, 1, 2)[:, 0] == rotation
+        four[rotated] = four[rotated][:, :, order]
+    texels[~six] = four
     return texels.reshape(-1, columns, 4, 4, 4).transpose(0, 2, 1, 3, 4).reshape(-1, 4 * columns, 4) / 255
 
 def lerp(values, axis, i, j, share):

@@ -1,32 +1,123 @@
-//! BC7 mode 6, to the bit: encode endpoints and indices, decode any mode-6 block.
+//! BC7 modes 6 and 4, to the bit: encode endpoints and indices, decode any block of these modes.
 //!
-//! Mode 6 is the one mode of BC7 whose block is exactly two 4-channel endpoints and 16 weights, which is what the
-//! trainer learns. Layout of the 128 bits, least significant bit of byte 0 first (Direct3D 11 BC7 format reference):
+//! Mode 6 is two 4-channel endpoints and 16 weights, which is what the trainer learns. Mode 4 gives one channel indices of its own,
+//! at coarser endpoints. Layout of the 128 bits, least significant bit of byte 0 first (Direct3D 11 BC7 format reference):
 //!
-//! | bits | field |
+//! | mode 6 | field |
 //! |---|---|
 //! | 0–6 | mode: bit 6 set, bits 0–5 clear |
 //! | 7–62 | R₀ R₁ G₀ G₁ B₀ B₁ A₀ A₁, the upper 7 bits of each endpoint channel |
 //! | 63, 64 | p-bits P₀, P₁: the lowest bit of all four channels of an endpoint |
 //! | 65–67 | index of texel 0 without its top bit, which is 0 (the anchor rule) |
 //! | 68–127 | indices of texels 1 … 15, 4 bits each; texel = x + 4 y |
+//!
+//! | mode 4 | field |
+//! |---|---|
+//! | 0–4 | mode: bit 4 set, bits 0–3 clear |
+//! | 5, 6 | rotation: 0, or 1 … 3 if channel 0 … 2 is exchanged with channel 3 after decoding |
+//! | 7 | which indices channel 3 has: 0 those of three bits, 1 those of two; the others have the other ones |
+//! | 8–37 | R₀ R₁ G₀ G₁ B₀ B₁, 5 bits each |
+//! | 38–49 | A₀ A₁, 6 bits each |
+//! | 50–80 | indices of two bits, that of texel 0 without its top bit |
+//! | 81–127 | indices of three bits, likewise |
 
 use crate::{Error, Result};
 
-/// Interpolation weights of the 16 indices, in 64ths.
-pub const WEIGHTS: [u8; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
+/// Interpolation weights of the indices of two, three and four bits, in 64ths.
+const WEIGHTS: [&[u8]; 3] = [
+    &[0, 21, 43, 64],
+    &[0, 9, 18, 27, 37, 46, 55, 64],
+    &[0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64],
+];
+/// Most values that a block's texels can choose from.
+pub const MOST_VALUES: usize = 32;
 
-/// One mode-6 block: 4×4 texels of four channels.
+/// How a block is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mode6 {
-    /// Two endpoints of four 8-bit channels; the channels of one endpoint share their lowest bit, its p-bit.
+pub enum Mode {
+    /// All channels share indices of four bits.
+    Six,
+    /// One channel has indices of its own.
+    Four {
+        /// That channel.
+        alone: u8,
+        /// It has those of two bits, the other channels those of three; otherwise the other way round.
+        coarse: bool,
+    },
+}
+
+impl Mode {
+    /// Every form of mode 4.
+    pub const FOURS: [Mode; 8] = {
+        let mut all = [Mode::Six; 8];
+        let mut i = 0;
+        while i < 8 {
+            all[i as usize] = Mode::Four { alone: i / 2, coarse: i % 2 == 1 };
+            i += 1;
+        }
+        all
+    };
+
+    /// How many values a texel can choose from.
+    pub fn values(self) -> usize {
+        match self {
+            Mode::Six => 16,
+            Mode::Four { .. } => MOST_VALUES,
+        }
+    }
+
+    /// The weights of the four channels at an index, in 64ths. In mode 4 the lower bits of the index are those of the channel alone.
+    #[inline(always)]
+    pub fn weights(self, index: u8) -> [u8; 4] {
+        let i = usize::from(index);
+        match self {
+            Mode::Six => [WEIGHTS[2][i & 15]; 4],
+            Mode::Four { alone, coarse } => {
+                let (others, own) = if coarse {
+                    (WEIGHTS[1][i >> 2 & 7], WEIGHTS[0][i & 3])
+                } else {
+                    (WEIGHTS[0][i >> 3 & 3], WEIGHTS[1][i & 7])
+                };
+                std::array::from_fn(|c| if c == usize::from(alone) { own } else { others })
+            }
+        }
+    }
+
+    /// Bits of an endpoint's channel, a p-bit counted in.
+    pub fn bits(self, channel: usize) -> u32 {
+        match self {
+            Mode::Six => 8,
+            Mode::Four { alone, .. } => {
+                if usize::from(alone) == channel {
+                    6
+                } else {
+                    5
+                }
+            }
+        }
+    }
+}
+
+/// A level of so many bits (5 to 8) as a byte: its upper bits are repeated below.
+pub fn expand(level: u8, bits: u32) -> u8 {
+    let high = u32::from(level) << (8 - bits);
+    (high | high >> bits) as u8
+}
+
+/// One block: 4×4 texels of four channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// How it is coded.
+    pub mode: Mode,
+    /// Two endpoints of four 8-bit channels. In mode 6 the channels of one endpoint share their lowest bit, its p-bit; in mode 4 they
+    /// are expanded levels of [`Mode::bits`].
     pub endpoints: [[u8; 4]; 2],
-    /// Index into [`WEIGHTS`] (0 ..= 15) of texel x + 4 y.
+    /// Index of texel x + 4 y, below [`Mode::values`].
     pub indices: [u8; 16],
 }
 
 /// The block whose texels are all 128: the middle, so that what nothing reads decodes to no extreme.
-pub const GREY: Mode6 = Mode6 { endpoints: [[128; 4]; 2], indices: [0; 16] };
+pub const GREY: Block = Block { mode: Mode::Six, endpoints: [[128; 4]; 2], indices: [0; 16] };
 
 /// The value between two endpoint channels at a weight in 64ths: `((64 − w) e₀ + w e₁ + 32) / 64`, rounded down.
 #[inline]
@@ -34,65 +125,141 @@ pub fn interpolate(e0: u8, e1: u8, weight: u8) -> u8 {
     (((64 - u32::from(weight)) * u32::from(e0) + u32::from(weight) * u32::from(e1) + 32) >> 6) as u8
 }
 
-/// The 16 texel values that a pair of endpoints can give, by index.
-pub fn palette(endpoints: &[[u8; 4]; 2]) -> [[u8; 4]; 16] {
-    WEIGHTS.map(|w| std::array::from_fn(|c| interpolate(endpoints[0][c], endpoints[1][c], w)))
+/// The texel values that a pair of endpoints can give, by index; the first [`Mode::values`] count.
+#[inline(always)]
+pub fn palette(mode: Mode, endpoints: &[[u8; 4]; 2]) -> [[u8; 4]; MOST_VALUES] {
+    let mut palette = [[0; 4]; MOST_VALUES];
+    for (i, value) in (0..).zip(&mut palette[..mode.values()]) {
+        let w = mode.weights(i);
+        *value = std::array::from_fn(|c| interpolate(endpoints[0][c], endpoints[1][c], w[c]));
+    }
+    palette
 }
 
-impl Mode6 {
+impl Block {
     /// The 16 texels, x + 4 y.
     pub fn texels(&self) -> [[u8; 4]; 16] {
-        let palette = palette(&self.endpoints);
-        self.indices.map(|i| palette[usize::from(i & 15)])
+        self.indices.map(|i| {
+            let w = self.mode.weights(i);
+            std::array::from_fn(|c| interpolate(self.endpoints[0][c], self.endpoints[1][c], w[c]))
+        })
     }
 }
 
-/// Writes a block. The p-bits are taken from the first channels.
-pub fn encode(block: &Mode6) -> [u8; 16] {
-    debug_assert!(
-        block.endpoints.iter().all(|e| e.iter().all(|c| (c ^ e[0]) & 1 == 0)),
-        "channels share a p-bit"
-    );
-    debug_assert!(block.indices.iter().all(|&i| i < 16));
-    let (mut endpoints, mut indices) = (block.endpoints, block.indices);
-    // Anchor rule: texel 0 has an index below 8; the mirrored block has the same texels, since w[15 − i] = 64 − w[i].
-    if indices[0] >= 8 {
-        endpoints.swap(0, 1);
-        indices = indices.map(|i| 15 - i);
+/// Appends fields to 128 bits, the lowest first.
+struct Bits {
+    bits: u128,
+    at: u32,
+}
+
+impl Bits {
+    fn push(&mut self, value: u8, width: u32) {
+        self.bits |= u128::from(value) << self.at;
+        self.at += width;
     }
-    let mut bits: u128 = 1 << 6;
-    for (e, endpoint) in endpoints.iter().enumerate() {
-        for (c, value) in endpoint.iter().enumerate() {
-            bits |= u128::from(value >> 1) << (7 + 14 * c + 7 * e);
+
+    fn take(&mut self, width: u32) -> u8 {
+        let value = (self.bits >> self.at) as u8 & ((1u16 << width) - 1) as u8;
+        self.at += width;
+        value
+    }
+
+    /// Indices of so many bits; texel 0 lacks its top bit.
+    fn push_indices(&mut self, indices: &[u8; 16], width: u32) {
+        self.push(indices[0], width - 1);
+        indices[1..].iter().for_each(|&index| self.push(index, width));
+    }
+
+    fn take_indices(&mut self, width: u32) -> [u8; 16] {
+        std::array::from_fn(|i| self.take(if i == 0 { width - 1 } else { width }))
+    }
+}
+
+/// Anchor rule: the index of texel 0 has no top bit. The mirrored block has the same texels, since w[n − 1 − i] = 64 − w[i].
+fn anchor(indices: &mut [u8; 16], width: u32, swap: impl FnOnce()) {
+    if indices[0] >> (width - 1) == 1 {
+        *indices = indices.map(|i| (1 << width) - 1 - i);
+        swap();
+    }
+}
+
+/// Writes a block. Of endpoints only the bits are taken that the mode has; p-bits from the first channels.
+pub fn encode(block: &Block) -> [u8; 16] {
+    debug_assert!(block.indices.iter().all(|&i| usize::from(i) < block.mode.values()));
+    let mut ends = block.endpoints;
+    let mut out = Bits { bits: 0, at: 0 };
+    match block.mode {
+        Mode::Six => {
+            debug_assert!(
+                ends.iter().all(|e| e.iter().all(|c| (c ^ e[0]) & 1 == 0)),
+                "channels share a p-bit"
+            );
+            let mut indices = block.indices;
+            anchor(&mut indices, 4, || ends.swap(0, 1));
+            out.push(1 << 6, 7);
+            (0..4).for_each(|c| ends.iter().for_each(|e| out.push(e[c] >> 1, 7)));
+            ends.iter().for_each(|e| out.push(e[0] & 1, 1));
+            out.push_indices(&indices, 4);
+        }
+        Mode::Four { alone, coarse } => {
+            // Channel 3 is the one alone as long as the block is coded.
+            ends.iter_mut().for_each(|e| e.swap(usize::from(alone), 3));
+            let own_bits = if coarse { 2 } else { 3 };
+            let mut own = block.indices.map(|i| i & ((1 << own_bits) - 1));
+            let mut others = block.indices.map(|i| i >> own_bits);
+            let [mut e0, mut e1] = ends;
+            anchor(&mut others, 5 - own_bits, || (0..3).for_each(|c| std::mem::swap(&mut e0[c], &mut e1[c])));
+            anchor(&mut own, own_bits, || std::mem::swap(&mut e0[3], &mut e1[3]));
+            out.push(1 << 4, 5);
+            out.push((alone + 1) % 4, 2);
+            out.push(u8::from(coarse), 1);
+            for c in 0..4 {
+                let bits = if c == 3 { 6 } else { 5 };
+                [e0, e1].iter().for_each(|e| out.push(e[c] >> (8 - bits), bits));
+            }
+            let [two, three] = if coarse { [own, others] } else { [others, own] };
+            out.push_indices(&two, 2);
+            out.push_indices(&three, 3);
         }
     }
-    bits |= u128::from(endpoints[0][0] & 1) << 63;
-    bits |= u128::from(endpoints[1][0] & 1) << 64;
-    bits |= u128::from(indices[0]) << 65;
-    for (i, &index) in indices.iter().enumerate().skip(1) {
-        bits |= u128::from(index) << (64 + 4 * i);
-    }
-    bits.to_le_bytes()
+    out.bits.to_le_bytes()
 }
 
-/// Reads the endpoints and indices of a mode-6 block.
+/// Reads a block.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for another mode of BC7, [`Error::Invalid`] for the reserved mode (first byte 0).
-pub fn unpack(block: &[u8; 16]) -> Result<Mode6> {
+pub fn unpack(block: &[u8; 16]) -> Result<Block> {
+    let mut bits = Bits { bits: u128::from_le_bytes(*block), at: block[0].trailing_zeros() + 1 };
     match block[0].trailing_zeros() {
-        6 => {}
-        8 => return Err(Error::invalid("BC7 block", "first byte 0, which is reserved; expected mode 6")),
-        mode => return Err(Error::unsupported("BC7 block", format!("mode {mode}; expected mode 6"))),
+        6 => {
+            let mut endpoints = [[0; 4]; 2];
+            (0..4).for_each(|c| endpoints.iter_mut().for_each(|e| e[c] = bits.take(7) << 1));
+            for e in &mut endpoints {
+                let p = bits.take(1);
+                e.iter_mut().for_each(|c| *c |= p);
+            }
+            Ok(Block { mode: Mode::Six, endpoints, indices: bits.take_indices(4) })
+        }
+        4 => {
+            let alone = (bits.take(2) + 3) % 4;
+            let coarse = bits.take(1) == 1;
+            let mut endpoints = [[0; 4]; 2];
+            for c in 0..4 {
+                let width = if c == 3 { 6 } else { 5 };
+                endpoints.iter_mut().for_each(|e| e[c] = expand(bits.take(width), width));
+            }
+            endpoints.iter_mut().for_each(|e| e.swap(usize::from(alone), 3));
+            let (two, three) = (bits.take_indices(2), bits.take_indices(3));
+            let index = |i: usize| if coarse { three[i] << 2 | two[i] } else { two[i] << 3 | three[i] };
+            Ok(Block { mode: Mode::Four { alone, coarse }, endpoints, indices: std::array::from_fn(index) })
+        }
+        8 => Err(Error::invalid("BC7 block", "first byte 0, which is reserved; expected mode 4 or 6")),
+        mode => Err(Error::unsupported("BC7 block", format!("mode {mode}; expected mode 4 or 6"))),
     }
-    let bits = u128::from_le_bytes(*block);
-    let field = |at: usize, width: u32| (bits >> at) as u8 & ((1u16 << width) - 1) as u8;
-    let endpoint = |e: usize| std::array::from_fn(|c| field(7 + 14 * c + 7 * e, 7) << 1 | field(63 + e, 1));
-    let index = |i: usize| if i == 0 { field(65, 3) } else { field(64 + 4 * i, 4) };
-    Ok(Mode6 { endpoints: [endpoint(0), endpoint(1)], indices: std::array::from_fn(index) })
 }
 
-/// The 16 texels (x + 4 y) of a mode-6 block.
+/// The 16 texels (x + 4 y) of a block.
 ///
 /// # Errors
 /// As [`unpack`].
@@ -112,10 +279,11 @@ mod tests {
         z ^ (z >> 31)
     }
 
-    fn random_block(state: &mut u64, p_bits: [u8; 2]) -> Mode6 {
+    fn random_block(state: &mut u64, p_bits: [u8; 2]) -> Block {
         let (e0, e1, indices) = (random(state), random(state), random(state));
         let endpoint = |r: u64, p: u8| std::array::from_fn(|c| ((r >> (8 * c)) as u8 & !1) | p);
-        Mode6 {
+        Block {
+            mode: Mode::Six,
             endpoints: [endpoint(e0, p_bits[0]), endpoint(e1, p_bits[1])],
             indices: std::array::from_fn(|i| (indices >> (4 * i)) as u8 & 15),
         }
@@ -137,13 +305,31 @@ mod tests {
     }
 
     #[test]
-    fn every_mode_6_block_is_read_as_the_independent_decoder_reads_it() {
+    fn blocks_of_mode_4_decode_as_in_an_independent_decoder() {
+        let mut state = 3;
+        for n in 0..120_000 {
+            let mode = Mode::FOURS[n % 8];
+            let mut level = |c| expand(random(&mut state) as u8 & ((1 << mode.bits(c)) - 1), mode.bits(c));
+            let endpoints = [0, 1].map(|_| std::array::from_fn(&mut level));
+            let indices = std::array::from_fn(|_| random(&mut state) as u8 & 31);
+            let block = Block { mode, endpoints, indices };
+            let bytes = encode(&block);
+            let mut theirs = [0u8; 64];
+            bcdec_rs::bc7(&bytes, &mut theirs, 16);
+            let ours = decode(&bytes).unwrap();
+            assert_eq!(ours.as_flattened(), theirs, "{block:?}");
+            assert_eq!(ours, block.texels());
+        }
+    }
+
+    #[test]
+    fn every_block_of_these_modes_is_read_as_the_independent_decoder_reads_it() {
         let mut state = 2;
-        for _ in 0..50_000 {
+        for n in 0..100_000 {
             let mut bytes = [0; 16];
             bytes[..8].copy_from_slice(&random(&mut state).to_le_bytes());
             bytes[8..].copy_from_slice(&random(&mut state).to_le_bytes());
-            bytes[0] = bytes[0] & 0x80 | 0x40;
+            bytes[0] = if n % 2 == 0 { bytes[0] & 0x80 | 0x40 } else { bytes[0] & 0xe0 | 0x10 };
             let mut theirs = [0u8; 64];
             bcdec_rs::bc7(&bytes, &mut theirs, 16);
             assert_eq!(decode(&bytes).unwrap().as_flattened(), theirs);
@@ -154,7 +340,7 @@ mod tests {
 
     #[test]
     fn other_modes_are_errors() {
-        for mode in [0, 1, 2, 3, 4, 5, 7] {
+        for mode in [0, 1, 2, 3, 5, 7] {
             let mut bytes = [0xa5; 16];
             bytes[0] = 1 << mode;
             assert!(matches!(decode(&bytes), Err(Error::Unsupported { .. })), "mode {mode}");
@@ -165,7 +351,7 @@ mod tests {
     #[test]
     fn palette_runs_from_endpoint_to_endpoint() {
         let endpoints = [[3, 255, 17, 91], [250, 0, 36, 90]];
-        let palette = palette(&endpoints);
+        let palette = palette(Mode::Six, &endpoints);
         assert_eq!([palette[0], palette[15]], endpoints);
         assert_eq!(palette[8][1], 120); // ((64 − 34) 255 + 32) / 64 = 120.03
     }

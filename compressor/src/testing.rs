@@ -1,6 +1,6 @@
 //! Random tiles and bundles for unit tests.
 
-use crate::bc7::{self, Mode6};
+use crate::bc7::{self, Block, Mode};
 use crate::bundle::{self, Header, Payload};
 use crate::grid::Grid;
 use crate::grid::Place;
@@ -45,7 +45,14 @@ pub fn tile(shape: Shape, seed: u64) -> TileParams {
                     std::array::from_fn(|_| random.byte() & !1 | p)
                 };
                 let endpoints = [endpoint(&mut random), endpoint(&mut random)];
-                bc7::encode(&Mode6 { endpoints, indices: std::array::from_fn(|_| random.byte() & 15) })
+                let mode =
+                    if random.byte() < 128 { Mode::Six } else { Mode::FOURS[usize::from(random.byte() & 7)] };
+                let last = mode.values() as u8 - 1;
+                bc7::encode(&Block {
+                    mode,
+                    endpoints,
+                    indices: std::array::from_fn(|_| random.byte() & last),
+                })
             })
             .collect()
     };

@@ -109,7 +109,7 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
 /// A tile from its bytes, the word of its index line, the shape that its contents give, and the number of light groups.
 ///
 /// # Errors
-/// What the format forbids: another length, a block that is not BC7 mode 6, grey blocks that are there or not as the word does
+/// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are there or not as the word does
 /// not say, a time axis that steps back, gates that do not ascend or are no groups, a weight or mean that is not finite, a negative mean,
 /// padding that is not zero.
 pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> Result<TileParams, String> {
@@ -181,7 +181,7 @@ pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> R
 fn check(tile: &TileParams) -> Result<(), String> {
     for (map, blocks) in [("F_uv", &tile.f_uv), ("F_uvt", &tile.f_uvt)] {
         if let Some(i) = blocks.iter().position(|block| bc7::decode(block).is_err()) {
-            return Err(format!("block {i} of {map} is not BC7 mode 6"));
+            return Err(format!("block {i} of {map} is neither BC7 mode 6 nor mode 4"));
         }
     }
     if let Some((i, w)) = tile.mlp.iter().enumerate().find(|(_, w)| !w.is_finite()) {

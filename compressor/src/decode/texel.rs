@@ -6,7 +6,7 @@ use crate::model::{TileParams, gelu};
 use crate::time::{Moment, Timeline};
 
 /// Irradiance of the stored texel (x, y), which must lie inside the tile, at a moment of the bundle's timeline.
-/// Blocks that are not BC7 mode 6, which no bundle holds, count as zero.
+/// Blocks of modes of BC7 that no bundle holds count as zero.
 pub fn texel(tile: &TileParams, timeline: &Timeline, moment: &Moment, x: usize, y: usize) -> [f32; 3] {
     let (shape, has) = (&tile.shape, &tile.shape.contents);
     let (u, v) = ((x as f32 + 0.5) / shape.width as f32, (y as f32 + 0.5) / shape.height as f32);

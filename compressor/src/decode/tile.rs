@@ -29,7 +29,7 @@ impl<'a> TileDecoder<'a> {
     /// Unpacks a tile, to be decoded with the best instructions this processor has. The timeline is its bundle's.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a shape that no contents give, lists of other lengths, or a block that is not BC7 mode 6.
+    /// [`Error::Invalid`] for a shape that no contents give, lists of other lengths, or a block of another mode of BC7 than 6 and 4.
     pub fn new(tile: &TileParams, timeline: &'a Timeline) -> Result<Self> {
         tile.check_lengths().map_err(|what| Error::invalid("tile", what))?;
         let shape = &tile.shape;

@@ -1,15 +1,16 @@
 //! Coordinate descent of F_uvt's blocks on the linearised loss Σ |√w (r + J δ)|²: one texel's index, then one block's
-//! endpoints at a time, keeping every sample's residual up to date.
+//! endpoints, then its mode at a time, keeping every sample's residual up to date.
 
 #![allow(
     clippy::needless_range_loop,
     reason = "rows and columns of small matrices, as the formulas index them"
 )]
 
-use super::blocks::{System, add_outer, dot, rounded, times, values};
+use super::blocks::{Matrix, System, Wanted, add_outer, dot, rounded, times, values, weights};
 use super::kernel::Kernel;
 use super::problem::{Pair, Problem};
-use crate::bc7::{Mode6, WEIGHTS, palette};
+use super::quantise::solve;
+use crate::bc7::{Block, Mode, palette};
 use crate::lanes::{Lanes, Quad};
 
 /// √w J with respect to F_uvt's four features, in 8-bit steps, and √w r, of one sample.
@@ -20,6 +21,9 @@ pub struct Sample {
     /// √w r
     pub residual: Quad,
 }
+
+/// Free texels are held this much more than endpoints.
+const FREE: f32 = 10.0;
 
 /// Positions along an axis (columns, rows, looked-at moments) that read a texel or slice of F_uvt, with their weights.
 type Readers = Vec<(usize, f32)>;
@@ -38,7 +42,7 @@ pub struct Descent<'a> {
     /// Per looked-at moment and stored texel; zero where a texel does not count. Residuals follow the blocks.
     pub samples: &'a mut [Sample],
     /// F_uvt, slice by slice.
-    pub blocks: &'a mut [Mode6],
+    pub blocks: &'a mut [Block],
     /// Share of the mean diagonal that holds endpoints where they are.
     pub damping: f32,
 }
@@ -68,6 +72,7 @@ impl Kernel for Descent<'_> {
                     let reach = Reach { columns, rows, moments, width: shape.width, height: shape.height };
                     reach.choose_indices(block, samples);
                     reach.fit_endpoints(block, samples, damping);
+                    reach.choose_mode(block, samples, damping);
                 }
             }
         }
@@ -98,24 +103,12 @@ impl Reach<'_> {
 
     /// Texel by texel, the value that lowers Σ |r + a J δ|² most, given all others.
     #[inline(always)]
-    fn choose_indices(&self, block: &mut Mode6, samples: &mut [Sample]) {
-        let choices = palette(&block.endpoints).map(|t| t.map(f32::from));
+    fn choose_indices(&self, block: &mut Block, samples: &mut [Sample]) {
+        let choices = palette(block.mode, &block.endpoints).map(|t| t.map(f32::from));
+        let choices = &choices[..block.mode.values()];
         for q in 0..16 {
             let old = choices[usize::from(block.indices[q])];
-            let (mut form, mut slope) = ([[0.0; 4]; 4], [0.0; 4]);
-            for &(m, fm) in self.moments {
-                for &(y, fy) in &self.rows[q / 4] {
-                    let line = &samples[self.line(m, y)];
-                    for &(x, fx) in &self.columns[q % 4] {
-                        let (sample, a) = (&line[x], fm * fy * fx);
-                        for c in 0..3 {
-                            let j = Quad::splat(a).mul(sample.jacobian[c]);
-                            add_outer(&mut form, 1.0, j);
-                            slope = Quad::splat(sample.residual[c]).mul_add(j, slope);
-                        }
-                    }
-                }
-            }
+            let (form, slope) = self.around(samples, q);
             let (mut best, mut least) = (block.indices[q], 0.0);
             for (i, value) in choices.iter().enumerate() {
                 let d: Quad = std::array::from_fn(|c| value[c] - old[c]);
@@ -135,7 +128,7 @@ impl Reach<'_> {
 
     /// Both endpoints by least squares, the indices given, if that lowers the loss.
     #[inline(always)]
-    fn fit_endpoints(&self, block: &mut Mode6, samples: &mut [Sample], damping: f32) {
+    fn fit_endpoints(&self, block: &mut Block, samples: &mut [Sample], damping: f32) {
         let system = self.normal_equations(block, samples);
         let present = block.endpoints.map(|e| e.map(f32::from));
         let mut damped = system.clone();
@@ -144,7 +137,7 @@ impl Reach<'_> {
         let goal =
             [0, 4].map(|k| std::array::from_fn(|c| (present[k / 4][c] + step[k + c]).clamp(0.0, 255.0)));
         let (mut best, mut least) = (block.endpoints, 0.0);
-        for candidate in rounded(&goal) {
+        for candidate in rounded(block.mode, &goal) {
             let change = std::array::from_fn(|i| f32::from(candidate[i / 4][i % 4]) - present[i / 4][i % 4]);
             let energy = system.energy(&change);
             if energy < least {
@@ -156,30 +149,91 @@ impl Reach<'_> {
         }
         let old = values(block);
         block.endpoints = best;
-        let new = values(block);
-        for q in 0..16 {
-            self.shift(samples, q, std::array::from_fn(|c| new[q][c] - old[q][c]));
-        }
+        self.shift_all(samples, &old, &values(block));
     }
 
-    /// Of a change of both endpoints: the block adds (A − B) e₀ + B e₁ to a sample, A = Σ a_q, B = Σ a_q w_q.
+    /// Of a change d of texel q: the loss changes by 2 slopeᵀ d + dᵀ form d.
     #[inline(always)]
-    fn normal_equations(&self, block: &Mode6, samples: &[Sample]) -> System {
+    fn around(&self, samples: &[Sample], q: usize) -> (Matrix, Quad) {
+        let (mut form, mut slope) = ([[0.0; 4]; 4], [0.0; 4]);
+        for &(m, fm) in self.moments {
+            for &(y, fy) in &self.rows[q / 4] {
+                let line = &samples[self.line(m, y)];
+                for &(x, fx) in &self.columns[q % 4] {
+                    let (sample, a) = (&line[x], fm * fy * fx);
+                    for c in 0..3 {
+                        let j = Quad::splat(a).mul(sample.jacobian[c]);
+                        add_outer(&mut form, 1.0, j);
+                        slope = Quad::splat(sample.residual[c]).mul_add(j, slope);
+                    }
+                }
+            }
+        }
+        (form, slope)
+    }
+
+    /// The block in mode 6 and in mode 4 near to where its texels would go if they were free, if that lowers the loss.
+    #[inline(always)]
+    fn choose_mode(&self, block: &mut Block, samples: &mut [Sample], damping: f32) {
+        let mut least = self.loss(samples);
+        let mut wanted = Wanted { texels: values(block), metric: [[[0.0; 4]; 4]; 16] };
+        for q in (0..32).map(|i| i % 16) {
+            let (mut form, slope) = self.around(samples, q);
+            let mean = (0..4).map(|c| form[c][c]).sum::<f32>() / 4.0;
+            (0..4).for_each(|c| form[c][c] += FREE * damping * mean + 1e-12);
+            let (step, old) = (solve(&form, &slope), wanted.texels[q]);
+            wanted.texels[q] = std::array::from_fn(|c| (old[c] - step[c]).clamp(0.0, 255.0));
+            wanted.metric[q] = form;
+            self.shift(samples, q, std::array::from_fn(|c| wanted.texels[q][c] - old[c]));
+        }
+        let six = wanted.fit(Mode::Six, block.endpoints.map(|e| e.map(f32::from)), 6).0;
+        let (mut best, mut at) = (*block, wanted.texels);
+        for mut candidate in [six, wanted.fit_four(6).0] {
+            self.shift_all(samples, &at, &values(&candidate));
+            self.choose_indices(&mut candidate, samples);
+            self.fit_endpoints(&mut candidate, samples, damping);
+            at = values(&candidate);
+            let loss = self.loss(samples);
+            if loss < least {
+                (best, least) = (candidate, loss);
+            }
+        }
+        self.shift_all(samples, &at, &values(&best));
+        *block = best;
+    }
+
+    /// The loss of the samples that read the block.
+    #[inline(always)]
+    fn loss(&self, samples: &[Sample]) -> f32 {
         let (xs, ys) = (merged(self.columns), merged(self.rows));
-        let weight = block.indices.map(|i| f32::from(WEIGHTS[usize::from(i)]) / 64.0);
-        let (mut m00, mut m01, mut m11) = ([[0.0; 4]; 4], [[0.0; 4]; 4], [[0.0; 4]; 4]);
-        let (mut g0, mut g1) = ([0.0; 4], [0.0; 4]);
+        let mut sum = 0.0;
+        for &(m, _) in self.moments {
+            for (y, _) in &ys {
+                let line = &samples[self.line(m, *y)];
+                sum += xs.iter().map(|(x, _)| dot(line[*x].residual, line[*x].residual)).sum::<f32>();
+            }
+        }
+        sum
+    }
+
+    /// Of a change of both endpoints: the block adds (a − B) e₀ + B e₁ to a sample, a = Σ a_q, B = Σ a_q w_q for each channel.
+    #[inline(always)]
+    fn normal_equations(&self, block: &Block, samples: &[Sample]) -> System {
+        let (xs, ys) = (merged(self.columns), merged(self.rows));
+        let weight = block.indices.map(|i| weights(block.mode, i));
+        let mut system = System::default();
         for (y, wy) in &ys {
             // Columns' sums down the block's rows.
-            let (mut mass, mut bend) = (0.0, [0.0; 4]);
+            let (mut mass, mut bend) = (0.0, [[0.0; 4]; 4]);
             for i in 0..4 {
                 mass += wy[i];
-                let row = [weight[4 * i], weight[4 * i + 1], weight[4 * i + 2], weight[4 * i + 3]];
-                bend = Quad::splat(wy[i]).mul_add(row, bend);
+                for x in 0..4 {
+                    bend[x] = Quad::splat(wy[i]).mul_add(weight[4 * i + x], bend[x]);
+                }
             }
             for (x, wx) in &xs {
                 let all = mass * (wx[0] + wx[1] + wx[2] + wx[3]);
-                let second = dot(bend, *wx);
+                let b = times(&bend, *wx);
                 let (mut form, mut pull) = ([[0.0; 4]; 4], [0.0; 4]);
                 for &(m, fm) in self.moments {
                     let sample = &samples[self.line(m, *y)][*x];
@@ -189,28 +243,23 @@ impl Reach<'_> {
                         pull = Quad::splat(sample.residual[c]).mul_add(j, pull);
                     }
                 }
-                let (a, b) = (all - second, second);
+                let a = b.map(|b| all - b);
+                system.add_matrix(&form, a, b);
                 for c in 0..4 {
-                    m00[c] = Quad::splat(a * a).mul_add(form[c], m00[c]);
-                    m01[c] = Quad::splat(a * b).mul_add(form[c], m01[c]);
-                    m11[c] = Quad::splat(b * b).mul_add(form[c], m11[c]);
+                    system.right[c] -= a[c] * pull[c];
+                    system.right[4 + c] -= b[c] * pull[c];
                 }
-                g0 = Quad::splat(a).mul_add(pull, g0);
-                g1 = Quad::splat(b).mul_add(pull, g1);
             }
-        }
-        let mut system = System::default();
-        for r in 0..4 {
-            for c in 0..4 {
-                system.matrix[r][c] = m00[r][c];
-                system.matrix[r][4 + c] = m01[r][c];
-                system.matrix[4 + r][c] = m01[r][c];
-                system.matrix[4 + r][4 + c] = m11[r][c];
-            }
-            system.right[r] = -g0[r];
-            system.right[4 + r] = -g1[r];
         }
         system
+    }
+
+    /// The residuals after all texels moved.
+    #[inline(always)]
+    fn shift_all(&self, samples: &mut [Sample], from: &[Quad; 16], to: &[Quad; 16]) {
+        for q in 0..16 {
+            self.shift(samples, q, std::array::from_fn(|c| to[q][c] - from[q][c]));
+        }
     }
 
     /// The residuals after texel `q` moved by `d`.

@@ -1,4 +1,4 @@
-//! From the trained float model to the stored tile: mode-6 blocks, 8-bit planes, f16 decoder.
+//! From the trained float model to the stored tile: BC7 blocks, 8-bit planes, f16 decoder.
 //!
 //! Blocks are chosen by the loss itself, or (the paper's recipe) by a plain encoder that looks at the features alone.
 //! Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a sample, residual r and
@@ -12,13 +12,13 @@
 )]
 
 use super::Coded;
-use super::blocks::{Matrix, Wanted, add_outer};
+use super::blocks::{Matrix, Wanted, add_outer, principal};
 use super::descent::{Descent, Sample};
 use super::features::{CENTRE_SLOPE, centred};
 use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, Samples, residual, run};
 use super::network::BLOCK;
 use super::optimise::Trainer;
-use crate::bc7::{GREY, Mode6, encode};
+use crate::bc7::{Block, GREY, Mode, encode};
 use crate::lanes::{Lanes, Quad};
 use crate::model::TileParams;
 use std::ops::Range;
@@ -34,9 +34,9 @@ const MOST_SETS: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Blocks {
     /// F_uv, row by row.
-    pub uv: Vec<Mode6>,
+    pub uv: Vec<Block>,
     /// F_uvt, slice by slice.
-    pub uvt: Vec<Mode6>,
+    pub uvt: Vec<Block>,
 }
 
 impl<const H: usize> Trainer<H> {
@@ -62,10 +62,13 @@ impl<const H: usize> Trainer<H> {
         let plain = |map: &mut [Quad], start: Vec<[Quad; 2]>| {
             round_texels(map);
             let (texels, _) = map.as_chunks::<16>();
-            let start: Vec<[Quad; 2]> =
-                if texel_by_texel { texels.iter().map(principal).collect() } else { start };
+            let start: Vec<[Quad; 2]> = if texel_by_texel {
+                texels.iter().map(|t| principal(&t.map(in_steps))).collect()
+            } else {
+                start
+            };
             let metric = vec![[identity; 16]; texels.len()];
-            let blocks = run(tier, Fit { texels, metric: &metric, start: &start });
+            let blocks = run(tier, Fit { texels, metric: &metric, start: Some(&start) });
             show(&blocks, map);
             blocks
         };
@@ -122,7 +125,7 @@ impl<const H: usize> Trainer<H> {
     /// The stored form of rounded parameters and blocks. Blocks that no sample reads are grey: the bundle leaves them out.
     pub fn store(&self, blocks: &Blocks) -> TileParams {
         let [uv, uvt] = self.problem.blocks_read();
-        let stored = |blocks: &[Mode6], read: &[bool]| {
+        let stored = |blocks: &[Block], read: &[bool]| {
             blocks.iter().zip(read).map(|(block, read)| encode(if *read { block } else { &GREY })).collect()
         };
         let plane = |range: &Range<usize>| {
@@ -178,7 +181,7 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// F_uvt's blocks nearest to the learned texels under Σ a² Jᵀ J.
-    fn fit_uvt(&self) -> Vec<Mode6> {
+    fn fit_uvt(&self) -> Vec<Block> {
         let problem = &self.problem;
         if self.maps.uvt.is_empty() {
             return Vec::new();
@@ -209,11 +212,12 @@ impl<const H: usize> Trainer<H> {
         let start = self.learned(self.layout.uvt_endpoints.start, metric.len() / 16);
         let (metric, _) = metric.as_chunks::<16>();
         let (texels, _) = self.maps.uvt.as_chunks::<16>();
-        run(self.tier(), Fit { texels, metric, start: &start })
+        run(self.tier(), Fit { texels, metric, start: Some(&start) })
     }
 
     /// F_uv's blocks: of the present ones and those fitted to the learned texels and to the minimum of each texel's form
-    /// (under weak and strong damping), every block takes the one of least true loss.
+    /// (under weak and strong damping) in mode 6 and in mode 4, every block takes the one of least true loss. What was learned lies on
+    /// lines, where mode 4 has nothing to win.
     fn fit_uv(&mut self, blocks: &mut Blocks, start: &[[Quad; 2]]) {
         let problem = &self.problem;
         let count = self.maps.uv.len();
@@ -250,9 +254,12 @@ impl<const H: usize> Trainer<H> {
             }
             let (metric, _) = metric.as_chunks::<16>();
             let (texels, _) = texels.as_chunks::<16>();
-            candidates.push(run(self.tier(), Fit { texels, metric, start }));
+            candidates.push(run(self.tier(), Fit { texels, metric, start: Some(start) }));
+            if newton {
+                candidates.push(run(self.tier(), Fit { texels, metric, start: None }));
+            }
         }
-        let mut best: Vec<(f32, Mode6)> = Vec::new();
+        let mut best: Vec<(f32, Block)> = Vec::new();
         for candidate in candidates {
             show(&candidate, &mut self.maps.uv);
             let losses = self.block_losses();
@@ -278,7 +285,7 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// Coordinate descent of F_uvt on the linearised loss.
-    fn refine_uvt(&mut self, blocks: &mut [Mode6]) {
+    fn refine_uvt(&mut self, blocks: &mut [Block]) {
         if blocks.is_empty() {
             return;
         }
@@ -302,33 +309,6 @@ impl<const H: usize> Trainer<H> {
     }
 }
 
-/// Endpoints in 8-bit steps for a block of centred texels: the ends of its principal axis.
-fn principal(texels: &[Quad; 16]) -> [Quad; 2] {
-    let steps = texels.map(|t| t.map(|v| v / STEP + 127.5));
-    let mean: Quad = std::array::from_fn(|c| steps.iter().map(|t| t[c]).sum::<f32>() / 16.0);
-    let from_mean = steps.map(|t| -> Quad { std::array::from_fn(|c| t[c] - mean[c]) });
-    let dot = |a: &Quad, b: &Quad| (0..4).map(|c| a[c] * b[c]).sum::<f32>();
-    // Power iteration from the texel farthest from the mean: v ← Σ (tᵀv) t.
-    let farthest = from_mean.iter().max_by(|a, b| dot(a, a).total_cmp(&dot(b, b)));
-    let mut axis = farthest.copied().unwrap_or_default();
-    for _ in 0..8 {
-        let mut next = [0.0; 4];
-        for t in &from_mean {
-            next = Quad::splat(dot(t, &axis)).mul_add(*t, next);
-        }
-        let length = dot(&next, &next).sqrt();
-        if length < 1e-6 {
-            break;
-        }
-        axis = next.map(|v| v / length);
-    }
-    let length = dot(&axis, &axis).sqrt().max(1e-6);
-    axis = axis.map(|v| v / length);
-    let along = from_mean.map(|t| dot(&t, &axis));
-    let (low, high) = along.iter().fold((0.0f32, 0.0f32), |(l, h), &x| (l.min(x), h.max(x)));
-    [low, high].map(|end| std::array::from_fn(|c| (mean[c] + end * axis[c]).clamp(0.0, 255.0)))
-}
-
 /// Rounds centred texels to 8 bits.
 fn round_texels(map: &mut [Quad]) {
     for v in map.as_flattened_mut() {
@@ -348,7 +328,7 @@ fn damp(metric: &mut [Matrix], share: f32) {
 }
 
 /// M⁻¹ v of a positive definite matrix, by elimination.
-fn solve(m: &Matrix, v: &Quad) -> Quad {
+pub fn solve(m: &Matrix, v: &Quad) -> Quad {
     let (mut m, mut v) = (*m, *v);
     for k in 0..4 {
         for r in k + 1..4 {
@@ -369,32 +349,38 @@ fn solve(m: &Matrix, v: &Quad) -> Quad {
 }
 
 /// Writes blocks' texels into a map.
-fn show(blocks: &[Mode6], map: &mut [Quad]) {
+fn show(blocks: &[Block], map: &mut [Quad]) {
     let (map, _) = map.as_chunks_mut::<16>();
     for (block, texels) in blocks.iter().zip(map) {
         *texels = block.texels().map(|t| t.map(|b| centred(f32::from(b) / 255.0)));
     }
 }
 
-/// A block's wish from centred texels.
+/// From c(f) = 3 (f − ½) to 8-bit steps.
 #[inline(always)]
-fn wanted(texels: &[Quad; 16], metric: &[Matrix; 16]) -> Wanted {
-    // From c(f) = 3 (f − ½) to 8-bit steps.
-    Wanted { texels: texels.map(|t| t.map(|v| v / STEP + 127.5)), metric: *metric }
+fn in_steps(texel: Quad) -> Quad {
+    texel.map(|v| v / STEP + 127.5)
 }
 
 /// Fits all blocks of a map.
 struct Fit<'a> {
     texels: &'a [[Quad; 16]],
     metric: &'a [[Matrix; 16]],
-    start: &'a [[Quad; 2]],
+    /// Where mode 6 begins; without it the blocks are of mode 4.
+    start: Option<&'a [[Quad; 2]]>,
 }
 
 impl Kernel for Fit<'_> {
-    type Output = Vec<Mode6>;
+    type Output = Vec<Block>;
     #[inline(always)]
     fn run<V: Lanes>(self) -> Self::Output {
-        let blocks = self.texels.iter().zip(self.metric).zip(self.start);
-        blocks.map(|((texels, metric), start)| wanted(texels, metric).fit(*start, 6).0).collect()
+        let wanted = self.texels.iter().zip(self.metric);
+        let wanted = wanted.map(|(texels, metric)| Wanted { texels: texels.map(in_steps), metric: *metric });
+        match self.start {
+            Some(start) => {
+                wanted.zip(start).map(|(wanted, start)| wanted.fit(Mode::Six, *start, 6).0).collect()
+            }
+            None => wanted.map(|wanted| wanted.fit_four(6).0).collect(),
+        }
     }
 }
