@@ -16,10 +16,13 @@ const SIDE: usize = 8;
 /// Whether light comes from above the horizon alone: the model's sky ends there, and so does a sun that follows the date.
 pub fn is_upper(scene: &Scene) -> bool {
     let sky = !matches!(scene.sky, Some(Sky::Constant { .. } | Sky::Image(_)));
-    let sun = match scene.sun.as_ref().map(|sun| &sun.track) {
-        Some(SunTrack::Authored(keys)) => keys.iter().all(|key| key.direction.y >= 0.0),
-        Some(SunTrack::Place { .. }) | None => true,
-    };
+    let sun = scene.sun.as_ref().is_none_or(|sun| match &sun.track {
+        // The whole of the disc.
+        SunTrack::Authored(keys) => {
+            keys.iter().all(|key| key.direction.normalize().y >= (sun.disc_angle / 2.0).to_radians().sin())
+        }
+        SunTrack::Place { .. } => true,
+    });
     sky && sun
 }
 

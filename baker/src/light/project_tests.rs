@@ -87,6 +87,9 @@ fn functions_end_at_the_horizon_where_all_light_does() {
         (Some(MODEL), Some(authored(DVec3::new(0.6, 0.8, 0.0), 0.5)), true),
         (Some(MODEL), Some(authored(DVec3::new(0.6, -0.8, 0.0), 0.5)), false),
         (None, Some(authored(DVec3::new(0.6, -0.8, 0.0), 0.5)), false),
+        // Half of its disc is below.
+        (None, Some(authored(DVec3::new(1.0, 0.0, 0.0), 0.5)), false),
+        (None, Some(authored(DVec3::new(1.0, 0.0, 0.0), 0.0)), true),
     ];
     for (sky, sun, expected) in cases {
         let scene = scene(sky, sun);

@@ -37,12 +37,12 @@ pub(super) struct Transfer<'a> {
 pub(super) struct Vectors {
     /// Functions and groups.
     sources: usize,
-    /// Per valid texel and channel, a value per source; groups relative to their largest value in the tile.
+    /// Per valid texel and channel, a value per source; functions together, and each group, relative to their largest in the tile.
     rows: Vec<f64>,
     /// Per set and channel, the weight of each source.
     weights: Vec<f64>,
-    /// Largest values stored with the tile: one per group.
-    groups: usize,
+    /// Largest values stored with the tile: one for the functions, one per group.
+    scales: usize,
 }
 
 impl<'a> Transfer<'a> {
@@ -124,7 +124,8 @@ impl<'a> Transfer<'a> {
         let place = |i: usize| left + i % tile.source.width + i / tile.source.width * mask.width;
         let places: Vec<usize> = tile.valid().map(place).collect();
         let mut rows = vec![0.0; 3 * sources * places.len()];
-        let mut scales = Vec::new();
+        // The functions' is known when their parts are together.
+        let mut scales = vec![0.0];
         for (i, (set, file)) in self.images(page).into_iter().enumerate() {
             let image = set.image_rows(file, page, top, bottom)?;
             let part = self.light.parts.get(i);
@@ -146,17 +147,24 @@ impl<'a> Transfer<'a> {
                 }
             }
         }
-        Ok(Vectors { sources, rows, weights: self.weights(&scales), groups })
+        let is_function = |i: usize| i % sources < functions;
+        let of_functions = rows.iter().enumerate().filter(|(i, _)| is_function(*i)).map(|(_, x)| x.abs());
+        scales[0] = of_functions.fold(0.0, f64::max);
+        if scales[0] > 0.0 {
+            rows.iter_mut().enumerate().filter(|(i, _)| is_function(*i)).for_each(|(_, x)| *x /= scales[0]);
+        }
+        Ok(Vectors { sources, rows, weights: self.weights(&scales), scales: scales.len() })
     }
 
-    /// Per set and channel, the weight of each source; `scales` are the groups'.
+    /// Per set and channel, the weight of each source; `scales` are that of the functions and those of the groups.
     fn weights(&self, scales: &[f64]) -> Vec<f64> {
         let mut weights = Vec::new();
         for (set, &moment) in self.dataset.config.sets.iter().zip(&self.moments) {
             for c in 0..3 {
-                weights.extend(self.light.light[moment].coefficients.iter().map(|rgb| rgb[c]));
+                let functions = self.light.light[moment].coefficients.iter();
+                weights.extend(functions.map(|rgb| rgb[c] * scales[0]));
                 weights.extend(
-                    set.groups_on.iter().zip(scales).map(|(on, scale)| if *on { *scale } else { 0.0 }),
+                    set.groups_on.iter().zip(&scales[1..]).map(|(on, scale)| if *on { *scale } else { 0.0 }),
                 );
             }
         }

@@ -1,7 +1,7 @@
 //! The linear control: a tile's texels × (sets · RGB) as a truncated singular value decomposition, its maps in 8 bits.
 //!
 //! Light is relative to each set's peak, as the PSNR is. The maps (one value a valid texel and component) are rounded to 8 bits
-//! between their extremes, then the curves in time are fitted to the rounded maps by least squares and stored as float16. Like NDGI's
+//! between their extremes, then the curves in time, and a constant one, are fitted to the rounded maps by least squares and stored as float16. Like NDGI's
 //! training it aims at the mean PSNR: the sets are weighted anew by what is left of their error, some rounds long. The best round of the
 //! best of three transfer curves is taken for each tile.
 
@@ -119,7 +119,12 @@ fn fit(maps: &[f64], rows: &[f64], columns: usize, rank: usize) -> Vec<f64> {
 fn encode(rows: &[f64], rank: usize, curve: Curve, weights: &[f64]) -> Stored {
     let columns = 3 * weights.len();
     let rank = rank.min(columns);
-    let weighted: Vec<f64> = rows.iter().enumerate().map(|(i, x)| x * weights[i % columns / 3]).collect();
+    // Components of what differs from the mean: the curves have a constant term too.
+    let mut means = vec![0.0; columns];
+    let texels = (rows.len() / columns).max(1) as f64;
+    rows.iter().enumerate().for_each(|(i, x)| means[i % columns] += x / texels);
+    let weighted: Vec<f64> =
+        (rows.iter().enumerate()).map(|(i, x)| (x - means[i % columns]) * weights[i % columns / 3]).collect();
     let coordinates = components(&weighted, columns, rank);
     let ranges: Vec<[f32; 2]> = (0..rank)
         .map(|r| {
@@ -133,8 +138,13 @@ fn encode(rows: &[f64], rank: usize, curve: Curve, weights: &[f64]) -> Stored {
         if step > 0.0 { ((x - low) / step).round().clamp(0.0, 255.0) as u8 } else { 0 }
     };
     let maps: Vec<u8> = coordinates.iter().enumerate().map(byte).collect();
-    let rounded: Vec<f64> = maps.iter().enumerate().map(|(i, &b)| value(&ranges, i % rank, b)).collect();
-    let curves = fit(&rounded, rows, columns, rank).into_iter().map(f16::from_f64).collect();
+    let terms: Vec<f64> = (maps.chunks_exact(rank))
+        .flat_map(|bytes| {
+            let values = bytes.iter().enumerate().map(|(r, &byte)| value(&ranges, r, byte));
+            std::iter::once(1.0).chain(values)
+        })
+        .collect();
+    let curves = fit(&terms, rows, columns, rank + 1).into_iter().map(f16::from_f64).collect();
     Stored { curve, rank, ranges, maps, curves }
 }
 
@@ -150,10 +160,10 @@ fn decode(tile: &Tile, stored: &Stored) -> Vec<Texels> {
     let mut sets: Vec<Texels> = vec![vec![[0.0; 3]; tile.texels()]; tile.peaks.len()];
     let mut row = vec![0.0; columns];
     for (i, bytes) in tile.valid().zip(stored.maps.chunks_exact(stored.rank)) {
-        row.fill(0.0);
+        row.copy_from_slice(&curves[..columns]);
         for (component, &byte) in bytes.iter().enumerate() {
             let weight = value(&stored.ranges, component, byte);
-            let curve = &curves[component * columns..][..columns];
+            let curve = &curves[(component + 1) * columns..][..columns];
             row.iter_mut().zip(curve).for_each(|(sum, x)| *sum += weight * x);
         }
         for (k, set) in sets.iter_mut().enumerate() {
@@ -200,6 +210,21 @@ mod tests {
         let [plain, weighted] = [1, ROUNDS].map(|rounds| best(&tile, 3, rounds).1);
         // One decibel at least, in natural logarithms.
         assert!(weighted < plain - 0.23, "{weighted} {plain}");
+    }
+
+    #[test]
+    fn what_never_changes_needs_no_component() {
+        let [still, moving] = [1, 2].map(|seed| tile(12, 8, 1, seed).source.sets.remove(0));
+        let set = |k: u8| {
+            let light = |i: usize| std::array::from_fn(|c| still[i][c] + f32::from(k) * 0.2 * moving[i][0]);
+            (0..still.len()).map(light).collect()
+        };
+        let one = best(&tile_of(12, 8, (0..4).map(set).collect()), 2, ROUNDS).1;
+        // Texels differ by the still picture, whose three channels are not alike: that takes more.
+        assert!(one > (1e-5f64).ln(), "{one}");
+        let grey = |k: u8| (0..still.len()).map(|i| [0.5 + f32::from(k) * 0.2 * moving[i][0]; 3]).collect();
+        let all = best(&tile_of(12, 8, (0..4).map(grey).collect()), 1, ROUNDS).1;
+        assert!(all < (1e-5f64).ln(), "{all}");
     }
 
     #[test]

@@ -38,10 +38,15 @@ impl Lpips {
     /// [`Error::Unsupported`] in builds without the feature; [`Error::Io`]; [`Error::Invalid`] where the file is no such network.
     pub fn load(path: &Path) -> Result<Self> {
         let lpips = Lpips { network: Network::load(path)? };
-        let grey = || vec![0.0; VALUES];
-        let same = lpips.network.run(grey(), grey())?;
+        let plain = |value: f32| vec![value; VALUES];
+        let same = lpips.network.run(plain(0.0), plain(0.0))?;
         if same.is_nan() || same.abs() > ZERO {
             let what = format!("gives {same} for two equal images; expected 0, as LPIPS does");
+            return Err(Error::invalid(path.display(), what));
+        }
+        let apart = lpips.network.run(plain(-0.5), plain(0.5))?;
+        if apart.is_nan() || apart <= ZERO {
+            let what = format!("gives {apart} for dark and bright; expected more than 0, as LPIPS does");
             return Err(Error::invalid(path.display(), what));
         }
         Ok(lpips)

@@ -56,7 +56,8 @@ impl Points {
             left -= **variance;
             is_wanted
         });
-        let dimensions = kept.count();
+        // One at least: points that are all alike are points too.
+        let dimensions = kept.count().max(1).min(all.axes.len());
         let (axes, all) = (&all.axes[..dimensions], &all);
         let along =
             |point| axes.iter().map(move |axis| all.mean_to(point).zip(axis).map(|(d, a)| d * a).sum());

@@ -39,7 +39,7 @@ struct Stored {
 pub(super) fn plain(tile: &Tile, vectors: &Vectors) -> Result<CodedTile> {
     let encode = || {
         let stored: Vec<f16> = vectors.rows.iter().map(|&x| half(x)).collect();
-        let bits = 16 * stored.len() + 32 * vectors.groups;
+        let bits = 16 * stored.len() + 32 * vectors.scales;
         Ok((stored, bits as f64, Vec::new()))
     };
     timed(encode, |stored| {
@@ -67,10 +67,10 @@ fn half(x: f64) -> f16 {
     f16::from_f64(x.clamp(-LARGEST, LARGEST))
 }
 
-/// All bits of a tile: texels, clusters, the groups' largest values, the two numbers themselves.
+/// All bits of a tile: texels, clusters, the largest values, the two numbers themselves.
 fn bits(texels: usize, vectors: &Vectors, clusters: usize, rank: usize) -> usize {
     let index = clusters.next_power_of_two().ilog2() as usize;
-    texels * (8 * rank + index) + 16 * clusters * (rank + 1) * vectors.numbers() + 32 * vectors.groups + 16
+    texels * (8 * rank + index) + 16 * clusters * (rank + 1) * vectors.numbers() + 32 * vectors.scales + 16
 }
 
 /// Numbers of clusters and components that take about so many bits: for each number of components the nearest; where none is near, the

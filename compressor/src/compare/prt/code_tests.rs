@@ -19,7 +19,7 @@ fn case(sources: usize, sets: usize, rank: usize) -> (Tile, Vectors) {
         let terms = some(rank);
         rows.extend((0..n).map(|i| parts[rank][i] + (0..rank).map(|r| terms[r] * parts[r][i]).sum::<f64>()));
     }
-    lit(Vectors { sources, rows, weights, groups: 0 }, sets)
+    lit(Vectors { sources, rows, weights, scales: 0 }, sets)
 }
 
 fn lit(vectors: Vectors, sets: usize) -> (Tile, Vectors) {
@@ -42,7 +42,7 @@ fn error(tile: &Tile, decoded: &[Texels]) -> f64 {
 fn light_of_a_channel_and_set_is_the_sum_of_its_sources() {
     // Two sources, two sets; the second set has the second source in blue alone.
     let weights = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    let vectors = Vectors { sources: 2, rows: vec![], weights, groups: 0 };
+    let vectors = Vectors { sources: 2, rows: vec![], weights, scales: 0 };
     assert_eq!(vectors.light(&[1.0, 10.0, 2.0, 20.0, 3.0, 30.0]), [21.0, 86.0, 195.0, 0.0, 0.0, 30.0]);
 }
 
@@ -74,7 +74,7 @@ fn clusters_part_what_different_functions_light() {
         rows.extend((0..3).flat_map(|_| if is_left { [x, 0.0] } else { [0.0, x] }));
     }
     let weights = vec![1.0, 0.2, 1.0, 0.2, 1.0, 0.2, 0.1, 1.0, 0.1, 1.0, 0.1, 1.0];
-    let (tile, vectors) = lit(Vectors { sources: 2, rows, weights, groups: 0 }, 2);
+    let (tile, vectors) = lit(Vectors { sources: 2, rows, weights, scales: 0 }, 2);
     let of = |clusters: usize| {
         let (stored, _) = best(&tile, &vectors, clusters, 1, ROUNDS);
         (error(&tile, &decode(&tile, &vectors, &stored)), stored)
@@ -88,7 +88,7 @@ fn clusters_part_what_different_functions_light() {
 #[test]
 fn bits_are_counted_to_the_bit() {
     let (_, vectors) = case(5, 4, 3);
-    let vectors = Vectors { groups: 2, ..vectors };
+    let vectors = Vectors { scales: 2, ..vectors };
     // 100 texels of 3 bytes and a cluster of 5 (3 bits), 5 means and 15 components of 15 numbers, 2 scales, 2 bytes.
     assert_eq!(bits(100, &vectors, 5, 3), 100 * 27 + 16 * 20 * 15 + 64 + 16);
     assert_eq!(bits(100, &vectors, 1, 1), 100 * 8 + 16 * 2 * 15 + 64 + 16);
@@ -118,7 +118,7 @@ fn sizes_are_near_the_bits_that_are_wanted_and_no_fewer() {
 #[test]
 fn black_sets_and_equal_texels_are_no_trouble() {
     let vectors =
-        Vectors { sources: 2, rows: [1.0, 2.0].repeat(3 * SIDE * SIDE), weights: vec![0.0; 12], groups: 0 };
+        Vectors { sources: 2, rows: [1.0, 2.0].repeat(3 * SIDE * SIDE), weights: vec![0.0; 12], scales: 0 };
     let (tile, vectors) = lit(vectors, 2);
     let coded = clustered(&tile, &vectors, 5000.0).unwrap();
     assert!(coded.decoded.iter().flatten().flatten().all(|x| *x == 0.0));
@@ -139,7 +139,7 @@ fn rounds_raise_the_mean_psnr() {
         weights[4 * c] = 1.0;
         (1..4).for_each(|k| (0..4).for_each(|s| weights[12 * k + 4 * c + s] = f64::from(random.unit())));
     }
-    let (tile, vectors) = lit(Vectors { sources: 4, rows, weights, groups: 0 }, 4);
+    let (tile, vectors) = lit(Vectors { sources: 4, rows, weights, scales: 0 }, 4);
     let [plain, weighted] = [1, ROUNDS].map(|rounds| best(&tile, &vectors, 2, 3, rounds).1);
     assert!(weighted < plain - 0.1, "{weighted} {plain}");
 }
