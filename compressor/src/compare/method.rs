@@ -113,6 +113,33 @@ pub(super) fn relative_errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64
     decoded.iter().enumerate().map(of).collect()
 }
 
+/// Rounds of weighting; after the eighth little changes.
+pub(super) const ROUNDS: usize = 8;
+
+/// What has the highest mean PSNR of so many rounds, and the mean over the lit sets of the logarithm of its error. Each round encodes by
+/// weights of the sets' squared errors: 1 at first, then 1 ÷ the last round's relative error, which is its derivative in Σ ln error;
+/// black sets have 0.
+pub(super) fn reweighted<S>(
+    tile: &Tile,
+    rounds: usize,
+    mut encode: impl FnMut(&[f64]) -> S,
+    decode: impl Fn(&S) -> Vec<Texels>,
+) -> (S, f64) {
+    let mut best: Option<(S, f64)> = None;
+    let mut weights: Vec<f64> = tile.peaks.iter().map(|&peak| if peak > 0.0 { 1.0 } else { 0.0 }).collect();
+    for _ in 0..rounds {
+        let stored = encode(&weights);
+        let errors = relative_errors(tile, &decode(&stored));
+        let logarithms: Vec<f64> = errors.iter().flatten().map(|error| error.ln()).collect();
+        let mean = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
+        weights = errors.iter().map(|error| error.map_or(0.0, |error| 1.0 / error)).collect();
+        if best.as_ref().is_none_or(|(_, least)| mean < *least) {
+            best = Some((stored, mean));
+        }
+    }
+    best.expect("there is a round")
+}
+
 impl<T> Coded<T> {
     /// What is to be said of the curves.
     pub fn note(&self) -> String {

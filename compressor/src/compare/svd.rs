@@ -1,13 +1,13 @@
 //! The linear control: a tile's texels × (sets · RGB) as a truncated singular value decomposition, its maps in 8 bits.
 //!
 //! Light is relative to each set's peak, as the PSNR is. The maps (one value a valid texel and component) are rounded to 8 bits
-//! between their extremes, then the curves in time, and a constant one, are fitted to the rounded maps by least squares and stored as float16. Like NDGI's
-//! training it aims at the mean PSNR: the sets are weighted anew by what is left of their error, some rounds long. The best round of the
-//! best of three transfer curves is taken for each tile.
+//! between their extremes, then the curves in time, and a constant one, are fitted to the rounded maps by least squares and stored as
+//! float16. Like NDGI's training it aims at the mean PSNR: the sets are weighted anew by what is left of their error, some rounds long.
+//! The best round of the best of three transfer curves is taken for each tile.
 
 use super::curve::Curve;
 use super::linear::{eigen, solve};
-use super::method::{CodedTile, relative_errors, timed};
+use super::method::{CodedTile, ROUNDS, reweighted, timed};
 use super::tiles::{Texels, Tile};
 use crate::Result;
 use half::f16;
@@ -27,9 +27,6 @@ struct Stored {
     curves: Vec<f16>,
 }
 
-/// Rounds of weighting; after the eighth little changes.
-const ROUNDS: usize = 8;
-
 /// Compresses a tile to so many components.
 pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
     let encode = || {
@@ -48,23 +45,12 @@ pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
 
 /// What has the highest mean PSNR after so many rounds by each curve; and the mean over the lit sets of the logarithm of the error.
 fn best(tile: &Tile, rank: usize, rounds: usize) -> (Stored, f64) {
-    let mut best: Option<(Stored, f64)> = None;
-    for curve in TRIED {
+    let tried = TRIED.map(|curve| {
         let rows = matrix(tile, curve);
-        let mut weights = vec![1.0; tile.peaks.len()];
-        for _ in 0..rounds {
-            let stored = encode(&rows, rank, curve, &weights);
-            let errors = relative_errors(tile, &decode(tile, &stored));
-            let logarithms: Vec<f64> = errors.iter().flatten().map(|error| error.ln()).collect();
-            let mean = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
-            // Of Σ ln MSE a set's squared error has the derivative 1 ÷ MSE.
-            weights = errors.iter().map(|error| error.map_or(0.0, |error| error.powf(-0.5))).collect();
-            if best.as_ref().is_none_or(|(_, least)| mean < *least) {
-                best = Some((stored, mean));
-            }
-        }
-    }
-    best.expect("there is a curve and a round")
+        let encode = |weights: &[f64]| encode(&rows, rank, curve, weights);
+        reweighted(tile, rounds, encode, |stored| decode(tile, stored))
+    });
+    tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("there is a curve")
 }
 
 /// The matrix that is decomposed: a row a valid texel, a column a set and channel.
@@ -115,7 +101,7 @@ fn fit(maps: &[f64], rows: &[f64], columns: usize, rank: usize) -> Vec<f64> {
     solve(normal, right, rank, columns)
 }
 
-/// Maps that serve the sets by their weights, and the curves that are best for each set by them.
+/// Maps that serve the sets by the weights of their squared errors, and the curves that are best for each set by them.
 fn encode(rows: &[f64], rank: usize, curve: Curve, weights: &[f64]) -> Stored {
     let columns = 3 * weights.len();
     let rank = rank.min(columns);
@@ -123,8 +109,9 @@ fn encode(rows: &[f64], rank: usize, curve: Curve, weights: &[f64]) -> Stored {
     let mut means = vec![0.0; columns];
     let texels = (rows.len() / columns).max(1) as f64;
     rows.iter().enumerate().for_each(|(i, x)| means[i % columns] += x / texels);
-    let weighted: Vec<f64> =
-        (rows.iter().enumerate()).map(|(i, x)| (x - means[i % columns]) * weights[i % columns / 3]).collect();
+    let weighted: Vec<f64> = (rows.iter().enumerate())
+        .map(|(i, x)| (x - means[i % columns]) * weights[i % columns / 3].sqrt())
+        .collect();
     let coordinates = components(&weighted, columns, rank);
     let ranges: Vec<[f32; 2]> = (0..rank)
         .map(|r| {
@@ -213,18 +200,11 @@ mod tests {
     }
 
     #[test]
-    fn what_never_changes_needs_no_component() {
-        let [still, moving] = [1, 2].map(|seed| tile(12, 8, 1, seed).source.sets.remove(0));
-        let set = |k: u8| {
-            let light = |i: usize| std::array::from_fn(|c| still[i][c] + f32::from(k) * 0.2 * moving[i][0]);
-            (0..still.len()).map(light).collect()
-        };
-        let one = best(&tile_of(12, 8, (0..4).map(set).collect()), 2, ROUNDS).1;
-        // Texels differ by the still picture, whose three channels are not alike: that takes more.
-        assert!(one > (1e-5f64).ln(), "{one}");
-        let grey = |k: u8| (0..still.len()).map(|i| [0.5 + f32::from(k) * 0.2 * moving[i][0]; 3]).collect();
-        let all = best(&tile_of(12, 8, (0..4).map(grey).collect()), 1, ROUNDS).1;
-        assert!(all < (1e-5f64).ln(), "{all}");
+    fn what_is_the_same_for_all_texels_needs_no_component() {
+        let moving = tile(12, 8, 1, 2).source.sets.remove(0);
+        let grey = |k: u8| moving.iter().map(|texel| [0.5 + f32::from(k) * 0.2 * texel[0]; 3]).collect();
+        let error = best(&tile_of(12, 8, (0..4).map(grey).collect()), 1, ROUNDS).1;
+        assert!(error < (1e-5f64).ln(), "{error}");
     }
 
     #[test]

@@ -4,15 +4,13 @@
 //! a set's light. Like the SVD it aims at the mean PSNR: the sets' weights follow what is left of their errors, some rounds long.
 
 use super::super::linear::{eigen, solve};
-use super::super::method::{CodedTile, relative_errors, timed};
+use super::super::method::{CodedTile, ROUNDS, reweighted, timed};
 use super::super::tiles::{Texels, Tile};
 use super::Vectors;
 use super::cluster::Points;
 use crate::Result;
 use half::f16;
 
-/// Rounds of weighting.
-const ROUNDS: usize = 8;
 /// Passes in which texels go to the nearest cluster, at first, and in each later round.
 const PASSES: [usize; 2] = [8, 3];
 /// Most clusters, and most components, of a tile.
@@ -95,28 +93,18 @@ fn sizes(texels: usize, vectors: &Vectors, wanted: f64) -> Vec<(usize, usize)> {
 
 /// The round with the highest mean PSNR, and its mean over the lit sets of the logarithm of the error.
 fn best(tile: &Tile, vectors: &Vectors, clusters: usize, rank: usize, rounds: usize) -> (Stored, f64) {
-    let mut weights: Vec<f64> =
-        tile.peaks.iter().map(|&peak| if peak > 0.0 { f64::from(peak).powi(-2) } else { 0.0 }).collect();
-    let mut best: Option<(Stored, f64)> = None;
     let mut of: Option<Vec<usize>> = None;
-    for _ in 0..rounds {
+    let encode = |weights: &[f64]| {
+        // Of light relative to the peak.
+        let relative =
+            |(weight, &peak): (&f64, &f32)| if peak > 0.0 { weight / f64::from(peak).powi(2) } else { 0.0 };
+        let weights: Vec<f64> = weights.iter().zip(&tile.peaks).map(relative).collect();
         let points = in_metric(vectors, &weights).reduced(LOST);
         let passes = PASSES[usize::from(of.is_some())];
-        let mut now = of.unwrap_or_else(|| points.divided(clusters, rank));
-        let stored = fitted(vectors, &points, &mut now, rank, passes);
-        let errors = relative_errors(tile, &decode(tile, vectors, &stored));
-        let logarithms: Vec<f64> = errors.iter().flatten().map(|error| error.ln()).collect();
-        let mean = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
-        // Of Σ ln MSE a set's squared error has the derivative 1 ÷ MSE.
-        for ((weight, error), &peak) in weights.iter_mut().zip(&errors).zip(&tile.peaks) {
-            *weight = error.map_or(0.0, |error| f64::from(peak).powi(-2) / error);
-        }
-        if best.as_ref().is_none_or(|(_, least)| mean < *least) {
-            best = Some((stored, mean));
-        }
-        of = Some(now);
-    }
-    best.expect("there is a round")
+        let of = of.get_or_insert_with(|| points.divided(clusters, rank));
+        fitted(vectors, &points, of, rank, passes)
+    };
+    reweighted(tile, rounds, encode, |stored| decode(tile, vectors, stored))
 }
 
 /// The vectors in coordinates whose distance is the weighted error of the light: M = V Λ Vᵀ for each channel, and √Λ Vᵀ x.
