@@ -5,7 +5,7 @@
 //! (`lanes`, `time`, `model`, `bc7`, `grid`, `bundle`, `decode`) never imports the training half
 //! (`clock`, `mean`, `tile`, `train`, `compress`, `evaluate`, `report`, `run`, `sweep`, `compare`). Of the latter, `evaluate` needs `mean` alone.
 
-mod lanes;
+pub mod lanes;
 pub mod time;
 pub mod model;
 pub mod bc7;

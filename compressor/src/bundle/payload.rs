@@ -180,7 +180,7 @@ pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> R
 /// The rules on values, the same for writing and reading.
 fn check(tile: &TileParams) -> Result<(), String> {
     for (map, blocks) in [("F_uv", &tile.f_uv), ("F_uvt", &tile.f_uvt)] {
-        if let Some(i) = blocks.iter().position(|block| bc7::decode(block).is_err()) {
+        if let Some(i) = blocks.iter().position(|block| bc7::check(block).is_err()) {
             return Err(format!("block {i} of {map} is neither BC7 mode 6 nor mode 4"));
         }
     }

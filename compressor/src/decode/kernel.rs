@@ -11,8 +11,6 @@ use crate::time::Coding;
 
 /// Rows of texels are padded to a multiple of this, which every vector length divides.
 pub(super) const LANES: usize = 16;
-/// Features whose share of the first layer is expanded to columns: V_uvt 4, V_ut 2.
-pub(super) const EXPANDED: usize = 6;
 
 /// A tile at one moment, ready to be decoded. Feature values are in 255ths; the weights of the first layer are scaled accordingly.
 pub(super) struct Folded<'a> {
@@ -25,16 +23,21 @@ pub(super) struct Folded<'a> {
     pub hidden: usize,
     /// F_uv by channel, row, column; empty without it.
     pub uv: &'a [u8],
-    /// V_uvt and V_ut at every column: by row of F_uvt, feature, column.
-    pub lines: Vec<f32>,
-    /// First layer's weights of those features, by unit.
-    pub w_lines: Vec<[f32; EXPANDED]>,
+    /// F_uvt at the moment, in rows of `slice_width` texels.
+    pub slice: Vec<[f32; 4]>,
+    pub slice_width: usize,
+    /// Per column of texels: the two columns of F_uvt around it, and the second's share.
+    pub along: Vec<(usize, usize, f32)>,
     /// Per row of texels: the two rows of F_uvt around it, and the second's share.
     pub across: Vec<(usize, usize, f32)>,
+    /// V_ut by feature, column.
+    pub ut: [Vec<f32>; 2],
     /// First layer's share of F_vt, γ, the gates and the bias: by row of texels, unit.
     pub rows: Vec<f32>,
-    /// First layer's weights of F_uv, by unit.
+    /// First layer's weights of F_uvt, F_uv and F_ut (the last two of which are 0), by unit.
+    pub w_uvt: Vec<[f32; 4]>,
     pub w_uv: Vec<[f32; 4]>,
+    pub w_ut: Vec<[f32; 4]>,
     /// The other layers as they are stored.
     pub w2: &'a [f32],
     pub b2: &'a [f32],
@@ -77,16 +80,28 @@ fn avx2<const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     run::<Avx2, HIDDEN>(tile, out);
 }
 
-/// [`crate::model::gelu`] in every lane.
+/// Units of a layer computed together: as many independent sums as hide the latency of an addition.
+const BLOCK: usize = 8;
+
+/// [`crate::model::gelu`] in every lane, four units side by side.
 #[inline(always)]
-fn gelu<L: Lanes>(x: L) -> L {
-    let y = x.max(L::splat(-GELU_BOUND)).min(L::splat(GELU_BOUND));
-    let s = y.mul(y);
-    let mut p = L::splat(GELU_COEFFICIENTS[5]);
-    for k in [4, 3, 2, 1, 0] {
-        p = p.mul_add(s, L::splat(GELU_COEFFICIENTS[k]));
+fn gelu<L: Lanes>(units: &mut [L; BLOCK]) {
+    for x in units.as_chunks_mut::<4>().0 {
+        let (mut y, mut s) = (*x, *x);
+        for i in 0..4 {
+            y[i] = x[i].max(L::splat(-GELU_BOUND)).min(L::splat(GELU_BOUND));
+            s[i] = y[i].mul(y[i]);
+        }
+        let mut p = [L::splat(GELU_COEFFICIENTS[5]); 4];
+        for k in [4, 3, 2, 1, 0] {
+            for i in 0..4 {
+                p[i] = p[i].mul_add(s[i], L::splat(GELU_COEFFICIENTS[k]));
+            }
+        }
+        for i in 0..4 {
+            x[i] = x[i].mul(y[i].mul_add(p[i], L::splat(0.5)));
+        }
     }
-    x.mul(y.mul_add(p, L::splat(0.5)))
 }
 
 /// As many bytes as lanes, as numbers.
@@ -99,22 +114,35 @@ fn load_bytes<L: Lanes>(from: &[u8]) -> L {
     L::load(&values)
 }
 
-/// Outputs of a layer computed together: as many independent sums as hide the latency of an addition.
-const BLOCK: usize = 8;
+/// A layer's units at [`LANES`] columns.
+type Units<const HIDDEN: usize> = [[f32; LANES]; HIDDEN];
 
 #[inline(always)]
 fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
-    let columns = expand::<L, HIDDEN>(tile);
     let plane = tile.height * tile.padded;
     let has_uv = !tile.uv.is_empty();
-    let (w2, _) = tile.w2.as_chunks::<HIDDEN>();
-    let (w3, _) = tile.w3.as_chunks::<HIDDEN>();
+    let w_uv: &[[f32; 4]; HIDDEN] = tile.w_uv[..].try_into().expect("weights of every unit");
+    let w2: &[[f32; HIDDEN]; HIDDEN] = tile.w2.as_chunks().0.try_into().expect("weights of every unit");
+    let w3: &[[f32; HIDDEN]; 3] = tile.w3.as_chunks().0.try_into().expect("weights of every channel");
+    let b2: &[f32; HIDDEN] = tile.b2.try_into().expect("a bias of every unit");
+    let of_ut = expand_ut::<L, HIDDEN>(tile);
+    // Rows of F_uvt in turn: the even one and the odd one of the two around a row of texels.
+    let mut expanded = [of_ut.clone(), of_ut.clone()];
+    let mut held = [usize::MAX; 2];
     for (y, line) in out.chunks_exact_mut(tile.width).enumerate() {
         let (above, below, share) = tile.across[y];
+        for row in [above, below] {
+            if held[row % 2] != row {
+                held[row % 2] = row;
+                expand::<L, HIDDEN>(tile, row, &of_ut, &mut expanded[row % 2]);
+            }
+        }
+        let (from_above, from_below) = (&expanded[above % 2], &expanded[below % 2]);
         let share = L::splat(share);
-        let rows = &tile.rows[y * HIDDEN..(y + 1) * HIDDEN];
+        let row = &tile.rows.as_chunks::<HIDDEN>().0[y];
         for (i, texels) in line.chunks_mut(L::N).enumerate() {
             let x = i * L::N;
+            let (chunk, lane) = (x / LANES, x % LANES);
             // h₁ = gelu(W₁ x + b₁), all but V_uv folded.
             let mut v_uv = [L::splat(0.0); 4];
             if has_uv {
@@ -122,34 +150,40 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
                     *v = load_bytes(&tile.uv[c * plane + y * tile.padded + x..]);
                 }
             }
+            let (above, below) = (&from_above[chunk], &from_below[chunk]);
             let mut h1 = [L::splat(0.0); HIDDEN];
-            for (j, h) in h1.iter_mut().enumerate() {
-                let a = L::load(&columns[(above * HIDDEN + j) * tile.padded + x..]);
-                let b = L::load(&columns[(below * HIDDEN + j) * tile.padded + x..]);
-                let difference = a.mul_add(L::splat(-1.0), b);
-                let mut sum = share.mul_add(difference, a).add(L::splat(rows[j]));
+            for (j, h1) in h1.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+                let mut sums = [L::splat(0.0); BLOCK];
+                for b in 0..BLOCK {
+                    let unit = j * BLOCK + b;
+                    let from = L::load(&above[unit][lane..]);
+                    let difference = from.mul_add(L::splat(-1.0), L::load(&below[unit][lane..]));
+                    sums[b] = share.mul_add(difference, from.add(L::splat(row[unit])));
+                }
                 if has_uv {
-                    for (w, v) in tile.w_uv[j].iter().zip(&v_uv) {
-                        sum = L::splat(*w).mul_add(*v, sum);
+                    for c in 0..4 {
+                        for b in 0..BLOCK {
+                            sums[b] = L::splat(w_uv[j * BLOCK + b][c]).mul_add(v_uv[c], sums[b]);
+                        }
                     }
                 }
-                *h = gelu(sum);
+                gelu(&mut sums);
+                *h1 = sums;
             }
             // h₂ = gelu(W₂ h₁ + b₂)
             let mut h2 = [L::splat(0.0); HIDDEN];
             for (j, h2) in h2.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
                 let mut sums = [L::splat(0.0); BLOCK];
-                for (b, sum) in sums.iter_mut().enumerate() {
-                    *sum = L::splat(tile.b2[j * BLOCK + b]);
+                for b in 0..BLOCK {
+                    sums[b] = L::splat(b2[j * BLOCK + b]);
                 }
                 for (k, h) in h1.iter().enumerate() {
-                    for (b, sum) in sums.iter_mut().enumerate() {
-                        *sum = L::splat(w2[j * BLOCK + b][k]).mul_add(*h, *sum);
+                    for b in 0..BLOCK {
+                        sums[b] = L::splat(w2[j * BLOCK + b][k]).mul_add(*h, sums[b]);
                     }
                 }
-                for (h, sum) in h2.iter_mut().zip(&sums) {
-                    *h = gelu(*sum);
-                }
+                gelu(&mut sums);
+                *h2 = sums;
             }
             // y = W₃ h₂ + b₃
             let mut y3 = [L::splat(tile.b3[0]), L::splat(tile.b3[1]), L::splat(tile.b3[2])];
@@ -163,29 +197,55 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     }
 }
 
-/// The first layer's share of V_uvt and V_ut: by row of F_uvt, unit, column.
+/// The first layer's share of V_ut.
 #[inline(always)]
-fn expand<L: Lanes, const HIDDEN: usize>(tile: &Folded) -> Vec<f32> {
-    let padded = tile.padded;
-    let mut columns = vec![0.0; tile.lines.len() / EXPANDED * HIDDEN];
-    for (line, out) in
-        tile.lines.chunks_exact(EXPANDED * padded).zip(columns.chunks_exact_mut(HIDDEN * padded))
-    {
-        for x in (0..padded).step_by(L::N) {
-            let mut features = [L::splat(0.0); EXPANDED];
-            for (c, feature) in features.iter_mut().enumerate() {
-                *feature = L::load(&line[c * padded + x..]);
-            }
-            for (j, weights) in tile.w_lines.iter().enumerate() {
-                let mut sum = L::splat(0.0);
-                for (w, f) in weights.iter().zip(&features) {
-                    sum = L::splat(*w).mul_add(*f, sum);
-                }
-                sum.store(&mut out[j * padded + x..]);
+fn expand_ut<L: Lanes, const HIDDEN: usize>(tile: &Folded) -> Vec<Units<HIDDEN>> {
+    let mut out = vec![[[0.0; LANES]; HIDDEN]; tile.padded / LANES];
+    for (chunk, units) in out.iter_mut().enumerate() {
+        for (w, unit) in tile.w_ut.iter().zip(units) {
+            for lane in (0..LANES).step_by(L::N) {
+                let x = chunk * LANES + lane;
+                let second = L::splat(w[1]).mul(L::load(&tile.ut[1][x..]));
+                L::splat(w[0]).mul_add(L::load(&tile.ut[0][x..]), second).store(&mut unit[lane..]);
             }
         }
     }
-    columns
+    out
+}
+
+/// The same and that of V_uvt at a row of F_uvt.
+#[inline(always)]
+fn expand<L: Lanes, const HIDDEN: usize>(
+    tile: &Folded,
+    row: usize,
+    of_ut: &[Units<HIDDEN>],
+    out: &mut [Units<HIDDEN>],
+) {
+    let texels = &tile.slice[row * tile.slice_width..(row + 1) * tile.slice_width];
+    for (chunk, (of_ut, units)) in of_ut.iter().zip(out).enumerate() {
+        let mut features = [[0.0; LANES]; 4];
+        let along = &tile.along[chunk * LANES..];
+        for (l, &(x0, x1, share)) in along.iter().take(LANES).enumerate() {
+            let (a, b) = (texels[x0], texels[x1]);
+            let value = [share; 4].mul_add(a.mul_add([-1.0; 4], b), a);
+            for c in 0..4 {
+                features[c][l] = value[c];
+            }
+        }
+        for lane in (0..LANES).step_by(L::N) {
+            let mut v = [L::splat(0.0); 4];
+            for c in 0..4 {
+                v[c] = L::load(&features[c][lane..]);
+            }
+            for ((weights, of_ut), unit) in tile.w_uvt.iter().zip(of_ut).zip(units.iter_mut()) {
+                let mut sum = L::load(&of_ut[lane..]);
+                for c in 0..4 {
+                    sum = L::splat(weights[c]).mul_add(v[c], sum);
+                }
+                sum.store(&mut unit[lane..]);
+            }
+        }
+    }
 }
 
 /// Output to irradiance, as [`irradiance`], and lanes to texels; the last vector of a row may have fewer texels than lanes.
@@ -199,7 +259,9 @@ fn store<L: Lanes>(y: [L; 3], tile: &Folded, texels: &mut [[f32; 3]]) {
     }
     for (l, texel) in texels.iter_mut().enumerate() {
         *texel = [values[0][l], values[1][l], values[2][l]];
-        if tile.coding != Coding::Standard {
+    }
+    if tile.coding != Coding::Standard {
+        for texel in texels {
             *texel = std::array::from_fn(|c| irradiance(texel[c], tile.means[c], tile.coding));
         }
     }

@@ -1,6 +1,6 @@
 //! A tile unpacked for decoding whole: what depends on the time alone is folded once per moment.
 
-use super::kernel::{self, EXPANDED, Folded, LANES};
+use super::kernel::{self, Folded, LANES};
 use super::{clamped, lerp, means_at, periodic, tau_at};
 use crate::bc7;
 use crate::lanes::Tier;
@@ -35,34 +35,46 @@ impl<'a> TileDecoder<'a> {
         let shape = &tile.shape;
         let padded = shape.width.next_multiple_of(LANES);
         let mut uv = vec![0; if shape.contents.uv { 4 * shape.height * padded } else { 0 }];
-        for (x, y, texel) in unpack(&tile.f_uv, shape.width)? {
-            for (c, q) in texel.into_iter().enumerate() {
-                uv[(c * shape.height + y) * padded + x] = q;
+        for (i, block) in tile.f_uv.iter().enumerate() {
+            let texels = bc7::decode(block)?;
+            let (left, top) = corner(i, shape.width);
+            for (y, row) in texels.as_chunks::<4>().0.iter().enumerate() {
+                for c in 0..4 {
+                    uv[(c * shape.height + top + y) * padded + left..][..4]
+                        .copy_from_slice(&row.map(|t| t[c]));
+                }
             }
         }
         // Checked once here, so that decoding cannot fail.
-        for block in &tile.f_uvt {
-            bc7::unpack(block)?;
-        }
+        tile.f_uvt.iter().try_for_each(bc7::check)?;
         let mlp = tile.mlp.iter().map(|w| w.to_f32()).collect();
         Ok(TileDecoder { tile: tile.clone(), timeline, tier: Tier::detect(), padded, uv, mlp })
     }
 
     /// The same with the instructions of another tier of this processor.
-    #[cfg(test)]
-    pub(super) fn with_tier(self, tier: Tier) -> Self {
+    pub fn with_tier(self, tier: Tier) -> Self {
         TileDecoder { tier, ..self }
     }
 
     /// Irradiance of all stored texels, row by row, at a moment of the bundle's timeline, whose sets are the tile's.
     pub fn decode_tile(&self, moment: &Moment) -> Vec<[f32; 3]> {
-        let shape = &self.tile.shape;
-        let mut out = vec![[0.0; 3]; shape.width * shape.height];
-        let means = means_at(&self.tile, moment);
-        if means != [0.0; 3] {
-            kernel::decode(self.tier, &self.fold(moment, means), &mut out);
-        }
+        let mut out = vec![[0.0; 3]; self.tile.shape.width * self.tile.shape.height];
+        self.decode_into(moment, &mut out);
         out
+    }
+
+    /// The same, into memory that is there already.
+    ///
+    /// # Panics
+    /// Unless it holds as many texels as the tile.
+    pub fn decode_into(&self, moment: &Moment, out: &mut [[f32; 3]]) {
+        assert_eq!(out.len(), self.tile.shape.width * self.tile.shape.height, "texels of the tile");
+        let means = means_at(&self.tile, moment);
+        if means == [0.0; 3] {
+            out.fill([0.0; 3]);
+        } else {
+            kernel::decode(self.tier, &self.fold(moment, means), out);
+        }
     }
 
     /// Blends the maps in time and folds what depends on the row or the time alone into the first layer's bias.
@@ -78,27 +90,19 @@ impl<'a> TileDecoder<'a> {
         let tau = tau_at(&self.tile, self.timeline, moment);
         let coordinate = |x: usize, n: usize| (x as f32 + 0.5) / n as f32;
 
-        // F_uvt: one slice at τ, then along u to every column. F_ut: one row at τ, along u to every column.
-        // Without F_uvt there is one row of lines, for F_ut.
+        // F_uvt: one slice at τ. F_ut: one row at τ, along u to every column. Without F_uvt its slice is one texel of 0.
         let [width, height, _] = if has.uvt > 0 { shape.uvt } else { [1; 3] };
         let slice = if has.uvt > 0 { self.slice(tau as f32) } else { vec![[0.0; 4]] };
-        let v_ut = if has.ut {
-            plane(&self.tile.f_ut, shape.ut, shape.rows, tau as f32, shape.width)
-        } else {
-            vec![[0.0; 2]; shape.width]
-        };
-        let along: Vec<_> = (0..shape.width).map(|x| clamped(coordinate(x, shape.width), width)).collect();
-        let mut lines = vec![0.0; height * EXPANDED * padded];
-        for (row, line) in lines.chunks_exact_mut(EXPANDED * padded).enumerate() {
-            let texels = &slice[row * width..(row + 1) * width];
-            for (c, line) in line.chunks_exact_mut(padded).enumerate() {
-                for (x, (value, &(x0, x1, s))) in line.iter_mut().zip(&along).enumerate() {
-                    *value = if c < 4 { lerp(texels[x0][c], texels[x1][c], s) } else { v_ut[x][c - 4] };
-                }
+        let mut of_ut = [vec![0.0; padded], vec![0.0; padded]];
+        if has.ut {
+            let v_ut = plane(&self.tile.f_ut, shape.ut, shape.rows, tau as f32, shape.width);
+            for (c, line) in of_ut.iter_mut().enumerate() {
+                line.iter_mut().zip(&v_ut).for_each(|(value, v)| *value = v[c]);
             }
         }
-        let line_weight = |j: usize, c: usize| if c < 4 { weight(j, &uvt, c) } else { weight(j, &ut, c - 4) };
-        let w_lines = (0..hidden).map(|j| std::array::from_fn(|c| SCALE * line_weight(j, c))).collect();
+        let weights_of = |columns: &std::ops::Range<usize>| -> Vec<[f32; 4]> {
+            (0..hidden).map(|j| std::array::from_fn(|c| SCALE * weight(j, columns, c))).collect()
+        };
 
         // b₁, γ, the gates, and the −3/2 of every feature; by row, F_vt.
         let of_gamma = self.timeline.coding.gamma(tau);
@@ -116,24 +120,26 @@ impl<'a> TileDecoder<'a> {
         } else {
             vec![[0.0; 2]; shape.height]
         };
+        let w_vt = weights_of(&vt);
         let mut rows = Vec::with_capacity(shape.height * hidden);
         for v in v_vt {
-            let share = |j| weight(j, &vt, 0) * v[0] + weight(j, &vt, 1) * v[1];
-            rows.extend((0..hidden).map(|j| bias[j] + SCALE * share(j)));
+            rows.extend(bias.iter().zip(&w_vt).map(|(bias, w)| bias + w[0] * v[0] + w[1] * v[1]));
         }
-        let w_uv = (0..hidden).map(|j| std::array::from_fn(|c| SCALE * weight(j, &uv, c))).collect();
-        let across = (0..shape.height).map(|y| clamped(coordinate(y, shape.height), height)).collect();
         Folded {
             width: shape.width,
             height: shape.height,
             padded,
             hidden,
             uv: &self.uv,
-            lines,
-            w_lines,
-            across,
+            slice,
+            slice_width: width,
+            along: (0..shape.width).map(|x| clamped(coordinate(x, shape.width), width)).collect(),
+            across: (0..shape.height).map(|y| clamped(coordinate(y, shape.height), height)).collect(),
+            ut: of_ut,
             rows,
-            w_uv,
+            w_uvt: weights_of(&uvt),
+            w_uv: weights_of(&uv),
+            w_ut: weights_of(&ut),
             w2,
             b2,
             w3,
@@ -149,16 +155,21 @@ impl<'a> TileDecoder<'a> {
         let blocks = width * height / 16;
         let (k0, k1, share) = periodic(tau, slices);
         let mut slice = vec![[0.0; 4]; width * height];
-        for (k, weight) in [(k0, 1.0 - share), (k1, share)] {
-            let texels = unpack(&self.tile.f_uvt[k * blocks..(k + 1) * blocks], width);
-            for (x, y, texel) in texels.into_iter().flatten() {
-                for (value, q) in slice[y * width + x].iter_mut().zip(texel) {
-                    *value += weight * f32::from(q);
-                }
+        let of = |k: usize, i: usize| bc7::decode(&self.tile.f_uvt[k * blocks + i]).unwrap_or([[0; 4]; 16]);
+        for i in 0..blocks {
+            let (left, top) = corner(i, width);
+            for (j, (a, b)) in of(k0, i).iter().zip(&of(k1, i)).enumerate() {
+                let value = &mut slice[(top + j / 4) * width + left + j % 4];
+                *value = std::array::from_fn(|c| lerp(f32::from(a[c]), f32::from(b[c]), share));
             }
         }
         slice
     }
+}
+
+/// The first texel of a block, in rows of `width` texels.
+fn corner(block: usize, width: usize) -> (usize, usize) {
+    (4 * (block % (width / 4)), 4 * (block / (width / 4)))
 }
 
 /// F_ut or F_vt at τ, at every texel of a side of `side` texels, in 255ths.
@@ -171,13 +182,4 @@ fn plane(map: &[[u8; 2]], n: usize, rows: usize, tau: f32, side: usize) -> Vec<[
             std::array::from_fn(|c| lerp(at(i0, c), at(i1, c), s))
         })
         .collect()
-}
-
-/// Every texel of blocks in rows of `width` texels, block by block, with its place.
-fn unpack(blocks: &[[u8; 16]], width: usize) -> Result<impl Iterator<Item = (usize, usize, [u8; 4])>> {
-    let texels = blocks.iter().map(bc7::decode).collect::<Result<Vec<_>>>()?;
-    Ok(texels.into_iter().enumerate().flat_map(move |(i, texels)| {
-        let (left, top) = (4 * (i % (width / 4)), 4 * (i / (width / 4)));
-        texels.into_iter().enumerate().map(move |(j, texel)| (left + j % 4, top + j / 4, texel))
-    }))
 }
