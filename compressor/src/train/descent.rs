@@ -1,16 +1,17 @@
-//! Coordinate descent of F_uvt's blocks on the linearised loss Σ |√w (r + J δ)|²: one texel's index, then one block's
-//! endpoints, then its mode at a time, keeping every sample's residual up to date.
+//! Coordinate descent of F_uvt's blocks on the linearised loss Σ |√w (r + J δ)|²: block by block, each given all others, keeping
+//! every sample's residual up to date.
 
 #![allow(
     clippy::needless_range_loop,
     reason = "rows and columns of small matrices, as the formulas index them"
 )]
 
-use super::blocks::{Matrix, System, Wanted, add_outer, dot, rounded, times, values, weights};
+use super::blocks::values;
+use super::form::Form;
 use super::kernel::Kernel;
+use super::matrices::{add_outer, dot};
 use super::problem::{Pair, Problem};
-use super::quantise::solve;
-use crate::bc7::{Block, Mode, palette};
+use crate::bc7::Block;
 use crate::lanes::{Lanes, Quad};
 
 /// √w J with respect to F_uvt's four features, in 8-bit steps, and √w r, of one sample.
@@ -20,17 +21,6 @@ pub struct Sample {
     pub jacobian: [Quad; 3],
     /// √w r
     pub residual: Quad,
-}
-
-/// Free texels are held this much more than endpoints.
-const FREE: f32 = 10.0;
-
-/// Positions along an axis (columns, rows, looked-at moments) that read a texel or slice of F_uvt, with their weights.
-type Readers = Vec<(usize, f32)>;
-
-fn readers(pairs: impl Iterator<Item = Pair>, texel: usize) -> Readers {
-    let weight = |pair: &Pair| pair.ends().iter().filter(|(at, _)| *at == texel).map(|(_, f)| f).sum::<f32>();
-    pairs.map(|pair| weight(&pair)).enumerate().filter(|(_, f)| *f > 0.0).collect()
 }
 
 /// One pass over all blocks of F_uvt.
@@ -47,6 +37,17 @@ pub struct Descent<'a> {
     pub damping: f32,
 }
 
+/// Columns (or rows) that read one of a block's four columns (rows), with their weights on them.
+type Readers = Vec<(usize, Quad)>;
+
+/// The readers of four texels along an axis, from their places among the blocks.
+fn readers(pairs: impl Iterator<Item = Pair>, texels: [usize; 4]) -> Readers {
+    let weights = |pair: Pair| {
+        texels.map(|texel| pair.ends().iter().filter(|(at, _)| *at == texel).map(|(_, f)| f).sum::<f32>())
+    };
+    pairs.map(weights).enumerate().filter(|(_, weights)| weights.iter().any(|f| *f > 0.0)).collect()
+}
+
 impl Kernel for Descent<'_> {
     type Output = ();
     #[inline(always)]
@@ -55,24 +56,36 @@ impl Kernel for Descent<'_> {
         let shape = &problem.shape;
         let [across, down, slices] = shape.uvt;
         // Offsets of columns and rows run block by block; see `Site`.
-        let along_x = |x: usize| readers(problem.columns.iter().map(|s| s.uvt), x / 4 * 16 + x % 4);
-        let along_y =
-            |y: usize| readers(problem.rows.iter().map(|s| s.uvt), y / 4 * (across / 4) * 16 + y % 4 * 4);
-        let along_t = |s: usize| {
-            let moments = problem.moments[..problem.sets].iter().step_by(stride);
-            readers(moments.map(|m| m.slices), s * across * down)
-        };
-        let columns: Vec<_> = (0..across).map(along_x).collect();
-        let rows: Vec<_> = (0..down).map(along_y).collect();
-        let moments: Vec<_> = (0..slices).map(along_t).collect();
+        let columns: Vec<Readers> = (0..across / 4)
+            .map(|b| readers(problem.columns.iter().map(|s| s.uvt), [0, 1, 2, 3].map(|x| b * 16 + x)))
+            .collect();
+        let rows: Vec<Readers> = (0..down / 4)
+            .map(|b| {
+                let first = b * (across / 4) * 16;
+                readers(problem.rows.iter().map(|s| s.uvt), [0, 1, 2, 3].map(|y| first + y * 4))
+            })
+            .collect();
         let mut blocks = blocks.iter_mut();
-        for moments in &moments {
-            for rows in rows.chunks_exact(4) {
-                for (columns, block) in columns.chunks_exact(4).zip(&mut blocks) {
-                    let reach = Reach { columns, rows, moments, width: shape.width, height: shape.height };
-                    reach.choose_indices(block, samples);
-                    reach.fit_endpoints(block, samples, damping);
-                    reach.choose_mode(block, samples, damping);
+        for slice in 0..slices {
+            let of_slice = |pair: &Pair| {
+                let ends = pair.ends();
+                ends.iter().filter(|(at, _)| *at == slice * across * down).map(|(_, f)| f).sum::<f32>()
+            };
+            let looked_at = problem.moments[..problem.sets].iter().step_by(stride);
+            let moments = looked_at.map(|m| of_slice(&m.slices)).enumerate().filter(|(_, f)| *f > 0.0);
+            let moments: Vec<(usize, f32)> = moments.collect();
+            for rows in &rows {
+                for columns in &columns {
+                    let block =
+                        blocks.next().expect("there is a block for all columns and rows of all slices");
+                    let reach =
+                        Reach { columns, rows, moments: &moments, width: shape.width, height: shape.height };
+                    let form = reach.form(samples);
+                    let improved = form.improve::<V>(block, damping);
+                    if improved != *block {
+                        reach.shift(samples, &values(block), &values(&improved));
+                        *block = improved;
+                    }
                 }
             }
         }
@@ -81,11 +94,9 @@ impl Kernel for Descent<'_> {
 
 /// The samples that read one block.
 struct Reach<'a> {
-    /// Of each of the block's four columns.
-    columns: &'a [Readers],
-    /// Of each of its four rows.
-    rows: &'a [Readers],
-    /// Of its slice.
+    columns: &'a Readers,
+    rows: &'a Readers,
+    /// Looked-at moments that read the block's slice, with their weights on it.
     moments: &'a [(usize, f32)],
     /// Stored width.
     width: usize,
@@ -94,184 +105,56 @@ struct Reach<'a> {
 }
 
 impl Reach<'_> {
-    /// The samples of a row of stored texels at a moment.
+    /// The first sample of a row of stored texels at a moment.
     #[inline(always)]
-    fn line(&self, moment: usize, y: usize) -> std::ops::Range<usize> {
-        let first = (moment * self.height + y) * self.width;
-        first..first + self.width
+    fn line(&self, moment: usize, y: usize) -> usize {
+        (moment * self.height + y) * self.width
     }
 
-    /// Texel by texel, the value that lowers Σ |r + a J δ|² most, given all others.
+    /// The loss as a form of the block's texels.
     #[inline(always)]
-    fn choose_indices(&self, block: &mut Block, samples: &mut [Sample]) {
-        let choices = palette(block.mode, &block.endpoints).map(|t| t.map(f32::from));
-        let choices = &choices[..block.mode.values()];
-        for q in 0..16 {
-            let old = choices[usize::from(block.indices[q])];
-            let (form, slope) = self.around(samples, q);
-            let (mut best, mut least) = (block.indices[q], 0.0);
-            for (i, value) in choices.iter().enumerate() {
-                let d: Quad = std::array::from_fn(|c| value[c] - old[c]);
-                let md = times(&form, d);
-                let change: f32 = (0..4).map(|c| d[c] * (2.0 * slope[c] + md[c])).sum();
-                if change < least {
-                    (best, least) = (i as u8, change);
-                }
-            }
-            if best != block.indices[q] {
-                block.indices[q] = best;
-                let value = choices[usize::from(best)];
-                self.shift(samples, q, std::array::from_fn(|c| value[c] - old[c]));
-            }
-        }
-    }
-
-    /// Both endpoints by least squares, the indices given, if that lowers the loss.
-    #[inline(always)]
-    fn fit_endpoints(&self, block: &mut Block, samples: &mut [Sample], damping: f32) {
-        let system = self.normal_equations(block, samples);
-        let present = block.endpoints.map(|e| e.map(f32::from));
-        let mut damped = system.clone();
-        damped.damp(damping, &[[0.0; 4]; 2]);
-        let Some(step) = damped.solve() else { return };
-        let goal =
-            [0, 4].map(|k| std::array::from_fn(|c| (present[k / 4][c] + step[k + c]).clamp(0.0, 255.0)));
-        let (mut best, mut least) = (block.endpoints, 0.0);
-        for candidate in rounded(block.mode, &goal) {
-            let change = std::array::from_fn(|i| f32::from(candidate[i / 4][i % 4]) - present[i / 4][i % 4]);
-            let energy = system.energy(&change);
-            if energy < least {
-                (best, least) = (candidate, energy);
-            }
-        }
-        if best == block.endpoints {
-            return;
-        }
-        let old = values(block);
-        block.endpoints = best;
-        self.shift_all(samples, &old, &values(block));
-    }
-
-    /// Of a change d of texel q: the loss changes by 2 slopeᵀ d + dᵀ form d.
-    #[inline(always)]
-    fn around(&self, samples: &[Sample], q: usize) -> (Matrix, Quad) {
-        let (mut form, mut slope) = ([[0.0; 4]; 4], [0.0; 4]);
-        for &(m, fm) in self.moments {
-            for &(y, fy) in &self.rows[q / 4] {
-                let line = &samples[self.line(m, y)];
-                for &(x, fx) in &self.columns[q % 4] {
-                    let (sample, a) = (&line[x], fm * fy * fx);
+    fn form(&self, samples: &[Sample]) -> Form {
+        let mut form = Form { matrix: [[[[0.0; 4]; 4]; 16]; 16], slope: [[0.0; 4]; 16] };
+        for (y, on_rows) in self.rows {
+            for (x, on_columns) in self.columns {
+                // What all moments have in common is where the sample lies.
+                let (mut square, mut slope) = ([[0.0; 4]; 4], [0.0; 4]);
+                for &(m, f) in self.moments {
+                    let sample = &samples[self.line(m, *y) + x];
                     for c in 0..3 {
-                        let j = Quad::splat(a).mul(sample.jacobian[c]);
-                        add_outer(&mut form, 1.0, j);
-                        slope = Quad::splat(sample.residual[c]).mul_add(j, slope);
+                        add_outer(&mut square, f * f, sample.jacobian[c]);
+                        slope = Quad::splat(f * sample.residual[c]).mul_add(sample.jacobian[c], slope);
+                    }
+                }
+                let (texels, count) = read(on_rows, on_columns);
+                for &(p, a) in &texels[..count] {
+                    form.slope[p] = Quad::splat(a).mul_add(slope, form.slope[p]);
+                    for &(q, b) in &texels[..count] {
+                        for r in 0..4 {
+                            let row = &mut form.matrix[p][q][r];
+                            *row = Quad::splat(a * b).mul_add(square[r], *row);
+                        }
                     }
                 }
             }
         }
-        (form, slope)
+        form
     }
 
-    /// The block in mode 6 and in mode 4 near to where its texels would go if they were free, if that lowers the loss.
+    /// The residuals after the block's texels moved.
     #[inline(always)]
-    fn choose_mode(&self, block: &mut Block, samples: &mut [Sample], damping: f32) {
-        let mut least = self.loss(samples);
-        let mut wanted = Wanted { texels: values(block), metric: [[[0.0; 4]; 4]; 16] };
-        for q in (0..32).map(|i| i % 16) {
-            let (mut form, slope) = self.around(samples, q);
-            let mean = (0..4).map(|c| form[c][c]).sum::<f32>() / 4.0;
-            (0..4).for_each(|c| form[c][c] += FREE * damping * mean + 1e-12);
-            let (step, old) = (solve(&form, &slope), wanted.texels[q]);
-            wanted.texels[q] = std::array::from_fn(|c| (old[c] - step[c]).clamp(0.0, 255.0));
-            wanted.metric[q] = form;
-            self.shift(samples, q, std::array::from_fn(|c| wanted.texels[q][c] - old[c]));
-        }
-        let six = wanted.fit(Mode::Six, block.endpoints.map(|e| e.map(f32::from)), 6).0;
-        let (mut best, mut at) = (*block, wanted.texels);
-        for mut candidate in [six, wanted.fit_four(6).0] {
-            self.shift_all(samples, &at, &values(&candidate));
-            self.choose_indices(&mut candidate, samples);
-            self.fit_endpoints(&mut candidate, samples, damping);
-            at = values(&candidate);
-            let loss = self.loss(samples);
-            if loss < least {
-                (best, least) = (candidate, loss);
-            }
-        }
-        self.shift_all(samples, &at, &values(&best));
-        *block = best;
-    }
-
-    /// The loss of the samples that read the block.
-    #[inline(always)]
-    fn loss(&self, samples: &[Sample]) -> f32 {
-        let (xs, ys) = (merged(self.columns), merged(self.rows));
-        let mut sum = 0.0;
-        for &(m, _) in self.moments {
-            for (y, _) in &ys {
-                let line = &samples[self.line(m, *y)];
-                sum += xs.iter().map(|(x, _)| dot(line[*x].residual, line[*x].residual)).sum::<f32>();
-            }
-        }
-        sum
-    }
-
-    /// Of a change of both endpoints: the block adds (a − B) e₀ + B e₁ to a sample, a = Σ a_q, B = Σ a_q w_q for each channel.
-    #[inline(always)]
-    fn normal_equations(&self, block: &Block, samples: &[Sample]) -> System {
-        let (xs, ys) = (merged(self.columns), merged(self.rows));
-        let weight = block.indices.map(|i| weights(block.mode, i));
-        let mut system = System::default();
-        for (y, wy) in &ys {
-            // Columns' sums down the block's rows.
-            let (mut mass, mut bend) = (0.0, [[0.0; 4]; 4]);
-            for i in 0..4 {
-                mass += wy[i];
-                for x in 0..4 {
-                    bend[x] = Quad::splat(wy[i]).mul_add(weight[4 * i + x], bend[x]);
+    fn shift(&self, samples: &mut [Sample], from: &[Quad; 16], to: &[Quad; 16]) {
+        for (y, on_rows) in self.rows {
+            for (x, on_columns) in self.columns {
+                let (texels, count) = read(on_rows, on_columns);
+                let mut moved = [0.0; 4];
+                for &(q, a) in &texels[..count] {
+                    moved = Quad::splat(a).mul_add(from[q].mul_add([-1.0; 4], to[q]), moved);
                 }
-            }
-            for (x, wx) in &xs {
-                let all = mass * (wx[0] + wx[1] + wx[2] + wx[3]);
-                let b = times(&bend, *wx);
-                let (mut form, mut pull) = ([[0.0; 4]; 4], [0.0; 4]);
-                for &(m, fm) in self.moments {
-                    let sample = &samples[self.line(m, *y)][*x];
+                for &(m, f) in self.moments {
+                    let sample = &mut samples[self.line(m, *y) + x];
                     for c in 0..3 {
-                        let j = Quad::splat(fm).mul(sample.jacobian[c]);
-                        add_outer(&mut form, 1.0, j);
-                        pull = Quad::splat(sample.residual[c]).mul_add(j, pull);
-                    }
-                }
-                let a = b.map(|b| all - b);
-                system.add_matrix(&form, a, b);
-                for c in 0..4 {
-                    system.right[c] -= a[c] * pull[c];
-                    system.right[4 + c] -= b[c] * pull[c];
-                }
-            }
-        }
-        system
-    }
-
-    /// The residuals after all texels moved.
-    #[inline(always)]
-    fn shift_all(&self, samples: &mut [Sample], from: &[Quad; 16], to: &[Quad; 16]) {
-        for q in 0..16 {
-            self.shift(samples, q, std::array::from_fn(|c| to[q][c] - from[q][c]));
-        }
-    }
-
-    /// The residuals after texel `q` moved by `d`.
-    #[inline(always)]
-    fn shift(&self, samples: &mut [Sample], q: usize, d: Quad) {
-        for &(m, fm) in self.moments {
-            for &(y, fy) in &self.rows[q / 4] {
-                let line = &mut samples[self.line(m, y)];
-                for &(x, fx) in &self.columns[q % 4] {
-                    let (sample, a) = (&mut line[x], fm * fy * fx);
-                    for c in 0..3 {
-                        sample.residual[c] += a * dot(sample.jacobian[c], d);
+                        sample.residual[c] += f * dot(sample.jacobian[c], moved);
                     }
                 }
             }
@@ -279,21 +162,66 @@ impl Reach<'_> {
     }
 }
 
-/// The positions that read any of a block's four columns (or rows), each with its weights on the four.
+/// The texels that a sample reads, of which at most two columns and two rows are the block's, with their weights; and how many.
 #[inline(always)]
-fn merged(lists: &[Readers]) -> Vec<(usize, Quad)> {
-    let mut merged: Vec<(usize, Quad)> = Vec::new();
-    for (i, list) in lists.iter().enumerate() {
-        for &(at, f) in list {
-            match merged.iter_mut().find(|(x, _)| *x == at) {
-                Some((_, weights)) => weights[i] += f,
-                None => {
-                    let mut weights = [0.0; 4];
-                    weights[i] = f;
-                    merged.push((at, weights));
-                }
-            }
+fn read(on_rows: &Quad, on_columns: &Quad) -> ([(usize, f32); 4], usize) {
+    let (mut texels, mut count) = ([(0, 0.0); 4], 0);
+    for q in 0..16 {
+        let weight = on_rows[q / 4] * on_columns[q % 4];
+        if weight > 0.0 {
+            texels[count] = (q, weight);
+            count += 1;
         }
     }
-    merged
+    (texels, count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::matrices::times;
+    use super::super::random::Random;
+    use super::*;
+
+    #[test]
+    fn the_form_is_the_loss_of_what_the_texels_are_moved_to() {
+        let mut random = Random::new(1);
+        // Twelve columns and ten rows of stored texels, of which the block's four columns and rows are read by some; three moments.
+        let (width, height) = (12, 10);
+        let pair = |at: usize, texels: usize| Pair { at: [at, (at + 1).min(texels - 1)], f: 0.3 };
+        let columns = readers((0..width).map(|x| pair(x / 2, 6)), [1, 2, 3, 4]);
+        let rows = readers((0..height).map(|y| pair(y / 2, 5)), [0, 1, 2, 3]);
+        assert_eq!(columns.first(), Some(&(0, [0.3, 0.0, 0.0, 0.0])));
+        assert_eq!((columns.len(), rows.len()), (10, 8));
+        let reach = Reach { columns: &columns, rows: &rows, moments: &[(0, 0.25), (2, 1.0)], width, height };
+        let mut number = || random.uniform(-1.0, 1.0);
+        let sample = |_| Sample {
+            jacobian: std::array::from_fn(|_| std::array::from_fn(|_| number())),
+            residual: std::array::from_fn(|c| if c < 3 { number() } else { 0.0 }),
+        };
+        let before: Vec<Sample> = (0..3 * width * height).map(sample).collect();
+        let from = [[100.0; 4]; 16];
+        let to: [Quad; 16] = std::array::from_fn(|_| std::array::from_fn(|_| 100.0 + 3.0 * number()));
+        let form = reach.form(&before);
+        let mut after = before.clone();
+        reach.shift(&mut after, &from, &to);
+        let loss = |samples: &[Sample]| -> f32 {
+            samples.iter().map(|sample| dot(sample.residual, sample.residual)).sum()
+        };
+        let moved: [Quad; 16] = std::array::from_fn(|q| std::array::from_fn(|c| to[q][c] - from[q][c]));
+        let mut told = 0.0;
+        for p in 0..16 {
+            told += 2.0 * dot(form.slope[p], moved[p]);
+            (0..16).for_each(|q| told += dot(moved[p], times(&form.matrix[p][q], moved[q])));
+        }
+        let changed = loss(&after) - loss(&before);
+        assert!((told - changed).abs() < 1e-4 * loss(&after), "{told} {changed}");
+        // One sample by hand: at moment 2 column 5 lies between texels 2 and 3 and row 4 on texels 2 and 3 of the page, the block's
+        // columns 1 and 2 and rows 2 and 3.
+        let at = (2 * height + 4) * width + 5;
+        let weights = [(9, 0.7 * 0.7), (10, 0.7 * 0.3), (13, 0.3 * 0.7), (14, 0.3 * 0.3)];
+        let shift: f32 = weights.iter().map(|&(q, a)| a * dot(before[at].jacobian[1], moved[q])).sum();
+        assert!((after[at].residual[1] - before[at].residual[1] - shift).abs() < 1e-5);
+        // What reads nothing of it stays: the moment between, the first columns.
+        assert_eq!(after[height * width + 5].residual, before[height * width + 5].residual);
+    }
 }

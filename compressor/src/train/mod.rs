@@ -3,8 +3,10 @@
 mod blocks;
 mod descent;
 mod features;
+mod form;
 pub(crate) mod kernel;
 mod light;
+mod matrices;
 pub(crate) mod network;
 pub(crate) mod optimise;
 mod phases;

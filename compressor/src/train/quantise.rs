@@ -12,10 +12,11 @@
 )]
 
 use super::Coded;
-use super::blocks::{Matrix, Wanted, add_outer, principal};
+use super::blocks::{Start, Wanted, principal};
 use super::descent::{Descent, Sample};
 use super::features::{CENTRE_SLOPE, centred};
 use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, Samples, residual, run};
+use super::matrices::{Matrix, add_outer, solve};
 use super::network::BLOCK;
 use super::optimise::Trainer;
 use crate::bc7::{Block, GREY, Mode, encode};
@@ -27,6 +28,8 @@ use std::ops::Range;
 const STEP: f32 = CENTRE_SLOPE / 255.0;
 /// Share of the mean metric that is added to every texel's.
 const DAMPING: f32 = 0.003;
+/// Rounds of indices ↔ endpoints in which a block is fitted.
+const ROUNDS: usize = 6;
 /// F_uvt looks at no more sets than about this many (evenly spread): its memory is 64 bytes a texel and set.
 const MOST_SETS: usize = 64;
 
@@ -327,27 +330,6 @@ fn damp(metric: &mut [Matrix], share: f32) {
     }
 }
 
-/// M⁻¹ v of a positive definite matrix, by elimination.
-pub fn solve(m: &Matrix, v: &Quad) -> Quad {
-    let (mut m, mut v) = (*m, *v);
-    for k in 0..4 {
-        for r in k + 1..4 {
-            let f = m[r][k] / m[k][k];
-            for c in k..4 {
-                m[r][c] -= f * m[k][c];
-            }
-            v[r] -= f * v[k];
-        }
-    }
-    for k in (0..4).rev() {
-        for c in k + 1..4 {
-            v[k] -= m[k][c] * v[c];
-        }
-        v[k] /= m[k][k];
-    }
-    v
-}
-
 /// Writes blocks' texels into a map.
 fn show(blocks: &[Block], map: &mut [Quad]) {
     let (map, _) = map.as_chunks_mut::<16>();
@@ -374,13 +356,15 @@ impl Kernel for Fit<'_> {
     type Output = Vec<Block>;
     #[inline(always)]
     fn run<V: Lanes>(self) -> Self::Output {
-        let wanted = self.texels.iter().zip(self.metric);
-        let wanted = wanted.map(|(texels, metric)| Wanted { texels: texels.map(in_steps), metric: *metric });
-        match self.start {
-            Some(start) => {
-                wanted.zip(start).map(|(wanted, start)| wanted.fit(Mode::Six, *start, 6).0).collect()
-            }
-            None => wanted.map(|wanted| wanted.fit_four(6).0).collect(),
+        let mut blocks = Vec::with_capacity(self.texels.len());
+        for (i, (texels, metric)) in self.texels.iter().zip(self.metric).enumerate() {
+            let wanted = Wanted::new(&texels.map(in_steps), metric);
+            let starts: &[Start] = match self.start {
+                Some(start) => &[(Mode::Six, start[i])],
+                None => &wanted.fours::<V>(),
+            };
+            blocks.push(wanted.fit::<V>(starts, ROUNDS).0);
         }
+        blocks
     }
 }
