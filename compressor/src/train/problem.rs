@@ -3,14 +3,19 @@
 use super::Coded;
 use super::light::{LEAST_MEAN_OF_PEAK, Light};
 use crate::lanes::Quad;
-use crate::model::Shape;
-use crate::tile::TileSource;
+use crate::model::{BORDER, STORED, Shape};
+use crate::tile::{Coverage, TileSource};
 use crate::time::{self, Axis, Coding};
 
 /// An epoch of training visits one of so many gutter texels.
 pub const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; a valid one has 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
+/// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border, which shows them.
+pub const EDGE_WEIGHT: f32 = 5.0;
+/// By how much more such a texel counts where blocks are chosen: F_uv alone can serve it without harm to others.
+pub const EDGE_IN_BLOCKS: f32 = 2.0;
+
 /// Two neighbouring texels of a map along one axis: offsets, and the weight of the second.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pair {
@@ -91,6 +96,8 @@ pub struct Texel {
     pub x: u16,
     /// Row.
     pub y: u16,
+    /// Valid, and its tile's last before a valid one of the next tile; none in the paper's recipe.
+    pub edge: bool,
 }
 
 /// All samples of a tile.
@@ -127,9 +134,14 @@ pub struct Problem {
 impl Problem {
     /// Prepares a tile. The problem has no moments or no valid texels where there is nothing to train.
     pub fn new(source: &TileSource, light: &Light, shape: Shape, coding: Coding) -> Self {
-        let place = |i: usize| Texel { x: (i % source.width) as u16, y: (i / source.width) as u16 };
+        let texel = |i: usize| Texel {
+            x: (i % source.width) as u16,
+            y: (i / source.width) as u16,
+            edge: coding == Coding::Standard && at_neighbour(source, i),
+        };
         let valid = light.valid.len();
         let all: Vec<usize> = light.valid.iter().chain(&light.gutter).copied().collect();
+        let texels: Vec<Texel> = all.iter().map(|&i| texel(i)).collect();
         let taus = coding.taus(&source.hours, &light.axis);
         let spans: Vec<Span> = (0..source.sets.len())
             .filter(|&set| light.peaks[set] > 0.0)
@@ -143,7 +155,11 @@ impl Problem {
         for (span, moment) in spans.iter().zip(&moments) {
             let (from, to) = (&source.sets[span.from], &source.sets[span.to]);
             targets.extend(all.iter().enumerate().map(|(j, &i)| {
-                let weight = if j < valid { 1.0 } else { GUTTER_WEIGHT * GUTTER_SHARE as f32 };
+                let weight = match j < valid {
+                    true if texels[j].edge => EDGE_WEIGHT,
+                    true => 1.0,
+                    false => GUTTER_WEIGHT * GUTTER_SHARE as f32,
+                };
                 // A gutter texel may outshine all valid ones; it is only there to filter with.
                 let target = |c: usize| match moment.means[c] {
                     0.0 => 0.0,
@@ -179,7 +195,7 @@ impl Problem {
                 .collect(),
             moments,
             sets,
-            texels: all.into_iter().map(place).collect(),
+            texels,
             valid,
             targets,
             means: light.means.clone(),
@@ -223,11 +239,30 @@ impl Problem {
         read
     }
 
-    /// How often an epoch visits a texel: factor of its weight where every texel is visited.
+    /// Factor of a texel's weight where every texel is visited: how often an epoch visits it, and what it counts for in blocks.
     #[inline(always)]
     pub fn share(&self, texel: usize) -> f32 {
-        if texel < self.valid { 1.0 } else { 1.0 / GUTTER_SHARE as f32 }
+        match texel < self.valid {
+            true if self.texels[texel].edge => EDGE_IN_BLOCKS,
+            true => 1.0,
+            false => 1.0 / GUTTER_SHARE as f32,
+        }
     }
+}
+
+/// Whether a texel is valid and its tile's last before a valid one of the next tile.
+fn at_neighbour(source: &TileSource, texel: usize) -> bool {
+    let (x, y) = (texel % source.width, texel / source.width);
+    let valid = |x: usize, y: usize| source.coverage[y * source.width + x] == Coverage::Valid;
+    let own = BORDER..STORED - BORDER;
+    let last = own.end - 1;
+    own.contains(&x)
+        && own.contains(&y)
+        && valid(x, y)
+        && (x == BORDER && valid(0, y)
+            || y == BORDER && valid(x, 0)
+            || x == last && valid(STORED - 1, y)
+            || y == last && valid(x, STORED - 1))
 }
 
 /// A moment by the sets around it; at a set both are that one.

@@ -5,7 +5,7 @@ use super::light::Light;
 use super::network::BLOCK;
 use super::optimise::{Step, Trainer};
 use super::oracle::Oracle;
-use super::problem::Problem;
+use super::problem::{EDGE_WEIGHT, Problem};
 use super::random::Random;
 use super::*;
 use crate::bc7;
@@ -392,6 +392,33 @@ fn a_few_texels_store_only_the_blocks_that_they_read() {
     let read = [there(&stored.f_uv), there(&stored.f_uvt)];
     assert_eq!(bytes, crate::bundle::blocks_len(&stored.shape, read));
     assert!(bytes < crate::bundle::full_len(&stored.shape) / 3, "{bytes}");
+}
+
+#[test]
+fn texels_beside_another_tile_count_more() {
+    let mut source = moving_shadow(128, 128, 2);
+    // No neighbour above the left half.
+    source.coverage[..64].fill(Coverage::Gutter);
+    let edges = |coding: Coding| {
+        let light = Light::new(&source, coding);
+        let contents = M.contents(light.distinct, 0);
+        let shape = Shape::new(&contents, 128, 128, 2, coding);
+        let problem = Problem::new(&source, &light, shape, coding);
+        for (texel, target) in problem.texels[..problem.valid].iter().zip(&problem.targets) {
+            assert_eq!(target[3], if texel.edge { EDGE_WEIGHT } else { 1.0 });
+        }
+        let edges = problem.texels.iter().filter(|texel| texel.edge);
+        edges.map(|texel| (usize::from(texel.x), usize::from(texel.y))).collect::<Vec<_>>()
+    };
+    // Outermost of the tile's own texels, but for those below what is not valid.
+    let outermost = |&(x, y): &(usize, usize)| {
+        let own = (1..127).contains(&x) && (1..127).contains(&y);
+        own && (x == 1 || x == 126 || y == 126 || y == 1 && x > 63)
+    };
+    let wanted: Vec<_> = (0..128 * 128).map(|i| (i % 128, i / 128)).filter(outermost).collect();
+    assert_eq!(wanted.len(), 500 - 62);
+    assert_eq!(edges(Coding::Standard), wanted);
+    assert!(edges(Coding::Paper).is_empty());
 }
 
 #[test]
