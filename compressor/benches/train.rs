@@ -62,6 +62,7 @@ fn tile(variant: usize) -> TileSource {
         sets: hours.into_iter().map(light).collect(),
         coverage: vec![Coverage::Valid; 128 * 128],
         gates: vec![],
+        neighbours: [true; 4],
     }
 }
 

@@ -56,6 +56,8 @@ pub struct TileSource {
     pub coverage: Vec<Coverage>,
     /// Light groups that light the tile, ascending.
     pub gates: Vec<Gate>,
+    /// Whether the page goes on in another tile: to the left, to the right, above, below.
+    pub neighbours: [bool; 4],
 }
 
 /// Coverage of the page's rows `rows`, row by row. Gutter is within [`GUTTER`] texels (Chebyshev) of a valid texel of the page.
@@ -173,10 +175,15 @@ impl Band {
         let (width, height) = self.grid.stored(column, self.row);
         let (own_width, own_height) = self.grid.payload(column, self.row);
         let (left, top) = Place { page: self.page, column, row: self.row }.origin();
-        self.cut([left, top], [width, height], [own_width, own_height].map(|own| own + 2 * BORDER))
+        let looked_at = [own_width, own_height].map(|own| own + 2 * BORDER);
+        let after = [column + 1 < self.grid.columns(), self.row + 1 < self.grid.rows()];
+        TileSource {
+            neighbours: [column > 0, after[0], self.row > 0, after[1]],
+            ..self.cut([left, top], [width, height], looked_at)
+        }
     }
 
-    /// The texels from (left, top) on, of which only the first `looked_at` across and down are.
+    /// The texels from (left, top) on, of which only the first `looked_at` across and down are; without neighbours.
     fn cut(&self, [left, top]: [isize; 2], [width, height]: [usize; 2], looked_at: [usize; 2]) -> TileSource {
         // Index into the band's texels of each stored texel, row by row.
         let mut from = Vec::with_capacity(width * height);
@@ -198,7 +205,7 @@ impl Band {
         let lights =
             |(gate, layer): &&(Gate, Option<Vec<[f32; 3]>>)| self.lights(gate, layer.as_deref(), &valid);
         let gates = self.groups.iter().filter(lights).map(|(gate, _)| gate.clone()).collect();
-        TileSource { width, height, hours: self.hours.clone(), coverage, sets, gates }
+        TileSource { width, height, hours: self.hours.clone(), coverage, sets, gates, neighbours: [false; 4] }
     }
 
     /// Whether a group's light is more than a trifle of some set's, over the valid texels of a tile or in one of them. Without the group's own

@@ -10,7 +10,7 @@ use crate::time::{Coding, Timeline};
 pub(super) fn tile_of(width: usize, height: usize, sets: Vec<Texels>) -> Tile {
     let hours = (0..sets.len()).map(|k| 24.0 * k as f64 / sets.len() as f64).collect();
     let coverage = vec![Coverage::Valid; width * height];
-    let source = TileSource { width, height, hours, sets, coverage, gates: vec![] };
+    let source = TileSource { width, height, hours, sets, coverage, gates: vec![], neighbours: [false; 4] };
     Tile::new(Place { page: 0, column: 0, row: 0 }, 0, source)
 }
 

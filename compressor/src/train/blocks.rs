@@ -1,8 +1,8 @@
 //! Fitting blocks: endpoints and indices that come nearest to given texels under a metric of their own.
 //!
 //! Everything is in units of one 8-bit step. The cost of a block is Σ_q (p_q − f_q)ᵀ M_q (p_q − f_q) over its texels q. Costs are
-//! taken of all 16 texels at once, so what belongs to a texel is stored channel by channel. (Loops, for closures are compiled for
-//! the least instruction set.)
+//! taken of all 16 texels at once, so what belongs to a texel is stored channel by channel. (Loops where one would write `map`: of larger
+//! closures the compiler makes functions for the least instruction set.)
 
 #![allow(
     clippy::needless_range_loop,
@@ -159,17 +159,15 @@ impl Wanted {
         (best, least)
     }
 
-    /// Where to begin in mode 4: of its eight forms the two that look best after a first round.
+    /// Where to begin in mode 4: of its eight forms the two that look best after two rounds.
     #[inline(always)]
     pub fn fours<V: Lanes>(&self) -> [Start; 2] {
         let mut tried = [(0.0, (Mode::Six, [[0.0; 4]; 2])); 8];
-        for alone in 0..4 {
-            let spread = self.spread(usize::from(alone));
-            for coarse in [false, true] {
-                let mode = Mode::Four { alone, coarse };
-                let (endpoints, cost) = self.approach::<V>(mode, spread, 2);
-                tried[usize::from(2 * alone) + usize::from(coarse)] = (cost, (mode, endpoints));
-            }
+        for i in 0..8 {
+            // The forms of one channel follow each other.
+            let (mode, spread) = (Mode::FOURS[i], self.spread(i / 2));
+            let (endpoints, cost) = self.approach::<V>(mode, spread, 2);
+            tried[i] = (cost, (mode, endpoints));
         }
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         [tried[0].1, tried[1].1]

@@ -35,7 +35,7 @@ struct Place {
 }
 
 impl Form {
-    /// The block moved so that the loss is less, or as it is.
+    /// The block moved so that the loss is less, or as it is; where endpoints move, but for the rounding of the texels between them.
     #[inline(always)]
     pub fn improve<V: Lanes>(&self, block: &Block, damping: f32) -> Block {
         let mut block = *block;

@@ -8,7 +8,7 @@ use crate::lanes::{Avx2, Avx512};
 use crate::lanes::{Instructions, Lanes, Quad, Tier, prefetch};
 use crate::model::{FEATURES, Shape};
 
-/// Largest loss weight of a sample's channel.
+/// Largest loss weight of a sample's channel, before that of its texel.
 pub const WEIGHT_CAP: f32 = 20.0;
 
 /// A loop that is generic over the instruction set.

@@ -1,18 +1,18 @@
 //! Training of one tile: from its light to its stored parameters.
 
-mod blocks;
-mod descent;
-mod features;
-mod form;
-pub(crate) mod kernel;
 mod light;
-mod matrices;
-pub(crate) mod network;
-pub(crate) mod optimise;
-mod phases;
 mod problem;
-mod quantise;
 pub(crate) mod random;
+mod features;
+pub(crate) mod network;
+pub(crate) mod kernel;
+pub(crate) mod optimise;
+mod matrices;
+mod blocks;
+mod form;
+mod descent;
+mod quantise;
+mod phases;
 mod trial;
 #[cfg(test)]
 mod oracle;
@@ -80,7 +80,7 @@ pub struct Point {
 pub struct TrainedTile {
     /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
     pub params: Option<TileParams>,
-    /// PSNR before quantisation (as in [`Point`]); `None` where no set has one.
+    /// PSNR before quantisation over all valid texels; `None` where no set has one.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all features rounded to 8 bits, nothing trained after it.
     pub psnr_8bit_features_db: Option<f64>,

@@ -240,6 +240,7 @@ mod tests {
             sets: vec![vec![[1.0, 0.5, 0.0]; 64]; 2],
             coverage: vec![Coverage::Valid; 64],
             gates: vec![],
+            neighbours: [false; 4],
         };
         let recipe = Recipe { iterations: 20, passes: 2, paper: false, seed: 3, aim: Aim::MeanPsnr };
         let light = Light::new(&source, recipe.coding());

@@ -9,11 +9,11 @@ use crate::time::{self, Axis, Coding};
 
 /// An epoch of training visits one of so many gutter texels.
 pub const GUTTER_SHARE: usize = 5;
-/// Weight of a gutter texel in the loss; a valid one has 1.
+/// Weight of a gutter texel in the loss; most valid ones have 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
 /// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border, which shows them.
 pub const EDGE_WEIGHT: f32 = 5.0;
-/// By how much more such a texel counts where blocks are chosen: F_uv alone can serve it without harm to others.
+/// By how much more such a texel counts where blocks are chosen: most of its error is F_uv's, whose blocks there serve few others.
 pub const EDGE_IN_BLOCKS: f32 = 2.0;
 
 /// Two neighbouring texels of a map along one axis: offsets, and the weight of the second.
@@ -33,7 +33,7 @@ impl Pair {
     }
 }
 
-/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; nothing for size 0.
+/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; of size 0 as of 1.
 pub fn clamped(coordinate: f64, size: usize) -> Pair {
     let size = size.max(1);
     let p = (coordinate * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
@@ -239,7 +239,7 @@ impl Problem {
         read
     }
 
-    /// Factor of a texel's weight where every texel is visited: how often an epoch visits it, and what it counts for in blocks.
+    /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the gutter's less often.
     #[inline(always)]
     pub fn share(&self, texel: usize) -> f32 {
         match texel < self.valid {
@@ -254,15 +254,16 @@ impl Problem {
 fn at_neighbour(source: &TileSource, texel: usize) -> bool {
     let (x, y) = (texel % source.width, texel / source.width);
     let valid = |x: usize, y: usize| source.coverage[y * source.width + x] == Coverage::Valid;
+    let [left, right, above, below] = source.neighbours;
     let own = BORDER..STORED - BORDER;
     let last = own.end - 1;
     own.contains(&x)
         && own.contains(&y)
         && valid(x, y)
-        && (x == BORDER && valid(0, y)
-            || y == BORDER && valid(x, 0)
-            || x == last && valid(STORED - 1, y)
-            || y == last && valid(x, STORED - 1))
+        && (left && x == BORDER && valid(0, y)
+            || right && x == last && valid(STORED - 1, y)
+            || above && y == BORDER && valid(x, 0)
+            || below && y == last && valid(x, STORED - 1))
 }
 
 /// A moment by the sets around it; at a set both are that one.

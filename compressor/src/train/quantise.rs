@@ -4,7 +4,7 @@
 //! Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a sample, residual r and
 //! weight w, a change δ of its features costs w |r + J δ|². F_uv's texels do not share samples, so their blocks are
 //! fitted to the minimum of their own form. F_uvt's texels share samples through interpolation: its blocks are first
-//! fitted under Σ Jᵀ J, then improved by coordinate descent ([`super::descent`]).
+//! fitted under Σ Jᵀ J, then improved by coordinate descent ([`super::descent`], and of one block [`super::form`]).
 
 #![allow(
     clippy::needless_range_loop,
@@ -218,7 +218,7 @@ impl<const H: usize> Trainer<H> {
         run(self.tier(), Fit { texels, metric, start: Some(&start) })
     }
 
-    /// F_uv's blocks: of the present ones and those fitted to the learned texels and to the minimum of each texel's form
+    /// F_uv's blocks: of the present ones (or else those fitted to the learned texels) and those fitted to the minimum of each texel's form
     /// (under weak and strong damping) in mode 6 and in mode 4, every block takes the one of least true loss. What was learned lies on
     /// lines, where mode 4 has nothing to win.
     fn fit_uv(&mut self, blocks: &mut Blocks, start: &[[Quad; 2]]) {

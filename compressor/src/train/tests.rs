@@ -34,6 +34,7 @@ fn tile(
         sets: (0..sets).map(at).collect(),
         coverage: vec![Coverage::Valid; width * height],
         gates: vec![],
+        neighbours: [true; 4],
     }
 }
 
@@ -397,12 +398,12 @@ fn a_few_texels_store_only_the_blocks_that_they_read() {
 #[test]
 fn texels_beside_another_tile_count_more() {
     let mut source = moving_shadow(128, 128, 2);
-    // No neighbour above the left half.
+    // No valid texel above the left half.
     source.coverage[..64].fill(Coverage::Gutter);
-    let edges = |coding: Coding| {
+    let edges = |neighbours: [bool; 4], coding: Coding| {
+        let source = TileSource { neighbours, ..source.clone() };
         let light = Light::new(&source, coding);
-        let contents = M.contents(light.distinct, 0);
-        let shape = Shape::new(&contents, 128, 128, 2, coding);
+        let shape = Shape::new(&M.contents(light.distinct, 0), 128, 128, 2, coding);
         let problem = Problem::new(&source, &light, shape, coding);
         for (texel, target) in problem.texels[..problem.valid].iter().zip(&problem.targets) {
             assert_eq!(target[3], if texel.edge { EDGE_WEIGHT } else { 1.0 });
@@ -410,15 +411,17 @@ fn texels_beside_another_tile_count_more() {
         let edges = problem.texels.iter().filter(|texel| texel.edge);
         edges.map(|texel| (usize::from(texel.x), usize::from(texel.y))).collect::<Vec<_>>()
     };
-    // Outermost of the tile's own texels, but for those below what is not valid.
-    let outermost = |&(x, y): &(usize, usize)| {
-        let own = (1..127).contains(&x) && (1..127).contains(&y);
-        own && (x == 1 || x == 126 || y == 126 || y == 1 && x > 63)
+    // Of the tile's own texels, which are 1 to 126.
+    let own = |of: &dyn Fn(usize, usize) -> bool| -> Vec<(usize, usize)> {
+        let all = (1..127).flat_map(|y| (1..127).map(move |x| (x, y)));
+        all.filter(|&(x, y)| of(x, y)).collect()
     };
-    let wanted: Vec<_> = (0..128 * 128).map(|i| (i % 128, i / 128)).filter(outermost).collect();
-    assert_eq!(wanted.len(), 500 - 62);
-    assert_eq!(edges(Coding::Standard), wanted);
-    assert!(edges(Coding::Paper).is_empty());
+    assert_eq!(edges([true, false, false, false], Coding::Standard), own(&|x, _| x == 1));
+    assert_eq!(edges([false, true, false, false], Coding::Standard), own(&|x, _| x == 126));
+    assert_eq!(edges([false, false, true, false], Coding::Standard), own(&|x, y| y == 1 && x > 63));
+    assert_eq!(edges([false, false, false, true], Coding::Standard), own(&|_, y| y == 126));
+    assert_eq!(edges([true; 4], Coding::Standard).len(), 500 - 62);
+    assert!(edges([false; 4], Coding::Standard).is_empty() && edges([true; 4], Coding::Paper).is_empty());
 }
 
 #[test]
