@@ -35,7 +35,7 @@ struct Place {
 }
 
 impl Form {
-    /// The block moved so that the loss is less, or as it is; where endpoints move, but for the rounding of the texels between them.
+    /// The block moved so that the loss is less, or as it is.
     #[inline(always)]
     pub fn improve<V: Lanes>(&self, block: &Block, damping: f32) -> Block {
         let mut block = *block;
@@ -117,9 +117,11 @@ impl Form {
                 (best, least) = (candidate, energy);
             }
         }
-        if best != block.endpoints {
-            block.endpoints = best;
-            self.shift_all(place, block);
+        let (moved, mut there) = (Block { endpoints: best, ..*block }, *place);
+        self.shift_all(&mut there, &moved);
+        // The system does not know that texels between the endpoints are rounded.
+        if there.change < place.change {
+            (*block, *place) = (moved, there);
         }
     }
 
@@ -305,9 +307,14 @@ mod tests {
             assert!(after < 0.02 * before, "{seed}: {before} {after}");
             assert!(matches!(improved.mode, Mode::Four { alone: 3, .. }), "{improved:?}");
             assert_eq!(crate::bc7::decode(&encode(&improved)).unwrap(), improved.texels());
-            let again = form(&residuals_at(&residuals, &from, &values(&improved)));
-            let last = again.improve::<Quad>(&improved, 0.003);
-            assert!(loss(&residuals, &from, &values(&last)) <= after * (1.0 + 1e-5), "{seed}");
+            // From there, again and again: where little is left to gain, rounding must not cost more than is gained.
+            let (mut at, mut loss_there) = (improved, after);
+            for _ in 0..5 {
+                let next = form(&residuals_at(&residuals, &from, &values(&at))).improve::<Quad>(&at, 0.003);
+                let loss_next = loss(&residuals, &from, &values(&next));
+                assert!(loss_next <= loss_there * (1.0 + 1e-5), "{seed}: {loss_there} {loss_next}");
+                (at, loss_there) = (next, loss_next);
+            }
         }
     }
 

@@ -13,7 +13,7 @@ pub const GUTTER_SHARE: usize = 5;
 pub const GUTTER_WEIGHT: f32 = 0.1;
 /// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border, which shows them.
 pub const EDGE_WEIGHT: f32 = 5.0;
-/// By how much more such a texel counts where blocks are chosen: most of its error is F_uv's, whose blocks there serve few others.
+/// By how much more such a texel counts where blocks are chosen.
 pub const EDGE_IN_BLOCKS: f32 = 2.0;
 
 /// Two neighbouring texels of a map along one axis: offsets, and the weight of the second.
@@ -96,7 +96,7 @@ pub struct Texel {
     pub x: u16,
     /// Row.
     pub y: u16,
-    /// Valid, and its tile's last before a valid one of the next tile; none in the paper's recipe.
+    /// Valid, and beside a valid one of another tile, or its copy; none in the paper's recipe.
     pub edge: bool,
 }
 
@@ -137,7 +137,7 @@ impl Problem {
         let texel = |i: usize| Texel {
             x: (i % source.width) as u16,
             y: (i / source.width) as u16,
-            edge: coding == Coding::Standard && at_neighbour(source, i),
+            edge: coding == Coding::Standard && at_border(source, i),
         };
         let valid = light.valid.len();
         let all: Vec<usize> = light.valid.iter().chain(&light.gutter).copied().collect();
@@ -250,20 +250,23 @@ impl Problem {
     }
 }
 
-/// Whether a texel is valid and its tile's last before a valid one of the next tile.
-fn at_neighbour(source: &TileSource, texel: usize) -> bool {
+/// Whether a texel is valid and beside a valid one on the other side of a border with another tile. Of the border's copies only those to the
+/// right and below count: filtering goes on to them, and then from the next tile's own first texels.
+fn at_border(source: &TileSource, texel: usize) -> bool {
     let (x, y) = (texel % source.width, texel / source.width);
     let valid = |x: usize, y: usize| source.coverage[y * source.width + x] == Coverage::Valid;
     let [left, right, above, below] = source.neighbours;
-    let own = BORDER..STORED - BORDER;
-    let last = own.end - 1;
-    own.contains(&x)
-        && own.contains(&y)
+    let copy = STORED - BORDER;
+    let pair = |a: (usize, usize), b: (usize, usize)| {
+        ((x, y) == a || (x, y) == b) && valid(a.0, a.1) && valid(b.0, b.1)
+    };
+    x >= BORDER
+        && y >= BORDER
         && valid(x, y)
         && (left && x == BORDER && valid(0, y)
-            || right && x == last && valid(STORED - 1, y)
             || above && y == BORDER && valid(x, 0)
-            || below && y == last && valid(x, STORED - 1))
+            || right && pair((copy - 1, y), (copy, y))
+            || below && pair((x, copy - 1), (x, copy)))
 }
 
 /// A moment by the sets around it; at a set both are that one.
