@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn the_loss_never_rises_and_finds_the_mode_that_fits() {
+    fn the_mode_that_fits_is_found() {
         for seed in 0..20 {
             let start = block(seed);
             let from = values(&start);
@@ -307,25 +307,25 @@ mod tests {
             assert!(after < 0.02 * before, "{seed}: {before} {after}");
             assert!(matches!(improved.mode, Mode::Four { alone: 3, .. }), "{improved:?}");
             assert_eq!(crate::bc7::decode(&encode(&improved)).unwrap(), improved.texels());
-            // From there, again and again: where little is left to gain, rounding must not cost more than is gained.
-            let (mut at, mut loss_there) = (improved, after);
-            for _ in 0..5 {
-                let next = form(&residuals_at(&residuals, &from, &values(&at))).improve::<Quad>(&at, 0.003);
-                let loss_next = loss(&residuals, &from, &values(&next));
-                assert!(loss_next <= loss_there * (1.0 + 1e-5), "{seed}: {loss_there} {loss_next}");
-                (at, loss_there) = (next, loss_next);
-            }
         }
     }
 
-    /// The same residuals from another place.
-    fn residuals_at(residuals: &[Residual], from: &[Quad; 16], to: &[Quad; 16]) -> Vec<Residual> {
-        let moved = |q: usize| -> Quad { std::array::from_fn(|c| to[q][c] - from[q][c]) };
-        let at = |r: &Residual| Residual {
-            reads: r.reads,
-            jacobian: r.jacobian,
-            value: r.value + r.reads.iter().map(|&(q, a)| a * dot(r.jacobian, moved(q))).sum::<f32>(),
-        };
-        residuals.iter().map(at).collect()
+    #[test]
+    fn endpoints_move_only_where_rounded_texels_gain() {
+        let mut moved = 0;
+        for seed in 0..200 {
+            let start = block(seed);
+            let from = values(&start);
+            // A step or two is left to gain, as much as rounding costs.
+            let least = |q: usize| from[q].map(|value| value + if q % 2 == 0 { 1.5 } else { -1.0 });
+            let residuals = residuals(seed + 300, least, &from);
+            let form = form(&residuals);
+            let (mut block, mut place) = (start, Place { texels: from, slope: form.slope, change: 0.0 });
+            form.fit_endpoints(&mut block, &mut place, 0.003);
+            let [before, after] = [&from, &values(&block)].map(|to| loss(&residuals, &from, to));
+            assert!(after <= before * (1.0 + 1e-5), "{seed}: {before} {after}");
+            moved += usize::from(block != start);
+        }
+        assert!(moved > 20, "{moved}");
     }
 }
