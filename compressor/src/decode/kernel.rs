@@ -2,6 +2,8 @@
 //!
 //! Vectors never pass through closures here: those would be compiled without the instruction set of the function around them.
 
+#![allow(clippy::needless_range_loop, reason = "units of a layer, as the formulas index them")]
+
 use super::{Y_MAX, irradiance};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};

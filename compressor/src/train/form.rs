@@ -317,7 +317,7 @@ mod tests {
             let start = block(seed);
             let from = values(&start);
             // A step or two is left to gain, as much as rounding costs.
-            let least = |q: usize| from[q].map(|value| value + if q % 2 == 0 { 1.5 } else { -1.0 });
+            let least = |q: usize| from[q].map(|value| value + if q.is_multiple_of(2) { 1.5 } else { -1.0 });
             let residuals = residuals(seed + 300, least, &from);
             let form = form(&residuals);
             let (mut block, mut place) = (start, Place { texels: from, slope: form.slope, change: 0.0 });

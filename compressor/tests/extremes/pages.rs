@@ -71,9 +71,10 @@ fn tiles_of_a_smooth_page_do_not_show() {
         let seam = ratio(decoded) / ratio(reference);
         assert!((0.9..1.1).contains(&seam), "{seam}");
     }
-    // What is wrong with the steps: errors inside tiles are as smooth as this page, which has neither noise nor texture.
+    // What is wrong with the steps: errors inside tiles are as smooth as this page, which has neither noise nor texture. (1.7 where texels
+    // beside another tile count as others do.)
     let ratio = result.evaluation.seam_ratio.unwrap();
-    assert!((0.5..2.2).contains(&ratio), "{ratio}");
+    assert!((0.5..1.6).contains(&ratio), "{ratio}");
 }
 
 #[test]
