@@ -190,11 +190,13 @@ impl Decoder {
         }
         bands.into_par_iter().try_for_each(|(first, band)| {
             let row = first / PAYLOAD;
+            let mut decoded = Vec::new();
             for column in 0..grid.columns() {
                 // Past the memory of recent tiles: a page may have more than it holds, and needs each once.
                 let Some(tile) = self.bundle.tile(Place { page, column, row })? else { continue };
                 let (own_width, _) = grid.payload(column, row);
-                let decoded = TileDecoder::new(&tile, timeline)?.decode_tile(&moment);
+                decoded.resize(tile.shape.width * tile.shape.height, [0.0; 3]);
+                TileDecoder::new(&tile, timeline)?.decode_into(&moment, &mut decoded);
                 for (y, line) in band.chunks_exact_mut(grid.width).enumerate() {
                     let from = (first + y - row * PAYLOAD + BORDER) * tile.shape.width + BORDER;
                     let to = column * PAYLOAD;

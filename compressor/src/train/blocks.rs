@@ -16,6 +16,9 @@ use crate::lanes::{Lanes, Quad};
 /// A number a texel.
 type Texels = [f32; 16];
 
+/// Rounds of indices ↔ endpoints in which a block is fitted.
+const ROUNDS: usize = 6;
+
 /// A mode, and endpoints to begin with.
 pub type Start = (Mode, [Quad; 2]);
 
@@ -140,10 +143,10 @@ impl Wanted {
     /// Fits a block from each of the given modes and endpoints (in 0 ..= 255): rounds of indices ↔ least squares, then the best of
     /// the ways to round, then single steps of the endpoints. The best block, and its cost.
     #[inline(always)]
-    pub fn fit<V: Lanes>(&self, starts: &[Start], rounds: usize) -> (Block, f32) {
+    pub fn fit<V: Lanes>(&self, starts: &[Start]) -> (Block, f32) {
         let (mut best, mut least) = (GREY, f32::INFINITY);
         for &(mode, start) in starts {
-            let (endpoints, _) = self.approach::<V>(mode, start, rounds);
+            let (endpoints, _) = self.approach::<V>(mode, start, ROUNDS);
             let (mut here, mut least_here) = (GREY, f32::INFINITY);
             for endpoints in rounded(mode, &endpoints) {
                 let (indices, cost) = self.select_of::<V>(mode, &endpoints);

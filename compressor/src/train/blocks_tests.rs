@@ -16,8 +16,8 @@ fn apart(alone: usize) -> Wanted {
 fn a_channel_that_stands_apart_has_indices_of_its_own() {
     for alone in 0..4 {
         let wanted = apart(alone);
-        let (six, cost_of_six) = wanted.fit::<Quad>(&[(Mode::Six, principal(&wanted.texels))], 6);
-        let (four, cost_of_four) = wanted.fit::<Quad>(&wanted.fours::<Quad>(), 6);
+        let (six, cost_of_six) = wanted.fit::<Quad>(&[(Mode::Six, principal(&wanted.texels))]);
+        let (four, cost_of_four) = wanted.fit::<Quad>(&wanted.fours::<Quad>());
         assert!(matches!(four.mode, Mode::Four { alone: a, .. } if usize::from(a) == alone), "{four:?}");
         assert!(cost_of_four < 0.2 * cost_of_six, "{alone}: {cost_of_four}, mode 6 {cost_of_six}");
         for (block, cost) in [(six, cost_of_six), (four, cost_of_four)] {

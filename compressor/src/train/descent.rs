@@ -114,7 +114,7 @@ impl Reach<'_> {
     /// The loss as a form of the block's texels.
     #[inline(always)]
     fn form(&self, samples: &[Sample]) -> Form {
-        let mut form = Form { matrix: [[[[0.0; 4]; 4]; 16]; 16], slope: [[0.0; 4]; 16] };
+        let mut form = Form::NONE;
         for (y, on_rows) in self.rows {
             for (x, on_columns) in self.columns {
                 // What all moments have in common is where the sample lies.

@@ -12,8 +12,6 @@ use crate::lanes::{Lanes, Quad};
 
 /// Free texels are held this much more than endpoints.
 const FREE: f32 = 10.0;
-/// Rounds of indices ↔ endpoints in which a block is fitted to where its texels would go.
-const ROUNDS: usize = 6;
 
 /// Of changes δ_q of the block's texels the loss changes by Σ_pq δ_pᵀ G_pq δ_q + 2 Σ_q g_qᵀ δ_q.
 #[derive(Clone, Debug)]
@@ -35,11 +33,20 @@ struct Place {
 }
 
 impl Form {
+    /// Of no sample.
+    pub const NONE: Form = Form { matrix: [[[[0.0; 4]; 4]; 16]; 16], slope: [[0.0; 4]; 16] };
+
+    /// Where a block's texels are.
+    #[inline(always)]
+    fn start(&self, block: &Block) -> Place {
+        Place { texels: values(block), slope: self.slope, change: 0.0 }
+    }
+
     /// The block moved so that the loss is less, or as it is.
     #[inline(always)]
     pub fn improve<V: Lanes>(&self, block: &Block, damping: f32) -> Block {
         let mut block = *block;
-        let mut place = Place { texels: values(&block), slope: self.slope, change: 0.0 };
+        let mut place = self.start(&block);
         self.choose_indices(&mut block, &mut place);
         self.fit_endpoints(&mut block, &mut place, damping);
         self.choose_mode::<V>(&block, &place, damping)
@@ -147,7 +154,7 @@ impl Form {
         let (mut best, mut least) = (*block, place.change);
         let [four, other] = wanted.fours::<V>();
         for start in [six, four, other] {
-            let (mut candidate, _) = wanted.fit::<V>(&[start], ROUNDS);
+            let (mut candidate, _) = wanted.fit::<V>(&[start]);
             let mut there = *place;
             self.shift_all(&mut there, &candidate);
             self.choose_indices(&mut candidate, &mut there);
@@ -223,7 +230,7 @@ mod tests {
     }
 
     fn form(residuals: &[Residual]) -> Form {
-        let mut form = Form { matrix: [[[[0.0; 4]; 4]; 16]; 16], slope: [[0.0; 4]; 16] };
+        let mut form = Form::NONE;
         for Residual { reads, jacobian, value } in residuals {
             for &(p, a) in reads {
                 form.slope[p] = Quad::splat(a * value).mul_add(*jacobian, form.slope[p]);
@@ -257,7 +264,7 @@ mod tests {
         let from = values(&block);
         let residuals = residuals(2, |q| [q as f32 * 10.0; 4], &from);
         let form = form(&residuals);
-        let mut place = Place { texels: from, slope: form.slope, change: 0.0 };
+        let mut place = form.start(&block);
         let mut random = Random::new(3);
         for q in (0..40).map(|i| i * 7 % 16) {
             form.shift(&mut place, q, std::array::from_fn(|_| random.uniform(0.0, 255.0)));
@@ -276,8 +283,7 @@ mod tests {
         let from = values(&block);
         let residuals = residuals(5, |q| [q as f32 * 10.0; 4], &from);
         let form = form(&residuals);
-        let place = Place { texels: from, slope: form.slope, change: 0.0 };
-        let system = form.normal_equations(&block, &place);
+        let system = form.normal_equations(&block, &form.start(&block));
         let mut random = Random::new(6);
         for _ in 0..10 {
             let step: [f32; 8] = std::array::from_fn(|_| random.uniform(-20.0, 20.0));
@@ -320,7 +326,7 @@ mod tests {
             let least = |q: usize| from[q].map(|value| value + if q.is_multiple_of(2) { 1.5 } else { -1.0 });
             let residuals = residuals(seed + 300, least, &from);
             let form = form(&residuals);
-            let (mut block, mut place) = (start, Place { texels: from, slope: form.slope, change: 0.0 });
+            let (mut block, mut place) = (start, form.start(&start));
             form.fit_endpoints(&mut block, &mut place, 0.003);
             let [before, after] = [&from, &values(&block)].map(|to| loss(&residuals, &from, to));
             assert!(after <= before * (1.0 + 1e-5), "{seed}: {before} {after}");

@@ -28,8 +28,6 @@ use std::ops::Range;
 const STEP: f32 = CENTRE_SLOPE / 255.0;
 /// Share of the mean metric that is added to every texel's.
 const DAMPING: f32 = 0.003;
-/// Rounds of indices ↔ endpoints in which a block is fitted.
-const ROUNDS: usize = 6;
 /// F_uvt looks at no more sets than about this many (evenly spread): its memory is 64 bytes a texel and set.
 const MOST_SETS: usize = 64;
 
@@ -363,7 +361,7 @@ impl Kernel for Fit<'_> {
                 Some(start) => &[(Mode::Six, start[i])],
                 None => &wanted.fours::<V>(),
             };
-            blocks.push(wanted.fit::<V>(starts, ROUNDS).0);
+            blocks.push(wanted.fit::<V>(starts).0);
         }
         blocks
     }
