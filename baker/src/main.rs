@@ -64,7 +64,7 @@ struct Args {
     /// For shipping: twice the lightmap's side, twice the samples (training as without it; see `compress --preset`).
     #[arg(long, conflicts_with = "draft")]
     r#final: bool,
-    /// Samples of indirect light per texel, a power of two: all of them, or at most so many with a target or a time limit
+    /// Samples of indirect light per texel on average, a power of two: all of them, or at most so many with a target or a time limit
     /// [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
@@ -108,7 +108,7 @@ Examples:
   bake scenes/yard.toml --plan                     what would run, what is left out and why
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
 
-With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (at most),
+With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (asked for),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, layers, left_out,
@@ -217,7 +217,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let plan = &prepared.plan;
     let layers: Vec<String> = (0..plan.layers()).map(|layer| plan.name_of(layer)).collect();
     console.print(format!(
-        "{}: {}, {} of {}, at most {} samples per texel, integrator {}",
+        "{}: {}, {} of {}, at most {} samples per texel on average, integrator {}",
         prepared.scene.name,
         count(prepared.geometry.triangles.len(), "triangle"),
         count(plan.moments.len(), "moment"),

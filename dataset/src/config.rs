@@ -26,7 +26,7 @@ pub struct Config {
     pub seed: u64,
     /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets.
     pub inputs: String,
-    /// Samples per texel each layer was estimated with, at most.
+    /// Samples per texel each layer was estimated with: on average, or at most where the bake went for a target.
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,

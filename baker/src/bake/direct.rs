@@ -17,17 +17,17 @@ use rayon::prelude::*;
 const TRIALS: u16 = 4;
 /// Samples in each half that every texel and light gets, and that the cache is solved from.
 const FIRST: u16 = 4;
-/// The `want` of as many direct samples in each half as there are of indirect light in both.
-const SAME: u8 = 4;
+/// The `want` of twice as many direct samples as there are of indirect light on average.
+const TWICE: u8 = 4;
 
 /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial samples did not differ
-/// (`want` 0) one for 32, for they may all have missed a thin shadow; elsewhere samples × 2^(want − [`SAME`]).
+/// (`want` 0) one for 32, for they may all have missed a thin shadow; elsewhere samples × 2^(want − [`TWICE`]).
 fn wanted(want: u8, samples: u32) -> u16 {
     /// What a counter holds.
     const MOST: u64 = 1 << 15;
     let samples = match want {
         0 => u64::from(samples / 32),
-        _ => u64::from(samples) << want >> SAME,
+        _ => u64::from(samples) << want >> TWICE,
     };
     (samples.min(MOST) as u16).max(FIRST)
 }
@@ -132,8 +132,11 @@ fn wants(
     means: &[f32],
     suns: usize,
 ) -> Vec<u8> {
-    /// The most: four times as many again take twice the time in the scene `room`, for a third off the error at noon.
-    const MOST: f32 = SAME as f32 + 2.0;
+    /// The most for groups: four times as many again take twice the time in the scene `room`, for a third off the error at noon.
+    const MOST: f32 = TWICE as f32 + 2.0;
+    /// Of suns there are many, and their noise is little beside that of indirect light: they get half of what groups would. (In the
+    /// yard that costs 3 % of error and saves a fifth of the time; a quarter costs 12 % and saves a tenth more.)
+    const LESS: u8 = 1;
     let lights = means.len();
     // The place of each texel of the block among the covered ones. (Neighbours in other blocks are not asked: along their borders
     // some edges of shadows are found less surely.)
@@ -154,9 +157,10 @@ fn wants(
             let beside = || beside.iter().flatten().map(|&n| &trials[n * lights + light]);
             let edges = beside().filter(|n| own.differs_from(n));
             let step = edges.map(|n| (n.mean() - own.mean()).element_sum().abs()).reduce(f32::max);
-            // Of groups, whose rays cost more, a quarter of what suns get. Beside texels whose samples vary a quarter of what those
-            // get: a thin shadow that crosses them may have been missed here.
-            let most = if light < suns { SAME } else { SAME - 2 };
+            let less = if light < suns { LESS } else { 0 };
+            // Groups, whose rays cost more, get half of what suns get where nothing is known but that samples differ. Beside texels whose
+            // samples vary a quarter of what those get: a thin shadow that crosses them may have been missed here.
+            let most = if light < suns { TWICE - LESS } else { TWICE - 2 };
             let usual = match own.varies() || step.is_some() {
                 true => most,
                 false if beside().any(Direct::varies) => (most - 2).max(1),
@@ -165,8 +169,8 @@ fn wants(
             // In proportion to the deviation where it is large beside the light's mean over all pages.
             let deviation = own.deviation().max(0.5 * step.unwrap_or(0.0));
             let large =
-                (deviation / means[light].max(f32::MIN_POSITIVE)).log2().round() + f32::from(SAME) - 1.0;
-            wants[i * lights + light] = usual.max(large.clamp(0.0, MOST) as u8);
+                (deviation / means[light].max(f32::MIN_POSITIVE)).log2().round() + f32::from(TWICE) - 1.0;
+            wants[i * lights + light] = usual.max((large.clamp(0.0, MOST) as u8).saturating_sub(less));
         }
     }
     wants

@@ -1,5 +1,6 @@
 //! Indirect light at the texels of a block: walks that end in the cache, and looks at its bright surfaces.
 
+use super::allocate::shared;
 use super::block::{Stream, Worker, sum};
 use super::errors::cell_of;
 use super::state::{BlockState, CELLS};
@@ -85,7 +86,7 @@ impl Reader<'_> {
 }
 
 impl Worker<'_> {
-    /// Brings the indirect light of the texels of the `active` cells to `target` samples a half.
+    /// Brings the indirect light of the texels of the `active` cells to `target` samples a half, times each texel's share.
     pub fn indirect(
         &self,
         block: usize,
@@ -97,48 +98,48 @@ impl Worker<'_> {
     ) -> RayCounts {
         let layers = self.transport.lights.layers();
         let covered: Vec<usize> = surface.covered().collect();
-        let drawn = state.drawn;
+        let goal = |texel: usize| state.log2_shares.get(texel).map_or(target, |&share| shared(target, share));
+        let goals: Vec<u32> = (0..covered.len()).map(goal).collect();
         let mut counts = self.views(block, surface, state, active, cache);
         let texels = state
             .sums
             .par_chunks_mut((2 * layers).max(1))
             .zip(&mut state.taken)
+            .zip(&mut state.drawn)
+            .zip(&goals)
             .zip(&state.outside)
             .zip(&covered)
             .with_min_len(64);
-        let traced = texels.map_init(Vec::new, |readings, (((sums, taken), &outside), &texel)| {
-            let mut counts = RayCounts::default();
-            let cell = cell_of(surface, texel);
-            if outside == 0 || !active[cell] || interrupted() {
-                return counts;
-            }
-            let seen = cache.map(|c| c.seen_from(block, cell)).unwrap_or_default();
-            for half in 0..2 {
-                let sequence = self.sequence(surface, texel, Stream::Indirect, half);
-                let out = &mut sums[half * layers..(half + 1) * layers];
-                let mut reader =
-                    cache.map(|c| Reader { map: &c.map, half: &c.halves[half], seen: &seen, readings });
-                for i in drawn[cell]..target {
-                    let sample = sequence.sample(i);
-                    if let Some(at) = self.receiver(surface, texel, sample, outside, &mut counts) {
-                        taken[half] += 1;
-                        self.walk(&at, sample, reader.as_mut(), out, &mut counts);
-                    }
-                    if let Some(reader) = &mut reader
-                        && (i % READ_EVERY == READ_EVERY - 1 || i + 1 == target)
-                    {
-                        reader.read(out);
+        let traced =
+            texels.map_init(Vec::new, |readings, (((((sums, taken), drawn), &goal), &outside), &texel)| {
+                let mut counts = RayCounts::default();
+                let cell = cell_of(surface, texel);
+                if outside == 0 || !active[cell] || interrupted() {
+                    return counts;
+                }
+                let seen = cache.map(|c| c.seen_from(block, cell)).unwrap_or_default();
+                for half in 0..2 {
+                    let sequence = self.sequence(surface, texel, Stream::Indirect, half);
+                    let out = &mut sums[half * layers..(half + 1) * layers];
+                    let mut reader =
+                        cache.map(|c| Reader { map: &c.map, half: &c.halves[half], seen: &seen, readings });
+                    for i in *drawn..goal {
+                        let sample = sequence.sample(i);
+                        if let Some(at) = self.receiver(surface, texel, sample, outside, &mut counts) {
+                            taken[half] += 1;
+                            self.walk(&at, sample, reader.as_mut(), out, &mut counts);
+                        }
+                        if let Some(reader) = &mut reader
+                            && (i % READ_EVERY == READ_EVERY - 1 || i + 1 == goal)
+                        {
+                            reader.read(out);
+                        }
                     }
                 }
-            }
-            counts
-        });
+                *drawn = goal.max(*drawn);
+                counts
+            });
         counts += sum(traced.collect::<Vec<_>>());
-        for (drawn, active) in state.drawn.iter_mut().zip(active) {
-            if *active {
-                *drawn = (*drawn).max(target);
-            }
-        }
         counts
     }
 

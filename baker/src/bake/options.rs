@@ -100,9 +100,9 @@ pub struct Outcome {
     pub hours: Vec<f64>,
     /// Valid texels.
     pub texels: usize,
-    /// Samples of indirect light per texel, at most.
+    /// Samples of indirect light that a texel of mean deviation has, at most.
     pub samples: u32,
-    /// The same, on average.
+    /// Those that were drawn, on average.
     pub mean_samples: f64,
     /// Layers of light traced by this run, and those taken from an earlier one.
     pub layers: LayerCount,

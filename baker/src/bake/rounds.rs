@@ -10,7 +10,7 @@ use std::time::Instant;
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Most samples of indirect light per texel.
+    /// Most samples of indirect light per texel, on average over the texels that still get any.
     pub samples: u32,
     /// Relative error below which a cell of 16×16 texels gets no more samples.
     pub target_error: Option<f64>,
@@ -21,9 +21,9 @@ pub struct Limits {
 /// What a round reached.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Round {
-    /// Samples of indirect light per texel, at most.
+    /// Samples of indirect light per texel that it went for: what a texel of mean deviation has.
     pub samples: u32,
-    /// The same, on average over the texels.
+    /// Those that were drawn, on average over the texels.
     pub mean_samples: f64,
     /// Seconds of tracing up to its end, over all runs of this bake.
     pub seconds: f64,

@@ -85,8 +85,6 @@ impl Direct {
 pub struct BlockState {
     /// Rounds completed.
     pub round: u32,
-    /// Per cell of the block, the samples of indirect light drawn in each half of its texels.
-    pub drawn: [u32; CELLS],
     /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and on the side of a wall that the
     /// texel stands for ([`super::block::Worker::outside`]). Empty before they were probed.
     pub outside: Vec<u16>,
@@ -97,7 +95,12 @@ pub struct BlockState {
     pub trials: Vec<Direct>,
     /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]); empty before that.
     pub wants: Vec<u8>,
-    /// Per texel and half, the samples of indirect light that had a point to start from: what the sums are divided by.
+    /// Per texel, log₂ of how many times the samples of the page's mean it gets of indirect light ([`super::allocate`]); empty before
+    /// that is decided.
+    pub log2_shares: Vec<i8>,
+    /// Per texel, the samples of indirect light drawn in each half.
+    pub drawn: Vec<u32>,
+    /// Per texel and half, those of them that had a point to start from: what the sums are divided by.
     pub taken: Vec<[u32; 2]>,
     /// `[texel][half][layer]`: sums of irradiance samples.
     pub sums: Vec<Rgb>,
@@ -108,11 +111,12 @@ impl BlockState {
     pub fn empty(texels: usize, layers: usize, sampled: usize) -> Self {
         BlockState {
             round: 0,
-            drawn: [0; CELLS],
             outside: Vec::new(),
             direct: vec![Direct::default(); texels * 2 * sampled],
             trials: Vec::new(),
             wants: Vec::new(),
+            log2_shares: Vec::new(),
+            drawn: vec![0; texels],
             taken: vec![[0; 2]; texels],
             sums: vec![Rgb::ZERO; texels * 2 * layers],
         }
@@ -158,9 +162,9 @@ pub struct StateFolder {
     sampled: usize,
 }
 
-const MAGIC: &[u8; 8] = b"TLMBLK05";
-/// Magic, round, texels, layers, sampled lights, whether probed (1), tried (2) and decided (4); then the cells.
-const HEADER: usize = 8 + 5 * 4 + CELLS * 4;
+const MAGIC: &[u8; 8] = b"TLMBLK06";
+/// Magic, round, texels, layers, sampled lights, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
+const HEADER: usize = 8 + 5 * 4;
 
 impl StateFolder {
     /// Opens or creates the folder of the work with this digest below `dataset`, and removes those of other work.
@@ -218,10 +222,8 @@ impl StateFolder {
         let (known, records) = (word(4)?, texels * self.sampled);
         state.trials = vec![Direct::default(); if known & 2 == 2 { records } else { 0 }];
         state.wants = vec![0; if known & 4 == 4 { records } else { 0 }];
+        state.log2_shares = vec![0; if known & 8 == 8 { texels } else { 0 }];
         state.round = word(0)?;
-        for (i, drawn) in state.drawn.iter_mut().enumerate() {
-            *drawn = word(5 + i)?;
-        }
         let mut fill = |values: &mut [u8]| -> Option<()> {
             let (head, tail) = rest.split_at_checked(values.len())?;
             values.copy_from_slice(head);
@@ -232,6 +234,8 @@ impl StateFolder {
         fill(bytemuck::cast_slice_mut(&mut state.direct))?;
         fill(bytemuck::cast_slice_mut(&mut state.trials))?;
         fill(&mut state.wants)?;
+        fill(bytemuck::cast_slice_mut(&mut state.log2_shares))?;
+        fill(bytemuck::cast_slice_mut(&mut state.drawn))?;
         fill(bytemuck::cast_slice_mut(&mut state.taken))?;
         fill(bytemuck::cast_slice_mut(&mut state.sums))?;
         (fits && rest.is_empty()).then_some(state)
@@ -241,17 +245,23 @@ impl StateFolder {
     pub fn write(&self, block: usize, state: &BlockState) -> Result<()> {
         let mut bytes = Vec::with_capacity(HEADER + state.sums.len() * 12 + state.direct.len() * 20);
         bytes.extend_from_slice(MAGIC);
-        let known = [!state.outside.is_empty(), !state.trials.is_empty(), !state.wants.is_empty()];
-        let known = known.iter().rev().fold(0, |bits, &b| bits << 1 | u32::from(b));
+        let known = [
+            state.outside.is_empty(),
+            state.trials.is_empty(),
+            state.wants.is_empty(),
+            state.log2_shares.is_empty(),
+        ];
+        let known = known.iter().rev().fold(0, |bits, is_empty| bits << 1 | u32::from(!is_empty));
         let texels = state.taken.len() as u32;
         for word in [state.round, texels, self.layers as u32, self.sampled as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        state.drawn.iter().for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.outside));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.direct));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.trials));
         bytes.extend_from_slice(&state.wants);
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.log2_shares));
+        bytes.extend_from_slice(bytemuck::cast_slice(&state.drawn));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.taken));
         bytes.extend_from_slice(bytemuck::cast_slice(&state.sums));
         // Whole or absent for a run that is killed; not synced, since after a power failure the work may start again.
@@ -277,7 +287,8 @@ mod tests {
         assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3, 2));
         let mut state = BlockState::empty(4, 3, 2);
         state.round = 2;
-        state.drawn[3] = 8;
+        state.log2_shares = vec![-1, 0, 1, 3];
+        state.drawn = vec![1, 2, 4, 16];
         state.outside = vec![1, 2, 3, 16];
         state.trials = vec![Direct { drawn: 3, ..Direct::default() }; 8];
         state.wants = vec![1; 8];

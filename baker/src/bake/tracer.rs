@@ -1,7 +1,8 @@
 //! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
 
+use super::allocate::{Class, Histogram, classes, log2_shares};
 use super::block::Worker;
-use super::errors::{Errors, Parts, Sums, cell_of, median, of_block, worst_of_cell};
+use super::errors::{Errors, Parts, Sums, median, of_block, worst_of_cell};
 use super::indirect::Cache;
 use super::json;
 use super::rounds::{Limits, Round, Traced, endless, note, schedule, total_of};
@@ -73,8 +74,15 @@ impl Tracer<'_> {
                 }
             }
             let deadline = limits.deadline.filter(|_| round > 0);
+            // Towards a target every cell stops by itself, and has a pivot of its own.
+            let pivot = match traced.rounds.last() {
+                Some(last) if limits.target_error.is_none() => {
+                    Some(self.pivot(&blocks, &last.set_means, console)?)
+                }
+                _ => None,
+            };
             let (round, last) = (round as u32 + 1, traced.rounds.last());
-            let step = Step { round, target, limits, deadline, last, direct_means: &direct_means };
+            let step = Step { round, target, limits, deadline, last, pivot, direct_means: &direct_means };
             let late = AtomicBool::new(false);
             let counted = Mutex::new(RayCounts::default());
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
@@ -179,6 +187,10 @@ impl Tracer<'_> {
                 late.store(true, Ordering::Relaxed);
             } else {
                 let active = self.active(&surface, &state, step);
+                if let (Some(last), true) = (step.last, state.log2_shares.is_empty()) {
+                    let classes = self.classes(&surface, &state, &last.set_means);
+                    state.log2_shares = log2_shares(&classes, &surface, step.pivot);
+                }
                 for samples in step.slices().filter(|_| active.contains(&true)) {
                     let means = step.direct_means;
                     rays += self.worker.more_direct(&surface, &mut state, &active, samples, means);
@@ -194,10 +206,36 @@ impl Tracer<'_> {
             }
         }
         let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
-        let mut texels = [0u32; CELLS];
-        surface.covered().for_each(|t| texels[cell_of(&surface, t)] += 1);
-        let samples = texels.iter().zip(&state.drawn).map(|(n, d)| u64::from(*n) * 2 * u64::from(*d)).sum();
-        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels: texels.iter().sum(), samples, rays })
+        let samples = state.drawn.iter().map(|d| 2 * u64::from(*d)).sum();
+        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels: state.drawn.len() as u32, samples, rays })
+    }
+
+    fn classes(&self, surface: &BlockSurface, state: &BlockState, means: &[f64]) -> Vec<Class> {
+        classes(&self.sets, means, self.worker.transport.lights, surface, state)
+    }
+
+    /// The class of deviation whose texels get the mean number of samples, from what the first round left.
+    fn pivot(&self, blocks: &[usize], means: &[f64], console: &Console) -> Result<i16> {
+        let path = self.folder.root().join("pivot.json");
+        if let Some(kept) = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice(&b).ok()) {
+            return Ok(kept);
+        }
+        let progress = console.progress("allocating samples", blocks.len() as u64);
+        let of_block = |&block: &usize| -> Result<Histogram> {
+            let surface = self.worker.surface(block);
+            let state = self.folder.read(block, surface.covered().count())?;
+            let mut histogram = Histogram::default();
+            histogram.add(self.classes(&surface, &state, means));
+            progress.advance(1);
+            Ok(histogram)
+        };
+        let merged = |mut all: Histogram, other: Histogram| {
+            all.merge(&other);
+            Ok(all)
+        };
+        let pivot = blocks.par_iter().map(of_block).try_reduce(Histogram::default, merged)?.pivot();
+        write_atomically(&path, &json::bytes(&pivot, "pivot")?)?;
+        Ok(pivot)
     }
 
     /// The cells that get samples in a round: all in the first, later those that miss the target.
@@ -252,6 +290,8 @@ struct Step<'a> {
     deadline: Option<Instant>,
     /// The mean direct light of each light.
     direct_means: &'a [f32],
+    /// Whose texels get as many samples as the target says, after the first round; `None` where that is for every cell to find.
+    pivot: Option<i16>,
     /// The round before.
     last: Option<&'a Round>,
 }
@@ -291,8 +331,15 @@ mod tests {
         let limits = Limits { samples: 1 << 16, target_error: None, deadline: None };
         let slices = |before: Option<u32>, target: u32, deadline| {
             let last = before.map(|samples| Round { samples, ..Round::default() });
-            let step =
-                Step { round: 2, target, limits: &limits, deadline, direct_means: &[], last: last.as_ref() };
+            let step = Step {
+                round: 2,
+                target,
+                limits: &limits,
+                deadline,
+                direct_means: &[],
+                pivot: None,
+                last: last.as_ref(),
+            };
             step.slices().collect::<Vec<u32>>()
         };
         assert_eq!(slices(Some(1 << 15), 1 << 16, None), [1 << 16]);

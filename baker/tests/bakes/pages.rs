@@ -12,7 +12,7 @@ fn case() -> (Stage, String) {
         [sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n[[object]]\nfile = \"ground.obj\"\nalbedo = 0.5\n\
         [[object]]\nfile = \"block.obj\"\nalbedo = 0.5\ninstances = [{ translate = [-1, 0, 0] }, { translate = [1, 0, 0] }, { translate = [3, 0, 0] }]\n\
         [[group]]\nname = \"lamp\"\non = [[18, 6]]\n[[group.sphere]]\ncentre = [0, 0.8, 0.3]\nradius = 0.1\nradiance = [8, 6, 4]\n\
-        [lightmap]\nsize = [48, 40]\npages = 2\npadding = 2\n[bake]\nsamples = 8\n";
+        [lightmap]\nsize = [48, 40]\npages = 2\npadding = 2\n[bake]\nsamples = 2\n";
     (Stage::new(&[("block.obj", block), ("ground.obj", ground)]), text.to_owned())
 }
 

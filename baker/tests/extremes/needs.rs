@@ -70,7 +70,9 @@ fn only_what_a_scene_holds_is_traced() {
         assert!(no_lamps.lamp == 0 && no_lamps.sun > 0, "{no_lamps:?}");
 
         let (_, all) = row("everything", &yard, "0..24", &format!("{PLACE}{SUN_AND_SKY}{OBJECT}{LAMP}"));
-        assert!(all.lamp > 0 && all.sun > 0 && all.walk >= no_lamps.walk, "{all:?}");
+        assert!(all.lamp > 0 && all.sun > 0, "{all:?}");
+        // All light shares its walks; where they go depends on it, and so, by a little, how many they are.
+        assert!((all.walk as f64 / no_lamps.walk as f64 - 1.0).abs() < 0.02, "{all:?}");
         // A group that is never lit is as none.
         let off = LAMP.replace("name = \"lamp\"\n", "name = \"lamp\"\non = [[\"20:00\", \"21:00\"]]\n");
         let (_, off) = row("lamp off", &yard, "10..14", &format!("{track}{OBJECT}{off}"));
