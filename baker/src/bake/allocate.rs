@@ -90,11 +90,16 @@ pub fn shared(samples: u32, log2_share: i8) -> u32 {
     samples.clamp(1, MOST) as u32
 }
 
-/// The classes of the covered texels of a block after its first round. Deviations are those of the sets' light, each in units of its mean
-/// over the page (`means`), summed in squares over the sets.
+/// The sets with light that differ, each with its mean over the page: of equal ones (as by night), one.
+pub fn distinct<'a>(sets: &'a [Parts], means: &[f64]) -> Vec<(&'a Parts, f64)> {
+    let is_new = |set: &usize| means[*set] > 0.0 && !sets[..*set].contains(&sets[*set]);
+    (0..sets.len()).filter(is_new).map(|set| (&sets[set], means[set])).collect()
+}
+
+/// The classes of the covered texels of a block after its first round. Deviations are those of the sets' light, each in units of its
+/// mean, summed in squares over the sets.
 pub fn classes(
-    sets: &[Parts],
-    means: &[f64],
+    sets: &[(&Parts, f64)],
     lights: &Lights,
     surface: &BlockSurface,
     state: &BlockState,
@@ -111,12 +116,11 @@ pub fn classes(
         let [a, b] = [0, 1].map(|half| &state.sums[(2 * texel + half) * layers..][..layers]);
         let [a_scale, b_scale] = taken.map(|n| 1.0 / n as f32);
         difference.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = *a * a_scale - *b * b_scale);
-        let lit = sets.iter().zip(means).filter(|(_, mean)| **mean > 0.0);
-        let square = |(parts, mean): (&Parts, &f64)| {
+        let square = |(parts, mean): &(&Parts, f64)| {
             let of_set = parts.iter().map(|&(layer, scale)| difference[layer] * scale).sum::<Rgb>();
-            of_set.as_dvec3().length_squared() / (mean * mean)
+            (of_set.as_dvec3() / *mean).length_squared()
         };
-        squares[place] = Some(lit.map(square).sum());
+        squares[place] = Some(sets.iter().map(square).sum());
     }
     surface.covered().map(|place| mean_around(&squares, surface.width, place).map(class_of)).collect()
 }
@@ -213,6 +217,14 @@ mod tests {
         assert_eq!(mean_around(&squares, 9, 11), Some(46.0 / 28.0));
         // Out of reach.
         assert_eq!(mean_around(&squares, 9, 4), Some(0.0));
+    }
+
+    #[test]
+    fn equal_sets_count_once_and_dark_ones_not() {
+        let sets: Vec<Parts> = [0, 1, 0, 2].map(|layer| vec![(layer, Rgb::ONE)]).into();
+        let distinct: Vec<usize> =
+            distinct(&sets, &[1.0, 0.0, 1.0, 3.0]).iter().map(|(set, _)| set[0].0).collect();
+        assert_eq!(distinct, [0, 2]);
     }
 
     #[test]

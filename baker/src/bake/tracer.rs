@@ -1,6 +1,6 @@
 //! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
 
-use super::allocate::{Class, Histogram, classes, log2_shares};
+use super::allocate::{Class, Histogram, classes, distinct, log2_shares};
 use super::block::Worker;
 use super::errors::{Errors, Parts, Sums, median, of_block, worst_of_cell};
 use super::indirect::Cache;
@@ -206,12 +206,14 @@ impl Tracer<'_> {
             }
         }
         let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
-        let samples = state.drawn.iter().map(|d| 2 * u64::from(*d)).sum();
-        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels: state.drawn.len() as u32, samples, rays })
+        let drawn = state.drawn.iter().filter(|drawn| **drawn > 0);
+        let (texels, samples) =
+            (drawn.clone().count() as u32, drawn.map(|drawn| 2 * u64::from(*drawn)).sum());
+        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels, samples, rays })
     }
 
     fn classes(&self, surface: &BlockSurface, state: &BlockState, means: &[f64]) -> Vec<Class> {
-        classes(&self.sets, means, self.worker.transport.lights, surface, state)
+        classes(&distinct(&self.sets, means), self.worker.transport.lights, surface, state)
     }
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
@@ -316,8 +318,9 @@ struct Done {
     x0: usize,
     y0: usize,
     cells: Vec<[Sums; CELLS]>,
+    /// Texels that were given samples.
     texels: u32,
-    /// Samples of indirect light over all texels.
+    /// Samples of indirect light over all of them.
     samples: u64,
     rays: RayCounts,
 }
