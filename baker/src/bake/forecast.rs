@@ -87,7 +87,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
         layers_bytes: n * (8 + 20 * layers),
-        work_bytes: n * (10 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled),
+        work_bytes: n * (15 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled),
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
     })

@@ -75,14 +75,16 @@ impl Tracer<'_> {
             }
             let deadline = limits.deadline.filter(|_| round > 0);
             // Towards a target every cell stops by itself, and has a pivot of its own.
-            let pivot = match traced.rounds.last() {
-                Some(last) if limits.target_error.is_none() => {
-                    Some(self.pivot(&blocks, &last.set_means, console)?)
+            let first = traced.rounds.first();
+            let pivot = match first {
+                Some(first) if limits.target_error.is_none() => {
+                    Some(self.pivot(&blocks, &first.set_means, console)?)
                 }
                 _ => None,
             };
             let (round, last) = (round as u32 + 1, traced.rounds.last());
-            let step = Step { round, target, limits, deadline, last, pivot, direct_means: &direct_means };
+            let step =
+                Step { round, target, limits, deadline, first, last, pivot, direct_means: &direct_means };
             let late = AtomicBool::new(false);
             let counted = Mutex::new(RayCounts::default());
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
@@ -186,15 +188,21 @@ impl Tracer<'_> {
             if step.deadline.is_some_and(|d| Instant::now() >= d) {
                 late.store(true, Ordering::Relaxed);
             } else {
-                let active = self.active(&surface, &state, step);
-                if let (Some(last), true) = (step.last, state.log2_shares.is_empty()) {
-                    let classes = self.classes(&surface, &state, &last.set_means);
+                let mut bring_to = |state: &mut BlockState, active: &[bool; CELLS], samples: u32| {
+                    rays += self.worker.more_direct(&surface, state, active, samples, step.direct_means);
+                    rays += self.worker.indirect(block, &surface, state, active, samples / 2, cache);
+                };
+                if let (Some(first), true) = (step.first, state.log2_shares.is_empty()) {
+                    // (A block whose file was lost begins anew.)
+                    if state.round == 0 {
+                        bring_to(&mut state, &[true; CELLS], first.samples);
+                    }
+                    let classes = self.classes(&surface, &state, &first.set_means);
                     state.log2_shares = log2_shares(&classes, &surface, step.pivot);
                 }
+                let active = self.active(&surface, &state, step);
                 for samples in step.slices().filter(|_| active.contains(&true)) {
-                    let means = step.direct_means;
-                    rays += self.worker.more_direct(&surface, &mut state, &active, samples, means);
-                    rays += self.worker.indirect(block, &surface, &mut state, &active, samples / 2, cache);
+                    bring_to(&mut state, &active, samples);
                     if samples < step.target && step.deadline.is_some_and(|d| Instant::now() >= d) {
                         late.store(true, Ordering::Relaxed);
                         break;
@@ -212,6 +220,7 @@ impl Tracer<'_> {
         Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels, samples, rays })
     }
 
+    /// How much samples differ, by the first round; `means` are its.
     fn classes(&self, surface: &BlockSurface, state: &BlockState, means: &[f64]) -> Vec<Class> {
         classes(&distinct(&self.sets, means), self.worker.transport.lights, surface, state)
     }
@@ -224,6 +233,7 @@ impl Tracer<'_> {
         }
         let progress = console.progress("allocating samples", blocks.len() as u64);
         let of_block = |&block: &usize| -> Result<Histogram> {
+            stop_if_interrupted()?;
             let surface = self.worker.surface(block);
             let state = self.folder.read(block, surface.covered().count())?;
             let mut histogram = Histogram::default();
@@ -294,6 +304,8 @@ struct Step<'a> {
     direct_means: &'a [f32],
     /// Whose texels get as many samples as the target says, after the first round; `None` where that is for every cell to find.
     pivot: Option<i16>,
+    /// The first round, if it is done.
+    first: Option<&'a Round>,
     /// The round before.
     last: Option<&'a Round>,
 }
@@ -341,6 +353,7 @@ mod tests {
                 deadline,
                 direct_means: &[],
                 pivot: None,
+                first: None,
                 last: last.as_ref(),
             };
             step.slices().collect::<Vec<u32>>()

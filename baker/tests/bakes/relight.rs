@@ -112,7 +112,7 @@ impl Scene {
         assert_eq!((outcome.layers.traced, outcome.layers.reused), (traced, 4 - traced), "{from} → {to}");
         assert!(outcome.rays.walk > 0);
         let fresh = self.fresh();
-        // A layer does not depend on those it is traced with.
+        // In one round a layer does not depend on those it is traced with.
         assert_same(&dataset, &fresh);
         outcome
     }
