@@ -1,6 +1,6 @@
 //! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
 
-use super::allocate::{Class, Histogram, classes, distinct, log2_shares};
+use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::Worker;
 use super::errors::{Errors, Parts, Sums, median, of_block, worst_of_cell};
 use super::indirect::Cache;
@@ -74,13 +74,12 @@ impl Tracer<'_> {
                 }
             }
             let deadline = limits.deadline.filter(|_| round > 0);
-            // Towards a target every cell stops by itself, and has a pivot of its own.
             let first = traced.rounds.first();
             let pivot = match first {
                 Some(first) if limits.target_error.is_none() => {
-                    Some(self.pivot(&blocks, &first.set_means, console)?)
+                    Pivot::OfPage(self.pivot(&blocks, &first.set_means, console)?)
                 }
-                _ => None,
+                _ => Pivot::OfCell,
             };
             let (round, last) = (round as u32 + 1, traced.rounds.last());
             let step =
@@ -226,7 +225,7 @@ impl Tracer<'_> {
     }
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
-    fn pivot(&self, blocks: &[usize], means: &[f64], console: &Console) -> Result<i16> {
+    fn pivot(&self, blocks: &[usize], means: &[f64], console: &Console) -> Result<Option<i16>> {
         let path = self.folder.root().join("pivot.json");
         if let Some(kept) = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice(&b).ok()) {
             return Ok(kept);
@@ -302,8 +301,8 @@ struct Step<'a> {
     deadline: Option<Instant>,
     /// The mean direct light of each light.
     direct_means: &'a [f32],
-    /// Whose texels get as many samples as the target says, after the first round; `None` where that is for every cell to find.
-    pivot: Option<i16>,
+    /// Whose texels get as many samples as the target says, after the first round.
+    pivot: Pivot,
     /// The first round, if it is done.
     first: Option<&'a Round>,
     /// The round before.
@@ -352,7 +351,7 @@ mod tests {
                 limits: &limits,
                 deadline,
                 direct_means: &[],
-                pivot: None,
+                pivot: Pivot::OfCell,
                 first: None,
                 last: last.as_ref(),
             };
