@@ -1,12 +1,11 @@
-//! The learned parameters, the feature maps made of them, and the way back of the gradient.
+//! The learned parameters, maps of blocks made of them, and the way back of the gradient.
 //!
 //! F_uv and each slice of F_uvt are blocks of 4×4 texels between two endpoints, `f = e₀ + w (e₁ − e₀)` (paper, eq. 7).
-//! The maps hold *centred* values, c(f) = 3 (f − ½), block by block; planes are held as sampled at every (moment, column).
+//! Maps hold *centred* values, c(f) = 3 (f − ½), block by block.
 
-use super::problem::{Problem, Site};
 use super::random::Random;
 use crate::lanes::{Lanes, Quad};
-use crate::model::{STORED, Shape};
+use crate::model::Shape;
 use std::ops::Range;
 
 /// Slope of c(f).
@@ -90,89 +89,9 @@ impl Layout {
     }
 }
 
-/// Centred features where samples read them, of the maps that the tile has; or the gradient with respect to them.
-#[derive(Clone, Debug)]
-pub struct Maps {
-    /// F_uv, block by block, x + 4 y within a block.
-    pub uv: Vec<Quad>,
-    /// F_uvt, slice by slice, likewise.
-    pub uvt: Vec<Quad>,
-    /// F_ut sampled per moment and column.
-    pub ut: Vec<[f32; 2]>,
-    /// F_vt sampled per moment and row.
-    pub vt: Vec<[f32; 2]>,
-}
-
-impl Maps {
-    /// Zeros.
-    pub fn new(problem: &Problem) -> Self {
-        let shape = &problem.shape;
-        let [uv, uvt, ..] = shape.counts();
-        let plane =
-            |there: bool, side: usize| vec![[0.0; 2]; if there { problem.moments.len() * side } else { 0 }];
-        Maps {
-            uv: vec![[0.0; 4]; 16 * uv],
-            uvt: vec![[0.0; 4]; 16 * uvt],
-            ut: plane(shape.contents.ut, shape.width),
-            vt: plane(shape.contents.vt, shape.height),
-        }
-    }
-
-    /// The maps of a parameter vector; blocks only if they are not frozen.
-    #[inline(always)]
-    pub fn fill(&mut self, problem: &Problem, layout: &Layout, params: &[f32], blocks: bool) {
-        if blocks {
-            fill_blocks(
-                &params[layout.uv_endpoints.clone()],
-                &params[layout.uv_weights.clone()],
-                &mut self.uv,
-            );
-            fill_blocks(
-                &params[layout.uvt_endpoints.clone()],
-                &params[layout.uvt_weights.clone()],
-                &mut self.uvt,
-            );
-        }
-        let shape = &problem.shape;
-        fill_plane(&params[layout.ut.clone()], shape.ut, problem, &problem.columns, &mut self.ut);
-        fill_plane(&params[layout.vt.clone()], shape.vt, problem, &problem.rows, &mut self.vt);
-    }
-
-    /// From the gradient with respect to the maps (zeroed on the way) to that of the parameters, which is overwritten.
-    #[inline(always)]
-    pub fn contract(
-        &mut self,
-        problem: &Problem,
-        layout: &Layout,
-        params: &[f32],
-        gradient: &mut [f32],
-        blocks: bool,
-    ) {
-        if blocks {
-            let ranges =
-                [(&layout.uv_endpoints, &layout.uv_weights), (&layout.uvt_endpoints, &layout.uvt_weights)];
-            for ((endpoints, weights), map) in ranges.into_iter().zip([&mut self.uv, &mut self.uvt]) {
-                // The weights of a kind follow its endpoints.
-                let (d_endpoints, d_weights) =
-                    gradient[endpoints.start..weights.end].split_at_mut(endpoints.len());
-                contract_blocks(
-                    &params[endpoints.clone()],
-                    &params[weights.clone()],
-                    map,
-                    d_endpoints,
-                    d_weights,
-                );
-            }
-        }
-        gradient[layout.ut.start..layout.vt.end].fill(0.0);
-        let shape = &problem.shape;
-        contract_plane(&mut gradient[layout.ut.clone()], shape.ut, problem, &problem.columns, &mut self.ut);
-        contract_plane(&mut gradient[layout.vt.clone()], shape.vt, problem, &problem.rows, &mut self.vt);
-    }
-}
-
+/// A centred map of its endpoints and weights.
 #[inline(always)]
-fn fill_blocks(endpoints: &[f32], weights: &[f32], map: &mut [Quad]) {
+pub fn fill(endpoints: &[f32], weights: &[f32], map: &mut [Quad]) {
     if weights.is_empty() {
         // Texel by texel, or no map.
         map.as_flattened_mut().iter_mut().zip(endpoints).for_each(|(to, f)| *to = centred(*f));
@@ -190,8 +109,9 @@ fn fill_blocks(endpoints: &[f32], weights: &[f32], map: &mut [Quad]) {
     }
 }
 
+/// From the gradient with respect to a centred map (zeroed on the way) to that of endpoints and weights, which is overwritten.
 #[inline(always)]
-fn contract_blocks(
+pub fn contract(
     endpoints: &[f32],
     weights: &[f32],
     map: &mut [Quad],
@@ -222,47 +142,6 @@ fn contract_blocks(
         for c in 0..4 {
             de[4 + c] = CENTRE_SLOPE * second[c];
             de[c] = CENTRE_SLOPE * (all[c] - second[c]);
-        }
-    }
-}
-
-/// Most values of one row of a plane: 64 texels of 2 channels.
-const ROW: usize = STORED;
-
-/// Samples a plane at every moment and site: rows first, then texels of the mixed row.
-#[inline(always)]
-fn fill_plane(values: &[f32], across: usize, problem: &Problem, sites: &[Site], out: &mut [[f32; 2]]) {
-    let mut mixed = [0.0; ROW];
-    for (m, out) in problem.moments.iter().zip(out.chunks_exact_mut(sites.len())) {
-        let [a, b] = m.rows.at.map(|row| &values[row * across * 2..][..across * 2]);
-        for ((mixed, a), b) in mixed.iter_mut().zip(a).zip(b) {
-            *mixed = centred(a + m.rows.f * (b - a));
-        }
-        let (texels, _) = mixed.as_chunks::<2>();
-        for (site, out) in sites.iter().zip(out) {
-            let [a, b] = site.plane.at.map(|i| texels[i]);
-            *out = std::array::from_fn(|c| a[c] + site.plane.f * (b[c] - a[c]));
-        }
-    }
-}
-
-/// The way back of [`fill_plane`]; takes what `g` holds.
-#[inline(always)]
-fn contract_plane(d: &mut [f32], across: usize, problem: &Problem, sites: &[Site], g: &mut [[f32; 2]]) {
-    for (m, g) in problem.moments.iter().zip(g.chunks_exact_mut(sites.len())) {
-        let mut mixed = [[0.0; 2]; ROW / 2];
-        for (site, g) in sites.iter().zip(g) {
-            let g = std::mem::take(g);
-            for (at, weight) in [(site.plane.at[0], 1.0 - site.plane.f), (site.plane.at[1], site.plane.f)] {
-                mixed[at][0] += weight * g[0];
-                mixed[at][1] += weight * g[1];
-            }
-        }
-        for (row, weight) in [(m.rows.at[0], 1.0 - m.rows.f), (m.rows.at[1], m.rows.f)] {
-            let row = &mut d[row * across * 2..][..across * 2];
-            for (d, g) in row.iter_mut().zip(mixed.as_flattened()) {
-                *d += CENTRE_SLOPE * weight * g;
-            }
         }
     }
 }

@@ -1,8 +1,9 @@
 //! The loops over samples and parameters, compiled once per instruction set.
 
-use super::features::{Layout, Maps};
+use super::features::{contract, fill};
+use super::gather::{FeatureGradient, Features, Samples, gather, scatter};
 use super::network::{BLOCK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
-use super::problem::Problem;
+use super::problem::{Problem, Texel};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
 use crate::lanes::{Instructions, Lanes, Quad, Tier, prefetch};
@@ -44,29 +45,6 @@ fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx512>()
 }
 
-/// Samples of one moment: indices into the problem's texels.
-#[derive(Clone, Copy, Debug)]
-pub struct Samples {
-    /// Index into the problem's moments.
-    pub moment: usize,
-    /// Texels; the last is repeated to fill a block.
-    pub texels: [u32; BLOCK],
-    /// How many count.
-    pub count: usize,
-}
-
-impl Samples {
-    /// Up to a block of texels at one moment.
-    pub fn new(moment: usize, texels: &[u32]) -> Self {
-        let last = texels.len() - 1;
-        Samples {
-            moment,
-            texels: std::array::from_fn(|s| texels[s.min(last)]),
-            count: texels.len().min(BLOCK),
-        }
-    }
-}
-
 /// Which parameters a training step moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
@@ -76,15 +54,6 @@ pub enum Scope {
     Planes,
     /// The decoder.
     Decoder,
-}
-
-/// Gradients of a batch.
-#[derive(Debug)]
-pub struct Gradient<const H: usize> {
-    /// With respect to the centred maps.
-    pub maps: Maps,
-    /// With respect to the decoder's weights.
-    pub network: NetworkGradient<H>,
 }
 
 /// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile has.
@@ -122,15 +91,17 @@ pub struct Batch<'a, const H: usize> {
     /// The tile.
     pub problem: &'a Problem,
     /// Its features.
-    pub maps: &'a Maps,
+    pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
     /// The samples.
-    pub samples: &'a [Samples],
+    pub samples: &'a [Samples<'a>],
     /// Noise on the features, and what picks it.
     pub noise: Option<(&'a Noise, u64)>,
-    /// Gradients are added here.
-    pub gradient: &'a mut Gradient<H>,
+    /// The features' gradient is added here,
+    pub of_features: FeatureGradient<'a>,
+    /// and the decoder's.
+    pub of_network: &'a mut NetworkGradient<H>,
     /// What has a gradient.
     pub scope: Scope,
     /// Factor of the gradient.
@@ -140,12 +111,23 @@ pub struct Batch<'a, const H: usize> {
 impl<const H: usize> Kernel for Batch<'_, H> {
     type Output = f64;
     #[inline(always)]
-    fn run<V: Lanes>(self) -> f64 {
+    fn run<V: Lanes>(mut self) -> f64 {
         let mut trace = Trace::new();
         let (mut x, mut dx) = (Rows::new(), Rows::new());
         let mut loss = 0.0;
         for (b, samples) in self.samples.iter().enumerate() {
-            gather(self.problem, self.maps, samples, &mut x);
+            // The targets of all sets do not fit the near caches: those of the next block are asked for, some at a time, for a cache
+            // waits for few.
+            let next = self.samples.get(b + 1).map(|next| (next, self.problem.targets_at(next.moment)));
+            let ask = |quarter: usize| {
+                if let Some((next, targets)) = next {
+                    let texels = next.texels.iter().skip(quarter * BLOCK / 4).take(BLOCK / 4);
+                    texels.for_each(|texel| prefetch(&targets[texel.index()]));
+                }
+            };
+            ask(0);
+            gather(&self.features, self.problem, samples, &mut x);
+            ask(1);
             if let Some((noise, salt)) = self.noise {
                 for (x, n) in x.iter_mut().zip(noise.run(salt.wrapping_add(b as u64))) {
                     for lane in (0..FEATURE_ROW).step_by(V::N) {
@@ -154,27 +136,24 @@ impl<const H: usize> Kernel for Batch<'_, H> {
                 }
             }
             let mut y = self.network.forward::<V>(&x, samples.moment, &mut trace);
-            // The targets of all sets do not fit the near caches: ask for those of the next block now.
-            if let Some(next) = self.samples.get(b + 1) {
-                let targets = &self.problem.targets[next.moment * self.problem.texels.len()..];
-                next.texels.iter().for_each(|&t| prefetch(&targets[t as usize]));
-            }
             let moment = &self.problem.moments[samples.moment];
-            let targets = &self.problem.targets[samples.moment * self.problem.texels.len()..];
+            let targets = self.problem.targets_at(samples.moment);
             let mut sum = [0.0; 4];
-            for s in 0..BLOCK {
-                let target = targets[samples.texels[s] as usize];
-                let (r, w) = residual(y[s], target, &moment.base, &moment.slope);
-                let w = if s < samples.count { w } else { [0.0; 4] };
+            for (y, texel) in y.iter_mut().zip(samples.texels) {
+                let (r, w) = residual(*y, targets[texel.index()], &moment.base, &moment.slope);
                 let weighted = r.mul(w);
                 sum = weighted.mul_add(r, sum);
-                y[s] = weighted.mul(Quad::splat(self.scale));
+                *y = weighted.mul(Quad::splat(self.scale));
             }
+            y[samples.texels.len()..].fill([0.0; 4]);
             loss += f64::from(sum[0] + sum[1] + sum[2]);
+            ask(2);
             let wanted = (self.scope != Scope::Decoder).then_some(&mut dx);
-            self.network.backward::<V>(&x, samples.moment, &trace, &y, &mut self.gradient.network, wanted);
+            self.network.backward::<V>(&x, samples.moment, &trace, &y, self.of_network, wanted);
+            ask(3);
             if self.scope != Scope::Decoder {
-                scatter(self.problem, samples, &dx, &mut self.gradient.maps, self.scope);
+                let planes_alone = self.scope == Scope::Planes;
+                scatter(&self.features, self.problem, samples, &dx, &mut self.of_features, planes_alone);
             }
         }
         loss
@@ -193,95 +172,18 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
     (r, [w[0], w[1], w[2], 0.0])
 }
 
-/// The features of a block of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
-#[inline(always)]
-fn gather(problem: &Problem, maps: &Maps, samples: &Samples, x: &mut Rows<FEATURE_ROW>) {
-    let moment = &problem.moments[samples.moment];
-    let has = &problem.shape.contents;
-    let line = |plane: &[[f32; 2]], side: usize| samples.moment * side.min(plane.len());
-    let ut = &maps.ut[line(&maps.ut, problem.columns.len())..];
-    let vt = &maps.vt[line(&maps.vt, problem.rows.len())..];
-    let slices = moment.slices.at.map(|at| &maps.uvt[at..]);
-    for (x, &t) in x.iter_mut().zip(&samples.texels) {
-        let texel = problem.texels[t as usize];
-        let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
-        if has.uvt > 0 {
-            let mix =
-                |a: Quad, b: Quad, f: f32| Quad::splat(f).mul(std::array::from_fn(|c| b[c] - a[c])).add(a);
-            let line = |slice: &[Quad], y: usize| {
-                mix(slice[column.uvt.at[0] + y], slice[column.uvt.at[1] + y], column.uvt.f)
-            };
-            let image =
-                |slice: &[Quad]| mix(line(slice, row.uvt.at[0]), line(slice, row.uvt.at[1]), row.uvt.f);
-            x[..4].copy_from_slice(&mix(image(slices[0]), image(slices[1]), moment.slices.f));
-        }
-        if has.uv {
-            x[4..8].copy_from_slice(&maps.uv[column.uv + row.uv]);
-        }
-        if has.ut {
-            x[8..10].copy_from_slice(&ut[usize::from(texel.x)]);
-        }
-        if has.vt {
-            x[10..12].copy_from_slice(&vt[usize::from(texel.y)]);
-        }
-    }
-}
-
-/// The way back of [`gather`].
-#[inline(always)]
-fn scatter(problem: &Problem, samples: &Samples, dx: &Rows<FEATURE_ROW>, maps: &mut Maps, scope: Scope) {
-    let moment = &problem.moments[samples.moment];
-    let has = &problem.shape.contents;
-    let (first_ut, first_vt) = (
-        samples.moment * problem.columns.len().min(maps.ut.len()),
-        samples.moment * problem.rows.len().min(maps.vt.len()),
-    );
-    let (ut, vt) = (&mut maps.ut[first_ut..], &mut maps.vt[first_vt..]);
-    for (d, &t) in dx.iter().zip(&samples.texels) {
-        let texel = problem.texels[t as usize];
-        if has.ut {
-            let to = &mut ut[usize::from(texel.x)];
-            *to = [to[0] + d[8], to[1] + d[9]];
-        }
-        if has.vt {
-            let to = &mut vt[usize::from(texel.y)];
-            *to = [to[0] + d[10], to[1] + d[11]];
-        }
-        if scope != Scope::All {
-            continue;
-        }
-        let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
-        if has.uv {
-            let uv = &mut maps.uv[column.uv + row.uv];
-            *uv = uv.add([d[4], d[5], d[6], d[7]]);
-        }
-        if has.uvt == 0 {
-            continue;
-        }
-        let d = [d[0], d[1], d[2], d[3]];
-        for (slice, fs) in moment.slices.at.into_iter().zip([1.0 - moment.slices.f, moment.slices.f]) {
-            let slice = &mut maps.uvt[slice..];
-            for (y, fy) in row.uvt.at.into_iter().zip([fs * (1.0 - row.uvt.f), fs * row.uvt.f]) {
-                for (x, f) in column.uvt.at.into_iter().zip([fy * (1.0 - column.uvt.f), fy * column.uvt.f]) {
-                    slice[x + y] = Quad::splat(f).mul_add(d, slice[x + y]);
-                }
-            }
-        }
-    }
-}
-
 /// Squared error in linear light, summed over texels and channels, per moment, of the given texels.
 pub struct SquaredErrors<'a, const H: usize> {
     /// The tile.
     pub problem: &'a Problem,
     /// Its features.
-    pub maps: &'a Maps,
+    pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
     /// So many of the problem's moments.
     pub moments: usize,
-    /// Indices into the problem's texels.
-    pub texels: &'a [u32],
+    /// On these texels.
+    pub texels: &'a [Texel],
 }
 
 impl<const H: usize> Kernel for SquaredErrors<'_, H> {
@@ -293,14 +195,14 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
         let mut sums = Vec::with_capacity(self.moments);
         let coding = self.problem.coding;
         for (a, moment) in self.problem.moments[..self.moments].iter().enumerate() {
-            let targets = &self.problem.targets[a * self.problem.texels.len()..];
+            let targets = self.problem.targets_at(a);
             let mut sum = 0.0;
             for texels in self.texels.chunks(BLOCK) {
-                let samples = Samples::new(a, texels);
-                gather(self.problem, self.maps, &samples, &mut x);
+                let samples = Samples { moment: a, texels };
+                gather(&self.features, self.problem, &samples, &mut x);
                 let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
-                for (y, &t) in y.iter().zip(texels) {
-                    let target = targets[t as usize];
+                for (y, texel) in y.iter().zip(texels) {
+                    let target = targets[texel.index()];
                     for c in 0..3 {
                         // Not `max`, which would show what is not a number as 0.
                         let shown = if y[c] < 0.0 { 0.0 } else { f64::from(y[c]) };
@@ -321,11 +223,13 @@ pub struct BlockLosses<'a, const H: usize> {
     /// The tile.
     pub problem: &'a Problem,
     /// Its features.
-    pub maps: &'a Maps,
+    pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
     /// The samples.
-    pub samples: &'a [Samples],
+    pub samples: &'a [Samples<'a>],
+    /// Number of blocks.
+    pub blocks: usize,
 }
 
 impl<const H: usize> Kernel for BlockLosses<'_, H> {
@@ -334,19 +238,18 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
     fn run<V: Lanes>(self) -> Vec<f32> {
         let mut trace = Trace::new();
         let mut x = Rows::new();
-        let mut losses = vec![0.0; self.maps.uv.len() / 16];
+        let mut losses = vec![0.0; self.blocks];
         for samples in self.samples {
-            gather(self.problem, self.maps, samples, &mut x);
+            gather(&self.features, self.problem, samples, &mut x);
             let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             let moment = &self.problem.moments[samples.moment];
-            let targets = &self.problem.targets[samples.moment * self.problem.texels.len()..];
-            for (y, &t) in y.iter().zip(&samples.texels[..samples.count]) {
-                let (r, w) = residual(*y, targets[t as usize], &moment.base, &moment.slope);
+            let targets = self.problem.targets_at(samples.moment);
+            for (y, &texel) in y.iter().zip(samples.texels) {
+                let (r, w) = residual(*y, targets[texel.index()], &moment.base, &moment.slope);
                 let loss = r.mul(r).mul(w);
-                let texel = self.problem.texels[t as usize];
-                let offset = self.problem.columns[usize::from(texel.x)].uv
-                    + self.problem.rows[usize::from(texel.y)].uv;
-                losses[offset / 16] += self.problem.share(t as usize) * (loss[0] + loss[1] + loss[2]);
+                let (column, row) = self.problem.sites(texel);
+                losses[(column.uv + row.uv) / 16] +=
+                    self.problem.share(texel) * (loss[0] + loss[1] + loss[2]);
             }
         }
         losses
@@ -367,11 +270,11 @@ pub struct Linearise<'a, const H: usize, F> {
     /// The tile.
     pub problem: &'a Problem,
     /// Its features.
-    pub maps: &'a Maps,
+    pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
     /// The moment and the texels.
-    pub samples: &'a [Samples],
+    pub samples: &'a [Samples<'a>],
     /// Called for each block in turn.
     pub each: F,
 }
@@ -384,7 +287,7 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
         let mut x = Rows::new();
         let mut out = Linearised { y: Rows::new(), jacobian: [Rows::new(); 3] };
         for samples in self.samples {
-            gather(self.problem, self.maps, samples, &mut x);
+            gather(&self.features, self.problem, samples, &mut x);
             out.y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             self.network.jacobian::<V>(&trace, &mut out.jacobian);
             (self.each)(samples, &out);
@@ -392,49 +295,42 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
     }
 }
 
-/// Makes the maps of the parameters.
-pub struct FillMaps<'a> {
-    /// The tile.
-    pub problem: &'a Problem,
-    /// Order of the parameters.
-    pub layout: &'a Layout,
-    /// The parameters.
-    pub params: &'a [f32],
+/// Makes a map of its endpoints and weights ([`fill`]).
+pub struct Fill<'a> {
+    /// Endpoints of all blocks.
+    pub endpoints: &'a [f32],
+    /// Weights of all blocks.
+    pub weights: &'a [f32],
     /// What to overwrite.
-    pub maps: &'a mut Maps,
-    /// Also F_uv and F_uvt.
-    pub blocks: bool,
+    pub map: &'a mut [Quad],
 }
 
-impl Kernel for FillMaps<'_> {
+impl Kernel for Fill<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        self.maps.fill(self.problem, self.layout, self.params, self.blocks);
+        fill(self.endpoints, self.weights, self.map);
     }
 }
 
-/// Brings the gradient from the maps to the parameters and zeroes the former.
+/// Brings the gradient from a map to its endpoints and weights, and zeroes the former ([`contract`]).
 pub struct Contract<'a> {
-    /// The tile.
-    pub problem: &'a Problem,
-    /// Order of the parameters.
-    pub layout: &'a Layout,
-    /// The parameters.
-    pub params: &'a [f32],
-    /// Gradient with respect to the maps.
-    pub maps: &'a mut Maps,
-    /// Gradient with respect to the parameters.
+    /// Endpoints of all blocks.
+    pub endpoints: &'a [f32],
+    /// Weights of all blocks.
+    pub weights: &'a [f32],
+    /// Gradient with respect to the map.
+    pub map: &'a mut [Quad],
+    /// Gradient with respect to endpoints and then weights: overwritten.
     pub gradient: &'a mut [f32],
-    /// Also F_uv and F_uvt.
-    pub blocks: bool,
 }
 
 impl Kernel for Contract<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        self.maps.contract(self.problem, self.layout, self.params, self.gradient, self.blocks);
+        let (endpoints, weights) = self.gradient.split_at_mut(self.endpoints.len());
+        contract(self.endpoints, self.weights, self.map, endpoints, weights);
     }
 }
 

@@ -5,6 +5,7 @@ mod problem;
 pub(crate) mod random;
 mod features;
 pub(crate) mod network;
+mod gather;
 pub(crate) mod kernel;
 pub(crate) mod optimise;
 mod matrices;

@@ -1,17 +1,17 @@
 //! The training loop of one tile: epochs, steps of Adam, the loss weights, and the error so far.
 
-use super::features::{Layout, Maps};
-use super::kernel::{
-    Adam, Batch, Contract, FillMaps, Gradient, Noise, Samples, Scope, SquaredErrors, WEIGHT_CAP, run,
-};
+use super::features::Layout;
+use super::gather::{FeatureGradient, Features, Samples, Uv};
+use super::kernel::{Adam, Batch, Contract, Fill, Noise, Scope, SquaredErrors, WEIGHT_CAP, run};
 use super::network::{BLOCK, Network, NetworkGradient};
-use super::problem::{GUTTER_SHARE, Problem};
+use super::problem::{GUTTER_SHARE, Problem, Texel};
 use super::random::Random;
 use super::{Aim, Coded};
 use crate::Result;
-use crate::lanes::Tier;
+use crate::lanes::{Quad, Tier};
 use dataset::console::stop_if_interrupted;
 use dataset::metrics::psnr_db;
+use std::ops::Range;
 
 /// Samples per step: the paper's 2¹².
 const BATCH: usize = 4096;
@@ -40,6 +40,15 @@ pub fn schedule(step: usize, steps: usize, warm_up: usize, end: f32) -> f32 {
     warm * (end + (1.0 - end) * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos()))
 }
 
+/// Centred texels of the maps of blocks that the tile has, block by block, x + 4 y within a block.
+#[derive(Clone, Debug)]
+pub struct Maps {
+    /// F_uv.
+    pub uv: Vec<Quad>,
+    /// F_uvt, slice by slice.
+    pub uvt: Vec<Quad>,
+}
+
 /// The state of one tile's training.
 #[derive(Debug)]
 pub struct Trainer<const H: usize> {
@@ -50,13 +59,14 @@ pub struct Trainer<const H: usize> {
     pub layout: Layout,
     /// The parameters.
     pub params: Vec<f32>,
-    /// Their maps; F_uv and F_uvt come from the blocks once these are frozen.
+    /// F_uv and F_uvt as texels: made of the parameters, until they are frozen (of F_uv not by every step: [`Trainer::freeze`]).
     pub maps: Maps,
     /// Their decoder.
     pub network: Network<H>,
-    /// F_uv and F_uvt no longer follow the parameters.
-    pub frozen: bool,
-    gradient: Gradient<H>,
+    frozen: bool,
+    /// With respect to the texels of F_uvt.
+    of_uvt: Vec<Quad>,
+    of_network: NetworkGradient<H>,
     flat: Vec<f32>,
     mean: Vec<f32>,
     square: Vec<f32>,
@@ -77,11 +87,13 @@ impl<const H: usize> Trainer<H> {
         let mut random = Random::new(seed);
         let layout = Layout::new(&problem.shape, problem.coded == Coded::TexelByTexel);
         let params = layout.initial(&problem.shape, &mut random);
-        let maps = Maps::new(&problem);
+        let [uv, uvt, ..] = problem.shape.counts();
+        let map = |blocks: usize| vec![[0.0; 4]; 16 * blocks];
         let mut trainer = Trainer {
             tier,
             network: Network::new(&params[layout.mlp.clone()], &problem),
-            gradient: Gradient { maps: maps.clone(), network: NetworkGradient::new(problem.moments.len()) },
+            of_uvt: map(uvt),
+            of_network: NetworkGradient::new(problem.moments.len()),
             flat: vec![0.0; params.len()],
             mean: vec![0.0; params.len()],
             square: vec![0.0; params.len()],
@@ -92,51 +104,83 @@ impl<const H: usize> Trainer<H> {
             problem,
             layout,
             params,
-            maps,
+            maps: Maps { uv: map(uv), uvt: map(uvt) },
             random,
         };
         trainer.refresh();
         trainer
     }
 
-    /// Makes maps and decoder follow the parameters.
+    /// Makes maps, where samples read them, and decoder follow the parameters.
     pub fn refresh(&mut self) {
-        let blocks = !self.frozen;
-        let (problem, layout, params) = (&self.problem, &self.layout, &self.params);
-        run(self.tier, FillMaps { problem, layout, params, maps: &mut self.maps, blocks });
+        if !self.frozen {
+            if self.problem.coded == Coded::TexelByTexel {
+                self.fill_uv();
+            }
+            let [endpoints, weights] = [&self.layout.uvt_endpoints, &self.layout.uvt_weights]
+                .map(|range| &self.params[range.clone()]);
+            run(self.tier, Fill { endpoints, weights, map: &mut self.maps.uvt });
+        }
         self.network = Network::new(&self.params[self.layout.mlp.clone()], &self.problem);
+    }
+
+    fn fill_uv(&mut self) {
+        let [endpoints, weights] =
+            [&self.layout.uv_endpoints, &self.layout.uv_weights].map(|range| &self.params[range.clone()]);
+        run(self.tier, Fill { endpoints, weights, map: &mut self.maps.uv });
+    }
+
+    /// From now on F_uv and F_uvt are what the maps hold, whatever the parameters: at first the same.
+    pub fn freeze(&mut self) {
+        self.fill_uv();
+        self.frozen = true;
+    }
+
+    /// The maps follow the parameters again.
+    pub fn thaw(&mut self) {
+        self.frozen = false;
+        self.refresh();
+    }
+
+    /// The features as samples read them.
+    pub fn features(&self) -> Features<'_> {
+        features(&self.layout, &self.params, &self.maps, self.frozen)
     }
 
     /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is left in `flat`.
     pub fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
         let salt = self.random.bits();
-        self.gradient.network = NetworkGradient::new(self.problem.moments.len());
+        self.of_network = NetworkGradient::new(self.problem.moments.len());
+        if scope != Scope::Decoder {
+            self.flat[..self.layout.uv_weights.end].fill(0.0);
+            self.flat[self.layout.ut.start..self.layout.vt.end].fill(0.0);
+        }
         let loss = run(
             self.tier,
             Batch {
                 problem: &self.problem,
-                maps: &self.maps,
+                features: features(&self.layout, &self.params, &self.maps, self.frozen),
                 network: &self.network,
                 samples,
                 noise: noise.then_some((&self.noise, salt)),
-                gradient: &mut self.gradient,
+                of_features: FeatureGradient::new(&mut self.flat, &self.layout, &mut self.of_uvt),
+                of_network: &mut self.of_network,
                 scope,
                 // Far from Adam's ε on one side and from overflow on the other.
                 scale: 64.0 / (samples.len() * BLOCK) as f32,
             },
         );
-        if scope != Scope::Decoder {
+        if scope == Scope::All {
+            let [endpoints, weights] = [&self.layout.uvt_endpoints, &self.layout.uvt_weights];
             let contract = Contract {
-                problem: &self.problem,
-                layout: &self.layout,
-                params: &self.params,
-                maps: &mut self.gradient.maps,
-                gradient: &mut self.flat,
-                blocks: scope == Scope::All,
+                endpoints: &self.params[endpoints.clone()],
+                weights: &self.params[weights.clone()],
+                map: &mut self.of_uvt,
+                gradient: &mut self.flat[endpoints.start..weights.end],
             };
             run(self.tier, contract);
         }
-        self.gradient.network.flatten(&self.problem, &mut self.flat[self.layout.mlp.clone()]);
+        self.of_network.flatten(&self.problem, &mut self.flat[self.layout.mlp.clone()]);
         loss / (samples.len() * BLOCK) as f64
     }
 
@@ -151,7 +195,7 @@ impl<const H: usize> Trainer<H> {
         stop_if_interrupted()?;
         let mut epochs = std::mem::take(&mut self.epochs);
         let batch = epochs.next(&self.problem, &mut self.random);
-        let loss = self.differentiate(batch, step.noise, step.scope);
+        let loss = self.differentiate(&batch, step.noise, step.scope);
         self.epochs = epochs;
         self.steps += 1;
         let (mlp, ut) = (self.layout.mlp.clone(), self.layout.ut.start);
@@ -187,9 +231,10 @@ impl<const H: usize> Trainer<H> {
 
     /// Mean squared error in linear light of the first so many moments, over every `stride`-th valid texel.
     pub fn mean_squared_errors(&self, moments: usize, stride: usize) -> Vec<f64> {
-        let texels: Vec<u32> = (0..self.problem.valid as u32).step_by(stride).collect();
-        let (problem, maps, network) = (&self.problem, &self.maps, &self.network);
-        let mut sums = run(self.tier, SquaredErrors { problem, maps, network, moments, texels: &texels });
+        let valid = &self.problem.texels[..self.problem.valid];
+        let texels: Vec<Texel> = valid.iter().step_by(stride).copied().collect();
+        let (problem, features, network) = (&self.problem, self.features(), &self.network);
+        let mut sums = run(self.tier, SquaredErrors { problem, features, network, moments, texels: &texels });
         sums.iter_mut().for_each(|s| *s /= (3 * texels.len()) as f64);
         sums
     }
@@ -249,6 +294,20 @@ impl<const H: usize> Trainer<H> {
     }
 }
 
+fn features<'a>(layout: &Layout, params: &'a [f32], maps: &'a Maps, frozen: bool) -> Features<'a> {
+    let part = |range: &Range<usize>| &params[range.clone()];
+    let lines = !frozen && !layout.uv_weights.is_empty();
+    Features {
+        uv: match lines {
+            true => Uv::Lines { endpoints: part(&layout.uv_endpoints), weights: part(&layout.uv_weights) },
+            false => Uv::Texels(&maps.uv),
+        },
+        uvt: &maps.uvt,
+        ut: part(&layout.ut),
+        vt: part(&layout.vt),
+    }
+}
+
 /// Share of a set's weight that all its texels have alike; the rest goes as they are bright. With 0 the scene `yard` has 0.6 dB more,
 /// and errors in its dark that are 1.9 times those of a loss without weights; with this share 1.02 times.
 const EVEN: f32 = 0.75;
@@ -273,48 +332,58 @@ const BETWEEN_SHARE: usize = 8;
 /// Draws batches: every sample of a set once an epoch, in random order; consecutive blocks go round the moments.
 #[derive(Debug, Default)]
 struct Epochs {
-    blocks: Vec<Samples>,
+    /// Of each moment, a block of texels for each of its visits.
+    texels: Vec<Vec<[Texel; BLOCK]>>,
+    /// A moment and how often it was visited before.
+    blocks: Vec<(usize, usize)>,
     used: usize,
     batch: usize,
 }
 
 impl Epochs {
-    fn next(&mut self, problem: &Problem, random: &mut Random) -> &[Samples] {
+    fn next(&mut self, problem: &Problem, random: &mut Random) -> Vec<Samples<'_>> {
         if self.used == self.blocks.len() {
             self.refill(problem, random);
         }
         let end = (self.used + self.batch).min(self.blocks.len());
-        let batch = &self.blocks[self.used..end];
+        let batch = &mut self.blocks[self.used..end];
         self.used = end;
-        batch
+        // Blocks that read the same slices of F_uvt one after another: they stay in the near cache.
+        batch.sort_by_key(|&(moment, visit)| (problem.moments[moment].slices.at, moment, visit));
+        batch.iter().map(|&(moment, visit)| Samples { moment, texels: &self.texels[moment][visit] }).collect()
     }
 
     fn refill(&mut self, problem: &Problem, random: &mut Random) {
         let gutter = problem.texels.len() - problem.valid;
-        let per_moment = problem.valid + gutter.div_ceil(GUTTER_SHARE);
-        let rounds = per_moment.div_ceil(BLOCK);
-        let mut orders: Vec<u32> = Vec::with_capacity(problem.moments.len() * per_moment);
-        for _ in &problem.moments {
-            let first = orders.len();
-            orders.extend(0..problem.valid as u32);
+        let picks = gutter.div_ceil(GUTTER_SHARE);
+        let rounds = (problem.valid + picks).div_ceil(BLOCK);
+        self.texels.resize_with(problem.moments.len(), Vec::new);
+        let mut order: Vec<Texel> = Vec::with_capacity(problem.valid + picks);
+        for (moment, blocks) in self.texels.iter_mut().enumerate() {
+            order.clear();
+            order.extend(&problem.texels[..problem.valid]);
             // A random arithmetic progression of the gutter: each of its texels is as likely.
             let start = if gutter > 0 { random.below(gutter) } else { 0 };
-            let picks = gutter.div_ceil(GUTTER_SHARE);
-            orders.extend((0..picks).map(|i| (problem.valid + (start + i * GUTTER_SHARE) % gutter) as u32));
-            random.shuffle(&mut orders[first..]);
+            let pick = |i: usize| problem.texels[problem.valid + (start + i * GUTTER_SHARE) % gutter];
+            order.extend((0..picks).map(pick));
+            let visits = if moment < problem.sets { rounds } else { rounds.div_ceil(BETWEEN_SHARE) };
+            random.draw(&mut order, visits * BLOCK);
+            // The last block is filled up from the start.
+            let texel = |i: usize| order.get(i).copied().unwrap_or_else(|| order[i % order.len()]);
+            blocks.clear();
+            blocks.extend((0..visits).map(|visit| std::array::from_fn(|s| texel(visit * BLOCK + s))));
         }
         let mut turn: Vec<usize> = (0..problem.moments.len()).collect();
         self.blocks.clear();
         for round in 0..rounds {
             random.shuffle(&mut turn);
-            let visited =
-                |moment: &&usize| **moment < problem.sets || (round + **moment).is_multiple_of(BETWEEN_SHARE);
-            self.blocks.extend(turn.iter().filter(visited).map(|&moment| {
-                let order = &orders[moment * per_moment..][..per_moment];
-                // The last round is filled up from the start.
-                let texel = |s| order[(round * BLOCK + s) % per_moment];
-                Samples { moment, texels: std::array::from_fn(texel), count: BLOCK }
-            }));
+            let visit = |&moment: &usize| match moment < problem.sets {
+                true => Some((moment, round)),
+                false => {
+                    (round + moment).is_multiple_of(BETWEEN_SHARE).then_some((moment, round / BETWEEN_SHARE))
+                }
+            };
+            self.blocks.extend(turn.iter().filter_map(visit));
         }
         let batches = self.blocks.len().div_ceil(BATCH / BLOCK);
         self.batch = self.blocks.len().div_ceil(batches);

@@ -224,7 +224,7 @@ impl<const H: usize> Attempt<H> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Samples;
+    use super::super::gather::Samples;
     use super::super::light::Light;
     use super::*;
     use crate::model::{PROFILES, Shape};
@@ -255,7 +255,8 @@ mod tests {
                 attempt.trainer.params[mlp.end - 3 + channel] = f32::NAN;
                 attempt.trainer.refresh();
                 assert!(!attempt.trainer.psnr(1).is_finite());
-                let samples = [Samples::new(0, &[0, 1, 2])];
+                let texels = attempt.trainer.problem.texels[..3].to_vec();
+                let samples = [Samples { moment: 0, texels: &texels }];
                 assert!(!attempt.trainer.differentiate(&samples, false, Scope::Decoder).is_finite());
             }
             attempt.stored(&blocks, psnr)

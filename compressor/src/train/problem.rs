@@ -89,15 +89,33 @@ pub struct Moment {
     pub slope: Quad,
 }
 
-/// A stored texel that is trained on.
+/// A stored texel that is trained on: four bytes, for training goes through millions in random order.
 #[derive(Clone, Copy, Debug)]
 pub struct Texel {
-    /// Column.
-    pub x: u16,
-    /// Row.
-    pub y: u16,
-    /// Valid, and beside a valid one of another tile, or its copy; none in the paper's recipe.
-    pub edge: bool,
+    /// Its place among the problem's.
+    index: u16,
+    x: u8,
+    y: u8,
+}
+
+impl Texel {
+    /// Its place among the problem's texels.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        usize::from(self.index)
+    }
+
+    /// Stored column.
+    #[inline(always)]
+    pub fn x(self) -> usize {
+        usize::from(self.x)
+    }
+
+    /// Stored row.
+    #[inline(always)]
+    pub fn y(self) -> usize {
+        usize::from(self.y)
+    }
 }
 
 /// All samples of a tile.
@@ -119,6 +137,8 @@ pub struct Problem {
     pub texels: Vec<Texel>,
     /// How many of them are valid.
     pub valid: usize,
+    /// Of each: whether it is valid, and beside a valid one of another tile, or its copy; none in the paper's recipe.
+    pub edges: Vec<bool>,
     /// Per moment and texel: (E/mean)^(1/p) of three channels, and its loss weight when an epoch visits it.
     pub targets: Vec<Quad>,
     /// Means of all sets, zero where black.
@@ -134,14 +154,16 @@ pub struct Problem {
 impl Problem {
     /// Prepares a tile. The problem has no moments or no valid texels where there is nothing to train.
     pub fn new(source: &TileSource, light: &Light, shape: Shape, coding: Coding) -> Self {
-        let texel = |i: usize| Texel {
-            x: (i % source.width) as u16,
-            y: (i / source.width) as u16,
-            edge: coding == Coding::Standard && at_border(source, i),
-        };
         let valid = light.valid.len();
         let all: Vec<usize> = light.valid.iter().chain(&light.gutter).copied().collect();
-        let texels: Vec<Texel> = all.iter().map(|&i| texel(i)).collect();
+        let texel = |(index, &i): (usize, &usize)| Texel {
+            index: index as u16,
+            x: (i % source.width) as u8,
+            y: (i / source.width) as u8,
+        };
+        let texels: Vec<Texel> = all.iter().enumerate().map(texel).collect();
+        let edges: Vec<bool> =
+            all.iter().map(|&i| coding == Coding::Standard && at_border(source, i)).collect();
         let taus = coding.taus(&source.hours, &light.axis);
         let spans: Vec<Span> = (0..source.sets.len())
             .filter(|&set| light.peaks[set] > 0.0)
@@ -156,7 +178,7 @@ impl Problem {
             let (from, to) = (&source.sets[span.from], &source.sets[span.to]);
             targets.extend(all.iter().enumerate().map(|(j, &i)| {
                 let weight = match j < valid {
-                    true if texels[j].edge => EDGE_WEIGHT,
+                    true if edges[j] => EDGE_WEIGHT,
                     true => 1.0,
                     false => GUTTER_WEIGHT * GUTTER_SHARE as f32,
                 };
@@ -197,6 +219,7 @@ impl Problem {
             sets,
             texels,
             valid,
+            edges,
             targets,
             means: light.means.clone(),
             axis: light.axis.clone(),
@@ -214,7 +237,7 @@ impl Problem {
         let mut read = [vec![false; uv], vec![false; uvt]];
         let slices: Vec<usize> = self.moments.iter().flat_map(|moment| touched(&moment.slices)).collect();
         for texel in &self.texels {
-            let (column, row) = (&self.columns[usize::from(texel.x)], &self.rows[usize::from(texel.y)]);
+            let (column, row) = self.sites(*texel);
             if uv > 0 {
                 read[0][(column.uv + row.uv) / 16] = true;
             }
@@ -239,11 +262,23 @@ impl Problem {
         read
     }
 
+    /// Its column and its row.
+    #[inline(always)]
+    pub fn sites(&self, texel: Texel) -> (&Site, &Site) {
+        (&self.columns[texel.x()], &self.rows[texel.y()])
+    }
+
+    /// The targets of a moment, by the texels' places.
+    #[inline(always)]
+    pub fn targets_at(&self, moment: usize) -> &[Quad] {
+        &self.targets[moment * self.texels.len()..][..self.texels.len()]
+    }
+
     /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the gutter's less often.
     #[inline(always)]
-    pub fn share(&self, texel: usize) -> f32 {
-        match texel < self.valid {
-            true if self.texels[texel].edge => EDGE_IN_BLOCKS,
+    pub fn share(&self, texel: Texel) -> f32 {
+        match texel.index() < self.valid {
+            true if self.edges[texel.index()] => EDGE_IN_BLOCKS,
             true => 1.0,
             false => 1.0 / GUTTER_SHARE as f32,
         }

@@ -15,10 +15,12 @@ use super::Coded;
 use super::blocks::{Start, Wanted, principal};
 use super::descent::{Descent, Sample};
 use super::features::{CENTRE_SLOPE, centred};
-use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, Samples, residual, run};
+use super::gather::Samples;
+use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, residual, run};
 use super::matrices::{Matrix, add_outer, solve};
 use super::network::BLOCK;
 use super::optimise::Trainer;
+use super::problem::Texel;
 use crate::bc7::{Block, GREY, Mode, encode};
 use crate::lanes::{Lanes, Quad};
 use crate::model::TileParams;
@@ -43,7 +45,7 @@ pub struct Blocks {
 impl<const H: usize> Trainer<H> {
     /// Blocks of the learned endpoints and weights under the loss's metric; freezes F_uvt, then F_uv.
     pub fn freeze_blocks(&mut self) -> Blocks {
-        self.frozen = true;
+        self.freeze();
         let mut uvt = self.fit_uvt();
         show(&uvt, &mut self.maps.uvt);
         self.refine_uvt(&mut uvt);
@@ -56,7 +58,7 @@ impl<const H: usize> Trainer<H> {
 
     /// The learned texels rounded to 8 bits and encoded under the plain squared error, all channels alike; freezes both maps.
     pub fn encode_blocks(&mut self) -> Blocks {
-        self.frozen = true;
+        self.freeze();
         let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
         let tier = self.tier();
         let texel_by_texel = self.problem.coded == Coded::TexelByTexel;
@@ -107,11 +109,12 @@ impl<const H: usize> Trainer<H> {
         let planes = self.layout.ut.start..self.layout.vt.end;
         let kept = self.params[planes.clone()].to_vec();
         self.round_planes();
+        self.freeze();
         round_texels(&mut self.maps.uv);
         round_texels(&mut self.maps.uvt);
         let psnr = self.psnr(1);
         self.params[planes].copy_from_slice(&kept);
-        self.refresh();
+        self.thaw();
         psnr
     }
 
@@ -153,10 +156,9 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// Every texel of every `stride`-th set, in blocks.
-    fn all_samples(&self, stride: usize) -> Vec<Samples> {
-        let texels: Vec<u32> = (0..self.problem.texels.len() as u32).collect();
-        let sets = (0..self.problem.sets).step_by(stride);
-        sets.flat_map(|a| texels.chunks(BLOCK).map(move |t| Samples::new(a, t)).collect::<Vec<_>>()).collect()
+    fn all_samples(&self, stride: usize) -> Vec<Samples<'_>> {
+        let blocks = |moment| self.problem.texels.chunks(BLOCK).map(move |texels| Samples { moment, texels });
+        (0..self.problem.sets).step_by(stride).flat_map(blocks).collect()
     }
 
     fn set_stride(&self) -> usize {
@@ -164,21 +166,21 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// Calls `each(moment, texel, ∂y/∂x per channel, r, w)` for all samples.
-    fn linearise(&self, stride: usize, mut each: impl FnMut(usize, usize, [&[f32; 16]; 3], Quad, Quad)) {
+    fn linearise(&self, stride: usize, mut each: impl FnMut(usize, Texel, [&[f32; 16]; 3], Quad, Quad)) {
         let samples = self.all_samples(stride);
         let problem = &self.problem;
         let block = |samples: &Samples, out: &Linearised| {
             let moment = &problem.moments[samples.moment];
-            for (s, &t) in samples.texels[..samples.count].iter().enumerate() {
-                let t = t as usize;
-                let target = problem.targets[samples.moment * problem.texels.len() + t];
+            let targets = problem.targets_at(samples.moment);
+            for (s, &texel) in samples.texels.iter().enumerate() {
+                let target = targets[texel.index()];
                 let (r, w) = residual(out.y[s], target, &moment.base, &moment.slope);
                 let jacobian = [&out.jacobian[0][s], &out.jacobian[1][s], &out.jacobian[2][s]];
-                each(samples.moment, t, jacobian, r, w.mul(Quad::splat(problem.share(t))));
+                each(samples.moment, texel, jacobian, r, w.mul(Quad::splat(problem.share(texel))));
             }
         };
-        let (maps, network) = (&self.maps, &self.network);
-        run(self.tier(), Linearise { problem, maps, network, samples: &samples, each: block });
+        let (features, network) = (self.features(), &self.network);
+        run(self.tier(), Linearise { problem, features, network, samples: &samples, each: block });
     }
 
     /// F_uvt's blocks nearest to the learned texels under Σ a² Jᵀ J.
@@ -188,9 +190,8 @@ impl<const H: usize> Trainer<H> {
             return Vec::new();
         }
         let mut metric: Vec<Matrix> = vec![[[0.0; 4]; 4]; self.maps.uvt.len()];
-        self.linearise(self.set_stride(), |a, t, jacobian, _, w| {
-            let texel = problem.texels[t];
-            let (column, row) = (&problem.columns[usize::from(texel.x)], &problem.rows[usize::from(texel.y)]);
+        self.linearise(self.set_stride(), |a, texel, jacobian, _, w| {
+            let (column, row) = problem.sites(texel);
             let mut form = [[0.0; 4]; 4];
             for c in 0..3 {
                 let j = jacobian[c];
@@ -226,9 +227,9 @@ impl<const H: usize> Trainer<H> {
             return;
         }
         let (mut metric, mut slope) = (vec![[[0.0; 4]; 4]; count], vec![[0.0; 4]; count]);
-        self.linearise(1, |_, t, jacobian, r, w| {
-            let texel = problem.texels[t];
-            let at = problem.columns[usize::from(texel.x)].uv + problem.rows[usize::from(texel.y)].uv;
+        self.linearise(1, |_, texel, jacobian, r, w| {
+            let (column, row) = problem.sites(texel);
+            let at = column.uv + row.uv;
             for c in 0..3 {
                 let j: Quad = std::array::from_fn(|i| STEP * jacobian[c][4 + i]);
                 add_outer(&mut metric[at], w[c], j);
@@ -281,8 +282,9 @@ impl<const H: usize> Trainer<H> {
 
     /// The loss over each block of F_uv.
     fn block_losses(&self) -> Vec<f32> {
-        let (problem, maps, network) = (&self.problem, &self.maps, &self.network);
-        run(self.tier(), BlockLosses { problem, maps, network, samples: &self.all_samples(1) })
+        let (problem, features, network) = (&self.problem, self.features(), &self.network);
+        let (samples, blocks) = (&self.all_samples(1), self.maps.uv.len() / 16);
+        run(self.tier(), BlockLosses { problem, features, network, samples, blocks })
     }
 
     /// Coordinate descent of F_uvt on the linearised loss.
@@ -295,9 +297,8 @@ impl<const H: usize> Trainer<H> {
         let (width, height) = (problem.shape.width, problem.shape.height);
         let kept = problem.sets.div_ceil(stride);
         let mut samples = vec![Sample::default(); kept * width * height];
-        self.linearise(stride, |a, t, jacobian, r, w| {
-            let texel = problem.texels[t];
-            let at = (a / stride * height + usize::from(texel.y)) * width + usize::from(texel.x);
+        self.linearise(stride, |a, texel, jacobian, r, w| {
+            let at = (a / stride * height + texel.y()) * width + texel.x();
             let root = w.map(f32::sqrt);
             samples[at] = Sample {
                 jacobian: [0, 1, 2].map(|c| std::array::from_fn(|i| root[c] * STEP * jacobian[c][i])),

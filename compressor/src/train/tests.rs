@@ -1,11 +1,12 @@
 //! Tests of the trainer as a whole: gradients against an oracle in f64, instruction sets, quality, and odd tiles.
 
-use super::kernel::{Samples, Scope};
+use super::gather::Samples;
+use super::kernel::Scope;
 use super::light::Light;
 use super::network::BLOCK;
 use super::optimise::{Step, Trainer};
 use super::oracle::Oracle;
-use super::problem::{EDGE_WEIGHT, Problem};
+use super::problem::{EDGE_WEIGHT, Problem, Texel};
 use super::random::Random;
 use super::*;
 use crate::bc7;
@@ -70,14 +71,17 @@ fn trainer_of<const H: usize>(
     Trainer::new(Problem::new(source, &Light::new(source, coding), shape, coding), 5, tier)
 }
 
-/// Blocks of random texels at every moment, one of them not full.
-fn random_samples(problem: &Problem) -> Vec<Samples> {
+/// Random texels for every set.
+fn random_texels(problem: &Problem) -> Vec<[Texel; BLOCK]> {
     let mut random = Random::new(11);
-    let block = |(i, moment)| {
-        let texels: Vec<u32> = (0..BLOCK).map(|_| random.below(problem.texels.len()) as u32).collect();
-        Samples::new(moment, &texels[..BLOCK - 5 * (i % 2)])
-    };
-    (0..problem.sets).enumerate().map(block).collect()
+    let mut texel = || problem.texels[random.below(problem.texels.len())];
+    (0..problem.sets).map(|_| std::array::from_fn(|_| texel())).collect()
+}
+
+/// A block of them at every set, every other not full.
+fn random_samples(texels: &[[Texel; BLOCK]]) -> Vec<Samples<'_>> {
+    let block = |moment: usize| Samples { moment, texels: &texels[moment][..BLOCK - 5 * (moment % 2)] };
+    (0..texels.len()).map(block).collect()
 }
 
 /// A moving shadow whose lamp is a gate, as is a second one.
@@ -105,7 +109,8 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
             .unwrap();
     }
     trainer.align_weights(Aim::MeanPsnr);
-    let samples = random_samples(&trainer.problem);
+    let texels = random_texels(&trainer.problem);
+    let samples = random_samples(&texels);
     trainer.differentiate(&samples, false, Scope::All);
     let loss = |params: &[f64]| {
         let problem = &trainer.problem;
@@ -113,10 +118,9 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
         let mut sum = 0.0;
         for block in &samples {
             let moment = &problem.moments[block.moment];
-            for &t in &block.texels[..block.count] {
-                let target = problem.targets[block.moment * problem.texels.len() + t as usize];
-                let texel = problem.texels[t as usize];
-                let y = oracle.y(moment.index, texel.x.into(), texel.y.into());
+            for texel in block.texels {
+                let target = problem.targets_at(block.moment)[texel.index()];
+                let y = oracle.y(moment.index, texel.x(), texel.y());
                 for c in 0..3 {
                     let weight =
                         f64::from(moment.base[c]) + f64::from(moment.slope[c]) * f64::from(target[c]);
@@ -245,7 +249,8 @@ fn every_instruction_set_gives_the_same_gradient() {
     let source = moving_shadow(24, 20, 5);
     let gradient = |tier| {
         let mut trainer = trainer::<16>(&source, &M, Coding::Standard, tier);
-        let samples = random_samples(&trainer.problem);
+        let texels = random_texels(&trainer.problem);
+        let samples = random_samples(&texels);
         let loss = trainer.differentiate(&samples, true, Scope::All);
         (loss, trainer.gradient().to_vec())
     };
@@ -405,11 +410,11 @@ fn texels_beside_another_tile_count_more() {
         let light = Light::new(&source, coding);
         let shape = Shape::new(&M.contents(light.distinct, 0), 128, 128, 2, coding);
         let problem = Problem::new(&source, &light, shape, coding);
-        for (texel, target) in problem.texels[..problem.valid].iter().zip(&problem.targets) {
-            assert_eq!(target[3], if texel.edge { EDGE_WEIGHT } else { 1.0 });
+        for (edge, target) in problem.edges[..problem.valid].iter().zip(&problem.targets) {
+            assert_eq!(target[3], if *edge { EDGE_WEIGHT } else { 1.0 });
         }
-        let edges = problem.texels.iter().filter(|texel| texel.edge);
-        edges.map(|texel| (usize::from(texel.x), usize::from(texel.y))).collect::<Vec<_>>()
+        let edges = problem.texels.iter().filter(|texel| problem.edges[texel.index()]);
+        edges.map(|texel| (texel.x(), texel.y())).collect::<Vec<_>>()
     };
     // Of the tile's own texels, which are 1 to 126, and the copies that are read.
     let of = |is: &dyn Fn(usize, usize) -> bool| -> Vec<(usize, usize)> {

@@ -1,0 +1,220 @@
+//! From the features of a tile to those of its samples, and the way back of the gradient.
+//!
+//! Samples read F_uv where it was learned, between the endpoints of its blocks: a step reads a quarter of its texels, so a map of them
+//! would cost more than it saves. F_uvt, whose texels samples share, is read as a map. Of F_ut and F_vt all samples of a block read the same
+//! moment: its rows are mixed once a block.
+
+use super::features::{CENTRE_SLOPE, Layout, centred};
+#[cfg(doc)]
+use super::network::BLOCK;
+use super::network::{FEATURE_ROW, Rows};
+use super::problem::{Pair, Problem, Texel};
+use crate::lanes::{Lanes, Quad};
+use crate::model::STORED;
+
+/// A block of samples of one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Samples<'a> {
+    /// Index into the problem's moments.
+    pub moment: usize,
+    /// At most [`BLOCK`] texels. Rows of the others are left as they are.
+    pub texels: &'a [Texel],
+}
+
+/// F_uv as samples read it.
+#[derive(Clone, Copy, Debug)]
+pub enum Uv<'a> {
+    /// Learned: endpoints and weights of its blocks.
+    Lines {
+        /// e₀, e₁ of each block.
+        endpoints: &'a [f32],
+        /// 16 of each block.
+        weights: &'a [f32],
+    },
+    /// Texels, centred, block by block.
+    Texels(&'a [Quad]),
+}
+
+impl Uv<'_> {
+    /// The centred texel at an offset, block by block.
+    #[inline(always)]
+    fn texel(&self, at: usize) -> Quad {
+        match self {
+            Uv::Lines { endpoints, weights } => {
+                let e = &endpoints[at / 16 * 8..][..8];
+                let w = weights[at];
+                std::array::from_fn(|c| centred(e[c] + w * (e[4 + c] - e[c])))
+            }
+            Uv::Texels(texels) => texels[at],
+        }
+    }
+}
+
+/// The features of a tile as samples read them.
+#[derive(Clone, Copy, Debug)]
+pub struct Features<'a> {
+    /// F_uv.
+    pub uv: Uv<'a>,
+    /// F_uvt, centred, slice by slice, block by block.
+    pub uvt: &'a [Quad],
+    /// F_ut as learned, row (τ) by row, 2 channels.
+    pub ut: &'a [f32],
+    /// F_vt likewise.
+    pub vt: &'a [f32],
+}
+
+/// Where the gradient with respect to the features is added.
+#[derive(Debug)]
+pub struct FeatureGradient<'a> {
+    /// With respect to the learned F_uv: of endpoints and weights of blocks, or of texels one by one, without weights.
+    pub uv: [&'a mut [f32]; 2],
+    /// With respect to the centred F_uvt.
+    pub uvt: &'a mut [Quad],
+    /// With respect to the learned F_ut.
+    pub ut: &'a mut [f32],
+    /// With respect to the learned F_vt.
+    pub vt: &'a mut [f32],
+}
+
+impl<'a> FeatureGradient<'a> {
+    /// In the order of the parameters, but for F_uvt.
+    pub fn new(flat: &'a mut [f32], layout: &Layout, uvt: &'a mut [Quad]) -> Self {
+        let (features, _) = flat.split_at_mut(layout.mlp.start);
+        let (features, vt) = features.split_at_mut(layout.vt.start);
+        let (features, ut) = features.split_at_mut(layout.ut.start);
+        let (uv, _) = features.split_at_mut(layout.uv_weights.end);
+        let (endpoints, weights) = uv.split_at_mut(layout.uv_weights.start);
+        FeatureGradient { uv: [endpoints, weights], uvt, ut, vt }
+    }
+}
+
+/// A row of F_ut or F_vt between two others: its texels of 2 channels, and one more, so that the last has one to its right.
+type Row = [f32; STORED + 2];
+
+/// The row of a plane at a moment, centred; zeros without the plane.
+#[inline(always)]
+fn mixed(plane: &[f32], across: usize, rows: &Pair) -> Row {
+    let mut row = [0.0; STORED + 2];
+    let [a, b] = rows.at.map(|row| &plane[row * across * 2..][..across * 2]);
+    for ((mixed, a), b) in row.iter_mut().zip(a).zip(b) {
+        *mixed = centred(a + rows.f * (b - a));
+    }
+    row
+}
+
+/// The way back of [`mixed`].
+#[inline(always)]
+fn unmix(row: &Row, across: usize, rows: &Pair, plane: &mut [f32]) {
+    for (at, weight) in rows.ends() {
+        for (to, g) in plane[at * across * 2..][..across * 2].iter_mut().zip(row) {
+            *to += CENTRE_SLOPE * weight * g;
+        }
+    }
+}
+
+/// The features of a block of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
+#[inline(always)]
+pub fn gather(features: &Features, problem: &Problem, samples: &Samples, x: &mut Rows<FEATURE_ROW>) {
+    let moment = &problem.moments[samples.moment];
+    let has = &problem.shape.contents;
+    let ut = mixed(features.ut, problem.shape.ut, &moment.rows);
+    let vt = mixed(features.vt, problem.shape.vt, &moment.rows);
+    let between = |row: &Row, pair: &Pair| -> [f32; 2] {
+        let [a, b, c, d] = Quad::load(&row[2 * pair.at[0]..]);
+        [a + pair.f * (c - a), b + pair.f * (d - b)]
+    };
+    let slices = moment.slices.at.map(|at| &features.uvt[at..]);
+    for (x, &texel) in x.iter_mut().zip(samples.texels) {
+        let (column, row) = problem.sites(texel);
+        if has.uvt > 0 {
+            let mix =
+                |a: Quad, b: Quad, f: f32| Quad::splat(f).mul(std::array::from_fn(|c| b[c] - a[c])).add(a);
+            let line = |slice: &[Quad], y: usize| {
+                mix(slice[column.uvt.at[0] + y], slice[column.uvt.at[1] + y], column.uvt.f)
+            };
+            let image =
+                |slice: &[Quad]| mix(line(slice, row.uvt.at[0]), line(slice, row.uvt.at[1]), row.uvt.f);
+            x[..4].copy_from_slice(&mix(image(slices[0]), image(slices[1]), moment.slices.f));
+        }
+        if has.uv {
+            x[4..8].copy_from_slice(&features.uv.texel(column.uv + row.uv));
+        }
+        if has.ut {
+            x[8..10].copy_from_slice(&between(&ut, &column.plane));
+        }
+        if has.vt {
+            x[10..12].copy_from_slice(&between(&vt, &row.plane));
+        }
+    }
+}
+
+/// The way back of [`gather`]: of the planes alone, or of all maps.
+#[inline(always)]
+pub fn scatter(
+    features: &Features,
+    problem: &Problem,
+    samples: &Samples,
+    dx: &Rows<FEATURE_ROW>,
+    gradient: &mut FeatureGradient,
+    planes_alone: bool,
+) {
+    let moment = &problem.moments[samples.moment];
+    let has = &problem.shape.contents;
+    let (mut ut, mut vt): (Row, Row) = ([0.0; STORED + 2], [0.0; STORED + 2]);
+    let part = |row: &mut Row, pair: &Pair, d: [f32; 2]| {
+        let to = &mut row[2 * pair.at[0]..][..4];
+        let weights = [1.0 - pair.f, 1.0 - pair.f, pair.f, pair.f];
+        weights.mul_add([d[0], d[1], d[0], d[1]], Quad::load(to)).store(to);
+    };
+    for (d, &texel) in dx.iter().zip(samples.texels) {
+        let (column, row) = problem.sites(texel);
+        if has.ut {
+            part(&mut ut, &column.plane, [d[8], d[9]]);
+        }
+        if has.vt {
+            part(&mut vt, &row.plane, [d[10], d[11]]);
+        }
+        if planes_alone {
+            continue;
+        }
+        if has.uv {
+            scatter_uv(&features.uv, column.uv + row.uv, [d[4], d[5], d[6], d[7]], &mut gradient.uv);
+        }
+        if has.uvt == 0 {
+            continue;
+        }
+        let d = [d[0], d[1], d[2], d[3]];
+        for (slice, fs) in moment.slices.ends() {
+            let slice = &mut gradient.uvt[slice..];
+            for (y, fy) in row.uvt.ends() {
+                for (x, f) in column.uvt.ends() {
+                    slice[x + y] = Quad::splat(fs * fy * f).mul_add(d, slice[x + y]);
+                }
+            }
+        }
+    }
+    unmix(&ut, problem.shape.ut, &moment.rows, gradient.ut);
+    unmix(&vt, problem.shape.vt, &moment.rows, gradient.vt);
+}
+
+/// ∂e₁ = w g, ∂e₀ = (1 − w) g, ∂w = g · (e₁ − e₀), with g that of the texel before it is centred.
+#[inline(always)]
+fn scatter_uv(uv: &Uv, at: usize, d: Quad, gradient: &mut [&mut [f32]; 2]) {
+    let g = d.mul(Quad::splat(CENTRE_SLOPE));
+    let [to, weights] = gradient;
+    match uv {
+        Uv::Lines { endpoints, weights: w } => {
+            let (e, to) = (&endpoints[at / 16 * 8..][..8], &mut to[at / 16 * 8..][..8]);
+            let (second, w) = (Quad::splat(w[at]), &mut weights[at]);
+            let first = Quad::splat(1.0 - second[0]);
+            let p = g.mul(std::array::from_fn(|c| e[4 + c] - e[c]));
+            *w += (p[0] + p[1]) + (p[2] + p[3]);
+            first.mul_add(g, Quad::load(&to[..4])).store(&mut to[..4]);
+            second.mul_add(g, Quad::load(&to[4..])).store(&mut to[4..]);
+        }
+        Uv::Texels(_) => {
+            let to = &mut to[4 * at..][..4];
+            g.add(Quad::load(to)).store(to);
+        }
+    }
+}
