@@ -44,7 +44,7 @@ pub struct Preset {
 /// A first look.
 pub const DRAFT: Preset = Preset { name: "draft", iterations: 1000, passes: 2 };
 /// The default.
-pub const MEDIUM: Preset = Preset { name: "medium", iterations: 12_000, passes: 2 };
+pub const MEDIUM: Preset = Preset { name: "medium", iterations: 10_000, passes: 2 };
 /// What more time still buys.
 pub const FINAL: Preset = Preset { name: "final", iterations: 32_000, passes: 4 };
 /// All of them, the shortest first.

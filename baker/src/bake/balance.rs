@@ -31,7 +31,7 @@ const ENDLESS_GROWTH: f64 = 1e4;
 /// How the passes went.
 #[derive(Clone, Copy, Debug)]
 pub struct Solution {
-    /// Passes made, the more of both halves.
+    /// Passes made.
     pub passes: usize,
     /// Whether they settled.
     pub settled: bool,

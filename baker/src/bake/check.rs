@@ -3,7 +3,7 @@
 //! Walks to the end have no bias; their own noise is known from two independent halves and taken out of the difference. What is
 //! left of the difference beyond the noise that the bake itself reports is its bias.
 //!
-//! Measured by the mean light of the page, a dim room beside a bright yard may lose most of its light unseen. The difference is
+//! Measured by the mean light of all checked texels, a dim room beside a bright yard may lose most of its light unseen. The difference is
 //! therefore also measured by each texel's own light, and summed over eighths of the texels from the darkest to the brightest.
 
 use super::block::{Stream, Worker};

@@ -31,7 +31,7 @@ pub struct Plan {
     sky_names: Vec<String>,
     /// Per moment, its sky among `skies`.
     pub sky_of: Vec<Option<usize>>,
-    /// The groups that are lit at any moment.
+    /// The groups that shine at some moment.
     pub groups: Vec<PlannedGroup>,
     /// Per group of the scene, its place among `groups`.
     pub place_of_group: Vec<Option<usize>>,

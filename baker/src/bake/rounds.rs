@@ -70,11 +70,11 @@ impl Traced {
     }
 }
 
-/// Samples of the first round towards a target error.
+/// Samples of the first round towards a target error or under a time limit.
 const FIRST_ROUND: u32 = 16;
 
-/// The samples per texel after each round: up to four that double and end at `samples`; towards a target, doublings from
-/// 16.
+/// The samples per texel after each round: up to four that double and end at `samples`; towards a target or under a
+/// time limit, doublings from 16.
 pub fn schedule(limits: &Limits) -> Vec<u32> {
     let most = limits.samples;
     if limits.target_error.is_none() && limits.deadline.is_none() {

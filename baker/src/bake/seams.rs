@@ -56,7 +56,7 @@ pub struct Seams {
 enum Texel {
     /// Baked.
     Valid,
-    /// Surface without light of its own: inside a solid.
+    /// Surface that is not valid: inside a solid, or unlit by chance.
     Buried,
     /// No surface.
     Gutter,

@@ -1,6 +1,6 @@
 //! The work done so far, one file per block of texels: sums of samples.
 //!
-//! Memory holds the blocks being worked on, never the page; a killed bake continues with what was written.
+//! While tracing, memory holds the blocks being worked on, never the page; a killed bake continues with what was written.
 
 use crate::surface::BLOCK;
 use crate::{Error, Result, Rgb};
@@ -71,7 +71,7 @@ impl Direct {
         self.deviation() > TOLERATED * self.mean().element_sum()
     }
 
-    /// Whether it differs so much from its neighbour that the texels between may be partly lit.
+    /// Whether it differs so much from its neighbour that the edge of a shadow may run between them.
     pub fn differs_from(&self, neighbour: &Direct) -> bool {
         /// Of the greater of the two.
         const TOLERATED: f32 = 0.5;
@@ -139,7 +139,7 @@ impl BlockState {
         (sums, exposed as f64)
     }
 
-    /// The estimate of each layer at a texel by one half; `sampled` maps sampled lights to layers.
+    /// The estimate of each layer at a texel by one half; `lights` tells to which layers sampled lights add.
     pub fn means(&self, texel: usize, half: usize, lights: &crate::trace::lights::Lights, out: &mut [Rgb]) {
         let layers = lights.layers();
         let from = (texel * 2 + half) * layers;

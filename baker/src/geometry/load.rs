@@ -10,7 +10,7 @@ use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-/// More than this from the origin and `f32` squares overflow.
+/// Most metres across: beyond any scene, and squares of lengths are well within `f32`.
 const MAX_EXTENT: f64 = 1e15;
 
 /// Loads and flattens all objects of a scene. Gives the geometry and the warnings to show.

@@ -19,7 +19,7 @@ pub struct Emitter {
     pub triangle: u32,
     /// Its corners, relative to the geometry's origin; front counter-clockwise.
     pub corners: [Vec3; 3],
-    /// kcd/m², constant over it.
+    /// kcd/m², constant over it; in a bake in units of the group's brightest number.
     pub radiance: Rgb,
     /// Whether the back emits too.
     pub two_sided: bool,

@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug)]
 pub struct LampSampler {
     shape: Shape,
-    /// Radiance in kcd/m²; a spot's on-axis intensity in kcd.
+    /// Radiance in kcd/m², a spot's on-axis intensity in kcd; in a bake both in units of the group's brightest number.
     light: Rgb,
     luminance: f64,
 }

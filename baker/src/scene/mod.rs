@@ -299,7 +299,7 @@ pub struct Lightmap {
     pub size: LightmapSize,
     /// Most pages, all of one size, at least 1.
     pub pages: u32,
-    /// Texels left between charts, and filled by dilation.
+    /// Texels between charts that are filled by dilation; at least 2 are left.
     pub padding: u32,
 }
 

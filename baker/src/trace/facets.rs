@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Length of a facet in texels of the cache, about.
+/// Length of a facet in entries of the cache, about.
 const LENGTH: f64 = 2.0;
 /// Most facets along a side of a triangle.
 const MOST_ALONG: u32 = 1024;
@@ -48,7 +48,7 @@ pub struct Facet {
     pub along: u32,
     /// Its cluster.
     pub cluster: u32,
-    /// Light it sends out, in means of the layers times area.
+    /// Light it sends out: that of each layer in units of its integral over all surfaces.
     pub power: f32,
     /// Its area.
     pub area: f32,

@@ -161,10 +161,10 @@ impl<const H: usize> Kernel for Batch<'_, H> {
 }
 
 /// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is asked for; the
-/// residual of a y that is not a number is none either.
+/// residual of a y that is not a number stays not a number.
 #[inline(always)]
 pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad) {
-    // Below the target's sign: r = y − target, or max(y, 0) for a target of 0 (targets are never negative).
+    // r = y − target, or max(y, 0) for a target of 0: the floor is 0 there and −∞, nearly, elsewhere (targets are never negative).
     let floor = target.mul(Quad::splat(-f32::MAX)).min(Quad::splat(0.0));
     // In this order: `max` gives its argument where one of the two is not a number.
     let r = floor.max(std::array::from_fn(|c| y[c] - target[c]));
@@ -218,7 +218,7 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
     }
 }
 
-/// The loss Σ w r² over each 4×4 block of F_uv.
+/// The loss Σ w r² over each 4×4 block of F_uv, texels by their weight in blocks.
 pub struct BlockLosses<'a, const H: usize> {
     /// The tile.
     pub problem: &'a Problem,
@@ -249,7 +249,7 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
                 let loss = r.mul(r).mul(w);
                 let (column, row) = self.problem.sites(texel);
                 losses[(column.uv + row.uv) / 16] +=
-                    self.problem.share(texel) * (loss[0] + loss[1] + loss[2]);
+                    self.problem.weight_in_blocks(texel) * (loss[0] + loss[1] + loss[2]);
             }
         }
         losses

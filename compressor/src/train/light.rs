@@ -101,14 +101,14 @@ fn scales(light: &[[f32; 3]], valid: &[usize]) -> ([f32; 3], f32) {
     ([scale(0), scale(1), scale(2)], peak.iter().fold(0.0f64, |a, &b| a.max(b)) as f32)
 }
 
-/// Places from a set to the next at the largest difference of a tile; they go by its root, so that slices and rows are not spent
-/// on hours at which little happens.
+/// Places from a set to the next at the largest difference of a tile. They go by the difference's root: less even than all alike,
+/// which spends slices on hours at which little happens, and more than in proportion, which leaves small changes no room.
 const FINEST: f64 = 8.0;
 /// The share of a difference across a switch that counts: gates tell the rest.
 const SWITCHED: f64 = 0.3;
 
-/// The time axis, and how many sets have light and look different. A set has the place of the one before
-/// where both look alike, means apart; the more it differs, the farther it stands. Around midnight likewise. Black sets have
+/// The time axis, and how many sets have light and look different. A set has the place of an earlier one
+/// where all since look like that, means apart; the more it differs, the farther it stands. Around midnight likewise. Black sets have
 /// the place before: it is never looked at, as a moment beside a black set has the time of the lit one.
 fn axis(source: &TileSource, valid: &[usize], means: &[[f32; 3]]) -> (Axis, usize) {
     let output = |k: usize, i: usize, c: usize| match means[k][c] {

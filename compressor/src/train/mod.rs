@@ -42,7 +42,7 @@ pub struct Recipe {
     /// bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values and the floors of the means, on which the
     /// paper is silent, are those of the main recipe.
     pub paper: bool,
-    /// Seed of all randomness; the tile's own seed is derived from it and its place.
+    /// Seed of this tile's randomness.
     pub seed: u64,
     /// What the loss weights follow.
     pub aim: Aim,
@@ -197,7 +197,11 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<
         return all;
     }
     if light.gates_left_out > 0 {
-        left_out.push(format!("{} gates; {} are kept", light.gates_left_out, light.gates.len()));
+        left_out.push(format!(
+            "{} of {} gates",
+            light.gates_left_out,
+            light.gates.len() + light.gates_left_out
+        ));
     }
     if light.distinct > 1 {
         return all;

@@ -13,7 +13,7 @@ use dataset::console::stop_if_interrupted;
 use dataset::metrics::psnr_db;
 use std::ops::Range;
 
-/// Samples per step: the paper's 2¹².
+/// Samples per step, at most: the paper's 2¹².
 const BATCH: usize = 4096;
 /// β of Adam.
 const BETA1: f32 = 0.9;
@@ -329,7 +329,8 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
 /// An epoch visits one of so many samples of a moment between sets.
 const BETWEEN_SHARE: usize = 8;
 
-/// Draws batches: every sample of a set once an epoch, in random order; consecutive blocks go round the moments.
+/// Draws batches: every valid texel of a set once an epoch, in random order, and of the gutter one in [`GUTTER_SHARE`]. Batches go
+/// round the moments; the blocks of one go by the slices they read.
 #[derive(Debug, Default)]
 struct Epochs {
     /// Of each moment, a block of texels for each of its visits.

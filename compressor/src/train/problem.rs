@@ -276,7 +276,7 @@ impl Problem {
 
     /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the gutter's less often.
     #[inline(always)]
-    pub fn share(&self, texel: Texel) -> f32 {
+    pub fn weight_in_blocks(&self, texel: Texel) -> f32 {
         match texel.index() < self.valid {
             true if self.edges[texel.index()] => EDGE_IN_BLOCKS,
             true => 1.0,

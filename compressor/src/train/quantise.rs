@@ -43,7 +43,7 @@ pub struct Blocks {
 }
 
 impl<const H: usize> Trainer<H> {
-    /// Blocks of the learned endpoints and weights under the loss's metric; freezes F_uvt, then F_uv.
+    /// Blocks of the learned endpoints and weights under the loss's metric, of F_uvt, then of F_uv; freezes both first.
     pub fn freeze_blocks(&mut self) -> Blocks {
         self.freeze();
         let mut uvt = self.fit_uvt();
@@ -176,7 +176,7 @@ impl<const H: usize> Trainer<H> {
                 let target = targets[texel.index()];
                 let (r, w) = residual(out.y[s], target, &moment.base, &moment.slope);
                 let jacobian = [&out.jacobian[0][s], &out.jacobian[1][s], &out.jacobian[2][s]];
-                each(samples.moment, texel, jacobian, r, w.mul(Quad::splat(problem.share(texel))));
+                each(samples.moment, texel, jacobian, r, w.mul(Quad::splat(problem.weight_in_blocks(texel))));
             }
         };
         let (features, network) = (self.features(), &self.network);

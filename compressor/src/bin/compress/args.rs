@@ -219,7 +219,7 @@ pub struct Compress {
     /// The report to write [default: the bundle's name with .html].
     #[arg(long)]
     pub report: Option<PathBuf>,
-    /// How long to train: draft (1000 steps per tile), medium (12000) or final (32000, and more passes of quantisation)
+    /// How long to train: draft (1000 steps per tile), medium (10000) or final (32000, and more passes of quantisation)
     /// [default: medium].
     #[arg(long, value_parser = parse_preset)]
     pub preset: Option<Preset>,
