@@ -252,7 +252,7 @@ impl<const H: usize> Trainer<H> {
     /// ([`EVEN`]), scaled to mean 1, with a floor for the dark. For the pooled error, peak² would stand for MSE; √(peak² MSE) gives
     /// two thirds of the gain and leaves the dark nearly as good.
     pub fn align_weights(&mut self, aim: Aim) {
-        let stride = self.problem.valid.div_ceil(2048);
+        let stride = self.problem.coarse_stride();
         let errors = self.mean_squared_errors(self.problem.moments.len(), stride);
         let problem = &mut self.problem;
         let (mut total, mut count) = (0.0, 0.0);

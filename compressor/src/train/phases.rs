@@ -104,7 +104,7 @@ impl<const H: usize> Attempt<H> {
             Err(Stop::Failed(error)) => return Err(error),
         }
         let problem = &self.trainer.problem;
-        let errors = self.trainer.mean_squared_errors(problem.sets, problem.valid.div_ceil(2048));
+        let errors = self.trainer.mean_squared_errors(problem.sets, problem.coarse_stride());
         let peaks = problem.moments.iter().map(|moment| f64::from(moment.peak).powi(2));
         let sum = errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>();
         Ok(Some(sum * problem.valid as f64).filter(|error| error.is_finite()))
@@ -187,7 +187,7 @@ impl<const H: usize> Attempt<H> {
         alignments: &[f64],
         rates: impl Fn(usize) -> [f32; 2],
     ) -> Result<f64, Stop> {
-        let mut best = self.trainer.psnr(self.trainer.problem.valid.div_ceil(2048));
+        let mut best = self.trainer.psnr(self.trainer.problem.coarse_stride());
         for i in 0..iterations {
             if alignments.iter().any(|share| i == (share * iterations as f64) as usize) {
                 self.trainer.align_weights(self.aim);
@@ -215,7 +215,7 @@ impl<const H: usize> Attempt<H> {
 
     /// Adds to the curve; the PSNR there.
     fn point(&mut self) -> f64 {
-        let few = self.trainer.problem.valid.div_ceil(2048);
+        let few = self.trainer.problem.coarse_stride();
         let (iteration, seconds, psnr_db) = (self.iteration, self.clock.seconds(), self.trainer.psnr(few));
         self.curve.push(Point { iteration, seconds, psnr_db });
         psnr_db

@@ -274,6 +274,11 @@ impl Problem {
         &self.targets[moment * self.texels.len()..][..self.texels.len()]
     }
 
+    /// Every so many valid texels are some 2000: enough to judge a training by.
+    pub fn coarse_stride(&self) -> usize {
+        self.valid.div_ceil(2048)
+    }
+
     /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the gutter's less often.
     #[inline(always)]
     pub fn weight_in_blocks(&self, texel: Texel) -> f32 {
