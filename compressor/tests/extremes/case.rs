@@ -24,6 +24,7 @@ pub struct Case<'a> {
     pub valid: Box<dyn Fn(usize, usize) -> bool + 'a>,
     pub light: Light<'a>,
     pub iterations: usize,
+    pub seed: u64,
 }
 
 /// What came of it.
@@ -54,6 +55,7 @@ impl<'a> Case<'a> {
             valid: Box::new(|_, _| true),
             light: Box::new(light),
             iterations: 400,
+            seed: Options::default().seed,
         }
     }
 
@@ -121,7 +123,7 @@ impl<'a> Case<'a> {
     pub fn run(&self) -> Result {
         let folder = tempfile::tempdir().unwrap();
         self.write(folder.path());
-        let options = Options { iterations: self.iterations, ..Options::default() };
+        let options = Options { iterations: self.iterations, seed: self.seed, ..Options::default() };
         let outcome = compress(folder.path(), &options, &Console::silent()).unwrap();
         let decoder = Decoder::open(&outcome.bundle).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();
