@@ -73,7 +73,7 @@ pub enum Preset {
 pub enum Integrator {
     /// Walks end at the first surface where the light of the whole day has been solved for beforehand.
     Cached,
-    /// Walks go on to their end: unbiased.
+    /// Walks go on to their end: unbiased, with a fixed number of samples.
     Path,
 }
 
