@@ -69,7 +69,8 @@ struct Args {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Stop where the relative standard error of 16×16 texels is below this at every moment, e.g. 2% (of their own light, or of a
-    /// tenth of the moment's mean where they are darker). Light that few samples find, through little holes, may be lost.
+    /// tenth of the moment's mean where they are darker), and the squares around them together too. Light that hardly any sample finds,
+    /// as through a little hole, may be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.

@@ -9,8 +9,8 @@ use crate::{Error, Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// Walks per entry and half.
-pub const PILOT: usize = 16;
+/// Least walks per entry and half.
+const LEAST_WALKS: usize = 16;
 /// Most passes.
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.
@@ -56,16 +56,30 @@ pub struct System {
     pub layers: usize,
     /// `[entry][layer]`.
     pub source: Vec<Rgb>,
-    /// `[entry][PILOT]`.
+    /// Most walks of an entry.
+    pub walks: usize,
+    /// `[entry][walk]`.
     pub landings: Vec<Landing>,
     /// Per entry, 1 ÷ its walks.
     pub share: Vec<f32>,
 }
 
+/// Walks per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries are few. What the cache
+/// finds by chance moves the light of a whole page alike, and no number of walks that read it mends that.
+pub fn walks(entries: usize, samples: u32) -> usize {
+    /// From so many over all entries on, few entries are no reason for more.
+    const ENOUGH: usize = 1 << 17;
+    /// More over all entries take more than 256 MiB.
+    const MOST: usize = 1 << 24;
+    let of = |all: usize| all / entries.max(1);
+    let worth = (samples as usize / 16).max(of(ENOUGH)).min(of(MOST)).clamp(LEAST_WALKS, 1 << 10);
+    1 << worth.ilog2()
+}
+
 impl System {
-    /// Bytes of an entry.
+    /// Bytes of an entry, with the least walks.
     pub fn bytes_per_entry(layers: usize) -> usize {
-        size_of::<Rgb>() * layers + PILOT * size_of::<Landing>()
+        size_of::<Rgb>() * layers + LEAST_WALKS * size_of::<Landing>()
     }
 
     /// Passes until nothing changes; `note` is told of each.
@@ -78,18 +92,17 @@ impl System {
                 *most = most.max(value.max_element());
             }
         }
-        let source =
-            self.sums(|_, e, out| out.copy_from_slice(&self.source[e * self.layers..][..self.layers]));
         let mut light = CacheHalf::new(n, &most);
-        light.set_all(|e, out| out.copy_from_slice(&self.source[e as usize * self.layers..][..self.layers]));
+        let source = light
+            .set_all(|e, out| out.copy_from_slice(&self.source[e as usize * self.layers..][..self.layers]));
         // The most that any surface reflects: only where it is all can light grow without end.
         let brightest = self.landings.iter().flat_map(|l| l.weight).fold(0.0, f32::max).min(1.0);
         let brightest = f64::from(brightest);
         // A layer is taken as soon as it settles, whatever the others do: it does not depend on what it is traced with.
         let mut result = CacheHalf::new(n, &vec![0.0; self.layers]);
         let mut taken = vec![false; self.layers];
-        // The light of each layer and channel over all entries, and the passes made.
-        let (mut total, mut passes) = (source.clone(), 0);
+        // The light of each layer and channel over all entries as it is stored, and the passes made.
+        let (mut total, mut passes) = (self.sums(|_, e, out| light.read(e as u32, out)), 0);
         // The last rescaling of each, and how often it turned from growing to shrinking or back.
         let (mut last, mut turns) = (vec![1.0f64; values], vec![0u32; values]);
         loop {
@@ -97,8 +110,8 @@ impl System {
             passes += 1;
             note(passes);
             let mut next = CacheHalf::new(n, &most);
-            next.set_all(|e, out| self.pass(&light, e as usize, out));
-            let again = self.sums(|_, e, out| next.read(e as u32, out));
+            let again = next.set_all(|e, out| self.pass(&light, e as usize, out));
+            let stored = self.sums(|_, e, out| next.read(e as u32, out));
             let change = self.most_of_runs(|old, e, out| {
                 next.read(e as u32, out);
                 light.read(e as u32, old);
@@ -107,7 +120,8 @@ impl System {
                     *n = change / (*n + Rgb::splat(FAINT * most)).max(Rgb::splat(f32::MIN_POSITIVE));
                 }
             });
-            // Rescale: with r the part of what was sent out that arrived again, light is in balance at source ÷ (1 − r).
+            // Rescale: with r the part of what was sent out that arrived again, light is in balance at source ÷ (1 − r). (What arrived is
+            // taken before it is rounded: at albedo 0.999 a thousandth of it decides.)
             let mut settled = vec![true; self.layers];
             let mut factors = vec![1.0; values];
             for i in (0..values).filter(|&i| source[i] > 0.0) {
@@ -120,7 +134,7 @@ impl System {
                     ));
                 }
                 let mut factor =
-                    if r < 1.0 { (source[i] / (1.0 - r) / again[i]).clamp(0.25, 8.0) } else { 8.0 };
+                    if r < 1.0 { (source[i] / (1.0 - r) / stored[i]).clamp(0.25, 8.0) } else { 8.0 };
                 turns[i] += u32::from((factor > 1.1 && last[i] < 0.9) || (factor < 0.9 && last[i] > 1.1));
                 last[i] = factor;
                 // Where few entries exchange light with many, one number for all may swing for ever: passes alone settle there.
@@ -131,7 +145,7 @@ impl System {
                 factors[i] = factor as f32;
                 let still = if swings { 0.1 * STILL } else { STILL };
                 settled[i / 3] &= (factor - 1.0).abs() < SETTLED && change[i] < still;
-                total[i] = again[i] * factor;
+                total[i] = stored[i] * factor;
             }
             next.scale_by(&factors);
             most = next.most();
@@ -149,7 +163,7 @@ impl System {
 
     /// source + T light, at one entry.
     fn pass(&self, light: &CacheHalf, entry: usize, out: &mut [Rgb]) {
-        let landings = &self.landings[entry * PILOT..(entry + 1) * PILOT];
+        let landings = &self.landings[entry * self.walks..][..self.walks];
         let landed = || landings.iter().filter(|l| l.entry != NOWHERE.entry);
         landed().for_each(|l| light.prefetch(l.entry));
         for landing in landed() {

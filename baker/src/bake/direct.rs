@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 /// Trial samples of each texel and light.
 const TRIALS: u16 = 4;
-/// Samples in each half that every texel and light gets, and that the cache is solved from.
+/// Samples in each half that every texel and light gets.
 const FIRST: u16 = 4;
 /// The `want` of twice as many direct samples as there are of indirect light on average.
 const TWICE: u8 = 4;

@@ -92,19 +92,6 @@ pub fn cell_of(surface: &BlockSurface, texel: usize) -> usize {
     (texel / surface.width / CELL) * (BLOCK / CELL) + texel % surface.width / CELL
 }
 
-/// Cells darker than this part of their set's mean are judged as if they were as bright: by what is seen of their noise.
-const DARK: f64 = 0.1;
-
-/// The greatest relative error of a cell over the sets, by the mean light of each set; the cell's own mean is floored at
-/// a tenth of that. Where no set has light yet, all of it may be missing: 1.
-pub fn worst_of_cell(cells: &[[Sums; CELLS]], cell: usize, set_means: &[f64]) -> f64 {
-    if set_means.iter().all(|mean| *mean <= 0.0) {
-        return 1.0;
-    }
-    let relative = cells.iter().zip(set_means).filter(|(_, mean)| **mean > 0.0);
-    relative.map(|(c, &mean)| c[cell].mse().sqrt() / c[cell].mean().max(DARK * mean)).fold(0.0, f64::max)
-}
-
 /// The one in the middle of sorted values, of two the greater; 0 of none.
 pub fn median(sorted: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)

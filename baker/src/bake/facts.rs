@@ -20,8 +20,8 @@ pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
         )
     } else if of(stored.unlit_texels) > 50.0 {
         Some(format!(
-            "no light arrives at {:.0} % of the texels: do their front sides (counter-clockwise) face away from it? `two_sided` or \
-             turned faces may help",
+            "no light was found at {:.0} % of the texels: either their front sides (counter-clockwise) face away from it (`two_sided` or \
+             turned faces may help), or it comes by so few paths that it takes more samples",
             of(stored.unlit_texels)
         ))
     } else if of(stored.buried_texels) > 50.0 {

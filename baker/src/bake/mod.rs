@@ -4,6 +4,7 @@ pub mod json;
 pub mod plan;
 pub mod state;
 pub mod errors;
+pub mod open;
 pub mod allocate;
 pub mod block;
 pub mod direct;

@@ -1,6 +1,6 @@
 //! The walks the cache is solved on: a few from each of its entries.
 
-use super::balance::{Landing, NOWHERE, PILOT, System};
+use super::balance::{Landing, NOWHERE, System};
 use super::block::{Stream, Worker, sum};
 use super::state::StateFolder;
 use crate::surface::SurfacePoint;
@@ -14,15 +14,13 @@ use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// Samples of direct light per patch and half.
-const PATCH_DIRECT: u32 = 4;
-
-/// Walks from all entries of one half; `each` is called after each block.
+/// `walks` from each entry of one half; `each` is called after each block.
 pub fn trace(
     worker: &Worker,
     folder: &StateFolder,
     map: &CacheMap,
     blocks: &[usize],
+    walks: usize,
     half: usize,
     each: impl Fn() + Sync,
 ) -> Result<(System, RayCounts)> {
@@ -31,7 +29,8 @@ pub fn trace(
     let system = Mutex::new(System {
         layers,
         source: vec![Rgb::ZERO; n * layers],
-        landings: vec![NOWHERE; n * PILOT],
+        walks,
+        landings: vec![NOWHERE; n * walks],
         share: vec![0.0; n],
     });
     let keep = |traced: Vec<TracedEntry>| {
@@ -40,7 +39,7 @@ pub fn trace(
         for entry in traced {
             let e = entry.entry as usize;
             system.source[e * layers..(e + 1) * layers].copy_from_slice(&entry.source);
-            system.landings[e * PILOT..][..entry.landings.len()].copy_from_slice(&entry.landings);
+            system.landings[e * walks..][..entry.landings.len()].copy_from_slice(&entry.landings);
             system.share[e] = entry.share;
             counts += entry.counts;
         }
@@ -50,17 +49,20 @@ pub fn trace(
         .par_iter()
         .map(|&block| {
             stop_if_interrupted()?;
-            let counts = keep(trace_block(worker, folder, map, block, half)?);
+            let counts = keep(trace_block(worker, folder, map, block, walks, half)?);
             each();
             Ok(counts)
         })
         .collect::<Result<Vec<_>>>()?;
     for patches in map.all_patches().chunks(1 << 12) {
         stop_if_interrupted()?;
-        counts.push(keep(trace_patches(worker, map, patches, half)));
+        counts.push(keep(trace_patches(worker, map, patches, walks, half)));
     }
     Ok((system.into_inner().unwrap_or_else(|e| e.into_inner()), sum(counts)))
 }
+
+/// Walks from a patch for each sample of its direct light.
+const WALKS_A_DIRECT: usize = 4;
 
 /// What the walks from one entry found.
 struct TracedEntry {
@@ -76,6 +78,7 @@ fn trace_block(
     folder: &StateFolder,
     map: &CacheMap,
     block: usize,
+    walks: usize,
     half: usize,
 ) -> Result<Vec<TracedEntry>> {
     let surface = worker.surface(block);
@@ -106,20 +109,27 @@ fn trace_block(
             // Walks from points spread over its texels.
             let sequence = worker.sequence(&surface, covered[group[0].1], Stream::Pilot, half);
             let start = |i: usize, counts: &mut RayCounts| {
-                let (_, texel) = group[i * group.len() / PILOT];
+                let (_, texel) = group[i * group.len() / walks];
                 let sample = sequence.sample(i as u32);
                 Some((
                     worker.receiver(&surface, covered[texel], sample, state.outside[texel], counts)?,
                     sample,
                 ))
             };
-            pilot(worker, map, group[0].0, source, start)
+            pilot(worker, map, group[0].0, source, walks, start)
         })
         .collect())
 }
 
 /// As [`trace_block`], for the patches; their direct light is sampled here too.
-fn trace_patches(worker: &Worker, map: &CacheMap, patches: &[Patch], half: usize) -> Vec<TracedEntry> {
+fn trace_patches(
+    worker: &Worker,
+    map: &CacheMap,
+    patches: &[Patch],
+    walks: usize,
+    half: usize,
+) -> Vec<TracedEntry> {
+    let direct = walks / WALKS_A_DIRECT;
     let lights = worker.transport.lights;
     let one = |patch: &Patch| {
         let sequence =
@@ -127,21 +137,21 @@ fn trace_patches(worker: &Worker, map: &CacheMap, patches: &[Patch], half: usize
         let at = |sample: Sample| {
             let barycentric = patch.sample(point_pair(sample));
             let point = SurfacePoint { triangle: patch.triangle, barycentric };
-            worker.transport.space.flat_receiver(&point, patch.is_back)
+            worker.transport.space.receiver_on(&point, patch.is_back)
         };
         let mut counts = RayCounts::default();
         let mut source = vec![Rgb::ZERO; lights.layers()];
-        for i in 0..PATCH_DIRECT {
-            let sample = sequence.sample(PILOT as u32 + i);
+        for i in 0..direct {
+            let sample = sequence.sample((walks + i) as u32);
             let Some(at) = at(sample) else { continue };
-            let share = Rgb::splat(1.0 / PATCH_DIRECT as f32);
+            let share = Rgb::splat(1.0 / direct as f32);
             worker.transport.add_direct(&at, share, sample, 0, &mut source, &mut counts);
         }
         let start = |i: usize, _: &mut RayCounts| {
             let sample = sequence.sample(i as u32);
             Some((at(sample)?, sample))
         };
-        let mut traced = pilot(worker, map, patch.entry, source, start);
+        let mut traced = pilot(worker, map, patch.entry, source, walks, start);
         traced.counts += counts;
         traced
     };
@@ -154,14 +164,15 @@ fn pilot(
     map: &CacheMap,
     entry: u32,
     mut source: Vec<Rgb>,
+    walks: usize,
     start: impl Fn(usize, &mut RayCounts) -> Option<(Receiver, Sample)>,
 ) -> TracedEntry {
     let mut counts = RayCounts::default();
-    let (mut landings, mut walks) = (Vec::new(), 0);
+    let (mut landings, mut walked) = (Vec::new(), 0);
     let mut met = vec![Rgb::ZERO; source.len()];
-    for i in 0..PILOT {
+    for i in 0..walks {
         let Some((at, sample)) = start(i, &mut counts) else { continue };
-        walks += 1;
+        walked += 1;
         let land = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
             landings.extend(entry.map(|entry| Landing { entry, weight: at.weight.to_array() }));
@@ -169,7 +180,7 @@ fn pilot(
         };
         worker.transport.indirect(&at, sample, land, &mut met, &mut counts);
     }
-    let share = if walks > 0 { 1.0 / walks as f32 } else { 0.0 };
+    let share = if walked > 0 { 1.0 / walked as f32 } else { 0.0 };
     source.iter_mut().zip(&met).for_each(|(s, m)| *s += *m * share);
     TracedEntry { entry, source, landings, share, counts }
 }

@@ -3,7 +3,7 @@
 //! Its entries are laid out; a few walks from each (`pilot`) give a source, their own light and the entry's direct light, and the
 //! entries they land on; the balance of all of them (`balance`) is the light.
 
-use super::balance::{Solution, System};
+use super::balance::{Solution, System, walks};
 use super::block::{Worker, sum};
 use super::indirect::Cache;
 use super::pilot::trace;
@@ -77,19 +77,20 @@ pub fn map<'a>(
     Ok((map, counts))
 }
 
-/// Fills both halves from the direct light found so far.
+/// Fills both halves from the direct light found so far, for a bake of so many `samples`.
 pub fn fill<'a>(
     worker: &Worker<'a>,
     folder: &StateFolder,
     map: CacheMap<'a>,
     blocks: &[usize],
+    samples: u32,
     console: &Console,
 ) -> Result<(Cache<'a>, Solution, RayCounts)> {
     let progress = console.progress("first bounces", 2 * blocks.len() as u64);
-    let mut counts = RayCounts::default();
+    let (walks, mut counts) = (walks(map.entries(), samples), RayCounts::default());
     let mut solution = Solution { passes: 0, settled: true };
     let mut solved = |half| -> Result<CacheHalf> {
-        let (system, c) = trace(worker, folder, &map, blocks, half, || progress.advance(1))?;
+        let (system, c) = trace(worker, folder, &map, blocks, walks, half, || progress.advance(1))?;
         counts += c;
         let (values, s) = system.solve(|pass| progress.note(&format!("pass {pass}")))?;
         solution = Solution { passes: solution.passes.max(s.passes), settled: solution.settled && s.settled };

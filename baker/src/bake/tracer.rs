@@ -1,19 +1,21 @@
 //! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
 
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
-use super::block::Worker;
-use super::errors::{Errors, Parts, Sums, median, of_block, worst_of_cell};
+use super::block::{Worker, sum};
+use super::errors::{Errors, Parts, Sums, cell_of, median, of_block};
 use super::indirect::Cache;
 use super::json;
+use super::open::{Block, OpenCells};
 use super::rounds::{Limits, Round, Traced, endless, note, schedule, total_of};
 use super::solve;
 use super::state::{BlockState, CELLS, StateFolder};
-use crate::Result;
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
+use crate::{Error, Result};
 use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::write_atomically;
 use rayon::prelude::*;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -43,11 +45,13 @@ impl Tracer<'_> {
         let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
         let start = Instant::now();
         let schedule = schedule(limits);
-        let (direct_means, rays) = self.before_rounds(&blocks, console)?;
-        traced.rays += rays;
-        let cache = self.cache(&blocks, console, &mut traced)?;
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
         let is_open = limits.target_error.is_some() || limits.deadline.is_some();
+        let (direct_means, rays) = self.before_rounds(&blocks, console)?;
+        traced.rays += rays;
+        // What the cache is solved from is what its light rests on: as much as is known to be drawn anyway.
+        let certain = if is_open { schedule[0] } else { total_of(&schedule) };
+        let cache = self.cache(&blocks, certain, &direct_means, console, &mut traced)?;
         let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
         let mut progress =
             console.progress("tracing", work(if is_open { schedule[0] } else { total_of(&schedule) }));
@@ -82,8 +86,10 @@ impl Tracer<'_> {
                 _ => Pivot::OfCell,
             };
             let (round, last) = (round as u32 + 1, traced.rounds.last());
+            let open = limits.target_error.and_then(|_| last.map(|_| self.open_after(round - 1)));
+            let open = open.transpose()?;
             let step =
-                Step { round, target, limits, deadline, first, last, pivot, direct_means: &direct_means };
+                Step { round, target, deadline, first, last, open, pivot, direct_means: &direct_means };
             let late = AtomicBool::new(false);
             let counted = Mutex::new(RayCounts::default());
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
@@ -100,7 +106,15 @@ impl Tracer<'_> {
             if traced.rays.endless > 0 {
                 return Err(endless());
             }
-            let round = self.summarise(&done, target, before + start.elapsed().as_secs_f64(), limits);
+            let mut summary = self.summarise(&done, target, before + start.elapsed().as_secs_f64());
+            if let Some(target) = limits.target_error {
+                let blocks =
+                    done.iter().map(|b| Block { x0: b.x0, y0: b.y0, exposed: b.exposed, sums: &b.cells });
+                let open = OpenCells::find(self.page(), target, &summary.set_means, blocks);
+                summary.open_cells = open.count();
+                write_atomically(&self.open_path(round), &open.bytes())?;
+            }
+            let round = summary;
             progress.note(&note(&round, limits));
             traced.rounds.push(round);
             write_atomically(&log_path, &json::bytes(&traced.rounds, "rounds")?)?;
@@ -112,8 +126,28 @@ impl Tracer<'_> {
         Ok(traced)
     }
 
+    /// Width and height in texels.
+    fn page(&self) -> (usize, usize) {
+        (self.worker.atlas.width as usize, self.worker.atlas.height as usize)
+    }
+
+    /// Where the open cells of a round are kept, for a run that continues after it.
+    fn open_path(&self, round: u32) -> PathBuf {
+        self.folder.root().join(format!("open-{round}.bin"))
+    }
+
+    /// The cells that were open after a round.
+    fn open_after(&self, round: u32) -> Result<OpenCells> {
+        let (path, (width, height)) = (self.open_path(round), self.page());
+        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
+        let wrong = || {
+            Error::invalid(path.display().to_string(), "it does not fit the page; start anew with --force")
+        };
+        OpenCells::from_bytes(width, height, &bytes).ok_or_else(wrong)
+    }
+
     /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
-    /// count, from which the cache is solved. The mean of each light over the trials of exposed texels, in the sum of its channels.
+    /// count. The mean of each light over the trials of exposed texels, in the sum of its channels.
     fn before_rounds(&self, blocks: &[usize], console: &Console) -> Result<(Vec<f32>, RayCounts)> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
@@ -150,7 +184,15 @@ impl Tracer<'_> {
         Ok((means, counts))
     }
 
-    fn cache(&self, blocks: &[usize], console: &Console, traced: &mut Traced) -> Result<Option<Cache<'_>>> {
+    /// The cache, solved from the direct samples that go with `samples` of indirect light.
+    fn cache(
+        &self,
+        blocks: &[usize],
+        samples: u32,
+        direct_means: &[f32],
+        console: &Console,
+        traced: &mut Traced,
+    ) -> Result<Option<Cache<'_>>> {
         if !self.cached || self.worker.transport.lights.layers() == 0 {
             return Ok(None);
         }
@@ -166,7 +208,9 @@ impl Tracer<'_> {
         if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
             return Ok(Some(Cache::new(&self.worker, map, halves)));
         }
-        let (cache, solution, counts) = solve::fill(&self.worker, self.folder, map, blocks, console)?;
+        traced.rays += self.refine_direct(blocks, samples, direct_means, console)?;
+        let (cache, solution, counts) =
+            solve::fill(&self.worker, self.folder, map, blocks, samples, console)?;
         traced.rays += counts;
         if !solution.settled {
             write_atomically(&unsettled, &json::bytes(&solution.passes, "passes")?)?;
@@ -175,6 +219,28 @@ impl Tracer<'_> {
         }
         solve::store(&path, &cache.halves)?;
         Ok(Some(cache))
+    }
+
+    /// Brings the direct light of all blocks to the samples that go with `samples` of indirect light.
+    fn refine_direct(
+        &self,
+        blocks: &[usize],
+        samples: u32,
+        means: &[f32],
+        console: &Console,
+    ) -> Result<RayCounts> {
+        let progress = console.progress("more direct light", blocks.len() as u64);
+        let of_block = |&block: &usize| {
+            stop_if_interrupted()?;
+            let surface = self.worker.surface(block);
+            let mut state = self.folder.read(block, surface.covered().count())?;
+            let counts = self.worker.more_direct(&surface, &mut state, &[true; CELLS], samples, means);
+            stop_if_interrupted()?;
+            self.folder.write(block, &state)?;
+            progress.advance(1);
+            Ok(counts)
+        };
+        Ok(sum(blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?))
     }
 
     /// Brings one block through one round and gives its error sums.
@@ -199,7 +265,8 @@ impl Tracer<'_> {
                     let classes = self.classes(&surface, &state, &first.set_means);
                     state.log2_shares = log2_shares(&classes, &surface, step.pivot);
                 }
-                let active = self.active(&surface, &state, step);
+                let all = [true; CELLS];
+                let active = step.open.as_ref().map_or(all, |open| open.of_block(surface.x0, surface.y0));
                 for samples in step.slices().filter(|_| active.contains(&true)) {
                     bring_to(&mut state, &active, samples);
                     if samples < step.target && step.deadline.is_some_and(|d| Instant::now() >= d) {
@@ -213,10 +280,13 @@ impl Tracer<'_> {
             }
         }
         let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
+        let mut exposed = [0; CELLS];
+        let places = surface.covered().enumerate().filter(|&(texel, _)| state.is_exposed(texel));
+        places.for_each(|(_, place)| exposed[cell_of(&surface, place)] += 1);
         let drawn = state.drawn.iter().filter(|drawn| **drawn > 0);
         let (texels, samples) =
             (drawn.clone().count() as u32, drawn.map(|drawn| 2 * u64::from(*drawn)).sum());
-        Ok(Done { x0: surface.x0, y0: surface.y0, cells, texels, samples, rays })
+        Ok(Done { x0: surface.x0, y0: surface.y0, exposed, cells, texels, samples, rays })
     }
 
     /// How much samples differ, by the first round; `means` are its.
@@ -249,14 +319,7 @@ impl Tracer<'_> {
         Ok(pivot)
     }
 
-    /// The cells that get samples in a round: all in the first, later those that miss the target.
-    fn active(&self, surface: &BlockSurface, state: &BlockState, step: &Step) -> [bool; CELLS] {
-        let (Some(target), Some(last)) = (step.limits.target_error, step.last) else { return [true; CELLS] };
-        let cells = of_block(&self.sets, self.worker.transport.lights, surface, state);
-        std::array::from_fn(|cell| worst_of_cell(&cells, cell, &last.set_means) > target)
-    }
-
-    fn summarise(&self, done: &[Done], samples: u32, seconds: f64, limits: &Limits) -> Round {
+    fn summarise(&self, done: &[Done], samples: u32, seconds: f64) -> Round {
         let atlas = self.worker.atlas;
         let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, self.sets.len());
         for block in done {
@@ -267,11 +330,6 @@ impl Tracer<'_> {
             }
         }
         let set_means: Vec<f64> = (0..self.sets.len()).map(|s| errors.set(s).mean()).collect();
-        let open_cells = limits.target_error.map_or(0, |target| {
-            let open =
-                |b: &Done| (0..CELLS).filter(|&c| worst_of_cell(&b.cells, c, &set_means) > target).count();
-            done.iter().map(open).sum()
-        });
         let mut relative = errors.relative(self.sets.iter().any(|parts| !parts.is_empty()));
         relative.sort_by(f64::total_cmp);
         let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
@@ -286,7 +344,7 @@ impl Tracer<'_> {
             worst_error: at(1.0),
             set_errors: (0..self.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
             set_means,
-            open_cells,
+            open_cells: 0,
         }
     }
 }
@@ -297,7 +355,6 @@ struct Step<'a> {
     round: u32,
     /// Samples per texel, both halves together.
     target: u32,
-    limits: &'a Limits,
     deadline: Option<Instant>,
     /// The mean direct light of each light.
     direct_means: &'a [f32],
@@ -307,6 +364,8 @@ struct Step<'a> {
     first: Option<&'a Round>,
     /// The round before.
     last: Option<&'a Round>,
+    /// The cells that miss a target; without one, and in the first round, all get samples.
+    open: Option<OpenCells>,
 }
 
 impl Step<'_> {
@@ -328,6 +387,8 @@ impl Step<'_> {
 struct Done {
     x0: usize,
     y0: usize,
+    /// The texels of each cell that light could reach.
+    exposed: [u32; CELLS],
     cells: Vec<[Sums; CELLS]>,
     /// Texels that were given samples.
     texels: u32,
@@ -342,18 +403,17 @@ mod tests {
 
     #[test]
     fn slices_end_at_the_target_and_there_is_one_without_a_deadline() {
-        let limits = Limits { samples: 1 << 16, target_error: None, deadline: None };
         let slices = |before: Option<u32>, target: u32, deadline| {
             let last = before.map(|samples| Round { samples, ..Round::default() });
             let step = Step {
                 round: 2,
                 target,
-                limits: &limits,
                 deadline,
                 direct_means: &[],
                 pivot: Pivot::OfCell,
                 first: None,
                 last: last.as_ref(),
+                open: None,
             };
             step.slices().collect::<Vec<u32>>()
         };

@@ -59,8 +59,7 @@ impl Shader<'_> {
     fn estimate(&self, hit: &Hit, is_back: bool, walks: Sequence, number: u32) -> Rgb {
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
         let space = &self.transport.space;
-        let at = if is_back { space.flat_receiver(&point, true) } else { space.receiver(&point) };
-        let Some(at) = at else { return Rgb::ZERO };
+        let Some(at) = space.receiver_on(&point, is_back) else { return Rgb::ZERO };
         let (mut layers, mut read) = (vec![Rgb::ZERO; self.light.lights.layers()], Rgb::ZERO);
         let mut counts = RayCounts::default();
         for walk in number * self.walks..(number + 1) * self.walks {

@@ -184,7 +184,7 @@ impl<'a> CacheMap<'a> {
         let place = self.witnesses_of.get(entry as usize).copied().unwrap_or(NONE);
         let Some(witnesses) = self.witnesses.get(place as usize) else { return Some(entry) };
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
-        let at = space.flat_receiver(&point, is_back)?;
+        let at = space.receiver_on(&point, is_back)?;
         witnesses.iter().any(|witness| space.sees(witness, &at, counts)).then_some(entry)
     }
 

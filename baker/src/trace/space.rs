@@ -60,28 +60,22 @@ impl<'a> Space<'a> {
         self.fronts[triangle as usize]
     }
 
-    /// A point on one side of a triangle, with the normal of its plane. `None` without a normal.
-    pub fn flat_receiver(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
-        let triangle = point.triangle as usize;
-        let front = self.front(point.triangle);
-        let normal = if is_back { -front } else { front };
-        let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, normal);
-        (normal != Vec3::ZERO).then_some(Receiver {
-            origin,
-            triangle: point.triangle,
-            face_normal: normal,
-            normal,
-        })
-    }
-
     /// The texel's point, on the front, with the interpolated normal the game shades with. `None` without a normal.
     pub fn receiver(&self, point: &SurfacePoint) -> Option<Receiver> {
+        self.receiver_on(point, false)
+    }
+
+    /// A point on one side of a triangle; on the back, the interpolated normal is turned round. (Walks go on by it too: what a
+    /// surface sends out is then what its texels show, whoever asks.)
+    pub fn receiver_on(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
         let triangle = point.triangle as usize;
-        let face_normal = self.front(point.triangle);
-        if face_normal == Vec3::ZERO {
+        let front = self.front(point.triangle);
+        if front == Vec3::ZERO {
             return None;
         }
-        let smooth = self.geometry.shading_normal_at(triangle, point.barycentric);
+        let side = if is_back { -1.0 } else { 1.0 };
+        let face_normal = front * side;
+        let smooth = self.geometry.shading_normal_at(triangle, point.barycentric) * side;
         let normal = if smooth.dot(face_normal) > 0.0 { smooth } else { face_normal };
         let origin = offset_point(&self.geometry.corners(triangle), point.barycentric, face_normal);
         Some(Receiver { origin, triangle: point.triangle, face_normal, normal })

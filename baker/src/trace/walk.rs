@@ -246,7 +246,7 @@ impl<'a> Transport<'a> {
                 return;
             }
             let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
-            let Some(next) = self.space.flat_receiver(&point, is_back) else { return };
+            let Some(next) = self.space.receiver_on(&point, is_back) else { return };
             at = next;
             self.add_direct(&at, weight, sample, vertex + 1, out, counts);
         }

@@ -28,6 +28,7 @@ pub const INTEGRATORS: [Integrator; 2] = [Integrator::Cached, Integrator::Path];
 pub struct Stage {
     folder: Arc<TempDir>,
     integrator: Integrator,
+    target_error: Option<f64>,
 }
 
 /// A bake, opened.
@@ -48,7 +49,7 @@ impl Stage {
     /// An empty folder with these text files.
     pub fn new(files: &[(&str, String)]) -> Self {
         let folder = Arc::new(tempfile::tempdir().expect("a temporary folder"));
-        let stage = Stage { folder, integrator: Integrator::Cached };
+        let stage = Stage { folder, integrator: Integrator::Cached, target_error: None };
         files.iter().for_each(|(name, text)| stage.write(name, text.as_bytes()));
         stage
     }
@@ -56,6 +57,12 @@ impl Stage {
     /// The same files, baked by this integrator from now on.
     pub fn by(mut self, integrator: Integrator) -> Self {
         self.integrator = integrator;
+        self
+    }
+
+    /// The same files, baked towards this error from now on.
+    pub fn towards(mut self, target_error: f64) -> Self {
+        self.target_error = Some(target_error);
         self
     }
 
@@ -78,6 +85,8 @@ impl Stage {
         let hours = parse_hours(hours).expect("hours");
         let options = Options {
             integrator: self.integrator,
+            target_error: self.target_error,
+            samples: self.target_error.map(|_| samples),
             out: Some(out.clone()),
             force: true,
             ..Options::new(hours)

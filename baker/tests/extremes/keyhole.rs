@@ -2,6 +2,7 @@
 
 use crate::common::mesh::Obj;
 use crate::common::{Baked, Stage, green};
+use baker::bake::run::Integrator;
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
@@ -78,6 +79,18 @@ fn the_skys_light_through_a_keyhole_is_met_by_chance_but_not_lost() {
     let scene = scene(sky, &["ceiling"], 64);
     let read = |b: &Baked| received(b, "floor") + received(b, "walls");
     stage.measure("12", 64, &scene, read).expect(PI * 1000.0 * 1e-4, 0.25);
+}
+
+#[test]
+fn light_that_few_walks_find_is_not_lost_towards_a_target() {
+    // A hole of 3 cm: most cells of 256 texels have met none of it after the first round. Were each to end by what it met itself, most of
+    // the light would be missing.
+    let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";
+    let scene = scene(sky, &["ceiling"], 64);
+    let stage = || Stage::new(&[("a.obj", box_with_hole(0.03).text())]).by(Integrator::Path);
+    let read = |b: &Baked| received(b, "floor") + received(b, "walls");
+    let [fixed, towards] = [stage(), stage().towards(0.2)].map(|s| s.measure("12", 256, &scene, read));
+    towards.agree(fixed, 0.08);
 }
 
 #[test]

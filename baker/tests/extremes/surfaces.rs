@@ -2,7 +2,7 @@
 
 use crate::common::closed::level_rectangle;
 use crate::common::mesh::{Obj, gltf, png};
-use crate::common::{Baked, Stage, green, mean};
+use crate::common::{Baked, INTEGRATORS, Stage, green, mean};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
@@ -268,5 +268,29 @@ fn instances_stand_in_light_of_their_own() {
     for texel in baked.on("tile #1") {
         let light = green(&image, texel);
         assert!(light > 0.0 && light < 0.8 * PI, "{texel:?}: {light}");
+    }
+}
+
+#[test]
+fn what_a_surface_sends_out_goes_by_the_normals_its_texels_show() {
+    // A floor whose smooth normals lean 30° towards a sun 60° high gets all of its light, not 0.87; a black ceiling beside its way sees
+    // that, be the floor traced or read from the cache, by texels or by patches.
+    let (c, s) = (0.75f64.sqrt(), 0.5);
+    let floor =
+        format!("o floor\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nvn {s} {c} 0\nf 1//1 2//1 3//1 4//1\n");
+    let ceiling = Obj::default().mesh("ceiling").ceiling(dvec3(-0.9, 1.0, 0.0), 0.2).text();
+    let stage = || Stage::new(&[("a.obj", floor.clone()), ("b.obj", ceiling.clone())]);
+    for integrator in INTEGRATORS {
+        for has_texels in [true, false] {
+            let scene = format!(
+                "[sun]\ndisc_angle = 0\ntrack = [{{ hour = 0, direction = [{s}, {c}, 0], irradiance = [10, 10, 10] }}]\n\
+                 [[object]]\nfile = \"a.obj\"\nalbedo = 0.5\nlightmap = {has_texels}\n[[object]]\nfile = \"b.obj\"\nalbedo = 0\n\
+                 density = 4\n[lightmap]\nsize = 64\n"
+            );
+            let seen = |p: DVec3| level_rectangle(-1.0 - p.x, 1.0 - p.x, -1.0 - p.z, 1.0 - p.z, 1.0);
+            let read =
+                |b: &Baked| b.ratio(&b.first(), &b.on("ceiling"), |t| t.average(|p| 0.5 * 10.0 * seen(p)));
+            stage().by(integrator).measure("12", 64, &scene, read).expect(1.0, 0.005);
+        }
     }
 }
