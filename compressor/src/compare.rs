@@ -2,24 +2,24 @@
 //!
 //! How each is set up stands in `BASELINES.md`. Methods of foreign codecs are there with the feature `baselines`.
 
-mod ablations;
-#[cfg(feature = "baselines")]
-mod astc;
-#[cfg(feature = "baselines")]
-mod bc;
+mod tiles;
 mod curve;
-mod judge;
-mod keyframes;
-mod linear;
 mod method;
-mod ndgi;
-mod ntc;
-mod prt;
-mod svd;
-mod table;
 #[cfg(test)]
 mod testing;
-mod tiles;
+mod judge;
+mod table;
+mod linear;
+mod ndgi;
+mod keyframes;
+mod svd;
+mod ntc;
+mod prt;
+#[cfg(feature = "baselines")]
+mod bc;
+#[cfg(feature = "baselines")]
+mod astc;
+mod ablations;
 
 pub use table::{Comparison, Row};
 

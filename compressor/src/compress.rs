@@ -4,11 +4,12 @@
 //! whatever, continues where it was. What is written depends on the dataset, the options and the processor's instruction set
 //! (which rounds sums in its own order), never on threads or time, unless there is a time limit.
 
-mod allocate;
-mod outcome;
-mod pace;
 mod part;
+mod stats;
+mod allocate;
+mod pace;
 mod tiles;
+mod outcome;
 
 pub(crate) use tiles::{of_tile, seed};
 
@@ -21,10 +22,11 @@ use crate::train::{Aim, Recipe};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::files::{expect_folder, write_atomically};
 use dataset::store::Dataset;
-pub use outcome::{CurvePoint, Outcome, TileOutcome, TileStats};
+pub use outcome::{CurvePoint, Outcome, TileOutcome};
 use part::Part;
 use rayon::prelude::*;
 use serde_json::json;
+pub use stats::TileStats;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -4,10 +4,10 @@
 //! ([`dataset::metrics`]). A *sample* is one (tile, set). Samples of a tile that is all zero or has no valid texel are skipped;
 //! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
 
-mod between;
+mod strips;
 mod seams;
 mod steps;
-mod strips;
+mod between;
 mod table;
 
 pub use between::Between;

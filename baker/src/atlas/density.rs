@@ -1,8 +1,9 @@
 //! The density that fills the pages, or the pages that hold a density.
 
-use super::block;
 use super::charts::FlatMesh;
-use super::pack::{BLOCK, Packed, PackedMesh, Pages, pack};
+use super::footprint::{BLOCK, Pages};
+use super::layout;
+use super::pack::{Packed, PackedMesh, pack};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
 use dataset::console::count;
@@ -201,7 +202,7 @@ fn demand(
     let measure = |mesh: &FlatMesh| {
         let padding = f64::from(padding);
         if mesh.is_shared() {
-            let square = block::width(mesh, texels_per_metre, padding as usize);
+            let square = layout::width(mesh, texels_per_metre, padding as usize);
             let sides = mesh.members.iter().map(|m| square * m.scale);
             (sides.clone().fold(0.0, f64::max), sides.map(|s| round(s + padding).powi(2)).sum::<f64>())
         } else {

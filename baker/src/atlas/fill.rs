@@ -1,6 +1,6 @@
 //! Fills one page: bottom-left first fit over bit maps of touched texels.
 
-use super::pack::{Footprint, Place};
+use super::footprint::{Footprint, Place};
 use super::page::Page;
 use std::collections::BTreeMap;
 

@@ -1,18 +1,19 @@
 //! Lightmap coordinates: unwrapping into charts and packing them on pages.
 //!
 //! `sharing` says which instances share a layout, `charts` flattens each shape once (authored layout, or xatlas through `ffi`),
-//! `raster` says which texels a chart covers, `page` keeps the free texels, `fill` fills one page with them, `spread` several,
-//! `block` packs the charts of a shared layout, `pack` places charts and layouts at a given density, `density` searches for the
-//! density or the pages.
+//! `raster` says which texels a triangle covers, `footprint` which a chart does where it may lie, `page` keeps the free texels, `fill`
+//! fills one page with them, `spread` several, `layout` packs the charts of a shared layout, `pack` places charts and layouts at a given
+//! density, `density` searches for the density or the pages.
 
 mod sharing;
 mod ffi;
 mod raster;
 mod charts;
+mod footprint;
 mod page;
 mod fill;
 mod spread;
-mod block;
+mod layout;
 mod pack;
 mod density;
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The free texels of a page while it is being packed, as sorted gaps per row.
 
-use super::pack::{BLOCK, Footprint};
+use super::footprint::{BLOCK, Footprint};
 
 /// The texels further charts may touch.
 #[derive(Clone)]

@@ -1,7 +1,7 @@
 //! Spreads charts and shared layouts over several pages, so that a mesh stays on one page wherever that costs little.
 
 use super::fill::{Filler, first_fit, order};
-use super::pack::{Footprint, Pages, Place};
+use super::footprint::{Footprint, Pages, Place};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

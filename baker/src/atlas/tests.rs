@@ -1,6 +1,6 @@
 //! The promises of `build`, checked by rasterising its result afresh.
 
-use super::pack::BLOCK;
+use super::footprint::BLOCK;
 use super::raster::Bits;
 use super::{Atlas, Face, build};
 use crate::Error;

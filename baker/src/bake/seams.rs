@@ -9,9 +9,9 @@
 //! within a texel and the two sides average different parts of it, they move by more: the mean of both sides hides the jump, but
 //! the step goes on in the texels behind the seam.
 
+mod weld;
 mod edges;
 mod system;
-mod weld;
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;

@@ -49,11 +49,13 @@ impl Cone {
         (direction, self.distance * (1.0 - versine) - half_chord)
     }
 
+    #[cfg(test)]
     pub(super) fn contains(&self, direction: DVec3) -> bool {
         // The slack is what rounding a direction to f32 moves it by.
         direction.dot(self.axis) > 0.0 && direction.cross(self.axis).length() <= self.sin2.sqrt() + 1e-7
     }
 
+    #[cfg(test)]
     pub(super) fn invert(&self, direction: DVec3) -> DVec2 {
         let (x, y) = self.axis.any_orthonormal_pair();
         let (a, b) = (direction.dot(x), direction.dot(y));

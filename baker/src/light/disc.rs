@@ -101,6 +101,7 @@ impl Seen<'_> {
     }
 
     /// The offset at which a direction meets the disc.
+    #[cfg(test)]
     pub(super) fn hit(&self, direction: DVec3) -> Option<DVec3> {
         let towards = -direction.dot(self.disc.z);
         if towards <= 0.0 {
@@ -112,6 +113,7 @@ impl Seen<'_> {
         self.inside(offset, 2e-7 * distance * distance / self.height).then_some(offset)
     }
 
+    #[cfg(test)]
     pub(super) fn invert(&self, offset: DVec3) -> DVec2 {
         match &self.square {
             Some(square) => square.invert(offset),
@@ -137,6 +139,7 @@ fn concentric(u: DVec2) -> DVec2 {
     DVec2::from_angle(phi) * r
 }
 
+#[cfg(test)]
 fn concentric_inverse(at: DVec2) -> DVec2 {
     let r = at.length();
     let p = if r == 0.0 {

@@ -6,12 +6,16 @@
 //! distances of 10⁵ m keep their digits without special cases.
 
 use super::cone::Cone;
+#[cfg(test)]
+use super::cosine_hemisphere_inverse;
 use super::disc::Disc;
 use super::rectangle::Rectangle;
-use super::{cosine_hemisphere, cosine_hemisphere_inverse, luminance};
+use super::{cosine_hemisphere, luminance};
 use crate::Rgb;
 use crate::scene::Lamp;
-use glam::{DVec2, DVec3, Vec2, Vec3};
+#[cfg(test)]
+use glam::DVec2;
+use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
 
 /// A lamp made ready for sampling, in the geometry's local space.
@@ -140,6 +144,7 @@ impl LampSampler {
 
     /// Density of [`LampSampler::sample`] over solid angle in a unit `direction` from `point`; 0 off the lamp. Spots and
     /// points have no density: 0.
+    #[cfg(test)]
     pub fn pdf(&self, point: Vec3, normal: Vec3, direction: Vec3) -> f32 {
         let (p, n, direction) = (point.as_dvec3(), normal.as_dvec3(), direction.as_dvec3());
         let pdf = match &self.shape {
@@ -166,6 +171,7 @@ impl LampSampler {
     }
 
     /// The `u` for which [`LampSampler::sample`] gives a unit `direction` from `point`; `None` off the lamp, and for spots and points.
+    #[cfg(test)]
     pub fn invert(&self, point: Vec3, normal: Vec3, direction: Vec3) -> Option<Vec2> {
         let (p, n, direction) = (point.as_dvec3(), normal.as_dvec3(), direction.as_dvec3());
         let u = match &self.shape {

@@ -43,6 +43,7 @@ fn cosine_hemisphere(n: DVec3, u: DVec2) -> DVec3 {
 }
 
 /// The `u` that [`cosine_hemisphere`] turns into `direction`.
+#[cfg(test)]
 fn cosine_hemisphere_inverse(n: DVec3, direction: DVec3) -> DVec2 {
     let (x, y) = n.any_orthonormal_pair();
     let (a, b) = (direction.dot(x), direction.dot(y));

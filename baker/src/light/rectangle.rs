@@ -169,6 +169,7 @@ impl Seen<'_> {
         inside.then(|| self.offset(at.clamp(self.low, self.high)))
     }
 
+    #[cfg(test)]
     pub(super) fn invert(&self, offset: DVec3) -> DVec2 {
         let at = DVec2::new(offset.dot(self.frame.x), offset.dot(self.frame.y));
         if self.by_area() {

@@ -32,6 +32,7 @@ impl SunDisc {
 
     /// Density of [`SunDisc::sample`] over solid angle: constant on the visible part, else 0. Infinite where the disc is a
     /// mere direction.
+    #[cfg(test)]
     pub fn pdf(&self, direction: Vec3) -> f32 {
         match Cap::new(self) {
             Some(cap) if cap.contains(direction.as_dvec3()) => cap.solid_angle().recip() as f32,
@@ -42,6 +43,7 @@ impl SunDisc {
 
     /// The `u` for which [`SunDisc::sample`] gives `direction`; `None` off the visible part, or where the disc is a mere
     /// direction.
+    #[cfg(test)]
     pub fn invert(&self, direction: Vec3) -> Option<Vec2> {
         let cap = Cap::new(self)?;
         cap.contains(direction.as_dvec3()).then(|| cap.invert(direction.as_dvec3()).as_vec2())
@@ -88,6 +90,7 @@ impl Cap {
         cap_area(self.tan_delta, a)
     }
 
+    #[cfg(test)]
     fn solid_angle(&self) -> f64 {
         2.0 * self.sin_delta * self.tan_delta * (self.area(FRAC_PI_2) - self.area(self.lowest))
     }
@@ -129,12 +132,14 @@ impl Cap {
         self.right * s + (self.centre + self.up * tan_psi) * in_plane
     }
 
+    #[cfg(test)]
     fn contains(&self, direction: DVec3) -> bool {
         let sine = direction.cross(self.centre).length();
         let inside = direction.dot(self.centre) > 0.0 && sine <= self.sin_delta * (1.0 + 1e-6) + 1e-7;
         inside && (self.lowest <= -FRAC_PI_2 || direction.y >= -1e-7)
     }
 
+    #[cfg(test)]
     fn invert(&self, direction: DVec3) -> glam::DVec2 {
         let (s, along, above) =
             (direction.dot(self.right), direction.dot(self.centre), direction.dot(self.up));

@@ -1,13 +1,10 @@
-//! An eight-wide bounding volume hierarchy over triangles, and the choice of the kernel that walks it.
+//! An eight-wide bounding volume hierarchy over triangles, and a ray made ready for it.
 //!
 //! What a ray hits is a function of the triangles alone: [`super::triangle`] decides in double precision, of equally near
 //! triangles the one with the lower index counts, and boxes only leave out what cannot be hit. So neither the shape of the
 //! hierarchy nor the kernel changes a result.
 
-use super::kernel;
-#[cfg(target_arch = "x86_64")]
-use super::lanes_x86;
-use super::triangle::{Meeting, Shear};
+use super::triangle::Shear;
 use glam::Vec3;
 
 /// Eight boxes and where they lead.
@@ -39,7 +36,7 @@ pub const CUT_OUT: u32 = 1 << 31;
 /// The stack the kernels have; a built hierarchy never needs more.
 pub(super) const STACK: usize = 192;
 
-/// The hierarchy. Built by [`Bvh8::new`].
+/// The hierarchy. Built by [`Bvh8::new`] (`bvh8_build`), walked in `bvh8_walk`.
 #[derive(Clone, Debug)]
 pub struct Bvh8 {
     /// The root first; empty without triangles.
@@ -131,43 +128,6 @@ impl Line {
 }
 
 impl Bvh8 {
-    /// The nearest hit, t > 0. `is_open` is asked about triangles marked [`CUT_OUT`].
-    #[inline]
-    pub(super) fn nearest(
-        &self,
-        line: &Line,
-        from: u32,
-        is_open: &dyn Fn(u32, &Meeting) -> bool,
-    ) -> Option<(u32, Meeting)> {
-        match self.tier {
-            // SAFETY: a tier above `Portable` is only ever set where `Tier::detect` found it or a higher one.
-            #[cfg(target_arch = "x86_64")]
-            Tier::Avx512 => unsafe { lanes_x86::nearest_avx512(self, line, from, is_open) },
-            #[cfg(target_arch = "x86_64")]
-            Tier::Avx2 => unsafe { lanes_x86::nearest_avx2(self, line, from, is_open) },
-            _ => kernel::nearest::<super::lanes::Portable>(self, line, from, is_open),
-        }
-    }
-
-    /// Whether there is any hit with 0 < t < `t_max`.
-    #[inline]
-    pub(super) fn occluded(
-        &self,
-        line: &Line,
-        t_max: f32,
-        from: u32,
-        is_open: &dyn Fn(u32, &Meeting) -> bool,
-    ) -> bool {
-        match self.tier {
-            // SAFETY: as in `nearest`.
-            #[cfg(target_arch = "x86_64")]
-            Tier::Avx512 => unsafe { lanes_x86::occluded_avx512(self, line, t_max, from, is_open) },
-            #[cfg(target_arch = "x86_64")]
-            Tier::Avx2 => unsafe { lanes_x86::occluded_avx2(self, line, t_max, from, is_open) },
-            _ => kernel::occluded::<super::lanes::Portable>(self, line, t_max, from, is_open),
-        }
-    }
-
     /// The same hierarchy walked with another tier, or the best one of this machine if that is less.
     pub fn with_tier(mut self, tier: Tier) -> Self {
         self.tier = tier.min(Tier::detect());

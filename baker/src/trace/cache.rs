@@ -5,8 +5,8 @@
 //! ones) is cut into patches about 4 entries long, or 16 where there would be too many.
 
 use super::counts::RayCounts;
-use super::rays::Hit;
 use super::space::{Receiver, Space};
+use super::triangle::Hit;
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
 use crate::surface::SurfacePoint;

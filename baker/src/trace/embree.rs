@@ -4,7 +4,7 @@
 //! where a hit ends before `instPrimID`. Libraries from 4.3 on write that field too, four bytes past the crate's struct.
 //! The structs here have the layout of 4.3 and newer, which older versions of 4 fill in part.
 
-use super::rays::Hit;
+use super::triangle::Hit;
 use crate::geometry::Geometry;
 use crate::{Error, Result};
 use glam::Vec3;

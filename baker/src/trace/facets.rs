@@ -3,7 +3,7 @@
 
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
-use super::rays::Hit;
+use super::triangle::Hit;
 use crate::Rgb;
 use crate::geometry::Geometry;
 use crate::light::luminance;

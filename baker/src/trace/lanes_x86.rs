@@ -1,7 +1,7 @@
 //! Kernel file (holds `unsafe`): eight lanes in one AVX register, and the traversals compiled for AVX2 and AVX-512VL.
 //!
 //! Soundness: [`Avx`] is private to this file, and the only code that makes one is what the entry points at the end
-//! inline. They are `unsafe` to call, and [`super::bvh8::Bvh8`] calls each only with the tier that `Tier::detect` found.
+//! inline. They are `unsafe` to call, and [`super::bvh8_walk`] calls each only with the tier that `Tier::detect` found.
 
 use super::bvh8::{Bvh8, Line};
 use super::kernel;

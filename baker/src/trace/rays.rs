@@ -4,7 +4,7 @@ use super::backend::Backend;
 use super::bvh8::{Bvh8, Line};
 #[cfg(feature = "embree")]
 use super::embree;
-use super::triangle::Meeting;
+use super::triangle::{Hit, Meeting};
 use crate::Result;
 use crate::geometry::Geometry;
 use glam::Vec3;
@@ -12,33 +12,22 @@ use glam::Vec3;
 /// The ray tracer: a hierarchy over all triangles, and what decides whether a hit counts.
 pub struct Rays<'a> {
     geometry: &'a Geometry,
-    tracer: Tracer<'a>,
+    hierarchy: Hierarchy<'a>,
 }
 
-enum Tracer<'a> {
+enum Hierarchy<'a> {
     Own(Bvh8, std::marker::PhantomData<&'a ()>),
     #[cfg(feature = "embree")]
     Embree(embree::Scene<'a>),
 }
 
-/// A hit.
-#[derive(Clone, Copy, Debug)]
-pub struct Hit {
-    /// Index into `Geometry::triangles`.
-    pub triangle: u32,
-    /// Barycentric weights of the three corners.
-    pub barycentric: Vec3,
-    /// Distance along the unit direction.
-    pub t: f32,
-}
-
 impl<'a> Rays<'a> {
     /// Builds our own hierarchy ([`Backend::Obvhs`]). Triangles without area neither hit nor harm.
     pub fn new(geometry: &'a Geometry) -> Self {
-        Rays { geometry, tracer: Tracer::Own(Bvh8::new(geometry), std::marker::PhantomData) }
+        Rays { geometry, hierarchy: Hierarchy::Own(Bvh8::new(geometry), std::marker::PhantomData) }
     }
 
-    /// Builds the hierarchy of `backend`.
+    /// Builds the ray tracer of `backend`.
     ///
     /// # Errors
     /// `Unsupported` where this build lacks the backend or its library refuses to start.
@@ -46,7 +35,9 @@ impl<'a> Rays<'a> {
         match backend {
             Backend::Obvhs => Ok(Self::new(geometry)),
             #[cfg(feature = "embree")]
-            Backend::Embree => Ok(Rays { geometry, tracer: Tracer::Embree(embree::Scene::new(geometry)?) }),
+            Backend::Embree => {
+                Ok(Rays { geometry, hierarchy: Hierarchy::Embree(embree::Scene::new(geometry)?) })
+            }
             #[cfg(not(feature = "embree"))]
             Backend::Embree => backend.expect_built().map(|()| Self::new(geometry)),
         }
@@ -54,32 +45,32 @@ impl<'a> Rays<'a> {
 
     /// Rays through a hierarchy already built over `geometry`.
     pub fn with_hierarchy(geometry: &'a Geometry, hierarchy: Bvh8) -> Self {
-        Rays { geometry, tracer: Tracer::Own(hierarchy, std::marker::PhantomData) }
+        Rays { geometry, hierarchy: Hierarchy::Own(hierarchy, std::marker::PhantomData) }
     }
 
     /// The nearest hit along the unit `direction`; `from` is the triangle the ray starts on, which it cannot hit.
     /// What lies behind the origin or exactly at it does not count.
     #[inline]
     pub fn nearest(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Hit> {
-        match &self.tracer {
-            Tracer::Own(bvh, _) => {
+        match &self.hierarchy {
+            Hierarchy::Own(bvh, _) => {
                 let line = Line::new(origin, direction)?;
                 let (triangle, meeting) = bvh.nearest(&line, from, &|t, m| self.is_open(t, m))?;
                 Some(Hit { triangle, barycentric: meeting.barycentric(), t: meeting.t as f32 })
             }
             #[cfg(feature = "embree")]
-            Tracer::Embree(scene) => scene.nearest(origin, direction, from),
+            Hierarchy::Embree(scene) => scene.nearest(origin, direction, from),
         }
     }
 
     /// Whether anything stands between `origin` and the point at distance `t_max` along the unit `direction`.
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
-        match &self.tracer {
-            Tracer::Own(bvh, _) => Line::new(origin, direction)
+        match &self.hierarchy {
+            Hierarchy::Own(bvh, _) => Line::new(origin, direction)
                 .is_some_and(|line| bvh.occluded(&line, t_max, from, &|t, m| self.is_open(t, m))),
             #[cfg(feature = "embree")]
-            Tracer::Embree(scene) => scene.occluded(origin, direction, t_max, from),
+            Hierarchy::Embree(scene) => scene.occluded(origin, direction, t_max, from),
         }
     }
 

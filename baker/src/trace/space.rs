@@ -1,7 +1,8 @@
 //! The space light moves in: points on its surfaces, and what stands between them or around them.
 
 use super::counts::RayCounts;
-use super::rays::{Hit, Rays, offset_point};
+use super::rays::{Rays, offset_point};
+use super::triangle::Hit;
 use crate::geometry::{Geometry, Material, Solids};
 use crate::surface::SurfacePoint;
 use glam::Vec3;

@@ -28,6 +28,17 @@ pub struct Meeting {
     pub b2: f64,
 }
 
+/// A hit.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit {
+    /// Index into `Geometry::triangles`.
+    pub triangle: u32,
+    /// Barycentric weights of the three corners.
+    pub barycentric: Vec3,
+    /// Distance along the unit direction.
+    pub t: f32,
+}
+
 impl Meeting {
     /// The weights of the three corners.
     pub fn barycentric(&self) -> Vec3 {

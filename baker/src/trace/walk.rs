@@ -7,9 +7,9 @@
 
 use super::counts::RayCounts;
 use super::lights::{GroupLight, Lights, SunDraw};
-use super::rays::Hit;
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
+use super::triangle::Hit;
 use crate::Rgb;
 use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};

@@ -5,8 +5,8 @@
 //! few bits. One network, shared by all tiles of a run, reads them with a positional encoding and gives all sets of the segment at once.
 //! Light is relative to the peak of its tile and set. What the original does to other mip levels has no counterpart here.
 
-mod grids;
 mod network;
+mod grids;
 mod train;
 
 use super::Effort;

@@ -1,6 +1,7 @@
 //! What a run did: of every tile, of all together, and as `<bundle>.run.json`.
 
 use super::beside;
+use super::stats::TileStats;
 use super::tiles::Work;
 use crate::bundle::{Header, Payload};
 use crate::grid::Place;
@@ -13,25 +14,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// What training told about one tile.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TileStats {
-    /// Steps of the main phase; 0 for a tile without light.
-    pub steps: usize,
-    /// PSNR before quantisation, in dB, where the tile has one.
-    pub psnr_unquantised_db: Option<f64>,
-    /// The same with features of 8 bits.
-    pub psnr_8bit_features_db: Option<f64>,
-    /// The same as stored.
-    pub psnr_db: Option<f64>,
-    /// (step, CPU seconds, dB) along the training.
-    pub curve: Vec<(usize, f64, f64)>,
-    /// What was left out and why.
-    pub left_out: Vec<String>,
-    /// CPU seconds.
-    pub seconds: f64,
-}
 
 /// One point of the training curve over all tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! Steps under a time limit: every tile gets its share of the time that is left, at the pace of the tiles before it.
 
-use super::outcome::TileStats;
+use super::stats::TileStats;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 

@@ -1,9 +1,9 @@
 //! Works through the tiles of a dataset, in parallel: the trials of all, where a target asks for them, then the training of all.
 
 use super::allocate::{self, Goal};
-use super::outcome::TileStats;
 use super::pace::{self, Pace};
 use super::part::Part;
+use super::stats::TileStats;
 use super::{Options, Rate};
 use crate::bundle::{self, Header, Payload};
 use crate::clock::Clock;

@@ -1,11 +1,11 @@
 //! Datasets as they are handed to others: a folder of archives, bundles, pictures and datasheets, with checksums. Once in place, it
 //! is whole; nothing of it depends on the day, the machine or the number of threads.
 
+mod sums;
 mod archive;
 mod datasheet;
-mod package;
 mod parts;
-mod sums;
+mod package;
 mod verify;
 
 use crate::config::FileRef;

@@ -3,7 +3,7 @@
 
 use super::charts::FlatMesh;
 use super::fill::first_fit;
-use super::pack::{BLOCK, Footprint, Pages, Place, Turn, footprints, last_offset, runs};
+use super::footprint::{BLOCK, Footprint, Pages, Place, Turn, footprints, last_offset, runs};
 use super::raster::Bits;
 use glam::DVec2;
 use rayon::prelude::*;

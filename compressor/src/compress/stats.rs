@@ -1,0 +1,22 @@
+//! What training told about a tile.
+
+use serde::{Deserialize, Serialize};
+
+/// What training told about one tile.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TileStats {
+    /// Steps of the main phase; 0 for a tile without light.
+    pub steps: usize,
+    /// PSNR before quantisation, in dB, where the tile has one.
+    pub psnr_unquantised_db: Option<f64>,
+    /// The same with features of 8 bits.
+    pub psnr_8bit_features_db: Option<f64>,
+    /// The same as stored.
+    pub psnr_db: Option<f64>,
+    /// (step, CPU seconds, dB) along the training.
+    pub curve: Vec<(usize, f64, f64)>,
+    /// What was left out and why.
+    pub left_out: Vec<String>,
+    /// CPU seconds.
+    pub seconds: f64,
+}
