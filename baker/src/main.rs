@@ -2,6 +2,7 @@
 
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast};
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
+use baker::bake::standing::{REPORT, foretold};
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};
 use baker::preview::run::preview;
@@ -112,13 +113,14 @@ Examples:
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (asked for),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
-`compress --json`. With --plan: scene, integrator, moments, layers, left_out,
+`compress --json`. With --plan: scene, integrator, moments, layers, left_out, standing,
 forecast (size, pages, texels covered, texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
-traced. A dataset is replaced by less (fewer hours, samples or texels, or another scene) only with --force.";
+traced. A dataset is replaced by less (fewer hours, samples or texels, or another scene), and unfinished work of other settings dropped,
+only with --force.";
 
 /// `2%` or `0.02`.
 fn parse_error(text: &str) -> std::result::Result<f64, String> {
@@ -193,7 +195,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         result["compress"] = judged.json();
         judged.sections.into_iter().for_each(|section| report.push(section));
     }
-    let path = outcome.dataset.join("report.html");
+    let path = outcome.dataset.join(REPORT);
     // Nothing new: a report that stands there may tell more, of the compressor too.
     if args.compress || !outcome.up_to_date || !path.exists() {
         report.write(&path)?;
@@ -234,6 +236,8 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     say_forecast(&forecast, console);
     layers.iter().for_each(|name| console.print(format!("  trace {name}")));
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
+    let standing = foretold(&prepared, options)?;
+    standing.iter().for_each(|what| console.print(format!("  {what}")));
     let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
     console.result(&json!({
         "scene": prepared.scene.name,
@@ -241,6 +245,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "moments": moments,
         "layers": layers,
         "left_out": plan.left_out,
+        "standing": standing,
         "forecast": forecast,
         "warnings": prepared.warnings,
     }))

@@ -78,7 +78,7 @@ fn what_a_killed_bake_left_does_not_change_another_one() {
     assert!(court(&fresh, "4", "cached").status().unwrap().success());
     // Its first round alone has more samples than are asked for next.
     assert!(kill_midway(&left, "256", "path"), "the bake was too quick to be killed");
-    assert!(court(&left, "4", "cached").status().unwrap().success());
+    assert!(court(&left, "4", "cached").arg("--force").status().unwrap().success());
     assert_eq!(data(&fresh), data(&left));
 }
 
@@ -543,4 +543,119 @@ fn a_time_limit_ends_a_round_within_a_block() {
         object["out_of_time"] == true && mean > most / 2.0 && mean < most
     });
     assert!(is_cut, "a block was never left before its round was done");
+}
+
+/// A bake that must be refused, and what it said.
+fn refused(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn files_of_others_are_not_written_over() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["scene.glb", "report.html", "run.json", "data"] {
+        let out = dir.path().join(format!("with-{name}"));
+        std::fs::create_dir(&out).unwrap();
+        std::fs::write(out.join(name), b"mine").unwrap();
+        let said = refused(&mut court(&out, "2", "cached"));
+        assert!(said.contains("is no dataset") && said.contains(name), "{said}");
+        assert_eq!(std::fs::read(out.join(name)).unwrap(), b"mine");
+    }
+    // Other files are in nobody's way.
+    let out = dir.path().join("with-notes");
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("notes.txt"), b"mine").unwrap();
+    assert!(court(&out, "2", "cached").status().unwrap().success());
+    // The dataset's own geometry, read by a scene that is to be baked there.
+    let scene = dir.path().join("again.toml");
+    let object =
+        "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"with-notes/scene.glb\"\n";
+    std::fs::write(&scene, object).unwrap();
+    let glb = std::fs::read(out.join("scene.glb")).unwrap();
+    let said = refused(Command::new(env!("CARGO_BIN_EXE_bake")).args([
+        text(&scene),
+        "--force",
+        "--out",
+        text(&out),
+    ]));
+    assert!(said.contains("the scene reads it"), "{said}");
+    assert_eq!(std::fs::read(out.join("scene.glb")).unwrap(), glb);
+}
+
+#[test]
+fn unfinished_work_is_not_dropped_for_other_settings() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    assert!(kill_midway(&out, "4096", "cached"), "the bake ended before it was killed");
+    let said = refused(&mut court(&out, "2", "cached"));
+    assert!(said.contains("unfinished work") && said.contains("--force"), "{said}");
+    assert!(std::fs::read_dir(out.join(".bake")).unwrap().count() == 1);
+    assert!(court(&out, "2", "cached").arg("--force").status().unwrap().success());
+}
+
+#[test]
+fn a_scene_of_the_same_name_and_other_geometry_does_not_replace_a_dataset() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = |folder: &str, file: &str| {
+        let folder = dir.path().join(folder);
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(folder.join(file), "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n").unwrap();
+        let text = format!(
+            "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"{file}\"\n[lightmap]\nsize = 8\n"
+        );
+        std::fs::write(folder.join("level.toml"), text).unwrap();
+        folder.join("level.toml")
+    };
+    let (a, b, out) = (scene("a", "hall.obj"), scene("b", "yard.obj"), dir.path().join("out"));
+    let bake = |scene: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
+        command.args([text(scene), "--hours", "12", "--samples", "2", "--out", text(&out)]);
+        command
+    };
+    assert!(bake(&a).status().unwrap().success());
+    let said = refused(&mut bake(&b));
+    assert!(said.contains("it is of hall.obj, not of yard.obj"), "{said}");
+    // And `--plan` says so beforehand, as it says what is there already.
+    let planned =
+        |scene: &Path| String::from_utf8(bake(scene).arg("--plan").output().unwrap().stdout).unwrap();
+    assert!(planned(&b).contains("would be refused"), "{}", planned(&b));
+    assert!(planned(&a).contains("already holds this bake"), "{}", planned(&a));
+}
+
+#[test]
+fn a_group_whose_light_reaches_nothing_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n").unwrap();
+    let lamp = |name: &str, y: f64| {
+        format!(
+            "[[group]]\nname = \"{name}\"\n[[group.sphere]]\ncentre = [0.2, {y}, -0.2]\nradius = 0.05\nradiance = [1, 1, 1]\n"
+        )
+    };
+    let text_of = format!(
+        "[[object]]\nfile = \"a.obj\"\n{}{}[lightmap]\nsize = 8\n",
+        lamp("above", 1.0),
+        lamp("below", -1.0)
+    );
+    let scene = dir.path().join("s.toml");
+    std::fs::write(&scene, text_of).unwrap();
+    let output =
+        bake(&[text(&scene), "--hours", "12", "--samples", "2", "--out", text(&dir.path().join("out"))]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("no light of the group \"below\"") && !said.contains("\"above\""), "{said}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_answer_that_cannot_be_written_is_an_error() {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let scene = fixture("court.toml");
+    let output = Command::new(env!("CARGO_BIN_EXE_bake"))
+        .args([text(&scene), "--plan"])
+        .stdout(full)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("standard output"));
 }

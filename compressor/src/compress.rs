@@ -19,7 +19,7 @@ use crate::grid::Grid;
 use crate::model::{PROFILES, Profile};
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::{expect_folder, write_atomically};
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
@@ -162,7 +162,15 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
 
     let outcome = Outcome::new(&header, out.clone(), bytes.len() as u64, &work, start, checked);
     outcome::write(&out, &outcome)?;
-    part.remove();
+    let folder = part.folder().to_owned();
+    let left = part.remove();
+    if left > 0 {
+        console.say(format!(
+            "{}: left for the runs of other settings that were stopped: {} (--force removes them)",
+            folder.display(),
+            count(left, "finished part")
+        ));
+    }
     Ok(outcome)
 }
 

@@ -105,7 +105,9 @@ impl Console {
     /// JSON object's; shown also under `--quiet` unless `--json` replaces it.
     pub fn print(&self, text: impl AsRef<str>) {
         if !self.json {
-            let _ = writeln!(std::io::stdout().lock(), "{}", text.as_ref());
+            if let Err(error) = writeln!(std::io::stdout().lock(), "{}", text.as_ref()) {
+                *LOST.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(error);
+            }
         } else if !self.quiet {
             line(text.as_ref());
         }
@@ -140,13 +142,17 @@ impl Console {
     /// [`crate::Error::Io`] where it cannot be written; a reader that closed the pipe is no failure of the command.
     pub fn result(&self, object: &serde_json::Value) -> crate::Result<()> {
         let mut out = std::io::stdout().lock();
-        if self.json
-            && let Err(error) = writeln!(out, "{object}").and_then(|()| out.flush())
-            && error.kind() != std::io::ErrorKind::BrokenPipe
-        {
-            return Err(crate::Error::io(std::path::Path::new("standard output"))(error));
+        let written = match self.json {
+            true => writeln!(out, "{object}").and_then(|()| out.flush()),
+            // Lines of the answer that were lost before.
+            false => LOST.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take().map_or(Ok(()), Err),
+        };
+        match written {
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                Err(crate::Error::io(std::path::Path::new("standard output"))(error))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 
@@ -232,6 +238,9 @@ pub fn fail(error: &crate::Error) -> ExitCode {
         _ => ExitCode::FAILURE,
     }
 }
+
+/// Why a line of the answer could not be written.
+static LOST: Mutex<Option<std::io::Error>> = Mutex::new(None);
 
 /// The bar that is drawn now; lines are written above it.
 static DRAWN: Mutex<Option<ProgressBar>> = Mutex::new(None);

@@ -40,6 +40,8 @@ pub struct Stored {
     pub pages: Vec<Page>,
     /// Per group of the scene, a map per page; black for those that were not traced.
     pub groups: Vec<Vec<FileRef>>,
+    /// Groups that were traced and whose light reaches no texel.
+    pub dark_groups: Vec<usize>,
     /// The sets, in the order of the plan's moments.
     pub sets: Vec<Set>,
     /// The noise table's file.
@@ -144,13 +146,14 @@ impl<'a> Assembler<'a> {
     pub fn store(&self, writer: &mut Writer, mut each: impl FnMut()) -> Result<Stored> {
         let pages = self.store_masks(writer)?;
         let first_group = self.plan.suns.len() + self.plan.skies.len();
-        let mut traced = Vec::new();
+        let black = Image::black(self.mask.width, self.mask.height);
+        let (mut traced, mut is_dark) = (Vec::new(), Vec::new());
         for g in 0..self.plan.groups.len() {
             let image = self.layer(first_group + g, true)?;
+            is_dark.push(image == black);
             traced.push(self.add(writer, &format!("group{g}"), &image)?);
             each();
         }
-        let black = Image::black(self.mask.width, self.mask.height);
         // A group that was not traced gave no light at any moment baked.
         let mut groups = Vec::new();
         for layer in &self.plan.place_of_group {
@@ -206,9 +209,12 @@ impl<'a> Assembler<'a> {
         }
         let noise = Noise { tile: TILE as u32, mse: self.noise(&errors) };
         let noise = writer.add("noise", "json", &json::bytes(&noise, "noise table")?)?;
+        let places = self.plan.place_of_group.iter().enumerate();
+        let dark = places.filter(|(_, layer)| layer.is_some_and(|layer| is_dark[layer]));
         Ok(Stored {
             pages,
             groups,
+            dark_groups: dark.map(|(group, _)| group).collect(),
             sets,
             noise,
             valid_texels: self.mask.count(),

@@ -6,6 +6,7 @@ use super::plan::{Plan, hour};
 use super::rounds::Traced;
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
+use crate::scene::Scene;
 use dataset::console::count;
 
 /// What may be wrong with a scene most of whose texels are of no use.
@@ -32,6 +33,20 @@ pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
     } else {
         None
     }
+}
+
+/// The light groups that shine at some moment, and at no texel.
+pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> {
+    let names: Vec<String> =
+        stored.dark_groups.iter().map(|&g| format!("{:?}", scene.groups[g].name)).collect();
+    (plan.layers() > 0 && !names.is_empty()).then(|| {
+        format!(
+            "no light of {} {} was found at any texel: do its lamps stand inside something, face away, or lie far off (all lengths are \
+             in metres)?",
+            if names.len() == 1 { "the group" } else { "the groups" },
+            names.join(", ")
+        )
+    })
 }
 
 /// The moments at which something shines and no light was found. Whether it is shut out or was missed, no estimate can tell.

@@ -6,13 +6,20 @@ use std::path::Path;
 /// Name of the file that is locked.
 const LOCK: &str = ".lock";
 
-/// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
-pub fn create(out: &Path) -> Result<()> {
-    const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
+const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
+
+/// Tells of a file that is in the way of the dataset's folder.
+pub fn expect_free(out: &Path) -> Result<()> {
     if let Some(file) = out.ancestors().find(|path| path.exists()).filter(|path| !path.is_dir()) {
         let file = if file == out { "it".to_owned() } else { file.display().to_string() };
         return Err(Error::invalid(out.display(), format!("{file} is a file; {EXPECTED}")));
     }
+    Ok(())
+}
+
+/// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
+pub fn create(out: &Path) -> Result<()> {
+    expect_free(out)?;
     let refused = |what: &str, error: std::io::Error| {
         Error::invalid(out.display(), format!("{what} ({error}); {EXPECTED} that this user may write to"))
     };

@@ -10,6 +10,7 @@ use crate::atlas::Atlas;
 use crate::scene::Sky;
 use crate::surface::{BlockSurface, FaceBins};
 use crate::trace::cache::CacheMap;
+use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::rays::Rays;
@@ -38,7 +39,7 @@ pub struct Forecast {
     pub dataset_bytes: u64,
     /// Bytes of the layers kept beside the dataset, once all of them are traced.
     pub layers_bytes: u64,
-    /// Bytes of the sums on disk while all layers are traced.
+    /// Bytes of the sums and of the cache on disk while all layers are traced.
     pub work_bytes: u64,
     /// About the most memory that is held at once, in bytes.
     pub memory_bytes: u64,
@@ -74,10 +75,12 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
     let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
     // While sets are put together: five images, a layer as it is read, the sums of light and error.
     let assembling = 5 * IMAGE * virtual_page + 2 * 20 * n + 24 * n + 32 * n;
-    let cache = match prepared.integrator {
-        Integrator::Cached => cache_bytes(prepared, atlas, places.into_iter().flatten(), texels),
+    let entries = match prepared.integrator {
+        Integrator::Cached => cache_entries(prepared, atlas, places.into_iter().flatten(), texels),
         Integrator::Path => 0,
     };
+    let cache = solve::bytes(entries, plan.layers());
+    let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     let has_sky = !plan.suns.is_empty() || !plan.skies.is_empty();
     Ok(Forecast {
         size: [atlas.width, atlas.page_height],
@@ -87,7 +90,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
         layers_bytes: n * (8 + 20 * layers),
-        work_bytes: n * (15 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled),
+        work_bytes: n * (15 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled) + stored_cache,
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
     })
@@ -101,17 +104,15 @@ fn extent(positions: &[Vec3]) -> [f64; 3] {
     (high - low).max(Vec3::ZERO).as_dvec3().to_array()
 }
 
-/// Memory of the cache and its solution, about.
-fn cache_bytes(
+/// Entries of the cache.
+fn cache_entries(
     prepared: &Prepared,
     atlas: &Atlas,
     places: impl Iterator<Item = usize>,
     texels: usize,
-) -> u64 {
-    let layers = prepared.plan.layers();
-    let shift = solve::shift(texels, layers);
-    let entries = CacheMap::new(atlas, &prepared.geometry, shift, places).entries();
-    solve::bytes(entries, layers)
+) -> usize {
+    let shift = solve::shift(texels, prepared.plan.layers());
+    CacheMap::new(atlas, &prepared.geometry, shift, places).entries()
 }
 
 /// How many of [`OPEN_RAYS`] rays from points spread over the covered texels leave the scene.

@@ -20,7 +20,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Name of the folder inside a dataset.
-const FOLDER: &str = ".layers";
+pub const FOLDER: &str = ".layers";
 
 /// A covered texel of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

@@ -26,9 +26,9 @@ pub struct OpenCells {
 /// What is asked of a block.
 #[derive(Clone, Copy)]
 pub struct Block<'a> {
-    /// Its top left texel.
+    /// Column of its top left texel.
     pub x0: usize,
-    /// Its top left texel.
+    /// Row of its top left texel.
     pub y0: usize,
     /// The texels of each cell that light could reach.
     pub exposed: [u32; CELLS],
@@ -43,7 +43,7 @@ impl OpenCells {
         OpenCells { columns: columns * (BLOCK / CELL), open: vec![false; columns * rows * CELLS] }
     }
 
-    /// All that do, in sets of these mean values; a cell without exposed texels never. Where no set has light yet, or hardly a texel
+    /// The cells that miss the `target` (a relative error) in one of the sets, of these mean values; one without exposed texels never. Where no set has light yet, or hardly a texel
     /// has seen any, nearly all of it may be missing: all cells are open.
     pub fn find<'a>(
         (width, height): (usize, usize),

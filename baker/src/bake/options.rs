@@ -16,7 +16,7 @@ pub struct Options {
     pub hours: Hours,
     /// The scene's transfer instead of its light.
     pub transfer: bool,
-    /// Samples of indirect light per texel; `None`: the scene's, or as many as a target error needs.
+    /// Samples of indirect light per texel; `None`: the scene's, or up to 65536 towards a target or under a time limit.
     pub samples: Option<u32>,
     /// Relative error at which 16×16 texels get no more samples.
     pub target_error: Option<f64>,

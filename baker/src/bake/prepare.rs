@@ -14,7 +14,7 @@ use crate::trace::backend::Backend;
 use crate::{Error, Result};
 use dataset::config::Transfer;
 use dataset::console::Console;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
@@ -53,6 +53,11 @@ impl Prepared {
         self.base.to_hex().to_string()
     }
 
+    /// The folder that the dataset goes to.
+    pub fn out(&self, options: &Options) -> PathBuf {
+        options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&self.scene.name))
+    }
+
     /// Lays out the texels.
     ///
     /// # Errors
@@ -75,7 +80,7 @@ impl Prepared {
 
     /// The settings as they go into the manifest, and the digest of all that decides the dataset.
     pub fn manifest(&self, options: &Options) -> Result<(serde_json::Value, String)> {
-        let settings = settings(&self.scene, &self.hours, options)?;
+        let settings = settings(&self.scene, &self.hours, self.integrator, options)?;
         let mut hash = blake3::Hasher::new();
         hash.update(self.base.as_bytes());
         self.digests.iter().for_each(|d| {
@@ -219,7 +224,12 @@ fn base_digest(
 }
 
 /// The settings as they go into the manifest: no path of the machine that baked.
-fn settings(scene: &Scene, hours: &Hours, options: &Options) -> Result<serde_json::Value> {
+fn settings(
+    scene: &Scene,
+    hours: &Hours,
+    integrator: Integrator,
+    options: &Options,
+) -> Result<serde_json::Value> {
     let mut settings = serde_json::to_value(scene).map_err(|e| Error::invalid("scene", e))?;
     if let Some(objects) = settings["objects"].as_array_mut() {
         for object in objects.iter_mut().filter_map(|o| o.as_object_mut()) {
@@ -235,7 +245,7 @@ fn settings(scene: &Scene, hours: &Hours, options: &Options) -> Result<serde_jso
     settings["hours"] = serde_json::json!(hours.list);
     settings["baked_with"] = serde_json::json!({
         "method": METHOD,
-        "integrator": options.integrator,
+        "integrator": integrator,
         "backend": options.backend.to_string(),
         "target_error": options.target_error,
         "time_limit_secs": options.time_limit.map(|limit| limit.as_secs_f64()),

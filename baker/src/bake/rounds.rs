@@ -58,9 +58,26 @@ pub struct Traced {
     pub out_of_time: bool,
     /// Whether the cache did not settle, and walks were traced to their end instead.
     pub is_unsettled: bool,
+    /// The most samples of layers that were kept from earlier bakes, as [`Round::samples`].
+    #[serde(default)]
+    pub kept_samples: u32,
 }
 
 impl Traced {
+    /// Samples of indirect light per texel of the layer that has most; `None` where none was traced.
+    pub fn samples(&self) -> Option<u32> {
+        self.rounds.last().map(|round| round.samples.max(self.kept_samples))
+    }
+
+    /// Takes over what holds for the layers that are kept, as the tracing that left them told.
+    pub fn keep(&mut self, kept: &Traced) {
+        self.kept_samples = kept.samples().unwrap_or(0);
+        self.out_of_time |= kept.out_of_time;
+        self.is_unsettled |= kept.is_unsettled;
+        let new: Vec<String> = kept.notes.iter().filter(|note| !self.notes.contains(note)).cloned().collect();
+        self.notes.extend(new);
+    }
+
     /// Notes that walks go to their end, for the cache did not settle.
     pub fn without_cache(&mut self, passes: usize) {
         self.is_unsettled = true;
@@ -110,6 +127,22 @@ pub fn endless() -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_kept_layers_were_traced_with_is_not_forgotten() {
+        let of =
+            |samples| Traced { rounds: vec![Round { samples, ..Round::default() }], ..Traced::default() };
+        let kept = Traced { out_of_time: true, notes: vec!["slow".to_owned()], ..of(512) };
+        let mut traced = Traced { notes: vec!["new".to_owned()], ..of(64) };
+        traced.keep(&kept);
+        assert_eq!((traced.samples(), traced.out_of_time, traced.is_unsettled), (Some(512), true, false));
+        assert_eq!(traced.notes, ["new", "slow"]);
+        // And once more.
+        let mut again = of(16);
+        again.keep(&traced);
+        assert_eq!((again.samples(), again.out_of_time), (Some(512), true));
+        assert_eq!(Traced::default().samples(), None);
+    }
 
     #[test]
     fn rounds_double_and_end_at_the_samples_asked_for() {

@@ -11,7 +11,7 @@ use super::layers::Layers;
 use super::rounds::Traced;
 use super::standing::{self, RUN};
 use super::state::StateFolder;
-use super::tracer::Tracer;
+use super::tracer::{ROUNDS, Tracer};
 use crate::atlas::{Atlas, Placement};
 use crate::geometry::{Geometry, Solids};
 use crate::surface::FaceBins;
@@ -37,12 +37,13 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let start = Instant::now();
     let prepared = prepare(scene_file, options, console)?;
     let Prepared { scene, geometry, plan, limits, digests, .. } = &prepared;
-    let out = options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
+    let out = prepared.out(options);
     let (settings, inputs) = prepared.manifest(options)?;
     let layers = Layers::new(&out);
     if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
         return Ok(outcome);
     }
+    standing::refuse_foreign(&out, scene.objects.iter().map(|object| object.file.as_path()))?;
     folder::create(&out)?;
     let _lock = folder::lock(&out)?;
     standing::refuse_less(&out, &prepared, options, console)?;
@@ -86,10 +87,12 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let stored = assembler.store(&mut writer, || progress.advance(1))?;
     drop(progress);
     let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
-    writer.alias(&glb, "scene.glb");
+    writer.alias(&glb, super::scene_glb::NAME);
     let facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
     let mut warnings = [prepared.warnings.clone(), dropped].concat();
-    if let Some(warning) = facts::mostly_invalid(plan, &stored) {
+    for warning in
+        facts::mostly_invalid(plan, &stored).into_iter().chain(facts::lightless(scene, plan, &stored))
+    {
         console.warn(&warning);
         warnings.push(warning);
     }
@@ -105,7 +108,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         unit: "irradiance in kilolux, linear Rec. 709".to_owned(),
         seed: scene.bake.seed,
         inputs: inputs.clone(),
-        samples: last.map_or(limits.samples, |r| r.samples),
+        samples: traced.samples().unwrap_or(limits.samples),
         pages: stored.pages,
         groups: scene.groups.iter().zip(stored.groups).map(group).collect(),
         sets: stored.sets,
@@ -133,7 +136,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         sets: plan.moments.len(),
         hours: plan.moments.iter().map(|m| m.hour).collect(),
         texels,
-        samples: last.map_or(limits.samples, |r| r.samples),
+        samples: traced.samples().unwrap_or(limits.samples),
         mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),
         layers: origin,
         relative_error: median(&relative),
@@ -180,7 +183,15 @@ fn trace_missing(
     let wanted: Vec<String> = missing.iter().map(|&l| digests[l].clone()).collect();
     let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
     let mut warnings = Vec::new();
-    if !StateFolder::others(out, &work).is_empty() {
+    let others = StateFolder::others(out, &work);
+    if others.iter().any(|other| other.join(ROUNDS).exists()) {
+        return Err(Error::invalid(
+            out.display(),
+            "holds the unfinished work of a bake of other settings; expected the command that began it, which goes on with it, or --out \
+             DIR for a folder of its own, or --force to drop it",
+        ));
+    }
+    if !others.is_empty() {
         let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
         console.warn(dropped);
         warnings.push(dropped.to_owned());
@@ -191,7 +202,10 @@ fn trace_missing(
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(&missing);
         let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };
-        let traced = tracer.run(&prepared.limits, console)?;
+        let mut traced = tracer.run(&prepared.limits, console)?;
+        if let Some(kept) = layers.traced(&base).filter(|_| origin.reused > 0) {
+            traced.keep(&kept);
+        }
         layers.write(&tracer.worker, &folder, &base, &wanted, &traced, console)?;
         Ok(traced)
     })?;

@@ -7,6 +7,9 @@ use glam::{DAffine3, DMat4, Vec2, Vec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
+/// The name under which the dataset's geometry is found.
+pub const NAME: &str = "scene.glb";
+
 /// Writes every instance as a node below the node `scene`, which stands at the scene's origin.
 ///
 /// Instances that share a layout share a mesh: it holds the first one's positions, and the other nodes the matrices from there.

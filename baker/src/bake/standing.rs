@@ -1,19 +1,24 @@
-//! The dataset that stands where a bake will write: whether it is this very bake, else what of it would be lost, told before any ray
-//! is traced.
+//! What stands where a bake will write: whether it is this very bake, else what of it would be lost, told before any ray is traced.
 
+use super::folder;
+use super::layers::{self, Layers};
 use super::options::{Options, Outcome};
 use super::prepare::Prepared;
+use super::scene_glb::NAME as GLB;
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
 use dataset::config::Config;
 use dataset::console::{Console, count};
-use dataset::store::Dataset;
+use dataset::store::{self, Dataset};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
 /// The outcome of a run, beside the manifest.
 pub const RUN: &str = "run.json";
+/// The report, beside it.
+pub const REPORT: &str = "report.html";
 
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
 pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
@@ -30,6 +35,41 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
     }
     let seconds = start.elapsed().as_secs_f64();
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
+}
+
+/// Refuses a folder that is no dataset's, nor holds the work of a bake, and in which files of those names stand: they would be written over.
+/// `reads` are the files of the scene.
+///
+/// # Errors
+/// [`Error::Invalid`], also where a file of the scene is one that the dataset has.
+pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+    let is_own = [store::MANIFEST, store::WORK, layers::FOLDER].iter().any(|name| out.join(name).exists());
+    let written = [GLB, RUN, REPORT, store::DATA];
+    let foreign: Vec<&str> = written.into_iter().filter(|name| !is_own && out.join(name).exists()).collect();
+    if !foreign.is_empty() {
+        return Err(Error::invalid(
+            out.display(),
+            format!(
+                "is no dataset, and holds {}, which a bake would write over; expected a folder of its own for the dataset (--out)",
+                foreign.join(", ")
+            ),
+        ));
+    }
+    let place = |path: &Path| path.canonicalize().ok();
+    let (glb, data) = (place(&out.join(GLB)), place(&out.join(store::DATA)));
+    for file in reads {
+        let Some(read) = place(file) else { continue };
+        if glb.as_ref() == Some(&read) || data.as_ref().is_some_and(|data| read.starts_with(data)) {
+            return Err(Error::invalid(
+                file.display(),
+                format!(
+                    "the scene reads it, and a bake to {} would write over it; expected a copy elsewhere, or another --out",
+                    out.display()
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a bake that would put less in the place of the dataset in `out`; says of any other which one it replaces.
@@ -56,11 +96,42 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
     Ok(())
 }
 
+/// What would become of what stands where a bake is to write, in words; `None` where nothing does.
+pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>> {
+    let out = prepared.out(options);
+    let refused = |error: Error| format!("this bake would be refused: {error}");
+    let reads = prepared.scene.objects.iter().map(|object| object.file.as_path());
+    if let Err(error) = folder::expect_free(&out).and_then(|()| refuse_foreign(&out, reads)) {
+        return Ok(Some(refused(error)));
+    }
+    let (_, inputs) = prepared.manifest(options)?;
+    if up_to_date(&out, &inputs, options, Instant::now()).is_some() {
+        return Ok(Some(format!("{} already holds this bake: nothing would be traced", out.display())));
+    }
+    if let Err(error) = refuse_less(&out, prepared, options, &Console::silent()) {
+        return Ok(Some(refused(error)));
+    }
+    let layers = Layers::new(&out);
+    let texels = layers.texels(&prepared.base()).filter(|_| !options.force).map_or(0, |texels| texels.len());
+    let kept = prepared.digests.iter().filter(|digest| texels > 0 && layers.has(digest, texels)).count();
+    Ok((kept > 0).then(|| {
+        format!("kept in {} from an earlier bake, not traced again: {}", out.display(), count(kept, "layer"))
+    }))
+}
+
 /// What of the standing dataset the new one would not have, in words.
 fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String> {
     let mut lost = Vec::new();
     if standing.scene != prepared.scene.name {
         lost.push(format!("it is of the scene {:?}, not {:?}", standing.scene, prepared.scene.name));
+    }
+    let (before, now) =
+        (files(&standing.settings), prepared.scene.objects.iter().filter_map(|o| o.file.file_name()));
+    let now: BTreeSet<String> = now.map(|name| name.to_string_lossy().into_owned()).collect();
+    if !before.is_empty() && before.is_disjoint(&now) {
+        let names =
+            |files: &BTreeSet<String>| files.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+        lost.push(format!("it is of {}, not of {}", names(&before), names(&now)));
     }
     // The hours that were asked for: the sets beside a switch move with the schedule, and are not missed where it changed.
     let settings = &standing.settings;
@@ -82,6 +153,12 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     let size = serde_json::from_value(settings["lightmap"]["size"].clone()).ok();
     lost.extend(size.and_then(|size| coarser(size, prepared.scene.lightmap.size)));
     lost
+}
+
+/// The names of the geometry files that a dataset was baked from.
+fn files(settings: &serde_json::Value) -> BTreeSet<String> {
+    let objects = settings["objects"].as_array().into_iter().flatten();
+    objects.filter_map(|object| Some(object["file"].as_str()?.to_owned())).collect()
 }
 
 /// In words, where a page has fewer texels than before. (A size and a density cannot be compared before the atlas is made.)

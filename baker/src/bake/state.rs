@@ -95,7 +95,7 @@ pub struct BlockState {
     pub trials: Vec<Direct>,
     /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]); empty before that.
     pub wants: Vec<u8>,
-    /// Per texel, log₂ of how many times the samples of the page's mean it gets of indirect light ([`super::allocate`]); empty before
+    /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its cell's) it gets of indirect light ([`super::allocate`]); empty before
     /// that is decided.
     pub log2_shares: Vec<i8>,
     /// Per texel, the samples of indirect light drawn in each half.

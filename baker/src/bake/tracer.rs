@@ -20,6 +20,9 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+/// The log of the rounds in the work folder: there once one is finished.
+pub const ROUNDS: &str = "rounds.json";
+
 /// What rounds are traced with.
 pub struct Tracer<'a> {
     /// Light, geometry and texels.
@@ -38,7 +41,7 @@ impl Tracer<'_> {
     /// Traces until a limit is reached.
     pub fn run(&self, limits: &Limits, console: &Console) -> Result<Traced> {
         let blocks = self.worker.blocks();
-        let log_path = self.folder.root().join("rounds.json");
+        let log_path = self.folder.root().join(ROUNDS);
         let rounds: Vec<Round> =
             std::fs::read(&log_path).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
         let before = rounds.last().map_or(0.0, |r| r.seconds);

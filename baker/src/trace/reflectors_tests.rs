@@ -102,11 +102,13 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
         // The sum of 1 ÷ density over what is drawn is the area it is drawn from.
         let (mut area, n) = (0.0, 1 << 14);
         let mut quarter = [0f64; 4];
+        // Points on the edge between two facets may be told to be of the other.
+        let mut strayed = 0;
         for i in 0..n {
             let sample = sequence.sample(i);
             let point = reflectors.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
             let told = reflectors.density_at(&view, &hit(point.triangle, point.barycentric), point.is_back);
-            assert!((told / point.density - 1.0).abs() < 1e-5 || i % 1000 != 0, "{told} {}", point.density);
+            strayed += u32::from((told / point.density - 1.0).abs() > 1e-5);
             let p = place(geometry, point.triangle, point.barycentric);
             assert!(p.distance(point.point) < 1e-5 && point.normal == Vec3::Y && !point.is_back);
             // (Facets are two texels long: they reach out of the square by as much.)
@@ -115,6 +117,7 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
             quarter[usize::from(p.x > 1.0) + 2 * usize::from(p.z > 0.5)] += 1.0 / f64::from(n);
         }
         assert!((0.2..0.7).contains(&area), "{area}");
+        assert!(strayed < n / 1000, "{strayed} of {n}");
         // The same area, found by points spread over the whole floor; and the density sums to 1 over it.
         let (mut bright, mut sum, mut by_quarter) = (0.0, 0.0, [0f64; 4]);
         let of_point = 16.0 / f64::from(4 * n);

@@ -81,6 +81,8 @@ fn albedo_1_with_a_limit_of_bounces_is_a_finite_sum() {
     // n + 1 terms of 1: a meaningful number, so it is not refused.
     let (stage, scene) = furnace(1.0, 0.1, "9");
     stage.measure("12", 16, &scene, floor).expect(PI, 0.02);
+    // The cache, which holds all bounces, is of no use: the dataset says what was used.
+    assert_eq!(stage.bake("12", 2, &scene).dataset.config.settings["baked_with"]["integrator"], "path");
 }
 
 #[test]

@@ -6,14 +6,20 @@ use crate::{Error, Result};
 use dataset::files::{remove_stale_temporaries, write_atomically};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 /// Extension of the files.
 const EXTENSION: &str = "tile";
 
 /// The folder.
-pub(super) struct Part(PathBuf);
+pub(super) struct Part {
+    folder: PathBuf,
+    /// The files that this run asked for or wrote.
+    own: Mutex<BTreeSet<PathBuf>>,
+}
 
 impl Part {
     /// Opens or creates the work folder of a bundle; with `fresh`, empties it.
@@ -24,15 +30,22 @@ impl Part {
             _ => {}
         }
         remove_stale_temporaries(&folder)?;
-        let part = Part(folder);
+        let part = Part { folder, own: Mutex::default() };
         if fresh {
-            part.empty();
+            part.files().for_each(remove);
         }
         Ok(part)
     }
 
     fn path(&self, key: &str) -> PathBuf {
-        self.0.join(format!("{key}.{EXTENSION}"))
+        let path = self.folder.join(format!("{key}.{EXTENSION}"));
+        self.own.lock().unwrap_or_else(|e| e.into_inner()).insert(path.clone());
+        path
+    }
+
+    /// The folder's path.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// A finished tile: its payload and what training told. `None` where there is none, or a damaged one.
@@ -60,20 +73,23 @@ impl Part {
         write_atomically(&path, &[&sum[..], &length, &stats, &word, &payload.bytes].concat())
     }
 
-    /// Removes the folder with the tiles in it; anything foreign in it stays.
-    pub(super) fn remove(self) {
-        self.empty();
+    /// Removes the tiles of this run, and the folder if nothing is left in it; how many files of runs of other settings are.
+    pub(super) fn remove(self) -> usize {
+        self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
+        let left = self.files().count();
         // What cannot be removed is no harm: the bundle stands.
-        let _ = fs::remove_dir(&self.0);
+        let _ = fs::remove_dir(&self.folder);
+        left
     }
 
-    fn empty(&self) {
-        for entry in fs::read_dir(&self.0).into_iter().flatten().flatten() {
-            if entry.path().extension().is_some_and(|extension| extension == EXTENSION) {
-                let _ = fs::remove_file(entry.path());
-            }
-        }
+    fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        entries.filter(|path| path.extension().is_some_and(|extension| extension == EXTENSION))
     }
+}
+
+fn remove(path: PathBuf) {
+    let _ = fs::remove_file(path);
 }
 
 #[cfg(test)]
@@ -113,7 +129,15 @@ mod tests {
         assert!(Part::open(&out, false).unwrap().read::<TileStats>("k").is_some());
         assert!(Part::open(&out, true).unwrap().read::<TileStats>("k").is_none());
         fs::write(beside(&out, ".part").join("notes.txt"), b"mine").unwrap();
-        part.remove();
+        // Of this run's tiles none is left; one of other settings is.
+        part.write("k", &Payload::default(), &stats).unwrap();
+        Part::open(&out, false).unwrap().write("of other settings", &Payload::default(), &stats).unwrap();
+        assert_eq!(part.remove(), 1);
+        let part = Part::open(&out, false).unwrap();
+        assert!(
+            part.read::<TileStats>("k").is_none() && part.read::<TileStats>("of other settings").is_some()
+        );
+        assert_eq!(part.remove(), 0);
         assert!(beside(&out, ".part").join("notes.txt").exists());
     }
 }

@@ -97,8 +97,10 @@ fn judge(
     let dataset = Dataset::open(&root)?;
     let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
     let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
-    let is_of_scene = decoder.bundle().header.scene == dataset.config.scene;
-    if is_of_scene && info["inputs"] != json!(compressor::compress::inputs(&dataset)) {
+    let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
+    if of != scene {
+        console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
+    } else if info["inputs"] != json!(compressor::compress::inputs(&dataset)) {
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
