@@ -197,16 +197,17 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     let kept = finished().len();
     assert!((1..4).contains(&kept), "{kept} tiles finished before the kill");
     assert!(!folder.path().join("a.ndgi").exists());
-    let damaged = finished()[0].clone();
+    let kept_tile = finished()[0].clone();
 
-    // Another recipe takes none of them over; the same command takes all.
+    // Another recipe takes none of them over and leaves what it does not own; the same command takes all.
     let mut other = arguments;
     other[5] = "30";
     other[7] = "b.ndgi";
     fs::create_dir(folder.path().join("b.ndgi.part")).unwrap();
-    fs::copy(&damaged, folder.path().join("b.ndgi.part").join(damaged.file_name().unwrap())).unwrap();
+    fs::copy(&kept_tile, folder.path().join("b.ndgi.part").join(kept_tile.file_name().unwrap())).unwrap();
     assert_eq!(json(&run(&other, folder.path()))["tiles_resumed"], 0);
-    assert!(!folder.path().join("b.ndgi.part").exists());
+    let left: Vec<_> = fs::read_dir(folder.path().join("b.ndgi.part")).unwrap().flatten().collect();
+    assert!(left.len() == 1 && left[0].file_name() == kept_tile.file_name().unwrap(), "{left:?}");
     assert_eq!(json(&run(&arguments, folder.path()))["tiles_resumed"], kept);
     assert!(!part.exists());
 
