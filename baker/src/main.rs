@@ -50,7 +50,7 @@ struct Args {
     #[arg(required = true)]
     scene: Option<PathBuf>,
     /// Hours to bake: a half-open range, a range with a step, or a list.
-    #[arg(long, default_value = "0..24", value_name = "HOURS")]
+    #[arg(long, default_value = "0..24", value_name = "HOURS", allow_hyphen_values = true)]
     hours: String,
     /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps, into dataset/<scene>-transfer:
     /// what `compress compare DATASET --transfer` needs for its comparison with precomputed radiance transfer.

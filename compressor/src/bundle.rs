@@ -1,7 +1,8 @@
 //! The bundle file: header, tile index, payloads, checksums (FORMAT.md has every byte).
 //!
 //! Opening reads the header and the index; a tile is one more read. Everything that comes from a file is checked before it is
-//! believed, so a damaged or hostile file gives an [`Error`], and nothing is allocated that the file's own length does not cover.
+//! believed, so a damaged or hostile file gives an [`Error`]. What is allocated is bounded by the file's own length: the header and
+//! the index by what stands there, a tile by what its payload unpacks to, up to 128 times its bytes.
 
 mod header;
 mod payload;

@@ -24,9 +24,11 @@ pub struct Config {
     pub unit: String,
     /// The seed all randomness derives from.
     pub seed: u64,
-    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets.
+    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets, but for noise that
+    /// earlier bakes in the folder left, and for where a time limit fell.
     pub inputs: String,
-    /// Samples per texel each layer was estimated with: on average, or at most where the bake went for a target.
+    /// Samples of indirect light per texel that were asked for: what a texel of mean deviation has, or at most has where the bake
+    /// went for a target or a time. (How many were drawn, on average over the texels, tells the writer's report.)
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,

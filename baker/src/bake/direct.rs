@@ -123,8 +123,8 @@ impl Worker<'_> {
 /// The streams of the samples that count.
 const HALVES: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Direct, 1)];
 
-/// Per texel and light, how many samples are worth their rays (see [`wanted`]), by its trial samples and those of the texels
-/// beside.
+/// The `want` of each covered texel and light (`[texel][light]`; [`wanted`] makes it a number of samples): how many are worth their
+/// rays, by its trial samples and those of the texels beside.
 fn wants(
     surface: &BlockSurface,
     covered: &[usize],

@@ -187,7 +187,8 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
     }
     if let Some(samples) = options.samples {
         if !(2..=MAX_SAMPLES).contains(&samples) || !samples.is_power_of_two() {
-            let expected = format!("expected a power of two from 2 to {MAX_SAMPLES}");
+            let above = samples.clamp(2, MAX_SAMPLES).next_power_of_two();
+            let expected = format!("expected a power of two from 2 to {MAX_SAMPLES}, such as {above}");
             return Err(Error::invalid("--samples", format!("{samples}: {expected}")));
         }
         scene.bake.samples = samples;

@@ -57,7 +57,7 @@ enum Texel {
     /// Baked.
     Valid,
     /// Surface that is not valid: inside a solid, or unlit by chance.
-    Buried,
+    Invalid,
     /// No surface.
     Gutter,
 }
@@ -79,14 +79,14 @@ impl Seams {
             add_points(edge, width, height, &mut points);
         }
         // Of the texels at seams that are not valid, those on surface.
-        let mut buried: Vec<u32> = points.iter().flat_map(|p| p.taps).map(|tap| tap.0).collect();
-        buried.retain(|&texel| !mask.valid[texel as usize]);
-        buried.par_sort_unstable();
-        buried.dedup();
-        retain_covered(atlas, &mut buried);
+        let mut invalid: Vec<u32> = points.iter().flat_map(|p| p.taps).map(|tap| tap.0).collect();
+        invalid.retain(|&texel| !mask.valid[texel as usize]);
+        invalid.par_sort_unstable();
+        invalid.dedup();
+        retain_covered(atlas, &mut invalid);
         let kind = |texel: u32| match () {
             _ if mask.valid[texel as usize] => Texel::Valid,
-            _ if buried.binary_search(&texel).is_ok() => Texel::Buried,
+            _ if invalid.binary_search(&texel).is_ok() => Texel::Invalid,
             _ => Texel::Gutter,
         };
         points.retain(|point| {
@@ -96,12 +96,12 @@ impl Seams {
                     taps.map(|tap| tap.1.abs()).sum::<f32>()
                 };
                 let valid = weight(Texel::Valid);
-                valid > 0.0 && valid >= weight(Texel::Buried)
+                valid > 0.0 && valid >= weight(Texel::Invalid)
             })
         });
         let system = System::new(&points, |texel| match kind(texel) {
             Texel::Valid => Freedom::Free(PRICE_BAKED),
-            Texel::Buried => Freedom::Fixed,
+            Texel::Invalid => Freedom::Fixed,
             Texel::Gutter => Freedom::Free(PRICE_GUTTER),
         });
         Seams { width, height, edges: edges.len(), system }

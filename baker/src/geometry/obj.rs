@@ -76,6 +76,16 @@ pub(super) fn load(
         Error::invalid(place, format!("`{}`: {e}, here or in the faces above", at_fault.trim()))
     })?;
     warnings.append(&mut missing.into_inner());
+    let short =
+        text.split(|&b| b == b'\n').enumerate().filter(|(_, line)| is_short_face(line)).map(|(i, _)| i + 1);
+    let mut short = short.peekable();
+    if let Some(&first) = short.peek() {
+        let rest = match short.count() - 1 {
+            0 => String::new(),
+            n => format!(", and {n} more like it"),
+        };
+        warnings.push(format!("{file}:{first}: a face of fewer than three vertices is left out{rest}"));
+    }
     // Whatever is wrong with the libraries has been said.
     let materials = materials.unwrap_or_default();
 
@@ -108,6 +118,12 @@ fn material_name(line: &[u8]) -> Option<String> {
     let line = std::str::from_utf8(line).ok()?.trim_start();
     let name = line.strip_prefix("usemtl")?;
     (name.starts_with([' ', '\t']) && !name.trim().is_empty()).then(|| name.trim().to_owned())
+}
+
+/// Whether a line is a face of one or two vertices.
+fn is_short_face(line: &[u8]) -> bool {
+    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    words.next() == Some(b"f") && (1..3).contains(&words.count())
 }
 
 /// Marks a material that a library defines, against stand-ins.
@@ -292,5 +308,17 @@ mod tests {
         assert_eq!(map_options("-s 1 1 1 -clamp on bark.png"), ("bark.png", Wrap::Clamp));
         assert_eq!(map_options("-o 0.5  -bm 2 a b.png"), ("a b.png", Wrap::Repeat));
         assert_eq!(map_options("-clamp off bark.png"), ("bark.png", Wrap::Repeat));
+    }
+
+    #[test]
+    fn faces_too_short_to_have_an_area_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n f 1 2\nl 1 2\nf 3\n").unwrap();
+        let mut warnings = Vec::new();
+        let model = load(&path, false, &mut TextureStore::default(), &mut warnings).unwrap();
+        assert_eq!(model.meshes.len(), 1);
+        let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(warning.contains("a.obj:5: ") && warning.contains("and 1 more"), "{warning}");
     }
 }

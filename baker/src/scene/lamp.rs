@@ -70,8 +70,10 @@ pub(super) fn corner_and_edges(table: &Table) -> Result<[DVec3; 3]> {
     let area = edge_u.length() * edge_v.length();
     let skew = edge_u.dot(edge_v).abs();
     if !(area > 0.0 && area.is_finite() && skew <= 1e-4 * area) {
-        let value = table.require("edge_v", "")?;
-        return Err(value.error("expected an edge perpendicular to edge_u, and neither of length 0"));
+        let value = table.require(if edge_u.length() > 0.0 { "edge_v" } else { "edge_u" }, "")?;
+        return Err(
+            value.error("expected edge_u and edge_v perpendicular to each other, and neither of length 0")
+        );
     }
     Ok([corner, edge_u, edge_v])
 }

@@ -123,8 +123,11 @@ impl<'a> Table<'a> {
     /// The tables `[[key]]`, none if the key is absent.
     pub fn tables(&self, key: &str, keys: &[&str]) -> Result<Vec<Table<'a>>> {
         let Some(value) = self.get(key) else { return Ok(Vec::new()) };
-        let expected = "a list of tables";
-        value.array(expected)?.into_iter().map(|v| v.table(format!("[[{key}]]"), keys)).collect()
+        value
+            .array(&format!("a list of tables, each under a heading [[{key}]]"))?
+            .into_iter()
+            .map(|v| v.table(format!("[[{key}]]"), keys))
+            .collect()
     }
 }
 
