@@ -8,7 +8,7 @@
 use super::block::Worker;
 use super::json;
 use super::rounds::Traced;
-use super::state::StateFolder;
+use super::work::WorkFolder;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
 use dataset::console::{Console, stop_if_interrupted};
@@ -128,7 +128,7 @@ impl Layers {
     pub fn write(
         &self,
         worker: &Worker,
-        folder: &StateFolder,
+        folder: &WorkFolder,
         base: &str,
         digests: &[String],
         traced: &Traced,
@@ -146,7 +146,7 @@ impl Layers {
             stop_if_interrupted()?;
             let surface = worker.surface(block);
             let covered: Vec<usize> = surface.covered().collect();
-            let state = folder.read(block, covered.len())?;
+            let state = folder.read_block(block, covered.len())?;
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); digests.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;

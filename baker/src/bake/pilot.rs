@@ -2,7 +2,7 @@
 
 use super::balance::{Landing, NOWHERE, System};
 use super::block::{Stream, Worker, sum};
-use super::state::StateFolder;
+use super::work::WorkFolder;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
@@ -17,7 +17,7 @@ use std::sync::Mutex;
 /// `walks` from each entry of one half; `each` is called after each block.
 pub fn trace(
     worker: &Worker,
-    folder: &StateFolder,
+    folder: &WorkFolder,
     map: &CacheMap,
     blocks: &[usize],
     walks: usize,
@@ -75,7 +75,7 @@ struct TracedEntry {
 
 fn trace_block(
     worker: &Worker,
-    folder: &StateFolder,
+    folder: &WorkFolder,
     map: &CacheMap,
     block: usize,
     walks: usize,
@@ -83,7 +83,7 @@ fn trace_block(
 ) -> Result<Vec<TracedEntry>> {
     let surface = worker.surface(block);
     let covered: Vec<usize> = surface.covered().collect();
-    let state = folder.read(block, covered.len())?;
+    let state = folder.read_block(block, covered.len())?;
     let lights = worker.transport.lights;
     // The exposed texels of each entry, as (entry, texel of the block's file).
     let mut texels: Vec<(u32, usize)> = covered

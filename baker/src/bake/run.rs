@@ -10,8 +10,8 @@ use super::json;
 use super::layers::Layers;
 use super::rounds::Traced;
 use super::standing::{self, RUN};
-use super::state::StateFolder;
-use super::tracer::{ROUNDS, Tracer};
+use super::tracer::Tracer;
+use super::work::{ROUNDS, WorkFolder};
 use crate::atlas::{Atlas, Placement};
 use crate::geometry::{Geometry, Solids};
 use crate::surface::FaceBins;
@@ -62,7 +62,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         atlas
     };
     if options.force {
-        StateFolder::clear(&out)?;
+        WorkFolder::clear(&out)?;
         layers.clear()?;
     }
     let mut writer = Writer::create(&out)?;
@@ -150,7 +150,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         warnings,
     };
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
-    StateFolder::clear(&out)?;
+    WorkFolder::clear(&out)?;
     Ok(outcome)
 }
 
@@ -183,7 +183,7 @@ fn trace_missing(
     let wanted: Vec<String> = missing.iter().map(|&l| digests[l].clone()).collect();
     let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
     let mut warnings = Vec::new();
-    let others = StateFolder::others(out, &work);
+    let others = WorkFolder::others(out, &work);
     if others.iter().any(|other| other.join(ROUNDS).exists()) {
         return Err(Error::invalid(
             out.display(),
@@ -198,7 +198,7 @@ fn trace_missing(
     }
     let traced = with_worker(prepared, atlas, &missing, |worker| {
         let lights = worker.transport.lights;
-        let folder = StateFolder::open(out, &work, lights.layers(), lights.sampled())?;
+        let folder = WorkFolder::open(out, &work, lights.layers(), lights.sampled())?;
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(&missing);
         let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };

@@ -7,7 +7,8 @@ use super::balance::{Solution, System, walks};
 use super::block::{Worker, sum};
 use super::indirect::Cache;
 use super::pilot::trace;
-use super::state::{ALL_OUTSIDE, StateFolder, is_exposed};
+use super::state::{ALL_OUTSIDE, is_exposed};
+use super::work::WorkFolder;
 use crate::Result;
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
@@ -48,14 +49,14 @@ struct Covered {
 /// or not: they decide the size of an entry.
 pub fn map<'a>(
     worker: &Worker<'a>,
-    folder: &StateFolder,
+    folder: &WorkFolder,
     blocks: &[usize],
     layers: usize,
 ) -> Result<(CacheMap<'a>, RayCounts)> {
     let of_block = |&block: &usize| -> Result<Covered> {
         let surface = worker.surface(block);
         let texels: Vec<usize> = surface.covered().collect();
-        let outside = folder.read(block, texels.len())?.outside;
+        let outside = folder.read_block(block, texels.len())?.outside;
         let place = |t: usize| surface.page_index(worker.atlas, t);
         let mut found = Covered { texels: texels.iter().map(|&t| place(t)).collect(), ..Covered::default() };
         for (&texel, &outside) in texels.iter().zip(&outside).filter(|(_, o)| **o != ALL_OUTSIDE) {
@@ -80,7 +81,7 @@ pub fn map<'a>(
 /// Fills both halves from the direct light found so far, for a bake of so many `samples`.
 pub fn fill<'a>(
     worker: &Worker<'a>,
-    folder: &StateFolder,
+    folder: &WorkFolder,
     map: CacheMap<'a>,
     blocks: &[usize],
     samples: u32,

@@ -1,11 +1,8 @@
-//! The work done so far, one file per block of texels: sums of samples.
-//!
-//! While tracing, memory holds the blocks being worked on, never the page; a killed bake continues with what was written.
+//! The work done so far at one block of texels: sums of samples.
 
+use crate::Rgb;
 use crate::surface::BLOCK;
-use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
-use std::path::{Path, PathBuf};
 
 /// Side of a cell: the texels that are given samples together.
 pub const CELL: usize = 16;
@@ -95,8 +92,8 @@ pub struct BlockState {
     pub trials: Vec<Direct>,
     /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]); empty before that.
     pub wants: Vec<u8>,
-    /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its cell's) it gets of indirect light ([`super::allocate`]); empty before
-    /// that is decided.
+    /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its cell's) it gets of indirect
+    /// light ([`super::allocate`]); empty before that is decided.
     pub log2_shares: Vec<i8>,
     /// Per texel, the samples of indirect light drawn in each half.
     pub drawn: Vec<u32>,
@@ -154,72 +151,23 @@ impl BlockState {
     }
 }
 
-/// The folder of block files of one piece of work.
-#[derive(Debug)]
-pub struct StateFolder {
-    root: PathBuf,
-    layers: usize,
-    sampled: usize,
-}
-
 const MAGIC: &[u8; 8] = b"TLMBLK06";
 /// Magic, round, texels, layers, sampled lights, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
 const HEADER: usize = 8 + 5 * 4;
 
-impl StateFolder {
-    /// Opens or creates the folder of the work with this digest below `dataset`, and removes those of other work.
-    pub fn open(dataset: &Path, digest: &str, layers: usize, sampled: usize) -> Result<Self> {
-        for other in Self::others(dataset, digest) {
-            let _ = std::fs::remove_dir_all(other);
-        }
-        let root = dataset.join(FOLDER).join(&digest[..16]);
-        std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
-        Ok(StateFolder { root, layers, sampled })
-    }
-
-    /// The unfinished work of other bakes, which [`StateFolder::open`] forgets.
-    pub fn others(dataset: &Path, digest: &str) -> Vec<PathBuf> {
-        let entries = std::fs::read_dir(dataset.join(FOLDER)).into_iter().flatten().flatten();
-        entries.map(|e| e.path()).filter(|path| !path.ends_with(&digest[..16])).collect()
-    }
-
-    /// Forgets all work below `dataset`.
-    pub fn clear(dataset: &Path) -> Result<()> {
-        dataset::files::remove_folder(&dataset.join(FOLDER))
-    }
-
-    /// The folder, for files that belong to the work.
-    pub fn root(&self) -> &Path {
-        &self.root
-    }
-
-    fn path(&self, block: usize) -> PathBuf {
-        self.root.join(format!("block-{block:07}.bin"))
-    }
-
-    /// Reads a block, or gives an empty one if nothing fitting was written yet.
-    pub fn read(&self, block: usize, texels: usize) -> Result<BlockState> {
-        let path = self.path(block);
-        let empty = || BlockState::empty(texels, self.layers, self.sampled);
-        match std::fs::read(&path) {
-            Ok(bytes) => Ok(self.parse(&bytes, empty()).unwrap_or_else(empty)),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(empty()),
-            Err(e) => Err(Error::io(&path)(e)),
-        }
-    }
-
-    /// `None` where the bytes are not those of such a block.
-    fn parse(&self, bytes: &[u8], mut state: BlockState) -> Option<BlockState> {
+impl BlockState {
+    /// What [`BlockState::to_bytes`] gave for a block of so many texels, layers and sampled lights; `None` where the bytes are of another.
+    pub fn from_bytes(bytes: &[u8], texels: usize, layers: usize, sampled: usize) -> Option<BlockState> {
+        let mut state = BlockState::empty(texels, layers, sampled);
         let (header, mut rest) = bytes.split_at_checked(HEADER)?;
         let word = |i: usize| {
             let at = 8 + 4 * i;
             Some(u32::from_le_bytes(header.get(at..at + 4)?.try_into().ok()?))
         };
-        let texels = state.taken.len();
         let fits = header.starts_with(MAGIC)
-            && [word(1)?, word(2)?, word(3)?] == [texels as u32, self.layers as u32, self.sampled as u32];
-        state.outside = vec![0; if word(4)? & 1 == 1 { texels } else { 0 }];
-        let (known, records) = (word(4)?, texels * self.sampled);
+            && [word(1)?, word(2)?, word(3)?] == [texels as u32, layers as u32, sampled as u32];
+        let (known, records) = (word(4)?, texels * sampled);
+        state.outside = vec![0; if known & 1 == 1 { texels } else { 0 }];
         state.trials = vec![Direct::default(); if known & 2 == 2 { records } else { 0 }];
         state.wants = vec![0; if known & 4 == 4 { records } else { 0 }];
         state.log2_shares = vec![0; if known & 8 == 8 { texels } else { 0 }];
@@ -241,39 +189,32 @@ impl StateFolder {
         (fits && rest.is_empty()).then_some(state)
     }
 
-    /// Writes a block, replacing what was there. (In the byte order of the machine: work in progress does not travel.)
-    pub fn write(&self, block: usize, state: &BlockState) -> Result<()> {
-        let mut bytes = Vec::with_capacity(HEADER + state.sums.len() * 12 + state.direct.len() * 20);
+    /// For keeping it, in the byte order of the machine: work in progress does not travel.
+    pub fn to_bytes(&self, layers: usize, sampled: usize) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(HEADER + self.sums.len() * 12 + self.direct.len() * 20);
         bytes.extend_from_slice(MAGIC);
         let known = [
-            state.outside.is_empty(),
-            state.trials.is_empty(),
-            state.wants.is_empty(),
-            state.log2_shares.is_empty(),
+            self.outside.is_empty(),
+            self.trials.is_empty(),
+            self.wants.is_empty(),
+            self.log2_shares.is_empty(),
         ];
         let known = known.iter().rev().fold(0, |bits, is_empty| bits << 1 | u32::from(!is_empty));
-        let texels = state.taken.len() as u32;
-        for word in [state.round, texels, self.layers as u32, self.sampled as u32, known] {
+        let texels = self.taken.len() as u32;
+        for word in [self.round, texels, layers as u32, sampled as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.outside));
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.direct));
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.trials));
-        bytes.extend_from_slice(&state.wants);
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.log2_shares));
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.drawn));
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.taken));
-        bytes.extend_from_slice(bytemuck::cast_slice(&state.sums));
-        // Whole or absent for a run that is killed; not synced, since after a power failure the work may start again.
-        let path = self.path(block);
-        let temporary = path.with_extension("partial");
-        std::fs::write(&temporary, &bytes).map_err(Error::io(&temporary))?;
-        std::fs::rename(&temporary, &path).map_err(Error::io(&path))
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.outside));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.direct));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.trials));
+        bytes.extend_from_slice(&self.wants);
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.log2_shares));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.drawn));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.taken));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.sums));
+        bytes
     }
 }
-
-/// Name of the folder of work in progress inside a dataset.
-const FOLDER: &str = dataset::store::WORK;
 
 #[cfg(test)]
 mod tests {
@@ -281,10 +222,6 @@ mod tests {
 
     #[test]
     fn a_block_reads_back_whole() {
-        let dir = tempfile::tempdir().unwrap();
-        let digest = "0123456789abcdef0123";
-        let folder = StateFolder::open(dir.path(), digest, 3, 2).unwrap();
-        assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3, 2));
         let mut state = BlockState::empty(4, 3, 2);
         state.round = 2;
         state.log2_shares = vec![-1, 0, 1, 3];
@@ -297,18 +234,15 @@ mod tests {
         for (i, s) in state.sums.iter_mut().enumerate() {
             *s = Rgb::new(i as f32, 0.5 * i as f32, -1.0);
         }
-        folder.write(5, &state).unwrap();
-        assert_eq!(folder.read(5, 4).unwrap(), state);
-        // Another bake's work is removed; a block of another size, or cut short, is not taken for this one's.
-        assert_eq!(folder.read(5, 3).unwrap(), BlockState::empty(3, 3, 2));
-        let path = folder.path(5);
-        let bytes = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
-        assert_eq!(folder.read(5, 4).unwrap(), BlockState::empty(4, 3, 2));
-        assert!(StateFolder::others(dir.path(), digest).is_empty());
-        assert_eq!(StateFolder::others(dir.path(), "fedcba9876543210fedc").len(), 1);
-        StateFolder::open(dir.path(), "fedcba9876543210fedc", 3, 2).unwrap();
-        assert!(!folder.root().exists());
+        let bytes = state.to_bytes(3, 2);
+        assert_eq!(BlockState::from_bytes(&bytes, 4, 3, 2), Some(state));
+        // One of another size, or cut short, is not taken for it.
+        for (texels, layers, sampled) in [(3, 3, 2), (4, 2, 2), (4, 3, 1)] {
+            assert_eq!(BlockState::from_bytes(&bytes, texels, layers, sampled), None);
+        }
+        assert!((0..bytes.len()).all(|end| BlockState::from_bytes(&bytes[..end], 4, 3, 2).is_none()));
+        let empty = BlockState::empty(4, 3, 2);
+        assert_eq!(BlockState::from_bytes(&empty.to_bytes(3, 2), 4, 3, 2), Some(empty));
     }
 
     #[test]

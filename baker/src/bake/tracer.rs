@@ -4,11 +4,11 @@ use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
 use super::errors::{Errors, Parts, Sums, cell_of, median, of_block};
 use super::indirect::Cache;
-use super::json;
 use super::open::{Block, OpenCells};
 use super::rounds::{Limits, Round, Traced, endless, note, schedule, total_of};
 use super::solve;
-use super::state::{BlockState, CELLS, StateFolder};
+use super::state::{BlockState, CELLS};
+use super::work::{CACHE, DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
@@ -16,12 +16,8 @@ use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::write_atomically;
 use rayon::prelude::*;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-
-/// The log of the rounds in the work folder: there once one is finished.
-pub const ROUNDS: &str = "rounds.json";
 
 /// What rounds are traced with.
 pub struct Tracer<'a> {
@@ -30,7 +26,7 @@ pub struct Tracer<'a> {
     /// Per set, the layers being traced that it is made of.
     pub sets: Vec<Parts>,
     /// Work so far.
-    pub folder: &'a StateFolder,
+    pub folder: &'a WorkFolder,
     /// Whether walks end in the cache.
     pub cached: bool,
     /// Layers of the whole bake, traced now or not.
@@ -41,9 +37,7 @@ impl Tracer<'_> {
     /// Traces until a limit is reached.
     pub fn run(&self, limits: &Limits, console: &Console) -> Result<Traced> {
         let blocks = self.worker.blocks();
-        let log_path = self.folder.root().join(ROUNDS);
-        let rounds: Vec<Round> =
-            std::fs::read(&log_path).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+        let rounds: Vec<Round> = self.folder.read(ROUNDS).unwrap_or_default();
         let before = rounds.last().map_or(0.0, |r| r.seconds);
         let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
         let start = Instant::now();
@@ -80,53 +74,56 @@ impl Tracer<'_> {
                     progress.note(&note(last, limits));
                 }
             }
-            let deadline = limits.deadline.filter(|_| round > 0);
-            let first = traced.rounds.first();
-            let pivot = match first {
-                Some(first) if limits.target_error.is_none() => {
-                    Pivot::OfPage(self.pivot(&blocks, &first.set_means, console)?)
-                }
-                _ => Pivot::OfCell,
-            };
-            let (round, last) = (round as u32 + 1, traced.rounds.last());
-            let open = limits.target_error.and_then(|_| last.map(|_| self.open_after(round - 1)));
-            let open = open.transpose()?;
-            let step =
-                Step { round, target, deadline, first, last, open, pivot, direct_means: &direct_means };
+            let step = self.step(target, limits, &traced.rounds, &direct_means, &blocks, console)?;
             let late = AtomicBool::new(false);
-            let counted = Mutex::new(RayCounts::default());
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
-            let done: Vec<Done> = blocks
-                .par_iter()
-                .map(|&block| {
-                    let done = self.block(block, &step, cache.as_ref(), &late)?;
-                    *counted.lock().unwrap_or_else(|e| e.into_inner()) += done.rays;
-                    progress.advance(u64::from(target - previous));
-                    Ok(done)
-                })
-                .collect::<Result<_>>()?;
-            traced.rays += counted.into_inner().unwrap_or_else(|e| e.into_inner());
+            let of_block = |&block: &usize| {
+                let done = self.block(block, &step, cache.as_ref(), &late)?;
+                progress.advance(u64::from(target - previous));
+                Ok(done)
+            };
+            let done: Vec<Done> = blocks.par_iter().map(of_block).collect::<Result<_>>()?;
+            done.iter().for_each(|block| traced.rays += block.rays);
             if traced.rays.endless > 0 {
                 return Err(endless());
             }
-            let mut summary = self.summarise(&done, target, before + start.elapsed().as_secs_f64());
+            let mut reached = self.summarise(&done, target, before + start.elapsed().as_secs_f64());
             if let Some(target) = limits.target_error {
-                let blocks =
-                    done.iter().map(|b| Block { x0: b.x0, y0: b.y0, exposed: b.exposed, sums: &b.cells });
-                let open = OpenCells::find(self.page(), target, &summary.set_means, blocks);
-                summary.open_cells = open.count();
-                write_atomically(&self.open_path(round), &open.bytes())?;
+                let open =
+                    OpenCells::find(self.page(), target, &reached.set_means, done.iter().map(Done::cells));
+                reached.open_cells = open.count();
+                write_atomically(&self.open_path(step.round), &open.bytes())?;
             }
-            let round = summary;
-            progress.note(&note(&round, limits));
-            traced.rounds.push(round);
-            write_atomically(&log_path, &json::bytes(&traced.rounds, "rounds")?)?;
-            if late.load(Ordering::Relaxed) {
+            progress.note(&note(&reached, limits));
+            traced.rounds.push(reached);
+            self.folder.write(ROUNDS, &traced.rounds)?;
+            if late.into_inner() {
                 traced.out_of_time = true;
                 break;
             }
         }
         Ok(traced)
+    }
+
+    /// The round that comes after `rounds`, which goes for `target` samples.
+    fn step<'a>(
+        &self,
+        target: u32,
+        limits: &Limits,
+        rounds: &'a [Round],
+        direct_means: &'a [f32],
+        blocks: &[usize],
+        console: &Console,
+    ) -> Result<Step<'a>> {
+        let (finished, first, last) = (rounds.len(), rounds.first(), rounds.last());
+        let is_aimed = limits.target_error.is_some();
+        let pivot = match first {
+            Some(first) if !is_aimed => Pivot::OfPage(self.pivot(blocks, &first.set_means, console)?),
+            _ => Pivot::OfCell,
+        };
+        let open = last.filter(|_| is_aimed).map(|_| self.open_after(finished as u32)).transpose()?;
+        let deadline = limits.deadline.filter(|_| finished > 0);
+        Ok(Step { round: finished as u32 + 1, target, deadline, direct_means, pivot, first, last, open })
     }
 
     /// Width and height in texels.
@@ -136,7 +133,7 @@ impl Tracer<'_> {
 
     /// Where the open cells of a round are kept, for a run that continues after it.
     fn open_path(&self, round: u32) -> PathBuf {
-        self.folder.root().join(format!("open-{round}.bin"))
+        self.folder.path(&format!("open-{round}.bin"))
     }
 
     /// The cells that were open after a round.
@@ -157,13 +154,13 @@ impl Tracer<'_> {
         let of_block = |&block: &usize| {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
-            let mut state = self.folder.read(block, surface.covered().count())?;
+            let mut state = self.folder.read_block(block, surface.covered().count())?;
             let mut counts = RayCounts::default();
             if state.outside.is_empty() && !state.taken.is_empty() {
                 counts += self.worker.probe(&surface, &mut state);
                 counts += self.worker.first_direct(&surface, &mut state);
                 stop_if_interrupted()?;
-                self.folder.write(block, &state)?;
+                self.folder.write_block(block, &state)?;
             }
             progress.advance(1);
             Ok((state.trial_sums(lights), counts))
@@ -174,16 +171,8 @@ impl Tracer<'_> {
             (values, counts) = (values + n, counts + c);
         }
         // A run that continues finds no trials in blocks that were decided: what is decided by stays what it was.
-        let path = self.folder.root().join("direct.json");
-        let kept = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice::<Vec<f32>>(&b).ok());
-        let means = match kept {
-            Some(kept) if kept.len() == lights => kept,
-            _ => {
-                let means = means.iter().map(|m| (m / f64::max(values, 1.0)) as f32).collect();
-                write_atomically(&path, &json::bytes(&means, "direct")?)?;
-                means
-            }
-        };
+        let mean = |sum: &f64| (sum / f64::max(values, 1.0)) as f32;
+        let means = self.folder.kept(DIRECT, || Ok(means.iter().map(mean).collect()))?;
         Ok((means, counts))
     }
 
@@ -199,13 +188,12 @@ impl Tracer<'_> {
         if !self.cached || self.worker.transport.lights.layers() == 0 {
             return Ok(None);
         }
-        let path = self.folder.root().join("cache.bin");
         // A run that continues finds more direct light than the solver did: it must not try again.
-        let unsettled = self.folder.root().join("unsettled.json");
-        if let Some(passes) = std::fs::read(&unsettled).ok().and_then(|b| serde_json::from_slice(&b).ok()) {
+        if let Some(passes) = self.folder.read(UNSETTLED) {
             traced.without_cache(passes);
             return Ok(None);
         }
+        let path = self.folder.path(CACHE);
         let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
         traced.rays += counts;
         if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
@@ -216,7 +204,7 @@ impl Tracer<'_> {
             solve::fill(&self.worker, self.folder, map, blocks, samples, console)?;
         traced.rays += counts;
         if !solution.settled {
-            write_atomically(&unsettled, &json::bytes(&solution.passes, "passes")?)?;
+            self.folder.write(UNSETTLED, &solution.passes)?;
             traced.without_cache(solution.passes);
             return Ok(None);
         }
@@ -236,10 +224,10 @@ impl Tracer<'_> {
         let of_block = |&block: &usize| {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
-            let mut state = self.folder.read(block, surface.covered().count())?;
+            let mut state = self.folder.read_block(block, surface.covered().count())?;
             let counts = self.worker.more_direct(&surface, &mut state, &[true; CELLS], samples, means);
             stop_if_interrupted()?;
-            self.folder.write(block, &state)?;
+            self.folder.write_block(block, &state)?;
             progress.advance(1);
             Ok(counts)
         };
@@ -250,7 +238,7 @@ impl Tracer<'_> {
     fn block(&self, block: usize, step: &Step, cache: Option<&Cache>, late: &AtomicBool) -> Result<Done> {
         stop_if_interrupted()?;
         let surface = self.worker.surface(block);
-        let mut state = self.folder.read(block, surface.covered().count())?;
+        let mut state = self.folder.read_block(block, surface.covered().count())?;
         let mut rays = RayCounts::default();
         if state.round < step.round {
             if step.deadline.is_some_and(|d| Instant::now() >= d) {
@@ -279,7 +267,7 @@ impl Tracer<'_> {
                 }
                 stop_if_interrupted()?;
                 state.round = step.round;
-                self.folder.write(block, &state)?;
+                self.folder.write_block(block, &state)?;
             }
         }
         let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
@@ -299,29 +287,26 @@ impl Tracer<'_> {
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
     fn pivot(&self, blocks: &[usize], means: &[f64], console: &Console) -> Result<Option<i16>> {
-        let path = self.folder.root().join("pivot.json");
-        if let Some(kept) = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice(&b).ok()) {
-            return Ok(kept);
-        }
-        let progress = console.progress("allocating samples", blocks.len() as u64);
-        let of_block = |&block: &usize| -> Result<Histogram> {
-            stop_if_interrupted()?;
-            let surface = self.worker.surface(block);
-            let state = self.folder.read(block, surface.covered().count())?;
-            let mut histogram = Histogram::default();
-            histogram.add(self.classes(&surface, &state, means));
-            progress.advance(1);
-            Ok(histogram)
-        };
-        let merged = |mut all: Histogram, other: Histogram| {
-            all.merge(&other);
-            Ok(all)
-        };
-        let pivot = blocks.par_iter().map(of_block).try_reduce(Histogram::default, merged)?.pivot();
-        write_atomically(&path, &json::bytes(&pivot, "pivot")?)?;
-        Ok(pivot)
+        self.folder.kept(PIVOT, || {
+            let progress = console.progress("allocating samples", blocks.len() as u64);
+            let of_block = |&block: &usize| -> Result<Histogram> {
+                stop_if_interrupted()?;
+                let surface = self.worker.surface(block);
+                let state = self.folder.read_block(block, surface.covered().count())?;
+                let mut histogram = Histogram::default();
+                histogram.add(self.classes(&surface, &state, means));
+                progress.advance(1);
+                Ok(histogram)
+            };
+            let merged = |mut all: Histogram, other: Histogram| {
+                all.merge(&other);
+                Ok(all)
+            };
+            Ok(blocks.par_iter().map(of_block).try_reduce(Histogram::default, merged)?.pivot())
+        })
     }
 
+    /// What the blocks reached, all together.
     fn summarise(&self, done: &[Done], samples: u32, seconds: f64) -> Round {
         let atlas = self.worker.atlas;
         let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, self.sets.len());
@@ -398,6 +383,12 @@ struct Done {
     /// Samples of indirect light over all of them.
     samples: u64,
     rays: RayCounts,
+}
+
+impl Done {
+    fn cells(&self) -> Block<'_> {
+        Block { x0: self.x0, y0: self.y0, exposed: self.exposed, sums: &self.cells }
+    }
 }
 
 #[cfg(test)]
