@@ -1,6 +1,6 @@
 //! A bake from end to end.
 
-use super::assemble::Assembler;
+use super::assemble::{Assembler, Stored};
 use super::block::Worker;
 use super::check::{Check, Chosen, check, choose};
 use super::errors::median;
@@ -100,25 +100,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let mut relative = stored.errors.relative(plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let last = traced.rounds.last();
-    let config = Config {
-        format: FORMAT.to_owned(),
-        version: VERSION,
-        scene: scene.name.clone(),
-        generator: concat!("bake ", env!("CARGO_PKG_VERSION")).to_owned(),
-        unit: "irradiance in kilolux, linear Rec. 709".to_owned(),
-        seed: scene.bake.seed,
-        inputs: inputs.clone(),
-        samples: traced.samples().unwrap_or(limits.samples),
-        pages: stored.pages,
-        groups: scene.groups.iter().zip(stored.groups).map(group).collect(),
-        sets: stored.sets,
-        noise: Some(stored.noise),
-        geometry: Some(glb),
-        instances: instances(geometry, &atlas),
-        settings,
-        source: None,
-        transfer: prepared.transfer.clone(),
-    };
+    let config = manifest(&prepared, &atlas, &traced, stored, glb, &inputs, settings);
     writer.commit(&config)?;
     let forgotten = layers.keep_only(&base, digests);
     if forgotten > 0 {
@@ -152,6 +134,38 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
     WorkFolder::clear(&out)?;
     Ok(outcome)
+}
+
+/// The manifest of what was stored.
+fn manifest(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    traced: &Traced,
+    stored: Stored,
+    geometry_file: FileRef,
+    inputs: &str,
+    settings: serde_json::Value,
+) -> Config {
+    let Prepared { scene, geometry, .. } = prepared;
+    Config {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        scene: scene.name.clone(),
+        generator: concat!("bake ", env!("CARGO_PKG_VERSION")).to_owned(),
+        unit: "irradiance in kilolux, linear Rec. 709".to_owned(),
+        seed: scene.bake.seed,
+        inputs: inputs.to_owned(),
+        samples: traced.samples().unwrap_or(prepared.limits.samples),
+        pages: stored.pages,
+        groups: scene.groups.iter().zip(stored.groups).map(group).collect(),
+        sets: stored.sets,
+        noise: Some(stored.noise),
+        geometry: Some(geometry_file),
+        instances: instances(geometry, atlas),
+        settings,
+        source: None,
+        transfer: prepared.transfer.clone(),
+    }
 }
 
 /// Traces the layers that no earlier bake left, and keeps them. Warnings, too.

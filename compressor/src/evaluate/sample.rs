@@ -1,0 +1,113 @@
+//! One tile of one set, as it was decoded and as it should be.
+
+use super::rgbe::{from_rgbe, to_rgbe};
+use crate::Result;
+use dataset::image::{Image, Mask};
+use dataset::metrics::{self, Lpips, TileQuality};
+use dataset::tiles::{Rect, TILE, tiles};
+use rayon::prelude::*;
+
+/// One tile of one set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Index of the set.
+    pub set: usize,
+    /// Page.
+    pub page: usize,
+    /// The tile's texels.
+    pub rect: Rect,
+    /// How the decoded tile compares.
+    pub quality: TileQuality,
+    /// PSNR (peak as in `quality.psnr_db`) after the 8-bit four-channel output.
+    pub psnr_8bit_db: Option<f64>,
+    /// The PSNR that the bake's own sampling error allows, where the dataset states it.
+    pub noise_ceiling_db: Option<f64>,
+    /// RMSE ÷ mean, as [`metrics::relative_error`].
+    pub relative_error: f64,
+    /// PSNR of the logarithm, as [`metrics::psnr_log_db`].
+    pub psnr_log_db: Option<f64>,
+    /// LPIPS, where there is a network for it.
+    pub lpips: Option<f64>,
+    /// Largest decoded value of a valid texel.
+    pub largest: f32,
+}
+
+/// A strip of whole tiles of a page of a set.
+pub(super) struct Strip<'a> {
+    /// Index of the set.
+    pub set: usize,
+    /// Page.
+    pub page: usize,
+    /// The strip's first row on the page, a multiple of [`TILE`].
+    pub row: usize,
+    /// The strip's texels as they were decoded.
+    pub decoded: &'a Image,
+    /// As they should be.
+    pub reference: &'a Image,
+    /// Which of them count.
+    pub mask: &'a Mask,
+    /// Mean light of the page.
+    pub page_mean: f64,
+    /// The page's sampling error as a mean square per tile, where the dataset states it.
+    pub noise: Option<&'a [f64]>,
+    /// The network that LPIPS is measured by.
+    pub lpips: Option<&'a Lpips>,
+}
+
+impl Strip<'_> {
+    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the set's mean, is 0.
+    pub fn samples(&self) -> Result<Vec<Sample>> {
+        let rects = tiles(self.mask.width, self.mask.height, TILE);
+        let before = self.row / TILE * self.mask.width.div_ceil(TILE);
+        let noise = |i: usize| self.noise.map(|tiles| tiles[before + i]);
+        let judged = rects.par_iter().enumerate().map(|(i, &rect)| self.sample(rect, noise(i)));
+        let judged = judged.collect::<Result<Vec<_>>>()?;
+        Ok(judged.into_iter().filter(|sample| sample.quality.texels > 0).collect())
+    }
+
+    fn sample(&self, rect: Rect, noise: Option<f64>) -> Result<Sample> {
+        let Strip { decoded, reference, mask, .. } = self;
+        let quality = metrics::compare(decoded, reference, mask, rect);
+        let lpips = |lpips: &Lpips| lpips.distance(decoded, reference, mask, rect, &quality).transpose();
+        Ok(Sample {
+            set: self.set,
+            page: self.page,
+            rect: Rect { y0: rect.y0 + self.row, y1: rect.y1 + self.row, ..rect },
+            quality,
+            psnr_8bit_db: quality.psnr_db.map(|_| psnr_8bit_db(decoded, reference, mask, rect, &quality)),
+            noise_ceiling_db: quality.psnr_db.and(noise.map(|mse| metrics::psnr_db(quality.peak, mse))),
+            relative_error: 0.0,
+            psnr_log_db: metrics::psnr_log_db(decoded, reference, mask, rect, self.page_mean),
+            lpips: self.lpips.and_then(lpips).transpose()?,
+            largest: largest(decoded, mask, rect),
+        })
+    }
+
+    /// Its tiles of `side`² texels, a divisor of its height or more than that, that have a structure to compare.
+    pub fn qualities(&self, side: usize) -> Vec<TileQuality> {
+        let rects = tiles(self.mask.width, self.mask.height, side);
+        let judge = |&rect: &Rect| metrics::compare(self.decoded, self.reference, self.mask, rect);
+        rects.par_iter().map(judge).filter(|quality| quality.ssim.is_some()).collect()
+    }
+}
+
+/// Largest value of a tile's valid texels.
+fn largest(image: &Image, mask: &Mask, rect: Rect) -> f32 {
+    let texels = (rect.y0..rect.y1).flat_map(|y| y * mask.width + rect.x0..y * mask.width + rect.x1);
+    texels.filter(|&i| mask.valid[i]).flat_map(|i| image.texels[i]).fold(0.0, f32::max)
+}
+
+/// PSNR of a tile whose decoded texels went through [`to_rgbe`].
+fn psnr_8bit_db(decoded: &Image, reference: &Image, mask: &Mask, rect: Rect, quality: &TileQuality) -> f64 {
+    let mut squared_error = 0.0;
+    for y in rect.y0..rect.y1 {
+        for i in y * mask.width + rect.x0..y * mask.width + rect.x1 {
+            if mask.valid[i] {
+                let texel = from_rgbe(to_rgbe(decoded.texels[i]));
+                let error = |c: usize| f64::from(texel[c]) - f64::from(reference.texels[i][c]);
+                squared_error += (0..3).map(|c| error(c) * error(c)).sum::<f64>();
+            }
+        }
+    }
+    metrics::psnr_db(quality.peak, squared_error / (3 * quality.texels) as f64)
+}
