@@ -596,6 +596,33 @@ fn unfinished_work_is_not_dropped_for_other_settings() {
 }
 
 #[test]
+fn work_of_which_all_layers_are_kept_is_in_nobodys_way() {
+    // As a bake leaves it that was killed after the last layer was kept, and before its work was removed.
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    assert!(court(&out, "2", "cached").status().unwrap().success());
+    let names = std::fs::read_dir(out.join(".layers")).unwrap().map(|e| e.unwrap().path());
+    let layers = names.filter(|path| path.extension().is_some_and(|e| e == "layer"));
+    let mut kept: Vec<String> =
+        layers.map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    assert!(kept.len() > 2);
+    let work = out.join(".bake/0123456789abcdef");
+    let leave = |layers: &[String]| {
+        std::fs::create_dir_all(&work).unwrap();
+        std::fs::write(work.join("layers.json"), format!("{layers:?}")).unwrap();
+        std::fs::write(work.join("rounds.json"), "[]").unwrap();
+    };
+    leave(&kept);
+    assert!(court(&out, "4", "cached").status().unwrap().success());
+    assert!(!out.join(".bake").exists());
+    // One layer that is not kept makes it unfinished.
+    kept.push("f".repeat(64));
+    leave(&kept);
+    assert!(refused(&mut court(&out, "8", "cached")).contains("unfinished work"));
+    assert!(work.exists());
+}
+
+#[test]
 fn a_scene_of_the_same_name_and_other_geometry_does_not_replace_a_dataset() {
     let dir = tempfile::tempdir().unwrap();
     let scene = |folder: &str, file: &str| {

@@ -85,6 +85,11 @@ impl Layers {
         self.root.join(format!("{}.texels", &base[..32]))
     }
 
+    /// Whether a layer is there, whatever its texels.
+    pub fn holds(&self, digest: &str) -> bool {
+        self.path(digest).exists()
+    }
+
     /// Whether a layer is there, for `texels` texels.
     pub fn has(&self, digest: &str, texels: usize) -> bool {
         let length = (texels * size_of::<Stored>()) as u64;

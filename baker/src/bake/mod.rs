@@ -16,6 +16,7 @@ pub mod solve;
 pub mod rounds;
 pub mod tracer;
 pub mod layers;
+pub mod kept;
 pub mod check;
 pub mod post;
 pub mod seams;

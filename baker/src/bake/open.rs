@@ -6,6 +6,7 @@
 
 use super::errors::Sums;
 use super::state::{CELL, CELLS};
+use crate::Rgb;
 use crate::surface::BLOCK;
 
 /// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them after the first round.
@@ -43,8 +44,11 @@ impl OpenCells {
         OpenCells { columns: columns * (BLOCK / CELL), open: vec![false; columns * rows * CELLS] }
     }
 
-    /// The cells that miss the `target` (a relative error) in one of the sets, of these mean values; one without exposed texels never. Where no set has light yet, or hardly a texel
-    /// has seen any, nearly all of it may be missing: all cells are open.
+    /// The cells that miss the `target` (a relative error) in one of the sets, of these mean values, by themselves or together with
+    /// those around them; one without exposed texels never. Together, errors count beside what is tolerated of the cell they are of, or
+    /// of the one that is judged, whichever is more: what is bright does not hide what its dim neighbours miss, nor go on for their
+    /// sake.
+    /// Where no set has light yet, or hardly a texel has seen any, nearly all of it may be missing: all cells are open.
     pub fn find<'a>(
         (width, height): (usize, usize),
         target: f64,
@@ -52,11 +56,11 @@ impl OpenCells {
         blocks: impl Iterator<Item = Block<'a>> + Clone,
     ) -> Self {
         let mut found = OpenCells::none(width, height);
-        let mut exposed = found.open.clone();
+        let mut exposed = vec![0; found.open.len()];
         let (mut texels, mut lit) = (0, 0);
         for block in blocks.clone() {
             for (cell, &n) in block.exposed.iter().enumerate() {
-                exposed[found.place(block.x0, block.y0, cell)] = n > 0;
+                exposed[found.place(block.x0, block.y0, cell)] = n;
                 texels += u64::from(n);
                 lit += block.sums.iter().map(|cells| cells[cell].values / 3).max().unwrap_or(0);
             }
@@ -67,30 +71,70 @@ impl OpenCells {
             for Block { x0, y0, sums, .. } in blocks.clone() {
                 (0..CELLS).for_each(|cell| cells[found.place(x0, y0, cell)] = sums[set][cell]);
             }
-            let misses =
-                |sums: &Sums| mean > 0.0 && sums.mse().sqrt() > target * sums.mean().max(DARK * mean);
-            for place in (0..cells.len()).filter(|&place| exposed[place]) {
-                found.open[place] |= is_dark || misses(&cells[place]) || misses(&found.around(&cells, place));
-            }
+            found.judge(target, mean, &cells, &exposed);
+        }
+        if is_dark {
+            found.open.iter_mut().zip(exposed).for_each(|(open, exposed)| *open |= exposed > 0);
         }
         found
     }
 
-    /// All texels of the cells around one, and its own.
-    fn around(&self, cells: &[Sums], place: usize) -> Sums {
-        let (x, y) = (place % self.columns, place / self.columns);
-        let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(self.columns);
-        let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(cells.len() / self.columns);
+    /// Opens the cells with exposed texels that miss the target in a set of this mean value.
+    fn judge(&mut self, target: f64, mean: f64, cells: &[Sums], exposed: &[u32]) {
+        let tolerated = |light: f64| target * light.max(DARK * mean);
+        // Of all exposed texels: where few have seen light, as of a keyhole, the others are owed some.
+        let values: Vec<u64> = exposed.iter().map(|n| 3 * u64::from(*n)).collect();
+        let of_cell = |place: usize| tolerated(cells[place].light / values[place].max(1) as f64);
+        for place in (0..cells.len()).filter(|&place| mean > 0.0 && exposed[place] > 0) {
+            let alone = cells[place];
+            let (mut errors, mut all) = (0.0, 0);
+            for near in self.around(place) {
+                errors += cells[near].squared_error / of_cell(near).max(of_cell(place)).powi(2);
+                all += values[near];
+            }
+            self.open[place] |= alone.mse().sqrt() > tolerated(alone.mean()) || errors > all as f64;
+        }
+    }
+
+    /// How many cells miss the target in a set, by each exposed texel's column, row, light and standard error; `None` where it has
+    /// seen none at any moment.
+    pub fn count_of_set(
+        (width, height): (usize, usize),
+        target: f64,
+        texels: impl Iterator<Item = ((usize, usize), Option<(Rgb, Rgb)>)>,
+    ) -> usize {
+        let mut found = OpenCells::none(width, height);
+        let mut cells = vec![Sums::default(); found.open.len()];
+        let mut exposed = vec![0; cells.len()];
         let mut all = Sums::default();
-        rows.flat_map(|y| columns.clone().map(move |x| y * self.columns + x))
-            .for_each(|p| all.add(&cells[p]));
-        all
+        for ((x, y), light) in texels {
+            exposed[found.cell_at(x, y)] += 1;
+            if let Some((mean, error)) = light {
+                cells[found.cell_at(x, y)].add_texel(mean, error);
+                all.add_texel(mean, error);
+            }
+        }
+        found.judge(target, all.mean(), &cells, &exposed);
+        found.count()
+    }
+
+    /// A cell and those around it.
+    fn around(&self, place: usize) -> impl Iterator<Item = usize> + use<> {
+        let (x, y, across) = (place % self.columns, place / self.columns, self.columns);
+        let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(across);
+        let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(self.open.len() / across);
+        rows.flat_map(move |y| columns.clone().map(move |x| y * across + x))
     }
 
     /// Where a cell of the block whose top left texel is (x0, y0) stands.
     fn place(&self, x0: usize, y0: usize, cell: usize) -> usize {
         const ALONG: usize = BLOCK / CELL;
-        (y0 / CELL + cell / ALONG) * self.columns + x0 / CELL + cell % ALONG
+        self.cell_at(x0 + cell % ALONG * CELL, y0 + cell / ALONG * CELL)
+    }
+
+    /// Where the cell of a texel stands.
+    fn cell_at(&self, x: usize, y: usize) -> usize {
+        y / CELL * self.columns + x / CELL
     }
 
     /// The cells of a block.
@@ -121,7 +165,6 @@ impl OpenCells {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Rgb;
 
     /// One set on a page of 4 × 2 blocks; `texel(x, y)` is the mean and the error of all texels of the cell (x, y).
     fn find(target: f64, mean: f64, texel: impl Fn(usize, usize) -> Option<(f32, f32)>) -> OpenCells {
@@ -169,6 +212,19 @@ mod tests {
     }
 
     #[test]
+    fn bright_cells_neither_hide_what_dim_ones_miss_nor_go_on_for_it() {
+        // Every fifth column is well-known light; of the others, which have a tenth of it, few met a path.
+        let bright = |x: usize| x.is_multiple_of(5);
+        let cells = find(0.2, 1.0, |x, y| match (x + 3 * y) % 7 {
+            _ if bright(x) => Some((5.0, 0.5)),
+            0 => Some((0.5, 0.5)),
+            _ => Some((0.0, 0.0)),
+        });
+        let dim = (0..8).flat_map(|y| (0..16).filter(|&x| !bright(x)).map(move |x| (x, y)));
+        assert_eq!(open(&cells), dim.collect::<Vec<_>>());
+    }
+
+    #[test]
     fn cells_that_found_nothing_go_on_beside_those_that_did() {
         // Every third cell met a path: all light of it there, and an error as great.
         let cells = find(0.2, 0.1, |x, y| Some(if (x + y) % 3 == 0 { (0.3, 0.3) } else { (0.0, 0.0) }));
@@ -190,6 +246,22 @@ mod tests {
         let lit =
             |most: usize| find(0.2, 0.1, |x, y| Some((if x < most && y == 0 { 9.0 } else { 0.0 }, 0.0)));
         assert_eq!([1, 2].map(|most| lit(most).count()), [16 * 8, 0]);
+    }
+
+    #[test]
+    fn of_one_set_texels_tell_as_much_as_blocks() {
+        let (width, height) = (4 * BLOCK, 2 * BLOCK);
+        let error =
+            |x: usize, y: usize| if (x / CELL + 3 * (y / CELL)).is_multiple_of(5) { 0.06 } else { 0.04 };
+        let texels = (0..width * height).map(|i| {
+            let (x, y) = (i % width, i / width);
+            ((x, y), Some((Rgb::ONE, Rgb::splat(error(x, y)))))
+        });
+        let count = OpenCells::count_of_set((width, height), 0.05, texels);
+        let cells = find(0.05, 1.0, |x, y| Some((1.0, error(x * CELL, y * CELL))));
+        assert_eq!(count, cells.count());
+        assert!(count > 0);
+        assert_eq!(OpenCells::count_of_set((width, height), 0.05, [].into_iter()), 0);
     }
 
     #[test]

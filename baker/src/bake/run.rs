@@ -7,11 +7,12 @@ use super::errors::median;
 use super::facts;
 use super::folder;
 use super::json;
+use super::kept;
 use super::layers::Layers;
 use super::rounds::Traced;
 use super::standing::{self, RUN};
 use super::tracer::Tracer;
-use super::work::{ROUNDS, WorkFolder};
+use super::work::WorkFolder;
 use crate::atlas::{Atlas, Placement};
 use crate::geometry::{Geometry, Solids};
 use crate::surface::FaceBins;
@@ -23,6 +24,7 @@ use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
 use dataset::console::{Console, count};
 use dataset::files::write_atomically;
 use dataset::store::Writer;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
@@ -66,7 +68,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         layers.clear()?;
     }
     let mut writer = Writer::create(&out)?;
-    let (traced, origin, dropped) = trace_missing(&prepared, &atlas, &out, &layers, console)?;
+    let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {
         return Err(Error::invalid(
@@ -132,7 +134,6 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         warnings,
     };
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
-    WorkFolder::clear(&out)?;
     Ok(outcome)
 }
 
@@ -168,8 +169,9 @@ fn manifest(
     }
 }
 
-/// Traces the layers that no earlier bake left, and keeps them. Warnings, too.
-fn trace_missing(
+/// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were left, where they miss it by
+/// this light. Warnings, too.
+fn provide_layers(
     prepared: &Prepared,
     atlas: &Atlas,
     out: &Path,
@@ -178,52 +180,79 @@ fn trace_missing(
 ) -> Result<(Traced, LayerCount, Vec<String>)> {
     let Prepared { plan, digests, .. } = prepared;
     let base = prepared.base();
-    let texels = layers.texels(&base);
-    let is_missing = |digest: &String| texels.as_ref().is_none_or(|t| !layers.has(digest, t.len()));
-    let missing: Vec<usize> = (0..digests.len()).filter(|&l| is_missing(&digests[l])).collect();
-    let origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
-    if missing.is_empty() && texels.is_some() {
-        console.say(format!("no rays: kept from an earlier bake: {}", count(digests.len(), "layer")));
-        return Ok((layers.traced(&base).unwrap_or_default(), origin, Vec::new()));
-    }
-    if origin.reused > 0 {
+    let missing = kept::missing(layers, &base, digests);
+    if missing.len() < digests.len() {
         let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
-        console.say(format!(
-            "kept from an earlier bake: {}; tracing {}",
-            count(origin.reused, "layer"),
-            names.join(", ")
-        ));
+        let kept = count(digests.len() - missing.len(), "layer");
+        console.say(match &names[..] {
+            [] => format!("no rays: kept from an earlier bake: {kept}"),
+            names => format!("kept from an earlier bake: {kept}; tracing {}", names.join(", ")),
+        });
     }
-    let wanted: Vec<String> = missing.iter().map(|&l| digests[l].clone()).collect();
+    let (mut traced, mut warnings) = trace(prepared, atlas, out, layers, &missing, console)?;
+    let mut origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
+    if let (Some(target), Some(texels), 1..) =
+        (prepared.limits.target_error, layers.texels(&base), origin.reused)
+    {
+        let page = (atlas.width as usize, atlas.height as usize, &texels[..]);
+        let again = kept::missing_target(plan, layers, digests, page, target, &traced)?;
+        if !again.is_empty() {
+            let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
+            console.say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
+            let (new, more) = trace(prepared, atlas, out, layers, &again, console)?;
+            traced = new;
+            warnings.extend(more);
+            origin.traced = missing.iter().chain(&again).collect::<BTreeSet<_>>().len();
+            origin.reused = digests.len() - origin.traced;
+        }
+    }
+    Ok((traced, origin, warnings))
+}
+
+/// Traces some layers (ascending) and keeps them; of none, tells how those were that are kept. Warnings, too.
+fn trace(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    out: &Path,
+    layers: &Layers,
+    chosen: &[usize],
+    console: &Console,
+) -> Result<(Traced, Vec<String>)> {
+    let Prepared { plan, digests, .. } = prepared;
+    let base = prepared.base();
+    let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
     let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
-    let mut warnings = Vec::new();
-    let others = WorkFolder::others(out, &work);
-    if others.iter().any(|other| other.join(ROUNDS).exists()) {
+    let unfinished = WorkFolder::unfinished(out, &work, |digest| layers.holds(digest));
+    if chosen.is_empty() && layers.texels(&base).is_some() {
+        return Ok((layers.traced(&base).unwrap_or_default(), Vec::new()));
+    }
+    if unfinished.contains(&true) {
         return Err(Error::invalid(
             out.display(),
             "holds the unfinished work of a bake of other settings; expected the command that began it, which goes on with it, or --out \
              DIR for a folder of its own, or --force to drop it",
         ));
     }
-    if !others.is_empty() {
+    let mut warnings = Vec::new();
+    if !unfinished.is_empty() {
         let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
         console.warn(dropped);
         warnings.push(dropped.to_owned());
     }
-    let traced = with_worker(prepared, atlas, &missing, |worker| {
-        let lights = worker.transport.lights;
-        let folder = WorkFolder::open(out, &work, lights.layers(), lights.sampled())?;
+    let traced = with_worker(prepared, atlas, chosen, |worker| {
+        let folder = WorkFolder::open(out, &work, &wanted, worker.transport.lights.sampled())?;
         let cached = prepared.integrator == Integrator::Cached;
-        let sets = prepared.sets(&missing);
+        let sets = prepared.sets(chosen);
         let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };
         let mut traced = tracer.run(&prepared.limits, console)?;
-        if let Some(kept) = layers.traced(&base).filter(|_| origin.reused > 0) {
+        if let Some(kept) = layers.traced(&base).filter(|_| chosen.len() < digests.len()) {
             traced.keep(&kept);
         }
         layers.write(&tracer.worker, &folder, &base, &wanted, &traced, console)?;
+        folder.remove();
         Ok(traced)
     })?;
-    Ok((traced, origin, warnings))
+    Ok((traced, warnings))
 }
 
 /// Checks all layers at these texels, however they came to be.

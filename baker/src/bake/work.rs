@@ -4,6 +4,7 @@
 //!
 //! | file | what | written |
 //! |---|---|---|
+//! | [`LAYERS`] | the digests of the layers that are traced | at the beginning |
 //! | `block-N.bin` | the sums of a block ([`BlockState`]) | after each step of the block |
 //! | [`DIRECT`] | the mean of each light over the trial samples | before the rounds |
 //! | [`CACHE`] | the solved cache, both halves | before the rounds |
@@ -26,6 +27,8 @@ use std::path::{Path, PathBuf};
 /// Name of the folder of work in progress inside a dataset.
 const FOLDER: &str = dataset::store::WORK;
 
+/// The layers.
+const LAYERS: &str = "layers.json";
 /// The mean of each light.
 pub const DIRECT: &str = "direct.json";
 /// The cache.
@@ -46,21 +49,46 @@ pub struct WorkFolder {
 }
 
 impl WorkFolder {
-    /// Opens or creates the folder of the work with this digest below `dataset`, for blocks of so many layers and sampled lights, and
-    /// removes those of other work.
-    pub fn open(dataset: &Path, digest: &str, layers: usize, sampled: usize) -> Result<Self> {
+    /// Opens or creates the folder of the work with this digest below `dataset`, which traces the layers of these digests from so many
+    /// sampled lights, and removes those of other work.
+    pub fn open(dataset: &Path, digest: &str, layers: &[String], sampled: usize) -> Result<Self> {
         for other in Self::others(dataset, digest) {
             let _ = std::fs::remove_dir_all(other);
         }
         let root = dataset.join(FOLDER).join(&digest[..16]);
         std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
-        Ok(WorkFolder { root, layers, sampled })
+        let folder = WorkFolder { root, layers: layers.len(), sampled };
+        folder.write(LAYERS, &layers)?;
+        Ok(folder)
     }
 
-    /// The unfinished work of other bakes, which [`WorkFolder::open`] forgets.
-    pub fn others(dataset: &Path, digest: &str) -> Vec<PathBuf> {
+    /// The work of other bakes, which [`WorkFolder::open`] forgets.
+    fn others(dataset: &Path, digest: &str) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(dataset.join(FOLDER)).into_iter().flatten().flatten();
         entries.map(|e| e.path()).filter(|path| !path.ends_with(&digest[..16])).collect()
+    }
+
+    /// The unfinished work of other bakes, each with whether it has a finished round. What was left behind when all of its layers were
+    /// kept (which `is_kept` tells by their digests) is removed.
+    pub fn unfinished(dataset: &Path, digest: &str, is_kept: impl Fn(&str) -> bool) -> Vec<bool> {
+        let layers = |path: &Path| -> Option<Vec<String>> {
+            serde_json::from_slice(&std::fs::read(path.join(LAYERS)).ok()?).ok()
+        };
+        let is_finished =
+            |path: &PathBuf| layers(path).is_some_and(|l| l.iter().all(|digest| is_kept(digest)));
+        let (finished, unfinished): (Vec<PathBuf>, Vec<PathBuf>) =
+            Self::others(dataset, digest).into_iter().partition(is_finished);
+        for path in finished {
+            let _ = std::fs::remove_dir_all(path);
+        }
+        unfinished.iter().map(|path| path.join(ROUNDS).exists()).collect()
+    }
+
+    /// Removes it, for all that was traced is kept; what cannot be removed is found to be finished by a later bake.
+    pub fn remove(self) {
+        let _ = std::fs::remove_dir_all(&self.root);
+        // (The last one takes the folder of all work with it.)
+        let _ = self.root.parent().map(std::fs::remove_dir);
     }
 
     /// Forgets all work below `dataset`.
@@ -133,7 +161,8 @@ mod tests {
     fn blocks_are_kept_and_torn_ones_are_not_believed() {
         let dir = tempfile::tempdir().unwrap();
         let digest = "0123456789abcdef0123";
-        let folder = WorkFolder::open(dir.path(), digest, 3, 2).unwrap();
+        let names = |names: [&str; 3]| names.map(str::to_owned);
+        let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), 2).unwrap();
         assert_eq!(folder.read_block(5, 4).unwrap(), BlockState::empty(4, 3, 2));
         let state = BlockState { round: 2, wants: vec![1; 8], ..BlockState::empty(4, 3, 2) };
         folder.write_block(5, &state).unwrap();
@@ -143,17 +172,29 @@ mod tests {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
         assert_eq!(folder.read_block(5, 4).unwrap(), BlockState::empty(4, 3, 2));
-        // Another bake's work is removed.
-        assert!(WorkFolder::others(dir.path(), digest).is_empty());
-        assert_eq!(WorkFolder::others(dir.path(), "fedcba9876543210fedc").len(), 1);
-        WorkFolder::open(dir.path(), "fedcba9876543210fedc", 3, 2).unwrap();
+        // Its work is unfinished, whatever is kept of its layers, until all of them are.
+        let other = "fedcba9876543210fedc";
+        let unfinished = |of: &str, missing: &[&str]| {
+            WorkFolder::unfinished(dir.path(), of, |layer| !missing.contains(&layer))
+        };
+        assert!(unfinished(digest, &["a", "b", "c"]).is_empty());
+        assert_eq!(unfinished(other, &["b"]), [false]);
+        folder.write(ROUNDS, &[1]).unwrap();
+        assert_eq!(unfinished(other, &["b"]), [true]);
+        assert!(folder.root.exists() && unfinished(other, &[]).is_empty());
         assert!(!folder.root.exists());
+        // Another bake's work is removed.
+        let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), 2).unwrap();
+        let new = WorkFolder::open(dir.path(), other, &[], 2).unwrap();
+        assert!(!folder.root.exists() && new.root.exists());
+        new.remove();
+        assert!(!dir.path().join(FOLDER).exists());
     }
 
     #[test]
     fn what_was_decided_once_stays_decided() {
         let dir = tempfile::tempdir().unwrap();
-        let folder = WorkFolder::open(dir.path(), "0123456789abcdef", 0, 0).unwrap();
+        let folder = WorkFolder::open(dir.path(), "0123456789abcdef", &[], 0).unwrap();
         assert_eq!(folder.kept(DIRECT, || Ok(vec![1.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(PIVOT, || Ok(None::<i16>)).unwrap(), None);

@@ -196,3 +196,36 @@ fn layers_that_were_damaged_are_traced_again() {
     std::fs::write(&layer, &bytes[..bytes.len() / 2]).expect("written");
     scene.retrace("[8, 6, 4]", "[3, 5, 9]", 1);
 }
+
+#[test]
+fn a_target_holds_under_another_light_too() {
+    // All light comes from the sky; what a spot adds, in a narrow beam by the crate, is too little to be worth samples.
+    let sphere = "[[group.sphere]]\ncentre = [1.2, 1, 1.1]\nradius = 0.1\nradiance = [8, 6, 4]\n";
+    let spot = "[[group.spot]]\nposition = [0.7, 0.4, 0]\ndirection = [0, -1, 0]\ninner = 5\nouter = 10\nintensity = [DIM, 0, 0]\n";
+    let scene = SCENE.replace("irradiance = [50, 48, 45]", "irradiance = [0, 0, 0]").replace(sphere, spot);
+    for integrator in BOTH {
+        let stage = stage();
+        let bake = |intensity: &str| {
+            let toward = |options: &mut Options| {
+                options.integrator = integrator;
+                options.target_error = Some(0.04);
+                options.samples = Some(1 << 14);
+            };
+            stage.bake(&scene.replace("DIM", intensity), "set", "21", toward).0
+        };
+        let is_closed = |outcome: &Outcome| outcome.rounds.last().is_some_and(|round| round.open_cells == 0);
+        let dim = bake("0.0001");
+        assert!(is_closed(&dim) && dim.layers.reused == 0, "{integrator:?}");
+        // A little brighter it still is. As bright as can be, it is traced until its own error is as asked, and then no more.
+        let still = bake("0.0002");
+        assert_eq!((still.layers.traced, still.rays.rays()), (0, 0), "{integrator:?}");
+        let bright = bake("1000");
+        assert!(
+            bright.layers.traced > 0 && bright.samples > dim.samples,
+            "{integrator:?} {:?}",
+            bright.rounds
+        );
+        assert!(is_closed(&bright), "{integrator:?} {:?}", bright.rounds.last());
+        assert_eq!(bake("1001").layers.traced, 0, "{integrator:?}");
+    }
+}

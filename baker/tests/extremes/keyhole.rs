@@ -94,6 +94,24 @@ fn light_that_few_walks_find_is_not_lost_towards_a_target() {
 }
 
 #[test]
+fn what_a_dim_room_gets_is_not_lost_towards_a_target_beside_a_lit_one() {
+    // A hole of 5 cm, of which the first round meets some ten walks, beside a closed box of the same size that a lamp fills with ten
+    // times the light: what is known of that must not end the cells of the other.
+    let (low, high) = (dvec3(4.5, 0.0, -0.5), dvec3(5.5, 1.0, 0.5));
+    let obj = box_with_hole(0.05).mesh("lit").sides(low, high, true, &[0, 1, 2, 3, 4, 5]).text();
+    let light = "[sky]\nmodel = \"constant\"\nradiance = [360, 360, 360]\n---\n[[group]]\nname = \"lamp\"\n\
+                 [[group.sphere]]\ncentre = [5, 0.5, 0]\nradius = 0.1\nradiance = [80, 80, 80]\n";
+    let scene = scene(light, &["ceiling"], 64);
+    let stage = || Stage::new(&[("a.obj", obj.clone())]).by(Integrator::Path);
+    let dim = |b: &Baked| received(b, "floor") + received(b, "walls");
+    let baked = stage().bake("12", 256, &scene);
+    let ratio = received(&baked, "lit") / dim(&baked);
+    assert!((5.0..20.0).contains(&ratio), "{ratio}");
+    let [fixed, towards] = [stage(), stage().towards(0.2)].map(|s| s.measure("12", 256, &scene, dim));
+    towards.agree(fixed, 0.08);
+}
+
+#[test]
 fn the_skys_light_through_a_window_is_not_lost() {
     // The same with a hole of 20 cm.
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
