@@ -36,11 +36,12 @@ fn clamped(u: f32, n: usize) -> (usize, usize, f32) {
 
 /// The same on a periodic axis.
 #[inline]
-fn periodic(tau: f32, n: usize) -> (usize, usize, f32) {
-    let p = tau * n as f32 - 0.5;
+fn periodic(tau: f64, n: usize) -> (usize, usize, f32) {
+    // In double precision: of τ · n all digits before the point are lost to the share.
+    let p = tau * n as f64 - 0.5;
     let floor = p.floor();
     let i = (floor as isize).rem_euclid(n as isize) as usize;
-    (i, (i + 1) % n, p - floor)
+    (i, (i + 1) % n, (p - floor) as f32)
 }
 
 /// `(1 − s) a + s b`.

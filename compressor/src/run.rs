@@ -82,12 +82,23 @@ fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
 
 /// A pooled PSNR may be so far below its target before that is a warning: brief trials do not tell it closer.
 const NEAR_DB: f64 = 0.5;
+/// And so far above it: what a training gains over a trial differs from scene to scene.
+const FAR_DB: f64 = 1.0;
 
 /// What to say where a target was not reached, and whether by more than was to be expected.
 fn missed(rate: Rate, evaluation: &Evaluation) -> Option<(String, bool)> {
     match rate {
         Rate::Psnr(target) => {
-            let reached = evaluation.all.psnr_pooled_db.filter(|db| *db < target)?;
+            let reached = evaluation.all.psnr_pooled_db?;
+            if reached > target + FAR_DB {
+                let what = format!(
+                    "--target-psnr {target}: {reached:.2} dB were reached, more than brief trials foretold: a lower target takes fewer bits"
+                );
+                return Some((what, true));
+            }
+            if reached >= target {
+                return None;
+            }
             let what = format!(
                 "--target-psnr {target}: {reached:.2} dB were reached, less than brief trials foretold"
             );
@@ -158,6 +169,10 @@ mod tests {
         };
         let missed = |rate| missed(rate, &evaluation);
         assert_eq!(missed(Rate::Psnr(39.6)), None);
+        let above = missed(Rate::Psnr(38.6));
+        assert!(
+            above.is_some_and(|(what, is_far)| what.contains("a lower target takes fewer bits") && is_far)
+        );
         let near = missed(Rate::Psnr(40.0));
         assert!(near.is_some_and(|(what, is_far)| what.contains("39.70 dB were reached") && !is_far));
         assert!(missed(Rate::Psnr(40.3)).is_some_and(|(_, is_far)| is_far));

@@ -1,4 +1,5 @@
-//! What games do today: a few sets stored whole, light linear in time between them.
+//! What games do today: a few sets stored whole, light linear in time between them. Where lamps differ between two of them, a set under
+//! the same lamps as one of the two is that one.
 //!
 //! Which sets are kept is found by dynamic programming over the day: the choice of least squared error relative to the peaks, over
 //! all tiles, if the kept sets were exact.
@@ -7,6 +8,7 @@ use super::method::{CodedTile, CodedTiles, ImageCodec, each_tile, together};
 use super::tiles::{Texels, Tile, TileSet};
 use crate::Result;
 use crate::clock::Clock;
+use crate::time::Timeline;
 
 /// Sets that are kept, of a day's 24 and more.
 pub(super) const KEPT: usize = 8;
@@ -14,12 +16,12 @@ pub(super) const KEPT: usize = 8;
 /// Compresses the kept sets by a codec; which they are is told too.
 pub(super) fn code(set: &TileSet, codec: &dyn ImageCodec) -> Result<(CodedTiles, Vec<usize>)> {
     let kept = choose(&costs(set), KEPT);
-    let hours = &set.timeline.hours;
+    let sets = set.timeline.hours.len();
     let coded = each_tile(set, |tile| {
         let images = kept.iter().map(|&k| codec.code(&tile.filled[k], tile)).collect::<Result<Vec<_>>>()?;
         let keys = together(images);
         let clock = Clock::start();
-        let decoded = (0..hours.len()).map(|k| between(k, &kept, hours, &keys.decoded)).collect();
+        let decoded = (0..sets).map(|k| between(k, &kept, &set.timeline, &keys.decoded)).collect();
         let decode_seconds = keys.decode_seconds + clock.seconds();
         Ok(CodedTile { decoded, decode_seconds, ..into(keys) })
     })?;
@@ -32,18 +34,25 @@ fn into(keys: CodedTile) -> CodedTile {
 }
 
 /// Set k between the kept ones around it.
-fn between(k: usize, kept: &[usize], hours: &[f64], keys: &[Texels]) -> Texels {
+fn between(k: usize, kept: &[usize], timeline: &Timeline, keys: &[Texels]) -> Texels {
     let n = kept.len();
     let at = kept.partition_point(|&kept| kept <= k);
     // Before the first is after the last.
     let (a, b) = ((at + n - 1) % n, at % n);
-    let share = way(k, kept[a], kept[b], hours) as f32;
+    let share = way(k, kept[a], kept[b], timeline) as f32;
     let mix = |a: f32, b: f32| (1.0 - share) * a + share * b;
     keys[a].iter().zip(&keys[b]).map(|(a, b)| [0, 1, 2].map(|c| mix(a[c], b[c]))).collect()
 }
 
-/// How far set k is on the way from set a to set b, in hours around the clock.
-fn way(k: usize, a: usize, b: usize, hours: &[f64]) -> f64 {
+/// How far set k is on the way from set a to set b, in hours around the clock; where a switch lies between those two, at the one whose
+/// lamps it has.
+fn way(k: usize, a: usize, b: usize, timeline: &Timeline) -> f64 {
+    let (hours, lamps) = (&timeline.hours, |set: usize| &timeline.states[set]);
+    match (lamps(k) == lamps(a), lamps(k) == lamps(b)) {
+        (true, false) => return 0.0,
+        (false, true) => return 1.0,
+        _ => {}
+    }
     let after = |x: usize| (hours[x] - hours[a]).rem_euclid(24.0);
     if k == a {
         return 0.0;
@@ -54,8 +63,7 @@ fn way(k: usize, a: usize, b: usize, hours: &[f64]) -> f64 {
 
 /// `[a][b]`: the squared error of the sets after a and before b, if these two are kept; with b = a, of all the others.
 fn costs(set: &TileSet) -> Vec<Vec<f64>> {
-    let hours = &set.timeline.hours;
-    let n = hours.len();
+    let n = set.timeline.hours.len();
     let mut costs = vec![vec![0.0; n]; n];
     for tile in &set.tiles {
         let products = products(tile);
@@ -63,7 +71,7 @@ fn costs(set: &TileSet) -> Vec<Vec<f64>> {
             for (b, cost) in row.iter_mut().enumerate() {
                 let length = if a == b { n } else { (b + n - a) % n };
                 for k in (1..length).map(|i| (a + i) % n).filter(|&k| tile.peaks[k] > 0.0) {
-                    let (u, v) = (1.0 - way(k, a, b, hours), way(k, a, b, hours));
+                    let (u, v) = (1.0 - way(k, a, b, &set.timeline), way(k, a, b, &set.timeline));
                     let g = |i: usize, j: usize| products[i][j];
                     let squared =
                         g(k, k) + u * u * g(a, a) + v * v * g(b, b) - 2.0 * u * g(k, a) - 2.0 * v * g(k, b)
@@ -159,12 +167,26 @@ mod tests {
         assert_eq!(kept, [0, 4]);
         let keys: Vec<Texels> = kept.iter().map(|&k| set.tiles[0].filled[k].clone()).collect();
         for (k, &light) in light.iter().enumerate() {
-            let found = between(k, &kept, &hours, &keys)[3][1];
+            let found = between(k, &kept, &set.timeline, &keys)[3][1];
             let expected = if k == 5 { 14.0 - 10.0 * 6.0 / 14.0 } else { light };
             assert!((found - expected).abs() < 1e-5, "{k}: {found}");
         }
         let all = choose(&costs(&set), 99);
         assert_eq!(all, [0, 1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn lamps_do_not_fade() {
+        let timeline = Timeline {
+            hours: vec![0.0, 6.0, 12.0, 13.0, 18.0],
+            intervals: vec![vec![[12.5, 24.0]]],
+            states: [false, false, false, true, true].map(|on| vec![on]).to_vec(),
+            coding: crate::time::Coding::Standard,
+        };
+        // Under the lamps of one of the two it is that one, under those of both it lies between.
+        assert_eq!(way(2, 1, 3, &timeline), 0.0);
+        assert_eq!(way(3, 2, 4, &timeline), 1.0);
+        assert_eq!(way(1, 0, 2, &timeline), 0.5);
     }
 
     #[test]

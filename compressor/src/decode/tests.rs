@@ -123,6 +123,9 @@ fn axes_clamp_and_wrap() {
     assert_eq!(periodic(0.0, 4), (3, 0, 0.5));
     assert_eq!(periodic(1.0, 4), (3, 0, 0.5));
     assert_eq!(periodic(0.375, 4), (1, 2, 0.0));
+    // Of a time close to a slice's own the share is as exact as of others.
+    let (_, _, share) = periodic(20.5 / 24.0 + 1e-7, 24);
+    assert!((share - 2.4e-6).abs() < 1e-9, "{share}");
     assert_eq!(periodic(0.7, 1).0, 0);
     assert_eq!(periodic(0.7, 1).1, 0);
 }

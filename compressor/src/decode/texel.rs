@@ -19,7 +19,7 @@ pub fn texel(tile: &TileParams, timeline: &Timeline, moment: &Moment, x: usize, 
     if has.uvt > 0 {
         let [width, height, slices] = shape.uvt;
         let ((x0, x1, su), (y0, y1, sv), (k0, k1, st)) =
-            (clamped(u, width), clamped(v, height), periodic(tau as f32, slices));
+            (clamped(u, width), clamped(v, height), periodic(tau, slices));
         let blocks = (width / 4) * (height / 4);
         let bilinear = |k: usize| {
             let slice = &tile.f_uvt[k * blocks..(k + 1) * blocks];
@@ -36,7 +36,7 @@ pub fn texel(tile: &TileParams, timeline: &Timeline, moment: &Moment, x: usize, 
     // V_ut and V_vt: bilinear, clamped along the side, periodic in τ.
     for (there, map, u, n) in [(has.ut, &tile.f_ut, u, shape.ut), (has.vt, &tile.f_vt, v, shape.vt)] {
         if there {
-            let ((r0, r1, sr), (i0, i1, s)) = (periodic(tau as f32, shape.rows), clamped(u, n));
+            let ((r0, r1, sr), (i0, i1, s)) = (periodic(tau, shape.rows), clamped(u, n));
             let at = |r: usize, i: usize| map[r * n + i].map(|q| f32::from(q) / 255.0);
             let value = mix(mix(at(r0, i0), at(r0, i1), s), mix(at(r1, i0), at(r1, i1), s), sr);
             input.extend(value.map(c));

@@ -92,10 +92,10 @@ impl<'a> TileDecoder<'a> {
 
         // F_uvt: one slice at τ. F_ut: one row at τ, along u to every column. Without F_uvt its slice is one texel of 0.
         let [width, height, _] = if has.uvt > 0 { shape.uvt } else { [1; 3] };
-        let slice = if has.uvt > 0 { self.slice(tau as f32) } else { vec![[0.0; 4]] };
+        let slice = if has.uvt > 0 { self.slice(tau) } else { vec![[0.0; 4]] };
         let mut of_ut = [vec![0.0; padded], vec![0.0; padded]];
         if has.ut {
-            let v_ut = plane(&self.tile.f_ut, shape.ut, shape.rows, tau as f32, shape.width);
+            let v_ut = plane(&self.tile.f_ut, shape.ut, shape.rows, tau, shape.width);
             for (c, line) in of_ut.iter_mut().enumerate() {
                 line.iter_mut().zip(&v_ut).for_each(|(value, v)| *value = v[c]);
             }
@@ -116,7 +116,7 @@ impl<'a> TileDecoder<'a> {
             })
             .collect();
         let v_vt = if has.vt {
-            plane(&self.tile.f_vt, shape.vt, shape.rows, tau as f32, shape.height)
+            plane(&self.tile.f_vt, shape.vt, shape.rows, tau, shape.height)
         } else {
             vec![[0.0; 2]; shape.height]
         };
@@ -150,7 +150,7 @@ impl<'a> TileDecoder<'a> {
     }
 
     /// F_uvt at τ, row by row, in 255ths.
-    fn slice(&self, tau: f32) -> Vec<[f32; 4]> {
+    fn slice(&self, tau: f64) -> Vec<[f32; 4]> {
         let [width, height, slices] = self.tile.shape.uvt;
         let blocks = width * height / 16;
         let (k0, k1, share) = periodic(tau, slices);
@@ -173,7 +173,7 @@ fn corner(block: usize, width: usize) -> (usize, usize) {
 }
 
 /// F_ut or F_vt at τ, at every texel of a side of `side` texels, in 255ths.
-fn plane(map: &[[u8; 2]], n: usize, rows: usize, tau: f32, side: usize) -> Vec<[f32; 2]> {
+fn plane(map: &[[u8; 2]], n: usize, rows: usize, tau: f64, side: usize) -> Vec<[f32; 2]> {
     let (r0, r1, share) = periodic(tau, rows);
     let at = |i: usize, c: usize| lerp(f32::from(map[r0 * n + i][c]), f32::from(map[r1 * n + i][c]), share);
     (0..side)

@@ -47,6 +47,7 @@ Keys of the --json object (null where there is none):
                          median; between_worst_db the least
   between_linear_median_db  of that linear light, against the withheld bake
   step_error             from set to set, RMS error of the change of light / RMS of the change, mean; switch_error across switches
+                         (changes below 0.001 of the light are left out)
   hours                  a list of hour, psnr_db, psnr_range_db, psnr_pooled_db, psnr_worst_percent_db, noise_ceiling_db, psnr_log_db,
                          one_minus_ssim, relative_error, dark_relative_error
   steps                  a list of from, to (hours), switch, error
@@ -207,7 +208,8 @@ pub struct Compress {
     /// Size of the representation, the same for all tiles: L, M, M.64 or H.
     #[arg(long, default_value = "M", value_parser = parse_profile)]
     pub profile: Profile,
-    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB.
+    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB (within
+    /// 1 dB outdoors; up to 4 dB more in smooth rooms, which is told).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
     pub target_psnr: Option<f64>,
     /// The same, within so many bits per texel and set.
@@ -230,7 +232,7 @@ pub struct Compress {
     #[arg(long, conflicts_with_all = ["preset", "draft"], value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
     /// Plan the training to end after this time, e.g. 90s, 5m, 2h: as it runs out tiles get fewer steps than asked for, but each gets
-    /// its share, and at least 200. (Judging the bundle comes after it. What is written then depends on the machine and its load.)
+    /// its share, and at least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
     /// How to train.
