@@ -151,6 +151,7 @@ mod tests {
             psnr_unquantised_db: None,
             psnr_8bit_features_db: None,
             psnr_db: None,
+            error: None,
             curve,
             left_out: vec![],
             seconds: 3.0,

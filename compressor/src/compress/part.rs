@@ -19,6 +19,8 @@ pub(super) struct Part {
     folder: PathBuf,
     /// The files that this run asked for or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
+    /// The keys of those that it wrote.
+    written: Mutex<BTreeSet<String>>,
 }
 
 impl Part {
@@ -30,7 +32,7 @@ impl Part {
             _ => {}
         }
         remove_stale_temporaries(&folder)?;
-        let part = Part { folder, own: Mutex::default() };
+        let part = Part { folder, own: Mutex::default(), written: Mutex::default() };
         if fresh {
             part.files().for_each(remove);
         }
@@ -70,7 +72,14 @@ impl Part {
         let length = (stats.len() as u64).to_le_bytes();
         let word = payload.word.to_le_bytes();
         let sum = bundle::checksum(&[&length, &stats, &word, &payload.bytes]).to_le_bytes();
-        write_atomically(&path, &[&sum[..], &length, &stats, &word, &payload.bytes].concat())
+        write_atomically(&path, &[&sum[..], &length, &stats, &word, &payload.bytes].concat())?;
+        self.written.lock().unwrap_or_else(|e| e.into_inner()).insert(key.to_owned());
+        Ok(())
+    }
+
+    /// Whether a file is this run's own work.
+    pub(super) fn wrote(&self, key: &str) -> bool {
+        self.written.lock().unwrap_or_else(|e| e.into_inner()).contains(key)
     }
 
     /// Removes the tiles of this run, and the folder if nothing is left in it; how many files of runs of other settings are.
@@ -107,12 +116,15 @@ mod tests {
             psnr_unquantised_db: Some(44.25),
             psnr_8bit_features_db: None,
             psnr_db: None,
+            error: Some(0.5),
             curve: vec![(10, 0.1, 30.0)],
             left_out: vec!["black at 1 of 2 sets".to_owned()],
             seconds: 1.5,
         };
         let payload = Payload { word: 0x1234_5678, bytes: b"payload".to_vec() };
+        assert!(!part.wrote("k"));
         part.write("k", &payload, &stats).unwrap();
+        assert!(part.wrote("k") && !Part::open(&out, false).unwrap().wrote("k"));
         assert_eq!(part.read("k"), Some((payload, stats.clone())));
         assert_eq!(part.read::<TileStats>("other"), None);
         let path = part.path("k");

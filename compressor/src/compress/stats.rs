@@ -13,6 +13,8 @@ pub struct TileStats {
     pub psnr_8bit_features_db: Option<f64>,
     /// The same as stored.
     pub psnr_db: Option<f64>,
+    /// Squared error as stored, as [`crate::train::Trial::error`] counts it.
+    pub error: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
     /// What was left out and why.

@@ -87,6 +87,8 @@ pub struct TrainedTile {
     pub psnr_8bit_features_db: Option<f64>,
     /// PSNR of the stored tile, as its decoder gives it.
     pub psnr_db: Option<f64>,
+    /// Its squared error, as [`Trial::error`] counts it.
+    pub error: Option<f64>,
     /// Quality against time.
     pub curve: Vec<Point>,
     /// What was left out and why, and what else is to be said of the training, e.g. "black at 9 of 26 sets".
@@ -175,6 +177,7 @@ fn train_coded(
             psnr_unquantised_db: None,
             psnr_8bit_features_db: None,
             psnr_db: None,
+            error: None,
             curve: Vec::new(),
             left_out,
         });

@@ -103,11 +103,17 @@ impl<const H: usize> Attempt<H> {
             Err(Stop::Diverged) => return Ok(None),
             Err(Stop::Failed(error)) => return Err(error),
         }
+        let stride = self.trainer.problem.coarse_stride();
+        Ok(Some(self.error(stride)).filter(|error| error.is_finite()))
+    }
+
+    /// Squared error relative to each set's peak, mean over channels, summed over sets and valid texels; of these, one in `stride` is asked.
+    fn error(&mut self, stride: usize) -> f64 {
+        let sets = self.trainer.problem.sets;
+        let errors = self.trainer.mean_squared_errors(sets, stride);
         let problem = &self.trainer.problem;
-        let errors = self.trainer.mean_squared_errors(problem.sets, problem.coarse_stride());
         let peaks = problem.moments.iter().map(|moment| f64::from(moment.peak).powi(2));
-        let sum = errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>();
-        Ok(Some(sum * problem.valid as f64).filter(|error| error.is_finite()))
+        errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>() * problem.valid as f64
     }
 
     /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite. That model's PSNR is given,
@@ -119,7 +125,9 @@ impl<const H: usize> Attempt<H> {
         if !psnr.is_finite() || !unquantised.is_finite() {
             return None;
         }
+        let error = self.error(1);
         Some(TrainedTile {
+            error: Some(error),
             params: Some(self.trainer.store(blocks)),
             psnr_unquantised_db: Some(unquantised),
             psnr_8bit_features_db: Some(of_8bit),

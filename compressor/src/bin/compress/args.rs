@@ -208,8 +208,8 @@ pub struct Compress {
     /// Size of the representation, the same for all tiles: L, M, M.64 or H.
     #[arg(long, default_value = "M", value_parser = parse_profile)]
     pub profile: Profile,
-    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB (within
-    /// 1 dB outdoors; up to 4 dB more in smooth rooms, which is told).
+    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB (more,
+    /// where the least that tiles can have reaches more).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
     pub target_psnr: Option<f64>,
     /// The same, within so many bits per texel and set.
