@@ -4,7 +4,7 @@
 //!
 //! | file | what | written |
 //! |---|---|---|
-//! | [`LAYERS`] | the digests of the layers that are traced | at the beginning |
+//! | `layers.json` | the digests of the layers that are traced | at the beginning |
 //! | `block-N.bin` | the sums of a block ([`BlockState`]) | after each step of the block |
 //! | [`DIRECT`] | the mean of each light over the trial samples | before the rounds |
 //! | [`CACHE`] | the solved cache, both halves | before the rounds |
