@@ -13,7 +13,7 @@ pub struct Quality {
     pub psnr_range_db: Option<f64>,
     /// `−10 log₁₀` of the mean over valid texels of the squared error ÷ peak²: bad samples weigh as much as they are bad.
     pub psnr_pooled_db: Option<f64>,
-    /// Mean PSNR after the 8-bit four-channel output ([`to_rgbe`]).
+    /// Mean PSNR after the 8-bit four-channel output ([`super::to_rgbe`]).
     pub psnr_8bit_db: Option<f64>,
     /// Mean PSNR of the logarithm ([`metrics::psnr_log_db`]): sees errors in the dark.
     pub psnr_log_db: Option<f64>,
