@@ -119,7 +119,7 @@ rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
-traced. A dataset is replaced by less (fewer hours, samples or texels, or another scene), and unfinished work of other settings dropped,
+traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels, or another scene), and unfinished work of other settings dropped,
 only with --force.";
 
 /// `2%` or `0.02`.

@@ -39,9 +39,16 @@ fn court(out: &Path, samples: &str, integrator: &str) -> Command {
     command
 }
 
-/// Starts a bake and kills it with SIGKILL as soon as a round is on disk; whether it was still running.
+/// Starts a bake of the court and kills it midway; whether it was still running.
 fn kill_midway(out: &Path, samples: &str, integrator: &str) -> bool {
-    let mut child = court(out, samples, integrator).stderr(Stdio::null()).spawn().unwrap();
+    let killed = kill_after_a_round(&mut court(out, samples, integrator), out);
+    assert!(!killed || !out.join("config.json").exists());
+    killed
+}
+
+/// Starts a bake and kills it with SIGKILL as soon as a round is on disk; whether it was still running.
+fn kill_after_a_round(command: &mut Command, out: &Path) -> bool {
+    let mut child = command.stderr(Stdio::null()).spawn().unwrap();
     let start = Instant::now();
     let has_rounds = || {
         let folders = std::fs::read_dir(out.join(".bake")).into_iter().flatten().flatten();
@@ -51,9 +58,7 @@ fn kill_midway(out: &Path, samples: &str, integrator: &str) -> bool {
         std::thread::sleep(Duration::from_millis(2));
     }
     child.kill().unwrap();
-    let killed = !child.wait().unwrap().success();
-    assert!(!killed || !out.join("config.json").exists());
-    killed
+    !child.wait().unwrap().success()
 }
 
 #[test]
@@ -69,6 +74,35 @@ fn a_killed_bake_continues_to_the_same_bytes() {
         assert_eq!(data(&whole), data(&killed));
         assert!(!killed.join(".bake").exists());
     }
+}
+
+#[test]
+fn what_is_traced_again_for_a_target_continues_where_it_was_killed() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scene, whole, killed) =
+        (dir.path().join("court.toml"), dir.path().join("whole"), dir.path().join("killed"));
+    std::fs::copy(fixture("court.obj"), dir.path().join("court.obj")).unwrap();
+    let lamp = |lumens: &str| {
+        let text = std::fs::read_to_string(fixture("court.toml")).unwrap();
+        std::fs::write(&scene, text.replace("lumens = 800", &format!("lumens = {lumens}"))).unwrap();
+    };
+    let bake = |out: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
+        command.args([text(&scene), "--hours", "20", "--samples", "8192", "--target-error", "4%"]);
+        command.args(["--integrator", "path", "--out", text(out)]);
+        command
+    };
+    lamp("0.000001");
+    for out in [&whole, &killed] {
+        assert!(bake(out).arg("--quiet").status().unwrap().success());
+    }
+    lamp("80000");
+    assert!(bake(&whole).arg("--quiet").status().unwrap().success());
+    assert!(kill_after_a_round(&mut bake(&killed), &killed), "the bake was too quick to be killed");
+    let output = bake(&killed).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("continuing after"), "{said}");
+    assert!(data(&whole) == data(&killed) && !killed.join(".bake").exists());
 }
 
 #[test]

@@ -173,6 +173,14 @@ impl Layers {
         files.into_iter().try_for_each(Partial::finish)
     }
 
+    /// Forgets some layers: a bake that is to trace them again, and is killed, finds them missing and goes on.
+    pub fn forget<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
+        for path in digests.map(|digest| self.path(digest)) {
+            std::fs::remove_file(&path).map_err(Error::io(&path))?;
+        }
+        Ok(())
+    }
+
     /// Removes all files but those of these layers and this page, and tells how many layers that were.
     pub fn keep_only(&self, base: &str, digests: &[String]) -> usize {
         let mut keep: BTreeSet<PathBuf> = digests.iter().map(|d| self.path(d)).collect();

@@ -199,8 +199,10 @@ fn provide_layers(
         if !again.is_empty() {
             let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
             console.say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
+            layers.forget(again.iter().map(|&l| &digests[l]))?;
             let (new, more) = trace(prepared, atlas, out, layers, &again, console)?;
-            traced = new;
+            let rays = traced.rays + new.rays;
+            traced = Traced { rays, ..new };
             warnings.extend(more);
             origin.traced = missing.iter().chain(&again).collect::<BTreeSet<_>>().len();
             origin.reused = digests.len() - origin.traced;

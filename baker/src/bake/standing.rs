@@ -1,6 +1,7 @@
 //! What stands where a bake will write: whether it is this very bake, else what of it would be lost, told before any ray is traced.
 
 use super::folder;
+use super::kept;
 use super::layers::{self, Layers};
 use super::options::{Options, Outcome};
 use super::prepare::Prepared;
@@ -111,9 +112,12 @@ pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>
     if let Err(error) = refuse_less(&out, prepared, options, &Console::silent()) {
         return Ok(Some(refused(error)));
     }
-    let layers = Layers::new(&out);
-    let texels = layers.texels(&prepared.base()).filter(|_| !options.force).map_or(0, |texels| texels.len());
-    let kept = prepared.digests.iter().filter(|digest| texels > 0 && layers.has(digest, texels)).count();
+    let (layers, all) = (Layers::new(&out), prepared.digests.len());
+    let kept = if options.force {
+        0
+    } else {
+        all - kept::missing(&layers, &prepared.base(), &prepared.digests).len()
+    };
     Ok((kept > 0).then(|| {
         format!("kept in {} from an earlier bake, not traced again: {}", out.display(), count(kept, "layer"))
     }))
