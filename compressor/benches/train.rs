@@ -1,10 +1,11 @@
-//! Quality against seconds of the trainer on synthetic tiles: `cargo bench -p compressor --bench train -- [iterations …]`.
+//! Quality against seconds of the trainer on synthetic tiles: `cargo bench -p compressor --bench train -- [iterations …]`, and with
+//! `--kinds` the seconds of tiles that need less than others.
 //!
 //! Each tile has 128² texels and 26 sets: two moving pole shadows with penumbrae under a sun that follows the day, a sky
 //! gradient, and lamps that are off from 6 to 18 h.
 
-use compressor::model::PROFILES;
-use compressor::tile::{Coverage, TileSource};
+use compressor::model::{PROFILES, Profile};
+use compressor::tile::{Coverage, Gate, TileSource};
 use compressor::train::{Aim, Recipe, train};
 
 fn tile(variant: usize) -> TileSource {
@@ -71,6 +72,10 @@ fn main() {
     let iterations = if numbers.is_empty() { vec![1000, 2000] } else { numbers };
     let name = std::env::args().skip_while(|a| a != "--profile").nth(1).unwrap_or("M".into());
     let profile = PROFILES.iter().find(|p| p.name == name).expect("a profile");
+    if std::env::args().any(|a| a == "--kinds") {
+        iterations.into_iter().for_each(|iterations| kinds(profile, iterations));
+        return;
+    }
     let tiles: Vec<_> = (0..4).map(tile).collect();
     println!("iterations  s/tile (float, all)  ms/iteration  dB unquantised  dB stored");
     for iterations in iterations {
@@ -90,5 +95,43 @@ fn main() {
             "{iterations:10}  {seconds:.2} {all:.2}  {:.3}  {float:.2}  {stored:.2}",
             1e3 * seconds / iterations as f64
         );
+    }
+}
+
+/// Seconds of tiles that have all there is, and of such that lack something.
+fn kinds(profile: &Profile, iterations: usize) {
+    let whole = tile(0);
+    let off = |hour: &f64| (6.0..=18.0).contains(hour);
+    let lamps = Gate { group: 0, on: whole.hours.iter().map(|hour| !off(hour)).collect() };
+    let noon = whole.sets[whole.hours.iter().position(|&hour| hour == 12.0).expect("noon is a set")].clone();
+    let by_day: Vec<usize> = (0..whole.hours.len()).filter(|&k| off(&whole.hours[k])).collect();
+    let few = |i: usize| if i % 128 < 12 && i / 128 < 10 { Coverage::Valid } else { Coverage::Outside };
+    let kinds = [
+        ("full", TileSource { gates: vec![lamps], ..whole.clone() }),
+        ("no lamps", whole.clone()),
+        (
+            "by day",
+            TileSource {
+                hours: by_day.iter().map(|&k| whole.hours[k]).collect(),
+                sets: by_day.iter().map(|&k| whole.sets[k].clone()).collect(),
+                ..whole.clone()
+            },
+        ),
+        ("static", TileSource { sets: vec![noon; whole.sets.len()], ..whole.clone() }),
+        ("120 texels", TileSource { coverage: (0..128 * 128).map(few).collect(), ..whole.clone() }),
+        ("black", TileSource { sets: vec![vec![[0.0; 3]; 128 * 128]; whole.sets.len()], ..whole }),
+    ];
+    println!("{iterations} iterations\ntile  s (all)  ms/iteration  bytes  dB stored");
+    for (name, tile) in kinds {
+        let recipe = Recipe { iterations, passes: 2, paper: false, seed: 7, aim: Aim::MeanPsnr };
+        let start = std::time::Instant::now();
+        let trained = train(&tile, profile, &recipe).expect("training");
+        let all = start.elapsed().as_secs_f64();
+        let main = trained.curve.iter().find(|p| p.iteration >= iterations).map_or(0.0, |p| p.seconds);
+        let bytes = trained.params.as_ref().map_or(0, |params| {
+            compressor::bundle::encode_payload(params).expect("finite parameters").bytes.len()
+        });
+        let db = trained.psnr_db.map_or("–".to_owned(), |db| format!("{db:.1}"));
+        println!("{name:10}  {all:.2}  {:.3}  {bytes}  {db}", 1e3 * main / iterations as f64);
     }
 }

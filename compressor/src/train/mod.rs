@@ -7,6 +7,7 @@ mod features;
 pub(crate) mod network;
 mod gather;
 pub(crate) mod kernel;
+mod bases;
 pub(crate) mod optimise;
 mod matrices;
 mod blocks;
@@ -79,6 +80,8 @@ pub struct Point {
 /// What training gives.
 #[derive(Clone, Debug)]
 pub struct TrainedTile {
+    /// Steps of the main phase.
+    pub steps: usize,
     /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
     pub params: Option<TileParams>,
     /// PSNR before quantisation over all valid texels; `None` where no set has one.
@@ -160,6 +163,7 @@ fn train_coded(
     choose: impl Fn(&Light, &mut Vec<String>) -> Contents,
 ) -> Result<TrainedTile> {
     check(source)?;
+    let asked = recipe.iterations;
     let light = Light::new(source, recipe.coding());
     let mut left_out = Vec::new();
     let black = source.sets.len() - light.lit();
@@ -173,6 +177,7 @@ fn train_coded(
     }
     if light.lit() == 0 {
         return Ok(TrainedTile {
+            steps: 0,
             params: None,
             psnr_unquantised_db: None,
             psnr_8bit_features_db: None,
@@ -183,6 +188,10 @@ fn train_coded(
         });
     }
     let contents = choose(&light, &mut left_out);
+    let recipe = &Recipe { iterations: needed_steps(recipe, &light), ..*recipe };
+    if recipe.iterations < asked {
+        left_out.push("fewer steps: few texels, or few sets that differ".to_owned());
+    }
     let shape = Shape::new(&contents, source.width, source.height, source.sets.len(), recipe.coding());
     let mut problem = Problem::new(source, &light, shape, recipe.coding());
     problem.coded = coded;
@@ -211,6 +220,21 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<
     }
     left_out.push("the same at every hour, means apart: F_uv alone".to_owned());
     Contents { uv: true, hidden: all.hidden, ..Contents::NONE }
+}
+
+/// With fewer different samples than these a tile has fewer steps, by the root of their share.
+const MANY_SAMPLES: usize = 1 << 17;
+/// But so many, if the recipe does.
+const LEAST_STEPS: usize = 1000;
+
+/// The recipe's steps, or those that a tile of few texels, or of few sets that differ, learns all it can in.
+fn needed_steps(recipe: &Recipe, light: &Light) -> usize {
+    let share = (light.valid.len() * light.distinct) as f64 / MANY_SAMPLES as f64;
+    if recipe.paper || share >= 1.0 {
+        return recipe.iterations;
+    }
+    let steps = (share.sqrt() * recipe.iterations as f64).round() as usize;
+    steps.max(LEAST_STEPS).min(recipe.iterations)
 }
 
 fn check(source: &TileSource) -> Result<()> {

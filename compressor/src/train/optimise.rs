@@ -1,5 +1,6 @@
 //! The training loop of one tile: epochs, steps of Adam, the loss weights, and the error so far.
 
+use super::bases::Bases;
 use super::features::Layout;
 use super::gather::{FeatureGradient, Features, Samples, Uv};
 use super::kernel::{Adam, Batch, Contract, Fill, Noise, Scope, SquaredErrors, WEIGHT_CAP, run};
@@ -68,8 +69,10 @@ pub struct Trainer<const H: usize> {
     of_uvt: Vec<Quad>,
     of_network: NetworkGradient<H>,
     flat: Vec<f32>,
+    /// Adam's moments; of the decoder's matrices in their bases.
     mean: Vec<f32>,
     square: Vec<f32>,
+    bases: Option<Bases>,
     steps: i32,
     epochs: Epochs,
     noise: Noise,
@@ -82,8 +85,8 @@ impl<const H: usize> Trainer<H> {
         self.tier
     }
 
-    /// Before the first step.
-    pub fn new(problem: Problem, seed: u64, tier: Tier) -> Self {
+    /// Before the first step. `bases`: Adam sees the decoder's matrices in the eigenbases of their gradients, else as they are.
+    pub fn new(problem: Problem, seed: u64, bases: bool, tier: Tier) -> Self {
         let mut random = Random::new(seed);
         let layout = Layout::new(&problem.shape, problem.coded == Coded::TexelByTexel);
         let params = layout.initial(&problem.shape, &mut random);
@@ -97,6 +100,7 @@ impl<const H: usize> Trainer<H> {
             flat: vec![0.0; params.len()],
             mean: vec![0.0; params.len()],
             square: vec![0.0; params.len()],
+            bases: bases.then(|| Bases::new(&problem.shape)),
             steps: 0,
             epochs: Epochs::default(),
             noise: Noise::new(&problem.shape, &mut random),
@@ -206,11 +210,12 @@ impl<const H: usize> Trainer<H> {
         };
         let beta = [BETA1, step.beta2];
         let corrections = beta.map(|b| 1.0 - f64::from(b).powi(self.steps));
-        for (range, rate, bounds) in
-            [(features, step.rate, [0.0, 1.0]), (mlp, step.mlp_rate, [f32::NEG_INFINITY, f32::INFINITY])]
-        {
+        if let Some(bases) = &mut self.bases {
+            bases.turn(self.tier, &mut self.flat[mlp.clone()], &mut self.mean[mlp.clone()]);
+        }
+        let mut adam = |range: Range<usize>, rate: f32, bounds: [f32; 2], params: &mut [f32]| {
             let adam = Adam {
-                params: &mut self.params[range.clone()],
+                params,
                 gradient: &self.flat[range.clone()],
                 mean: &mut self.mean[range.clone()],
                 square: &mut self.square[range],
@@ -219,7 +224,14 @@ impl<const H: usize> Trainer<H> {
                 bounds,
             };
             run(self.tier, adam);
+        };
+        adam(features.clone(), step.rate, [0.0, 1.0], &mut self.params[features]);
+        let mut moved = vec![0.0; mlp.len()];
+        adam(mlp.clone(), step.mlp_rate, [f32::NEG_INFINITY, f32::INFINITY], &mut moved);
+        if let Some(bases) = &self.bases {
+            bases.turn_back(self.tier, &mut moved);
         }
+        self.params[mlp].iter_mut().zip(&moved).for_each(|(p, m)| *p += m);
         match step.scope {
             Scope::Decoder => {
                 self.network = Network::new(&self.params[self.layout.mlp.clone()], &self.problem);

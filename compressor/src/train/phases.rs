@@ -67,7 +67,7 @@ impl<const H: usize> Attempt<H> {
     pub fn new(problem: &Problem, recipe: &Recipe, slower: f32, tier: Tier) -> Self {
         Attempt {
             clock: Clock::start(),
-            trainer: Trainer::new(problem.clone(), recipe.seed, tier),
+            trainer: Trainer::new(problem.clone(), recipe.seed, !recipe.paper, tier),
             slower,
             beta2: if recipe.paper { PAPER_BETA2 } else { BETA2 },
             aim: recipe.aim,
@@ -91,7 +91,7 @@ impl<const H: usize> Attempt<H> {
             Err(Stop::Diverged) => return Ok(None),
             Err(Stop::Failed(error)) => return Err(error),
         };
-        Ok(self.stored(&blocks, psnr))
+        Ok(self.stored(&blocks, psnr, recipe.iterations))
     }
 
     /// The main phase alone: the squared error of the float model relative to each set's peak, mean over channels, summed
@@ -117,8 +117,13 @@ impl<const H: usize> Attempt<H> {
     }
 
     /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite. That model's PSNR is given,
-    /// as it was and with features of 8 bits.
-    fn stored(mut self, blocks: &Blocks, [unquantised, of_8bit]: [f64; 2]) -> Option<TrainedTile> {
+    /// as it was and with features of 8 bits, and the main phase's steps.
+    fn stored(
+        mut self,
+        blocks: &Blocks,
+        [unquantised, of_8bit]: [f64; 2],
+        steps: usize,
+    ) -> Option<TrainedTile> {
         self.trainer.round_decoder();
         self.point();
         let psnr = self.trainer.psnr(1);
@@ -127,6 +132,7 @@ impl<const H: usize> Attempt<H> {
         }
         let error = self.error(1);
         Some(TrainedTile {
+            steps,
             error: Some(error),
             params: Some(self.trainer.store(blocks)),
             psnr_unquantised_db: Some(unquantised),
@@ -267,7 +273,7 @@ mod tests {
                 let samples = [Samples { moment: 0, texels: &texels }];
                 assert!(!attempt.trainer.differentiate(&samples, false, Scope::Decoder).is_finite());
             }
-            attempt.stored(&blocks, psnr)
+            attempt.stored(&blocks, psnr, recipe.iterations)
         };
         assert!(stored(None).is_some_and(|tile| tile.psnr_db.is_some_and(f64::is_finite)));
         for channel in 0..3 {

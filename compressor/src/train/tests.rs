@@ -68,7 +68,7 @@ fn trainer_of<const H: usize>(
     tier: Tier,
 ) -> Trainer<H> {
     let shape = Shape::new(contents, source.width, source.height, source.sets.len(), coding);
-    Trainer::new(Problem::new(source, &Light::new(source, coding), shape, coding), 5, tier)
+    Trainer::new(Problem::new(source, &Light::new(source, coding), shape, coding), 5, true, tier)
 }
 
 /// Random texels for every set.
