@@ -163,7 +163,6 @@ fn train_coded(
     choose: impl Fn(&Light, &mut Vec<String>) -> Contents,
 ) -> Result<TrainedTile> {
     check(source)?;
-    let asked = recipe.iterations;
     let light = Light::new(source, recipe.coding());
     let mut left_out = Vec::new();
     let black = source.sets.len() - light.lit();
@@ -189,9 +188,6 @@ fn train_coded(
     }
     let contents = choose(&light, &mut left_out);
     let recipe = &Recipe { iterations: needed_steps(recipe, &light), ..*recipe };
-    if recipe.iterations < asked {
-        left_out.push("fewer steps: few texels, or few sets that differ".to_owned());
-    }
     let shape = Shape::new(&contents, source.width, source.height, source.sets.len(), recipe.coding());
     let mut problem = Problem::new(source, &light, shape, recipe.coding());
     problem.coded = coded;
@@ -222,19 +218,17 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<
     Contents { uv: true, hidden: all.hidden, ..Contents::NONE }
 }
 
-/// With fewer different samples than these a tile has fewer steps, by the root of their share.
-const MANY_SAMPLES: usize = 1 << 17;
+/// Share of the steps in which a tile of one picture learns all it can.
+const STILL_SHARE: f64 = 0.25;
 /// But so many, if the recipe does.
 const LEAST_STEPS: usize = 1000;
 
-/// The recipe's steps, or those that a tile of few texels, or of few sets that differ, learns all it can in.
+/// The recipe's steps, or fewer for a tile whose sets look alike.
 fn needed_steps(recipe: &Recipe, light: &Light) -> usize {
-    let share = (light.valid.len() * light.distinct) as f64 / MANY_SAMPLES as f64;
-    if recipe.paper || share >= 1.0 {
+    if recipe.paper || light.distinct > 1 {
         return recipe.iterations;
     }
-    let steps = (share.sqrt() * recipe.iterations as f64).round() as usize;
-    steps.max(LEAST_STEPS).min(recipe.iterations)
+    ((STILL_SHARE * recipe.iterations as f64) as usize).max(LEAST_STEPS).min(recipe.iterations)
 }
 
 fn check(source: &TileSource) -> Result<()> {
