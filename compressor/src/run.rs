@@ -74,10 +74,12 @@ fn quantisation(outcome: &Outcome) -> Option<String> {
 fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
     options.time_limit?;
     let [least, most] = outcome.steps?;
-    Some(format!(
-        "steps per tile: {least} to {most} of {}, as the time limit allowed: other machines, or other days, give other bytes",
-        options.iterations
-    ))
+    (least < options.iterations).then(|| {
+        format!(
+            "steps per tile: {least} to {most} of {} at most; under a time limit other machines, or other days, may give other bytes",
+            options.iterations
+        )
+    })
 }
 
 /// A pooled PSNR may be so far below its target before that is a warning: brief trials do not tell it closer.
