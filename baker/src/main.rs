@@ -1,6 +1,6 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
-use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast};
+use baker::bake::forecast::{Forecast, OPEN_RAYS, density, forecast};
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
 use baker::light::schedule::parse_hours;
@@ -257,10 +257,10 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
     let [x, y, z] = forecast.extent.map(metres);
     console.print(format!("  the scene is {x} × {y} × {z} m (y is up)"));
     console.print(format!(
-        "  {} of {width} × {height} texels, {} covered, {:.1} texels per metre",
+        "  {} of {width} × {height} texels, {} covered, {} texels per metre",
         count(forecast.pages as usize, "page"),
         forecast.texels,
-        forecast.texels_per_metre
+        density(forecast.texels_per_metre)
     ));
     console.print(format!(
         "  disk: dataset at most {}, kept layers {}, and {} while all of them are traced; memory about {}",

@@ -9,7 +9,6 @@ from blake3_numpy import checksum
 
 WEIGHTS = {2: np.array([0, 21, 43, 64]), 3: np.array([0, 9, 18, 27, 37, 46, 55, 64]),  # of indices of so many bits
            4: np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])}
-GELU = [-5.1827092e-7, 2.8011605e-5, -6.3417493e-4, 0.007962516, -0.06293608, 0.39684325]  # of P, highest power first
 
 def check(holds, what):
     if not holds:
@@ -55,7 +54,7 @@ class Bundle:
     def __init__(self, path):
         self.data, self.at, self.index = open(path, 'rb').read(), 0, {}
         magic, version, end, length, digest = self.take('8sIIQQ')
-        check(magic == b'NDGI\r\n\x1a\n' and version == 2, 'not an NDGI bundle of version 2')
+        check(magic == b'NDGI\r\n\x1a\n' and version == 3, 'not an NDGI bundle of version 3')
         check(end % 16 == 0 and 56 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
         check(checksum(self.data[:24] + self.data[32:end]) == digest, 'header damaged')
         side, border, self.coding, self.n, pages, groups = self.take('6I')
@@ -138,8 +137,8 @@ class Bundle:
         maps = [3 * (k - 0.5) for k in maps] + [gamma] * field(3) + [gates]
         x = np.concatenate([np.broadcast_to(k, (height, width, k.shape[2])) for k in maps], 2)
         for W, bias in zip(parts[::2], parts[1::2]):
-            z = np.clip(y := x @ W.reshape(len(bias), -1).T + bias, -3.65, 3.65)
-            x = y * (0.5 + z * np.polyval(GELU, z * z))
+            z = np.clip(y := x @ W.reshape(len(bias), -1).T + bias, -2.25, 2.25)
+            x = y * (0.5 + z / 3 - 16 * z ** 3 / 729)
         light = ((1 - f) * means[a] + f * means[b]) * np.clip(y, 0, 65504) ** (2.2 if self.coding else 2)
         return np.minimum(light, np.finfo(np.float32).max).astype(np.float32)
 

@@ -137,22 +137,58 @@ pub fn palette(mode: Mode, endpoints: &[[u8; 4]; 2]) -> [[u8; 4]; MOST_VALUES] {
 }
 
 impl Block {
-    /// The 16 texels, x + 4 y.
-    pub fn texels(&self) -> [[u8; 4]; 16] {
-        let mut weights = [[0i16; 4]; 16];
-        for (w, &index) in weights.iter_mut().zip(&self.indices) {
-            *w = self.mode.weights(index).map(i16::from);
+    /// The 16 values of each channel, x + 4 y: what [`interpolate`] gives at [`Mode::weights`], sixteen at a time.
+    #[inline]
+    pub fn planes(&self) -> [[u8; 16]; 4] {
+        let (alone, own, others) = match self.mode {
+            Mode::Six => {
+                let all = sixty_fourths::<4>(&self.indices, 0);
+                (3, all, all)
+            }
+            Mode::Four { alone, coarse: true } => {
+                (alone, sixty_fourths::<2>(&self.indices, 0), sixty_fourths::<3>(&self.indices, 2))
+            }
+            Mode::Four { alone, coarse: false } => {
+                (alone, sixty_fourths::<3>(&self.indices, 0), sixty_fourths::<2>(&self.indices, 3))
+            }
+        };
+        let mut planes = [[0; 16]; 4];
+        for (c, plane) in planes.iter_mut().enumerate() {
+            let [e0, e1] = [i16::from(self.endpoints[0][c]), i16::from(self.endpoints[1][c])];
+            let weights = if c == usize::from(alone) { &own } else { &others };
+            for (value, w) in plane.iter_mut().zip(weights) {
+                *value = ((64 * e0 + w * (e1 - e0) + 32) >> 6) as u8;
+            }
         }
-        // What `interpolate` gives, in numbers of 16 bits, of which many are done at once.
-        let [e0, e1] = self.endpoints.map(|e| e.map(i16::from));
+        planes
+    }
+
+    /// The 16 texels, x + 4 y.
+    #[inline]
+    pub fn texels(&self) -> [[u8; 4]; 16] {
+        let planes = self.planes();
         let mut texels = [[0; 4]; 16];
-        for (texel, w) in texels.iter_mut().zip(&weights) {
+        for (i, texel) in texels.iter_mut().enumerate() {
             for c in 0..4 {
-                texel[c] = ((64 * e0[c] + w[c] * (e1[c] - e0[c]) + 32) >> 6) as u8;
+                texel[c] = planes[c][i];
             }
         }
         texels
     }
+}
+
+/// The [`WEIGHTS`] of so many bits of indices from a bit on: their share of the highest index in 64ths, rounded.
+#[inline(always)]
+fn sixty_fourths<const BITS: u32>(indices: &[u8; 16], from: u32) -> [i16; 16] {
+    let top = (1u16 << BITS) - 1;
+    // A division by `top` of what is below 1024, as a multiplication.
+    let inverse = u32::from(u16::MAX / top) + 1;
+    let mut weights = [0; 16];
+    for (weight, index) in weights.iter_mut().zip(indices) {
+        let rounded = 64 * (u16::from(index >> from) & top) + top / 2;
+        *weight = ((u32::from(rounded) * inverse) >> 16) as i16;
+    }
+    weights
 }
 
 /// Appends fields to 128 bits, the lowest first.
@@ -281,6 +317,15 @@ fn indices(bits: u64, width: u32) -> [u8; 16] {
         *index = (bits >> at) as u8 & ((1 << width) - 1);
     }
     indices
+}
+
+/// The 16 values (x + 4 y) of each channel of a block.
+///
+/// # Errors
+/// As [`check`].
+#[inline]
+pub fn decode_planes(block: &[u8; 16]) -> Result<[[u8; 16]; 4]> {
+    Ok(unpack(block)?.planes())
 }
 
 /// The 16 texels (x + 4 y) of a block.

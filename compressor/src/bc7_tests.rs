@@ -77,3 +77,13 @@ fn palette_runs_from_endpoint_to_endpoint() {
     assert_eq!([palette[0], palette[15]], endpoints);
     assert_eq!(palette[8][1], 120); // ((64 − 34) 255 + 32) / 64 = 120.03
 }
+
+#[test]
+fn weights_are_those_of_the_tables() {
+    let indices = std::array::from_fn(|i| i as u8);
+    let of = |weights: [i16; 16], n: usize| weights[..n].to_vec();
+    let table = |bits: usize| WEIGHTS[bits - 2].iter().map(|w| i16::from(*w)).collect::<Vec<_>>();
+    assert_eq!(of(sixty_fourths::<2>(&indices, 0), 4), table(2));
+    assert_eq!(of(sixty_fourths::<3>(&indices, 0), 8), table(3));
+    assert_eq!(of(sixty_fourths::<4>(&indices, 0), 16), table(4));
+}

@@ -19,7 +19,7 @@ use std::path::Path;
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
 /// The version this crate writes; readers refuse others.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Bytes before the variable part of the header.
 const FIXED: usize = 32;
 /// Headers, and every payload, start and end on multiples of this.

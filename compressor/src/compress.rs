@@ -20,7 +20,7 @@ use crate::model::{PROFILES, Profile};
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use dataset::console::{Console, count, stop_if_interrupted};
-use dataset::files::{expect_folder, write_atomically};
+use dataset::files::{expect_writable, write_atomically};
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
 use part::Part;
@@ -133,7 +133,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let dataset = Dataset::open(root)?;
     dataset.expect_moments()?;
     let out = options.out.clone().unwrap_or_else(|| default_bundle(&dataset));
-    expect_folder(&out)?;
+    expect_writable(&out)?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
     let header = header(&dataset, options);
@@ -176,7 +176,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
 
 /// The bundle where a new one is to go.
 enum Standing {
-    /// The very bundle that would be written, and how it came to be.
+    /// The bundle that would be written, but for bytes that go by the instruction set, and how it came to be.
     Same(Box<Outcome>),
     /// One of other light or other settings, in words.
     Other(String),
@@ -204,6 +204,7 @@ fn standing(out: &Path, header: &Header) -> Standing {
     let what = match () {
         () if is_same => "which lacks the record of its training (.run.json)".to_owned(),
         () if differs("inputs") => "made from other light".to_owned(),
+        () if differs("trained_on") => "made where other layers told which lamps light a tile".to_owned(),
         () if differs("iterations") => format!("trained for {} steps", old["iterations"]),
         () if there.header == *header => "of an earlier run under a time limit".to_owned(),
         () => "made with other settings".to_owned(),
@@ -244,6 +245,7 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
     let info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
         "inputs": inputs(dataset),
+        "trained_on": trained_on(dataset),
         "unit": config.unit,
         "profile": match options.rate {
             Rate::Profile(profile) => json!(profile.name),
@@ -285,7 +287,7 @@ pub(crate) fn timeline(dataset: &Dataset, coding: Coding) -> Timeline {
     }
 }
 
-/// Digest of what of the dataset decides the bundle: hours, schedules, and the content of masks and lightmaps.
+/// Digest of the light that a bundle stores: hours, schedules, and the content of masks and lightmaps.
 pub fn inputs(dataset: &Dataset) -> String {
     let config = &dataset.config;
     let pages: Vec<_> =

@@ -100,7 +100,7 @@ pub fn evaluate(
     console: &Console,
 ) -> Result<Evaluation> {
     let bundle = decoder.bundle();
-    check_match(dataset, decoder)?;
+    expect_match(dataset, decoder)?;
     let noise = dataset.noise()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let sets = &dataset.config.sets;
@@ -227,24 +227,35 @@ impl References<'_> {
 }
 
 /// An error unless the bundle has the dataset's pages and hours.
-fn check_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Invalid`] with both.
+pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
     let header = &decoder.bundle().header;
-    let pages = |size: (usize, usize)| format!("{} × {}", size.0, size.1);
-    let bundle_pages: Vec<_> = header.pages.iter().map(|page| pages((page.width, page.height))).collect();
     let config = &dataset.config;
-    let dataset_pages: Vec<_> =
-        config.pages.iter().map(|page| pages((page.width as usize, page.height as usize))).collect();
-    let hours: Vec<f64> = config.sets.iter().map(|set| set.hour).collect();
-    let differs = |what, bundle: &dyn std::fmt::Debug, dataset_has: &dyn std::fmt::Debug| {
-        let text =
-            format!("has {what} {bundle:?}; the dataset {} has {dataset_has:?}", dataset.root.display());
-        Err(Error::invalid(format!("bundle of scene {}", header.scene), text))
+    let pages = |sizes: Vec<(usize, usize)>| {
+        let text = |(width, height): &(usize, usize)| format!("{width} × {height}");
+        sizes.iter().map(text).collect::<Vec<_>>().join(", ")
     };
-    if bundle_pages != dataset_pages {
-        return differs("pages", &bundle_pages, &dataset_pages);
-    }
-    if header.timeline.hours != hours {
-        return differs("hours", &header.timeline.hours, &hours);
+    let hours = |hours: Vec<f64>| hours.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+    let kinds = [
+        (
+            "pages of",
+            pages(header.pages.iter().map(|page| (page.width, page.height)).collect()),
+            pages(config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect()),
+        ),
+        (
+            "sets at the hours",
+            hours(header.timeline.hours.clone()),
+            hours(config.sets.iter().map(|set| set.hour).collect()),
+        ),
+    ];
+    for (what, bundle, of_dataset) in kinds {
+        if bundle != of_dataset {
+            let (scene, root) = (&header.scene, dataset.root.display());
+            let what = format!("has {what} {bundle}; expected those of the dataset {root}, {of_dataset}");
+            return Err(Error::invalid(format!("bundle of scene {scene}"), what));
+        }
     }
     Ok(())
 }

@@ -13,7 +13,7 @@
 //! - a *gate* per light group that switches the tile's light: [`gate`] of whether the group is on;
 //! - input `x = [c(V_uvt), c(V_uv), c(V_ut), c(V_vt), γ, gates]`, of those that the tile has, with `c(f) = 3 (f − ½)`;
 //! - `h₁ = gelu(W₁ x + b₁)`, `h₂ = gelu(W₂ h₁ + b₂)`, `y = W₃ h₂ + b₃`;
-//! - irradiance of channel c: `E_c = mean_c(t) · max(y_c, 0)²`.
+//! - irradiance of channel c: `E_c = mean_c(t) · max(y_c, 0)²`, y_c at most 65504 and E_c the largest f32.
 //!
 //! That is the standard coding; the paper's literal one has another τ, γ and power ([`crate::time::Coding`]), and no gates.
 //! Everything that depends on the time alone, γ and the gates, folds into the first layer's bias. Feature values lie in [0, 1].
@@ -349,22 +349,19 @@ impl TileParams {
 }
 
 /// Beyond ±this, [`gelu`]'s factor is exactly 1 or 0.
-pub const GELU_BOUND: f32 = 3.65;
+pub const GELU_BOUND: f32 = 9.0 / 4.0;
 
-/// Coefficients of P in [`gelu`], constant term first. They are the minimax fit of x·Φ(x) under the conditions that
-/// y P(y²) is ½ and flat at y = [`GELU_BOUND`], so that the function and its derivative are continuous.
-pub const GELU_COEFFICIENTS: [f32; 6] =
-    [0.396_843_25, -0.062_936_08, 0.007_962_516, -6.341_749e-4, 2.801_160_5e-5, -5.182_709e-7];
+/// Coefficients of P in [`gelu`], constant term first: those with which y P(y²) is ½ and flat at y = [`GELU_BOUND`], so that the
+/// function and its derivative are continuous.
+pub const GELU_COEFFICIENTS: [f32; 2] = [1.0 / 3.0, -16.0 / 729.0];
 
-/// GELU as the format defines it: `x · (½ + y P(y²))` with y = x clamped to ±[`GELU_BOUND`]: within 5e-4 of `x · Φ(x)`,
-/// Φ the normal distribution function.
+/// The activation: `x · (½ + y P(y²))` with y = x clamped to ±[`GELU_BOUND`]. It is GELU, `x · Φ(x)` (Φ the normal distribution
+/// function), but for 0.031, at 6 operations; at 10, within 5e-4 of it, decoders are better by 0.1 dB at most and a sixth slower.
 #[inline(always)]
 pub fn gelu(x: f32) -> f32 {
     let y = x.clamp(-GELU_BOUND, GELU_BOUND);
-    let [p0, p1, p2, p3, p4, p5] = GELU_COEFFICIENTS;
-    let s = y * y;
-    let p = ((((p5 * s + p4) * s + p3) * s + p2) * s + p1) * s + p0;
-    x * (0.5 + y * p)
+    let [p0, p1] = GELU_COEFFICIENTS;
+    x * (0.5 + y * (p1 * (y * y) + p0))
 }
 
 #[cfg(test)]
@@ -383,15 +380,18 @@ mod tests {
     }
 
     #[test]
-    fn gelu_is_close_to_the_exact_one() {
+    fn gelu_is_close_to_the_exact_one_and_smooth() {
         let mut worst = 0.0f64;
         for i in (-16_000..=16_000).filter(|i| *i != 0) {
             let x = f64::from(i) / 2000.0;
             let cdf = normal_distribution(x);
             worst = worst.max((f64::from(gelu(x as f32)) - x * cdf).abs());
         }
-        assert!(worst < 5e-4, "{worst}");
+        assert!((0.030..0.0315).contains(&worst), "{worst}");
         assert_eq!(gelu(0.0), 0.0);
         assert!((gelu(50.0) - 50.0).abs() < 1e-4 && gelu(-50.0).abs() < 1e-4);
+        // Flat factor at the bound: no kink.
+        let slope = |x: f32| (gelu(x + 1e-2) - gelu(x - 1e-2)) / 2e-2;
+        assert!((slope(GELU_BOUND) - 1.0).abs() < 0.02 && slope(-GELU_BOUND).abs() < 0.02);
     }
 }

@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::compress::{Outcome, TileOutcome};
 use crate::decode::Decoder;
-use crate::evaluate::{COLUMNS, Evaluation, read, strips, valid};
+use crate::evaluate::{COLUMNS, Evaluation, cell, read, strips, valid};
 use crate::mean::mean;
 use dataset::image::Image;
 use dataset::report::Section;
@@ -27,7 +27,7 @@ pub fn training(outcome: &Outcome) -> Section {
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
     section.paragraph(&format!(
         "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
-         training. Steps per tile: {}. Mean over tiles before quantisation {}, with features of \
+         training. Steps per tile: {}. Mean over tiles, by texels, before quantisation {}, with features of \
          8 bits {}, as stored in BC7 {}.",
         outcome.tiles,
         outcome.empty,
@@ -54,7 +54,7 @@ pub fn training(outcome: &Outcome) -> Section {
             log_x: false,
             log_y: false,
             lines: vec![
-                ("mean over tiles".to_owned(), line(&|point| point.mean_db)),
+                ("mean over tiles, by texels".to_owned(), line(&|point| point.mean_db)),
                 ("worst tile".to_owned(), line(&|point| point.worst_db)),
             ],
         });
@@ -94,28 +94,12 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
             ),
         ],
     });
-    let number = |value: Option<f64>, digits: usize| {
-        value.map_or("–".to_owned(), |value| format!("{value:.digits$}"))
-    };
-    let (all, large) = (&evaluation.all, &evaluation.large);
-    section.subheading("By other measures");
-    let row = |name: &str, value: String| vec![name.to_owned(), value];
-    section.table(
-        &["measure", "value"],
-        &[
-            row("PSNR dB, peak = largest − smallest", number(all.psnr_range_db, 2)),
-            row("1 − SSIM, windows of 7×7 texels alike", number(all.one_minus_ssim_uniform, 5)),
-            row("PSNR dB, tiles of 256×256", number(large.psnr_db, 2)),
-            row("PSNR dB, tiles of 256×256, peak = largest − smallest", number(large.psnr_range_db, 2)),
-            row("1 − SSIM, tiles of 256×256", number(large.one_minus_ssim, 5)),
-            row("LPIPS", "not measured".to_owned()),
-        ],
-    );
+    other_measures(evaluation, &mut section);
     let steps = |switch: bool| {
         let each = evaluation.steps.each.iter().filter(|step| step.switch == switch);
         each.filter_map(|step| Some((step.from, step.error?))).collect::<Vec<_>>()
     };
-    if !evaluation.steps.each.is_empty() {
+    if evaluation.steps.each.iter().any(|step| step.error.is_some()) {
         section.plot(&Plot {
             title: "Error of the change of light to the next set".to_owned(),
             x: "hour".to_owned(),
@@ -125,6 +109,30 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
             lines: vec![("same lamps".to_owned(), steps(false)), ("across a switch".to_owned(), steps(true))],
         });
     }
+    worst_tiles(evaluation, &mut section);
+    section
+}
+
+/// Means by measures besides those of the table.
+fn other_measures(evaluation: &Evaluation, section: &mut Section) {
+    let (all, large) = (&evaluation.all, &evaluation.large);
+    section.subheading("By other measures");
+    let row = |name: &str, value: String| vec![name.to_owned(), value];
+    section.table(
+        &["measure", "value"],
+        &[
+            row("PSNR dB, peak = largest − smallest", cell(all.psnr_range_db, 2)),
+            row("1 − SSIM, windows of 7×7 texels alike", cell(all.one_minus_ssim_uniform, 5)),
+            row("PSNR dB, tiles of 256×256", cell(large.psnr_db, 2)),
+            row("PSNR dB, tiles of 256×256, peak = largest − smallest", cell(large.psnr_range_db, 2)),
+            row("1 − SSIM, tiles of 256×256", cell(large.one_minus_ssim, 5)),
+            row("LPIPS", "not measured".to_owned()),
+        ],
+    );
+}
+
+/// The (tile, set) pairs of least PSNR.
+fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
     let mut worst: Vec<_> = evaluation
         .samples
         .iter()
@@ -132,12 +140,15 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
         .filter_map(|s| Some((s.quality.psnr_db?, s)))
         .collect();
     worst.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Sets of one picture have one PSNR, texel for texel: of these the first stands for all.
+    let mut shown = std::collections::BTreeSet::new();
+    worst.retain(|(db, s)| shown.insert((s.page, s.rect.y0, s.rect.x0, db.to_bits())));
     let rows: Vec<Vec<String>> = worst
         .iter()
         .take(8)
         .map(|(db, s)| {
             let place = format!("{}–{}, {}–{}", s.rect.x0, s.rect.x1, s.rect.y0, s.rect.y1);
-            let ceiling = s.noise_ceiling_db.map_or("–".to_owned(), |db| format!("{db:.2}"));
+            let ceiling = cell(s.noise_ceiling_db, 2);
             let hour = evaluation.by_hour[s.set].0;
             vec![
                 hour.to_string(),
@@ -150,8 +161,8 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
         })
         .collect();
     section.subheading("The worst tiles");
+    section.paragraph("Of sets that are alike the first alone.");
     section.table(&["hour", "page", "texels x, y", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
-    section
 }
 
 /// Decoded pages beside the reference and their difference, at a few hours.

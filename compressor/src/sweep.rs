@@ -6,7 +6,7 @@ use crate::compress::{Preset, of_tile, seed, timeline};
 use crate::decode::TileDecoder;
 use crate::evaluate::{aligned, cell};
 use crate::grid::{Grid, Place};
-use crate::mean::mean;
+use crate::mean::{mean, weighted_mean};
 use crate::model::{Profile, TileParams};
 use crate::tile::{Band, Coverage, TileSource, valid_texels};
 use crate::time::{Coding, Timeline};
@@ -51,7 +51,7 @@ const COLUMNS: [&str; 8] = [
 const HEADER: [&str; 8] =
     ["profile", "preset", "bpp", "unquantised dB", "8-bit dB", "BC7 dB", "1 − SSIM", "CPU s per tile"];
 
-/// What a profile reaches with a preset: means over tiles, of each tile over its lit sets.
+/// What a profile reaches with a preset: means over tiles, weighed by their valid texels, of each tile over its lit sets.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the profile.
@@ -68,7 +68,7 @@ pub struct Row {
     pub psnr_bc7_db: Option<f64>,
     /// 1 − structural similarity of the stored tile.
     pub one_minus_ssim: Option<f64>,
-    /// CPU seconds a tile.
+    /// CPU seconds a tile, all tiles alike.
     pub seconds: f64,
 }
 
@@ -85,6 +85,8 @@ pub struct Sweep {
 
 /// One training's share of a row.
 struct Measured {
+    /// What it weighs: valid texels, its border with them.
+    weight: usize,
     bits: f64,
     /// Texels the tile owns × sets.
     values: f64,
@@ -132,7 +134,8 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
                 let seconds = clock.seconds();
                 let grid = Grid { width: masks[page].width, height: masks[page].height };
                 let (width, height) = grid.payload(place.column, place.row);
-                let measured = measure(source, &trained, &timeline, width * height, seconds)?;
+                let weight = valid_texels(&masks[page], *place);
+                let measured = measure(source, &trained, &timeline, [weight, width * height], seconds)?;
                 progress.advance(1);
                 Ok((kind, measured))
             })
@@ -143,16 +146,18 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
         }
     }
     let rows = kinds.iter().zip(&measured).map(|((profile, preset), tiles)| {
-        let of = |value: &dyn Fn(&Measured) -> Option<f64>| mean(tiles.iter().filter_map(value));
+        let of = |value: fn(&Measured) -> Option<f64>| {
+            weighted_mean(tiles.iter().filter_map(|tile| Some((value(tile)?, tile.weight))))
+        };
         let sum = |value: &dyn Fn(&Measured) -> f64| tiles.iter().map(value).sum::<f64>();
         Row {
             profile: profile.name,
             preset: preset.name,
             bpp: sum(&|tile| tile.bits) / sum(&|tile| tile.values).max(1.0),
-            psnr_unquantised_db: of(&|tile| tile.unquantised),
-            psnr_8bit_features_db: of(&|tile| tile.of_8bit),
-            psnr_bc7_db: of(&|tile| tile.bc7),
-            one_minus_ssim: of(&|tile| tile.one_minus_ssim),
+            psnr_unquantised_db: of(|tile| tile.unquantised),
+            psnr_8bit_features_db: of(|tile| tile.of_8bit),
+            psnr_bc7_db: of(|tile| tile.bc7),
+            one_minus_ssim: of(|tile| tile.one_minus_ssim),
             seconds: sum(&|tile| tile.seconds) / tiles.len().max(1) as f64,
         }
     });
@@ -173,20 +178,21 @@ fn choose(masks: &[Mask], options: &Options) -> (Vec<Place>, usize) {
     (places, of)
 }
 
-/// What a trained tile is; nothing for one without light.
+/// What a trained tile is, of its weight and the texels it owns; nothing for one without light.
 fn measure(
     source: &TileSource,
     trained: &TrainedTile,
     timeline: &Timeline,
-    texels: usize,
+    [weight, own]: [usize; 2],
     seconds: f64,
 ) -> Result<Option<Measured>> {
     let Some(params) = &trained.params else { return Ok(None) };
     let payload = encode_payload(params).map_err(|what| Error::invalid("payload", what))?;
     let qualities = qualities(source, params, timeline)?;
     Ok(Some(Measured {
+        weight,
         bits: 8.0 * payload.bytes.len() as f64,
-        values: (texels * source.sets.len()) as f64,
+        values: (own * source.sets.len()) as f64,
         unquantised: trained.psnr_unquantised_db,
         of_8bit: trained.psnr_8bit_features_db,
         bc7: mean(qualities.iter().filter_map(|quality| quality.psnr_db)),
@@ -236,7 +242,8 @@ impl Sweep {
     pub fn table(&self) -> Vec<String> {
         let mut lines = aligned(&HEADER, &self.rows());
         lines.push(format!(
-            "{} of {} tiles with valid texels, whose texels alone count in bpp",
+            "{} of {} tiles with valid texels, weighed by those; only their texels count in bpp. BC7 may be above \
+             unquantised: training goes on around its blocks",
             self.tiles, self.tiles_of
         ));
         lines
@@ -259,9 +266,10 @@ impl Sweep {
     pub fn section(&self) -> Section {
         let mut section = Section::new("Profiles and presets");
         section.paragraph(&format!(
-            "{} of {} tiles with valid texels, each trained by every profile with every preset. PSNR: mean over tiles, of each over its \
-             sets, peak = the set's largest valid value; of the float model, with its features rounded to 8 bits, and of the stored tile \
-             in BC7 as it decodes. Bits of the tiles' payloads over those tiles' texels. CPU seconds per tile, quantisation included.",
+            "{} of {} tiles with valid texels, each trained by every profile with every preset. PSNR: mean over tiles weighed by their \
+             valid texels, of each over its sets, peak = the set's largest valid value; of the float model, with its \
+             features rounded to 8 bits, and of the stored tile in BC7 as it decodes, which may be above both, for training goes on \
+             around its blocks. Bits of the tiles' payloads over those tiles' texels. CPU seconds per tile, quantisation included.",
             self.tiles, self.tiles_of
         ));
         section.table(&HEADER, &self.rows());

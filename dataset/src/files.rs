@@ -43,11 +43,8 @@ pub(crate) fn sync_folder_of(path: &Path) {
     }
 }
 
-/// An error unless the folder in which a file is to be written exists: to be asked before the work, not after it.
-///
-/// # Errors
-/// `Invalid`, with the folder.
-pub fn expect_folder(path: &Path) -> Result<()> {
+/// An error unless the folder in which a file is to be written exists.
+fn expect_folder(path: &Path) -> Result<()> {
     match folder_of(path).filter(|folder| !folder.is_dir()) {
         None => Ok(()),
         Some(folder) => {
@@ -58,13 +55,23 @@ pub fn expect_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there.
+/// An error unless a file can be written there, for which one is made and removed: to be asked before the work, not after it.
 ///
 /// # Errors
-/// `Invalid`, with the option it was given by, or the folder.
+/// `Invalid`, with the folder; `Io`.
+pub fn expect_writable(path: &Path) -> Result<()> {
+    expect_folder(path)?;
+    let temporary = temporary_beside(path)?;
+    File::create(&temporary).and_then(|_| fs::remove_file(&temporary)).map_err(Error::io(path))
+}
+
+/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there and lets files be written.
+///
+/// # Errors
+/// `Invalid`, with the option it was given by, or the folder; `Io`.
 pub fn expect_output(path: &Path, extension: &str, option: &str) -> Result<()> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
-        return expect_folder(path);
+        return expect_writable(path);
     }
     Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
 }

@@ -1,6 +1,7 @@
 //! What a bake tells of its geometry, page and light, in words.
 
 use super::assemble::Stored;
+use super::forecast::density;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
 use super::rounds::Traced;
@@ -90,12 +91,12 @@ pub fn of_bake(
             count(geometry.textures.len(), "texture")
         ),
         format!(
-            "{} {} × {} texels, {}, {:.1} texels per metre; charts touch {:.1} % of the texels, {:.1} % are valid",
+            "{} {} × {} texels, {}, {} texels per metre; charts touch {:.1} % of the texels, {:.1} % are valid",
             if atlas.pages == 1 { "page".to_owned() } else { format!("{} pages of", atlas.pages) },
             atlas.width,
             atlas.page_height,
             count(atlas.charts as usize, "chart"),
-            atlas.texels_per_metre,
+            density(atlas.texels_per_metre),
             atlas.utilisation * 100.0,
             stored.valid_texels as f64 / page * 100.0
         ),

@@ -155,3 +155,12 @@ fn open(
     };
     Ok(blocks.par_iter().enumerate().map(of_block).sum())
 }
+
+/// Texels per metre to one decimal, or to two digits where that would show few.
+pub fn density(per_metre: f64) -> String {
+    match per_metre {
+        0.95.. => format!("{per_metre:.1}"),
+        0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
+        _ => format!("{per_metre:.1e}"),
+    }
+}

@@ -6,7 +6,7 @@ use super::tiles::Work;
 use crate::bundle::{Header, Payload};
 use crate::grid::Place;
 use crate::lanes::Tier;
-use crate::mean::mean;
+use crate::mean::{mean, weighted_mean};
 use crate::model::Contents;
 use crate::{Error, Result};
 use dataset::files::write_atomically;
@@ -22,7 +22,7 @@ pub struct CurvePoint {
     pub iteration: usize,
     /// CPU seconds per tile, mean over tiles.
     pub seconds: f64,
-    /// PSNR in dB, mean over tiles.
+    /// PSNR in dB, mean over tiles, each weighing as many texels as it is trained to.
     pub mean_db: f64,
     /// The worst tile's.
     pub worst_db: f64,
@@ -56,7 +56,8 @@ pub struct Outcome {
     pub trial_seconds: f64,
     /// Fewest and most steps of a tile with light.
     pub steps: Option<[usize; 2]>,
-    /// PSNR before quantisation, mean over tiles, in dB (each tile: mean over its sets, peak = the set's largest valid value).
+    /// PSNR before quantisation, mean over tiles weighed by their valid texels, in dB (each tile: mean over its sets, peak = the
+    /// set's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
     /// The same with features of 8 bits, which BC7 is not.
     pub psnr_8bit_features_db: Option<f64>,
@@ -64,7 +65,7 @@ pub struct Outcome {
     pub psnr_trained_db: Option<f64>,
     /// PSNR against seconds.
     pub curve: Vec<CurvePoint>,
-    /// What was left out and why, with the number of tiles, most frequent first.
+    /// What was left out and why, and what else is to be said, with the number of tiles, most frequent first.
     pub left_out: Vec<(String, usize)>,
     /// Every tile, in the order of the bundle's index.
     pub per_tile: Vec<TileOutcome>,
@@ -83,7 +84,7 @@ pub struct TileOutcome {
     pub steps: usize,
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
-    /// What was left out and why.
+    /// What was left out and why, and what else is to be said.
     pub left_out: Vec<String>,
 }
 
@@ -109,6 +110,9 @@ impl Outcome {
                 psnr_db: stats.psnr_db,
                 left_out: stats.left_out.clone(),
             };
+        let mean_of = |value: fn(&TileStats) -> Option<f64>| {
+            weighted_mean(stats.iter().filter_map(|tile| Some((value(tile)?, tile.texels))))
+        };
         let steps = || stats.iter().map(|tile| tile.steps).filter(|steps| *steps > 0);
         Outcome {
             bundle,
@@ -123,9 +127,9 @@ impl Outcome {
             seconds: start.elapsed().as_secs_f64(),
             training_seconds: trial_seconds + stats.iter().map(|tile| tile.seconds).sum::<f64>(),
             trial_seconds: *trial_seconds,
-            psnr_unquantised_db: mean(stats.iter().filter_map(|tile| tile.psnr_unquantised_db)),
-            psnr_8bit_features_db: mean(stats.iter().filter_map(|tile| tile.psnr_8bit_features_db)),
-            psnr_trained_db: mean(stats.iter().filter_map(|tile| tile.psnr_db)),
+            psnr_unquantised_db: mean_of(|tile| tile.psnr_unquantised_db),
+            psnr_8bit_features_db: mean_of(|tile| tile.psnr_8bit_features_db),
+            psnr_trained_db: mean_of(|tile| tile.psnr_db),
             curve: aggregate(stats),
             left_out: count(stats),
             per_tile: header.places().zip(payloads.iter().zip(stats)).map(tile).collect(),
@@ -133,18 +137,20 @@ impl Outcome {
     }
 }
 
-/// The training curve over all tiles: the i-th points of all tiles that have one, averaged.
+/// The training curve over all tiles: the i-th points of all tiles that have one, averaged, PSNR by texels.
 fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
     let points = stats.iter().map(|tile| tile.curve.len()).max().unwrap_or(0);
-    let at =
-        |i: usize| stats.iter().filter_map(move |tile| tile.curve.get(i)).filter(|point| point.2.is_finite());
+    let at = |i: usize| {
+        let point = move |tile: &TileStats| Some((*tile.curve.get(i)?, tile.texels));
+        stats.iter().filter_map(point).filter(|(point, _)| point.2.is_finite())
+    };
     (0..points)
         .filter_map(|i| {
             Some(CurvePoint {
-                iteration: at(i).map(|point| point.0).max()?,
-                seconds: mean(at(i).map(|point| point.1))?,
-                mean_db: mean(at(i).map(|point| point.2))?,
-                worst_db: at(i).map(|point| point.2).min_by(f64::total_cmp)?,
+                iteration: at(i).map(|(point, _)| point.0).max()?,
+                seconds: mean(at(i).map(|(point, _)| point.1))?,
+                mean_db: weighted_mean(at(i).map(|(point, texels)| (point.2, texels)))?,
+                worst_db: at(i).map(|(point, _)| point.2).min_by(f64::total_cmp)?,
             })
         })
         .collect()
@@ -171,5 +177,5 @@ pub(super) fn write(out: &Path, outcome: &Outcome) -> Result<()> {
 pub(super) fn read(out: &Path) -> Option<Outcome> {
     let outcome: Outcome = serde_json::from_slice(&std::fs::read(beside(out, ".run.json")).ok()?).ok()?;
     // (It may have been moved since.)
-    Some(Outcome { bundle: out.to_owned(), up_to_date: true, ..outcome })
+    Some(Outcome { bundle: out.to_owned(), up_to_date: true, resumed: 0, ..outcome })
 }

@@ -62,7 +62,8 @@ impl Pace {
 
     /// Learns from a finished tile, which took so long by the clock.
     pub(super) fn measure(&self, stats: &TileStats, took: Duration) {
-        // The tile's own curve is in CPU seconds; the share of its steps in them is what counts.
+        // The tile's own curve is in CPU seconds; the share of its steps in them is what counts. (The point at 7/8 of the steps is
+        // the last that is surely one of the main phase.)
         let near_end = stats.curve.iter().find(|(step, ..)| 8 * step >= 7 * stats.steps);
         if let Some(&(step, seconds, _)) = near_end
             && step > 0
@@ -147,6 +148,7 @@ mod tests {
         // 1000 steps in 1 of 3 CPU seconds, which took 6 seconds.
         let curve = vec![(500, 0.5, 30.0), (875, 0.875, 31.0), (1000, 1.0, 31.0), (1000, 2.0, 30.0)];
         let stats = TileStats {
+            texels: 1,
             steps: 1000,
             psnr_unquantised_db: None,
             psnr_8bit_features_db: None,

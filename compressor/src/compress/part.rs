@@ -77,6 +77,11 @@ impl Part {
         Ok(())
     }
 
+    /// Whether a file of that name is there, whole or not.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.path(key).exists()
+    }
+
     /// Whether a file is this run's own work.
     pub(super) fn wrote(&self, key: &str) -> bool {
         self.written.lock().unwrap_or_else(|e| e.into_inner()).contains(key)
@@ -112,6 +117,7 @@ mod tests {
         let out = folder.path().join("a.ndgi");
         let part = Part::open(&out, false).unwrap();
         let stats = TileStats {
+            texels: 1,
             steps: 10,
             psnr_unquantised_db: Some(44.25),
             psnr_8bit_features_db: None,

@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 /// What training told about one tile.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TileStats {
+    /// Valid texels, its border with them: what it weighs in means over tiles.
+    pub texels: usize,
     /// Steps of the main phase; 0 for a tile without light.
     pub steps: usize,
     /// PSNR before quantisation, in dB, where the tile has one.
@@ -17,7 +19,7 @@ pub struct TileStats {
     pub error: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
-    /// What was left out and why.
+    /// What was left out and why, and what else is to be said.
     pub left_out: Vec<String>,
     /// CPU seconds.
     pub seconds: f64,

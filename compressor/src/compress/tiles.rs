@@ -88,15 +88,23 @@ impl Tiles<'_> {
         let contents = |place| self.header.position(place).and_then(|at| chosen.get(at).copied().flatten());
         let note = |tile: &Tile| {
             let (Some(db), Ok(mut so_far)) = (tile.stats.psnr_db, so_far.lock()) else { return None };
-            so_far.0 += db;
-            so_far.1 += 1;
-            Some(format!("{:.1} dB", so_far.0 / f64::from(so_far.1)))
+            so_far.0 += tile.stats.texels as f64 * db;
+            so_far.1 += tile.stats.texels;
+            Some(format!("{:.1} dB", so_far.0 / so_far.1 as f64))
         };
         let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
             // Its light need not be read.
             0 => Some(Tile::empty()),
             _ => self.finished(&self.key(place, contents(place))),
         };
+        let left = self.header.places().filter(|&place| self.part.has(&self.key(place, contents(place))));
+        let left = left.filter(|&place| tile::valid_texels(&self.masks[place.page], place) > 0).count();
+        if left > 0 {
+            console.say(format!(
+                "continuing: {left} of {} tiles stand from an earlier run",
+                self.header.tiles()
+            ));
+        }
         let pace = self.pace(&contents, &finished)?;
         let work = |place: Place, band: &Band| {
             let start = Instant::now();
@@ -160,43 +168,50 @@ impl Tiles<'_> {
             chosen.iter().enumerate().map(|(tile, at)| contents(tile, *at)).collect()
         };
         let chosen = match self.options.rate {
-            Rate::Psnr(_) => self.calibrated(&trials, contents, console)?,
-            _ => allocate::choose(&trials, self.goal(&trials, 1.0)?),
+            Rate::Psnr(db) => self.calibrated(db, &trials, contents, console)?,
+            Rate::Bpp(bpp) => allocate::choose(&trials, self.bytes(bpp)?),
+            Rate::Profile(_) => Vec::new(),
         };
         Ok((contents(&chosen), seconds.iter().sum()))
     }
 
-    /// The cheapest choice found whose tiles reach the target, by what training gains on some of them: from choices that foresee a gain
-    /// that is too small, as they turn out, to those that foresee one too large. Where none reaches it, the dearest.
+    /// The cheapest choice found whose tiles reach a pooled PSNR, by what training gains on some of them: from choices that foresee a
+    /// gain that is too small, as they turn out, to those that foresee one too large. Where none reaches it, the dearest.
     fn calibrated(
         &self,
+        db: f64,
         trials: &[Vec<Trial>],
         contents: impl Fn(&[Option<usize>]) -> Vec<Option<Contents>>,
         console: &Console,
     ) -> Result<Vec<Option<usize>>> {
-        let choose = |gain: f64| Ok(allocate::choose(trials, self.goal(trials, gain)?));
+        let terms: u64 = trials.iter().filter_map(|trials| trials.first()).map(|trial| trial.terms).sum();
+        // What the tiles together may keep of error.
+        let wanted = terms as f64 * 10f64.powf(-db / 10.0);
+        let choose = |gain: f64| allocate::choose(trials, Goal::Error(wanted * gain));
         let tried_error = |chosen: &[Option<usize>]| -> f64 {
             chosen.iter().zip(trials).filter_map(|(at, trials)| Some(trials[(*at)?].error)).sum()
         };
-        let Goal::Error(wanted) = self.goal(trials, 1.0)? else { return choose(1.0) };
         let mut gain = train::gain(self.options.iterations);
-        let mut chosen: Vec<Option<usize>> = choose(gain)?;
+        let mut chosen: Vec<Option<usize>> = choose(gain);
         // The largest gain foreseen that was met, with its choice, and the least that was not.
-        let (mut met, mut missed) = (None, None);
+        let mut met: Option<(f64, Vec<Option<usize>>)> = None;
+        let mut missed: Option<f64> = None;
         for _ in 0..CALIBRATIONS {
             let Some(found) = self.measured_gain(trials, &chosen, &contents(&chosen), console)? else {
                 break;
             };
             if tried_error(&chosen) <= wanted * found * NEARLY {
-                met = Some((gain, chosen.clone()));
+                if met.as_ref().is_none_or(|(largest, _)| gain > *largest) {
+                    met = Some((gain, chosen.clone()));
+                }
             } else {
-                missed = Some(gain);
+                missed = Some(missed.map_or(gain, |least| least.min(gain)));
             }
             gain = match (&met, missed) {
                 (Some((met, _)), Some(missed)) => f64::sqrt(met * missed),
                 _ => found,
             };
-            let next = choose(gain)?;
+            let next = choose(gain);
             if next == chosen {
                 break;
             }
@@ -241,19 +256,13 @@ impl Tiles<'_> {
         Ok((stored > 0.0).then(|| tried / stored))
     }
 
-    /// What the tiles together must keep, in terms of their trials, of whose errors training leaves one part in `gain`.
-    fn goal(&self, trials: &[Vec<Trial>], gain: f64) -> Result<Goal> {
-        let header = bundle::encode(self.header, &vec![Payload::default(); trials.len()])?.len() as f64;
+    /// What is left for payloads of so many bits per texel and set.
+    fn bytes(&self, bpp: f64) -> Result<Goal> {
+        let none = vec![Payload::default(); self.header.tiles()];
+        let header = bundle::encode(self.header, &none)?.len() as f64;
         let texels: f64 = self.header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
-        let terms: u64 = trials.iter().filter_map(|trials| trials.first()).map(|trial| trial.terms).sum();
-        Ok(match self.options.rate {
-            Rate::Psnr(db) => Goal::Error(terms as f64 * 10f64.powf(-db / 10.0) * gain),
-            Rate::Bpp(bpp) => {
-                let bytes = bpp * texels * self.header.timeline.hours.len() as f64 / 8.0;
-                Goal::Bytes((bytes - header).max(0.0) as u64)
-            }
-            Rate::Profile(_) => Goal::Bytes(u64::MAX),
-        })
+        let bytes = bpp * texels * self.header.timeline.hours.len() as f64 / 8.0;
+        Ok(Goal::Bytes((bytes - header).max(0.0) as u64))
     }
 
     /// Does something with every tile that is not `finished`, in parallel; the results in the order of the bundle's index.
@@ -374,6 +383,7 @@ impl Tiles<'_> {
             None => Payload::default(),
         };
         let stats = TileStats {
+            texels: tile::valid_texels(&self.masks[place.page], place),
             steps: trained.steps,
             psnr_unquantised_db: trained.psnr_unquantised_db,
             psnr_8bit_features_db: trained.psnr_8bit_features_db,

@@ -94,8 +94,9 @@ fn gelu<L: Lanes>(units: &mut [L; BLOCK]) {
             y[i] = x[i].max(L::splat(-GELU_BOUND)).min(L::splat(GELU_BOUND));
             s[i] = y[i].mul(y[i]);
         }
-        let mut p = [L::splat(GELU_COEFFICIENTS[5]); 4];
-        for k in [4, 3, 2, 1, 0] {
+        const LAST: usize = GELU_COEFFICIENTS.len() - 1;
+        let mut p = [L::splat(GELU_COEFFICIENTS[LAST]); 4];
+        for k in (0..LAST).rev() {
             for i in 0..4 {
                 p[i] = p[i].mul_add(s[i], L::splat(GELU_COEFFICIENTS[k]));
             }

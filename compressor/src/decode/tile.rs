@@ -36,12 +36,10 @@ impl<'a> TileDecoder<'a> {
         let padded = shape.width.next_multiple_of(LANES);
         let mut uv = vec![0; if shape.contents.uv { 4 * shape.height * padded } else { 0 }];
         for (i, block) in tile.f_uv.iter().enumerate() {
-            let texels = bc7::decode(block)?;
             let (left, top) = corner(i, shape.width);
-            for (y, row) in texels.as_chunks::<4>().0.iter().enumerate() {
-                for c in 0..4 {
-                    uv[(c * shape.height + top + y) * padded + left..][..4]
-                        .copy_from_slice(&row.map(|t| t[c]));
+            for (c, plane) in bc7::decode_planes(block)?.iter().enumerate() {
+                for (y, row) in plane.as_chunks::<4>().0.iter().enumerate() {
+                    uv[(c * shape.height + top + y) * padded + left..][..4].copy_from_slice(row);
                 }
             }
         }

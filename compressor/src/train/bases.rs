@@ -62,7 +62,8 @@ impl Bases {
         Bases { matrices, steps: 0 }
     }
 
-    /// Turns a step's gradient into the bases, which follow it, and Adam's first moment with them.
+    /// Turns a step's gradient into the bases, which follow it, and Adam's first moment with them. The second, a square, has no meaning
+    /// in other axes; the bases turn slowly, and it is forgotten within some twenty steps (SOAP keeps it likewise).
     pub fn turn(&mut self, tier: Tier, gradient: &mut [f32], mean: &mut [f32]) {
         run(tier, Turn { bases: self, gradient, mean });
     }

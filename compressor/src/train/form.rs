@@ -10,7 +10,7 @@ use super::matrices::{Matrix, System, solve, times};
 use crate::bc7::{Block, Mode, palette};
 use crate::lanes::{Lanes, Quad};
 
-/// Free texels are held this much more than endpoints.
+/// Free texels are held this much more than endpoints: the form holds near the present ones alone, and they could go anywhere.
 const FREE: f32 = 10.0;
 
 /// Of changes δ_q of the block's texels the loss changes by Σ_pq δ_pᵀ G_pq δ_q + 2 Σ_q g_qᵀ δ_q.
@@ -24,7 +24,7 @@ pub struct Form {
 
 /// Texels somewhere along the way.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct State {
     texels: [Quad; 16],
     /// g_q here.
     slope: [Quad; 16],
@@ -38,8 +38,8 @@ impl Form {
 
     /// Where a block's texels are.
     #[inline(always)]
-    fn start(&self, block: &Block) -> Place {
-        Place { texels: values(block), slope: self.slope, change: 0.0 }
+    fn start(&self, block: &Block) -> State {
+        State { texels: values(block), slope: self.slope, change: 0.0 }
     }
 
     /// The block moved so that the loss is less, or as it is.
@@ -54,7 +54,7 @@ impl Form {
 
     /// The change of the loss if one texel moves by `d`.
     #[inline(always)]
-    fn change(&self, place: &Place, q: usize, d: Quad) -> f32 {
+    fn change(&self, place: &State, q: usize, d: Quad) -> f32 {
         let md = times(&self.matrix[q][q], d);
         let mut change = 0.0;
         for c in 0..4 {
@@ -65,7 +65,7 @@ impl Form {
 
     /// Moves one texel.
     #[inline(always)]
-    fn shift(&self, place: &mut Place, q: usize, to: Quad) {
+    fn shift(&self, place: &mut State, q: usize, to: Quad) {
         let d = place.texels[q].mul_add([-1.0; 4], to);
         place.change += self.change(place, q, d);
         place.texels[q] = to;
@@ -76,7 +76,7 @@ impl Form {
 
     /// Moves all texels to those of a block.
     #[inline(always)]
-    fn shift_all(&self, place: &mut Place, block: &Block) {
+    fn shift_all(&self, place: &mut State, block: &Block) {
         let to = values(block);
         for q in 0..16 {
             if to[q] != place.texels[q] {
@@ -87,7 +87,7 @@ impl Form {
 
     /// Texel by texel, the value that lowers the loss most, given all others.
     #[inline(always)]
-    fn choose_indices(&self, block: &mut Block, place: &mut Place) {
+    fn choose_indices(&self, block: &mut Block, place: &mut State) {
         let choices = palette(block.mode, &block.endpoints).map(|t| t.map(f32::from));
         for q in 0..16 {
             let (mut best, mut least) = (block.indices[q], 0.0);
@@ -106,7 +106,7 @@ impl Form {
 
     /// Both endpoints by least squares, the indices given, if that lowers the loss.
     #[inline(always)]
-    fn fit_endpoints(&self, block: &mut Block, place: &mut Place, damping: f32) {
+    fn fit_endpoints(&self, block: &mut Block, place: &mut State, damping: f32) {
         let system = self.normal_equations(block, place);
         let present = block.endpoints.map(|e| e.map(f32::from));
         let mut damped = system.clone();
@@ -134,7 +134,7 @@ impl Form {
 
     /// The block in mode 6 and in mode 4 near to where its texels would go if they were free, if that lowers the loss.
     #[inline(always)]
-    fn choose_mode<V: Lanes>(&self, block: &Block, place: &Place, damping: f32) -> Block {
+    fn choose_mode<V: Lanes>(&self, block: &Block, place: &State, damping: f32) -> Block {
         let mut metric = [[[0.0; 4]; 4]; 16];
         for q in 0..16 {
             metric[q] = self.matrix[q][q];
@@ -168,7 +168,7 @@ impl Form {
 
     /// Of a change of both endpoints e₀, e₁: δ_q = (1 − w_q) δe₀ + w_q δe₁, channel by channel.
     #[inline(always)]
-    fn normal_equations(&self, block: &Block, place: &Place) -> System {
+    fn normal_equations(&self, block: &Block, place: &State) -> System {
         let mut shares = [[[0.0; 4]; 16]; 2];
         for q in 0..16 {
             let w = weights(block.mode, block.indices[q]);

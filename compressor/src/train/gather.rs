@@ -1,23 +1,23 @@
 //! From the features of a tile to those of its samples, and the way back of the gradient.
 //!
 //! Samples read F_uv where it was learned, between the endpoints of its blocks: a step reads a quarter of its texels, so a map of them
-//! would cost more than it saves. F_uvt, whose texels samples share, is read as a map. Of F_ut and F_vt all samples of a block read the same
-//! moment: its rows are mixed once a block.
+//! would cost more than it saves. F_uvt, whose texels samples share, is read as a map. Of F_ut and F_vt all samples of a chunk read the same
+//! moment: its rows are mixed once a chunk.
 
 use super::features::{CENTRE_SLOPE, Layout, centred};
 #[cfg(doc)]
-use super::network::BLOCK;
+use super::network::CHUNK;
 use super::network::{FEATURE_ROW, Rows};
 use super::problem::{Pair, Problem, Texel};
 use crate::lanes::{Lanes, Quad};
 use crate::model::STORED;
 
-/// A block of samples of one moment.
+/// A chunk of samples, of one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
     /// Index into the problem's moments.
     pub moment: usize,
-    /// At most [`BLOCK`] texels. Rows of the others are left as they are.
+    /// At most [`CHUNK`] texels. Rows of the others are left as they are.
     pub texels: &'a [Texel],
 }
 
@@ -114,7 +114,7 @@ fn unmix(row: &Row, across: usize, rows: &Pair, plane: &mut [f32]) {
     }
 }
 
-/// The features of a block of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
+/// The features of a chunk of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
 #[inline(always)]
 pub fn gather(features: &Features, problem: &Problem, samples: &Samples, x: &mut Rows<FEATURE_ROW>) {
     let moment = &problem.moments[samples.moment];

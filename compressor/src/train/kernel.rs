@@ -2,7 +2,7 @@
 
 use super::features::{contract, fill};
 use super::gather::{FeatureGradient, Features, Samples, gather, scatter};
-use super::network::{BLOCK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
+use super::network::{CHUNK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
 use super::problem::{Problem, Texel};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
@@ -76,13 +76,13 @@ impl Noise {
                 _ => 0.0,
             })
         };
-        Noise { rows: (0..Self::ROWS + BLOCK).map(|_| row()).collect() }
+        Noise { rows: (0..Self::ROWS + CHUNK).map(|_| row()).collect() }
     }
 
     #[inline(always)]
     fn run(&self, salt: u64) -> &[[f32; FEATURE_ROW]] {
         let start = (salt.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 54) as usize % Self::ROWS;
-        &self.rows[start..start + BLOCK]
+        &self.rows[start..start + CHUNK]
     }
 }
 
@@ -116,12 +116,12 @@ impl<const H: usize> Kernel for Batch<'_, H> {
         let (mut x, mut dx) = (Rows::new(), Rows::new());
         let mut loss = 0.0;
         for (b, samples) in self.samples.iter().enumerate() {
-            // The targets of all sets do not fit the near caches: those of the next block are asked for, some at a time, for a cache
+            // The targets of all sets do not fit the near caches: those of the next chunk are asked for, some at a time, for a cache
             // waits for few.
             let next = self.samples.get(b + 1).map(|next| (next, self.problem.targets_at(next.moment)));
             let ask = |quarter: usize| {
                 if let Some((next, targets)) = next {
-                    let texels = next.texels.iter().skip(quarter * BLOCK / 4).take(BLOCK / 4);
+                    let texels = next.texels.iter().skip(quarter * CHUNK / 4).take(CHUNK / 4);
                     texels.for_each(|texel| prefetch(&targets[texel.index()]));
                 }
             };
@@ -197,7 +197,7 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
         for (a, moment) in self.problem.moments[..self.moments].iter().enumerate() {
             let targets = self.problem.targets_at(a);
             let mut sum = 0.0;
-            for texels in self.texels.chunks(BLOCK) {
+            for texels in self.texels.chunks(CHUNK) {
                 let samples = Samples { moment: a, texels };
                 gather(&self.features, self.problem, &samples, &mut x);
                 let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
@@ -256,7 +256,7 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
     }
 }
 
-/// y and its derivatives with respect to the features for one block.
+/// y and its derivatives with respect to the features for one chunk.
 #[derive(Debug)]
 pub struct Linearised {
     /// Three channels and a zero.
@@ -265,7 +265,7 @@ pub struct Linearised {
     pub jacobian: [Rows<FEATURE_ROW>; 3],
 }
 
-/// Linearises the decoder on blocks of samples and hands each to a function.
+/// Linearises the decoder on chunks of samples and hands each to a function.
 pub struct Linearise<'a, const H: usize, F> {
     /// The tile.
     pub problem: &'a Problem,
@@ -275,7 +275,7 @@ pub struct Linearise<'a, const H: usize, F> {
     pub network: &'a Network<H>,
     /// The moment and the texels.
     pub samples: &'a [Samples<'a>],
-    /// Called for each block in turn.
+    /// Called for each chunk in turn.
     pub each: F,
 }
 

@@ -37,11 +37,12 @@ use problem::Problem;
 pub struct Recipe {
     /// Steps of the main phase.
     pub iterations: usize,
-    /// How often what is not yet quantised is trained around the blocks, and these are chosen anew around it.
+    /// How often what is not yet quantised is trained around the blocks; before each time but the first these are chosen anew.
     pub passes: usize,
-    /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, Adam's β₂ 0.999, unweighted L2; then 8
-    /// bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values and the floors of the means, on which the
-    /// paper is silent, are those of the main recipe.
+    /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂ 0.999, unweighted L2, no
+    /// moments between sets; then 8 bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values, the floors of the
+    /// means, the gutter's weight of ½ and what happens on divergence, on which the paper is silent, are those of the main recipe;
+    /// the activation is the format's ([`crate::model::gelu`]).
     pub paper: bool,
     /// Seed of this tile's randomness.
     pub seed: u64,
@@ -88,7 +89,7 @@ pub struct TrainedTile {
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all features rounded to 8 bits, nothing trained after it.
     pub psnr_8bit_features_db: Option<f64>,
-    /// PSNR of the stored tile, as its decoder gives it.
+    /// PSNR of what is stored, blocks, planes and decoder rounded, as the trainer computes it.
     pub psnr_db: Option<f64>,
     /// Its squared error, as [`Trial::error`] counts it.
     pub error: Option<f64>,

@@ -1,4 +1,4 @@
-//! The decoder network on blocks of samples: forward, backward and Jacobian, one row of lanes per sample.
+//! The decoder network on chunks of samples: forward, backward and Jacobian, one row of lanes per sample.
 //!
 //! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
 //! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
@@ -8,29 +8,29 @@ use crate::lanes::{Lanes, Quad};
 use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use std::ops::Range;
 
-/// Samples per block; all of one block belong to one moment.
-pub const BLOCK: usize = 32;
+/// Samples that are worked on together; all of a chunk belong to one moment.
+pub const CHUNK: usize = 32;
 
 /// Length of a row of features: V_uvt, V_uv, V_ut, V_vt, zeros. What the tile does not have is zero.
 pub const FEATURE_ROW: usize = 16;
 /// Where those of [`Shape::columns`] that are features stand in a row.
 const AT: [usize; 4] = [0, 4, 8, 10];
 
-/// Rows of a block, aligned to cache lines: a 512-bit access that straddles two lines costs twice.
+/// Rows of a chunk, aligned to cache lines: a 512-bit access that straddles two lines costs twice.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub struct Rows<const N: usize>([[f32; N]; BLOCK]);
+pub struct Rows<const N: usize>([[f32; N]; CHUNK]);
 
 impl<const N: usize> Rows<N> {
     /// Zeros.
     #[inline(always)]
     pub fn new() -> Self {
-        Rows([[0.0; N]; BLOCK])
+        Rows([[0.0; N]; CHUNK])
     }
 }
 
 impl<const N: usize> std::ops::Deref for Rows<N> {
-    type Target = [[f32; N]; BLOCK];
+    type Target = [[f32; N]; CHUNK];
     #[inline(always)]
     fn deref(&self) -> &Self::Target {
         &self.0
@@ -124,7 +124,7 @@ impl<const H: usize> Network<H> {
         }
     }
 
-    /// y (three channels and a zero) of a block of inputs at a moment.
+    /// y (three channels and a zero) of a chunk of inputs at a moment.
     #[inline(always)]
     pub fn forward<V: Lanes>(&self, x: &Rows<FEATURE_ROW>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
@@ -243,7 +243,7 @@ fn first_layer<V: Lanes, const H: usize>(
     out: &mut Rows<H>,
 ) {
     const GROUP: usize = 8;
-    for first in (0..BLOCK).step_by(GROUP) {
+    for first in (0..CHUNK).step_by(GROUP) {
         for lane in (0..H).step_by(V::N) {
             let mut sums = [V::load(&bias[lane..]); GROUP];
             for (quad, there) in there.into_iter().enumerate() {
@@ -272,7 +272,7 @@ pub(crate) fn product<V: Lanes, const I: usize, const O: usize>(
     out: &mut Rows<O>,
 ) {
     const GROUP: usize = 8;
-    for first in (0..BLOCK).step_by(GROUP) {
+    for first in (0..CHUNK).step_by(GROUP) {
         for lane in (0..O).step_by(V::N) {
             let start = bias.map_or(V::splat(0.0), |b| V::load(&b[lane..]));
             let mut sums = [start; GROUP];
@@ -299,7 +299,7 @@ pub(crate) fn outer<V: Lanes, const G: usize, const J: usize, const I: usize>(
     for first in (0..J).step_by(G) {
         for lane in (0..I).step_by(V::N) {
             let mut sums = [V::splat(0.0); G];
-            for s in 0..BLOCK {
+            for s in 0..CHUNK {
                 let x = V::load(&input[s][lane..]);
                 for j in 0..G {
                     sums[j] = V::splat(d[s][first + j]).mul_add(x, sums[j]);
@@ -339,20 +339,23 @@ pub(crate) fn scale<V: Lanes, const N: usize>(rows: &mut Rows<N>, factors: &Rows
 #[inline(always)]
 pub(crate) fn gelu<V: Lanes, const N: usize>(rows: &mut Rows<N>, slopes: &mut Rows<N>) {
     let p = GELU_COEFFICIENTS.map(V::splat);
-    let q: [V; 6] = std::array::from_fn(|k| V::splat((2 * k + 1) as f32 * GELU_COEFFICIENTS[k]));
+    const TERMS: usize = GELU_COEFFICIENTS.len();
+    let q: [V; TERMS] = std::array::from_fn(|k| V::splat((2 * k + 1) as f32 * GELU_COEFFICIENTS[k]));
     let (low, high, half) = (V::splat(-GELU_BOUND), V::splat(GELU_BOUND), V::splat(0.5));
     for (row, slope) in rows.iter_mut().zip(slopes.iter_mut()) {
         for lane in (0..N).step_by(V::N) {
             let x = V::load(&row[lane..]);
             let y = x.max(low).min(high);
             let s = y.mul(y);
-            let horner = |k: &[V; 6]| {
-                k[5].mul_add(s, k[4]).mul_add(s, k[3]).mul_add(s, k[2]).mul_add(s, k[1]).mul_add(s, k[0])
-            };
+            let (mut a, mut b) = (p[TERMS - 1], q[TERMS - 1]);
+            for k in (0..TERMS - 1).rev() {
+                a = a.mul_add(s, p[k]);
+                b = b.mul_add(s, q[k]);
+            }
             // Φ ≈ ½ + y P(y²), its slope ½ + y P(y²) + y (P(y²) + 2 y² P′(y²)) from the same polynomial; 0 or 1 beyond the bound.
-            let cdf = y.mul_add(horner(&p), half);
+            let cdf = y.mul_add(a, half);
             x.mul(cdf).store(&mut row[lane..]);
-            y.mul_add(horner(&q), cdf).store(&mut slope[lane..]);
+            y.mul_add(b, cdf).store(&mut slope[lane..]);
         }
     }
 }
@@ -370,7 +373,7 @@ mod tests {
             (rows[3][5], slopes[3][5])
         };
         for i in -500..=500 {
-            let (x, h) = (i as f32 / 100.0, 1e-2);
+            let (x, h) = (i as f32 / 100.0, 1e-3);
             let (value, slope) = at(x);
             assert!((value - crate::model::gelu(x)).abs() < 1e-6, "{x}: {value}");
             let difference = (at(x + h).0 - at(x - h).0) / (2.0 * h);

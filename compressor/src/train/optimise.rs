@@ -4,7 +4,7 @@ use super::bases::Bases;
 use super::features::Layout;
 use super::gather::{FeatureGradient, Features, Samples, Uv};
 use super::kernel::{Adam, Batch, Contract, Fill, Noise, Scope, SquaredErrors, WEIGHT_CAP, run};
-use super::network::{BLOCK, Network, NetworkGradient};
+use super::network::{CHUNK, Network, NetworkGradient};
 use super::problem::{GUTTER_SHARE, Problem, Texel};
 use super::random::Random;
 use super::{Aim, Coded};
@@ -171,7 +171,7 @@ impl<const H: usize> Trainer<H> {
                 of_network: &mut self.of_network,
                 scope,
                 // Far from Adam's ε on one side and from overflow on the other.
-                scale: 64.0 / (samples.len() * BLOCK) as f32,
+                scale: 64.0 / (samples.len() * CHUNK) as f32,
             },
         );
         if scope == Scope::All {
@@ -185,7 +185,7 @@ impl<const H: usize> Trainer<H> {
             run(self.tier, contract);
         }
         self.of_network.flatten(&self.problem, &mut self.flat[self.layout.mlp.clone()]);
-        loss / (samples.len() * BLOCK) as f64
+        loss / (samples.len() * CHUNK) as f64
     }
 
     /// The gradient that [`Self::differentiate`] left, times 32 / samples.
@@ -323,9 +323,9 @@ fn features<'a>(layout: &Layout, params: &'a [f32], maps: &'a Maps, frozen: bool
 /// Share of a set's weight that all its texels have alike; the rest goes as they are bright. With 0 the scene `yard` has 0.6 dB more,
 /// and errors in its dark that are 1.9 times those of a loss without weights; with this share 1.02 times.
 const EVEN: f32 = 0.75;
-/// Floor of the aligned loss weight.
+/// Floor of the aligned loss weight: without one, darkness would count for nothing. Tuned on the yard.
 const DARK_WEIGHT: f32 = 0.1;
-/// Below this target, the median of a set's channel raises the floor.
+/// Below this median of its targets, a set's channel is mostly dark beside its peak, and the floor rises (the tiles of 10⁶ in NUMERICS).
 const TYPICAL: f32 = 0.1;
 
 /// The lower median; 1 of nothing.
@@ -346,7 +346,7 @@ const BETWEEN_SHARE: usize = 8;
 #[derive(Debug, Default)]
 struct Epochs {
     /// Of each moment, a block of texels for each of its visits.
-    texels: Vec<Vec<[Texel; BLOCK]>>,
+    texels: Vec<Vec<[Texel; CHUNK]>>,
     /// A moment and how often it was visited before.
     blocks: Vec<(usize, usize)>,
     used: usize,
@@ -369,7 +369,7 @@ impl Epochs {
     fn refill(&mut self, problem: &Problem, random: &mut Random) {
         let gutter = problem.texels.len() - problem.valid;
         let picks = gutter.div_ceil(GUTTER_SHARE);
-        let rounds = (problem.valid + picks).div_ceil(BLOCK);
+        let rounds = (problem.valid + picks).div_ceil(CHUNK);
         self.texels.resize_with(problem.moments.len(), Vec::new);
         let mut order: Vec<Texel> = Vec::with_capacity(problem.valid + picks);
         for (moment, blocks) in self.texels.iter_mut().enumerate() {
@@ -380,11 +380,11 @@ impl Epochs {
             let pick = |i: usize| problem.texels[problem.valid + (start + i * GUTTER_SHARE) % gutter];
             order.extend((0..picks).map(pick));
             let visits = if moment < problem.sets { rounds } else { rounds.div_ceil(BETWEEN_SHARE) };
-            random.draw(&mut order, visits * BLOCK);
+            random.draw(&mut order, visits * CHUNK);
             // The last block is filled up from the start.
             let texel = |i: usize| order.get(i).copied().unwrap_or_else(|| order[i % order.len()]);
             blocks.clear();
-            blocks.extend((0..visits).map(|visit| std::array::from_fn(|s| texel(visit * BLOCK + s))));
+            blocks.extend((0..visits).map(|visit| std::array::from_fn(|s| texel(visit * CHUNK + s))));
         }
         let mut turn: Vec<usize> = (0..problem.moments.len()).collect();
         self.blocks.clear();
@@ -398,7 +398,7 @@ impl Epochs {
             };
             self.blocks.extend(turn.iter().filter_map(visit));
         }
-        let batches = self.blocks.len().div_ceil(BATCH / BLOCK);
+        let batches = self.blocks.len().div_ceil(BATCH / CHUNK);
         self.batch = self.blocks.len().div_ceil(batches);
         self.used = 0;
     }

@@ -4,7 +4,7 @@
 //! Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a sample, residual r and
 //! weight w, a change δ of its features costs w |r + J δ|². F_uv's texels do not share samples, so their blocks are
 //! fitted to the minimum of their own form. F_uvt's texels share samples through interpolation: its blocks are first
-//! fitted under Σ Jᵀ J, then improved by coordinate descent ([`super::descent`], and of one block [`super::form`]).
+//! fitted under Σ w a² Jᵀ J, a a texel's share, then improved by coordinate descent ([`super::descent`], and of one block [`super::form`]).
 
 #![allow(
     clippy::needless_range_loop,
@@ -18,7 +18,7 @@ use super::features::{CENTRE_SLOPE, centred};
 use super::gather::Samples;
 use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, residual, run};
 use super::matrices::{Matrix, add_outer, solve};
-use super::network::BLOCK;
+use super::network::CHUNK;
 use super::optimise::Trainer;
 use super::problem::Texel;
 use crate::bc7::{Block, GREY, Mode, encode};
@@ -157,7 +157,7 @@ impl<const H: usize> Trainer<H> {
 
     /// Every texel of every `stride`-th set, in blocks.
     fn all_samples(&self, stride: usize) -> Vec<Samples<'_>> {
-        let blocks = |moment| self.problem.texels.chunks(BLOCK).map(move |texels| Samples { moment, texels });
+        let blocks = |moment| self.problem.texels.chunks(CHUNK).map(move |texels| Samples { moment, texels });
         (0..self.problem.sets).step_by(stride).flat_map(blocks).collect()
     }
 
@@ -183,7 +183,7 @@ impl<const H: usize> Trainer<H> {
         run(self.tier(), Linearise { problem, features, network, samples: &samples, each: block });
     }
 
-    /// F_uvt's blocks nearest to the learned texels under Σ a² Jᵀ J.
+    /// F_uvt's blocks nearest to the learned texels under Σ w a² Jᵀ J.
     fn fit_uvt(&self) -> Vec<Block> {
         let problem = &self.problem;
         if self.maps.uvt.is_empty() {

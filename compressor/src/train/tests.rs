@@ -3,7 +3,7 @@
 use super::gather::Samples;
 use super::kernel::Scope;
 use super::light::Light;
-use super::network::BLOCK;
+use super::network::CHUNK;
 use super::optimise::{Step, Trainer};
 use super::oracle::Oracle;
 use super::problem::{EDGE_WEIGHT, Problem, Texel};
@@ -72,15 +72,15 @@ fn trainer_of<const H: usize>(
 }
 
 /// Random texels for every set.
-fn random_texels(problem: &Problem) -> Vec<[Texel; BLOCK]> {
+fn random_texels(problem: &Problem) -> Vec<[Texel; CHUNK]> {
     let mut random = Random::new(11);
     let mut texel = || problem.texels[random.below(problem.texels.len())];
     (0..problem.sets).map(|_| std::array::from_fn(|_| texel())).collect()
 }
 
 /// A block of them at every set, every other not full.
-fn random_samples(texels: &[[Texel; BLOCK]]) -> Vec<Samples<'_>> {
-    let block = |moment: usize| Samples { moment, texels: &texels[moment][..BLOCK - 5 * (moment % 2)] };
+fn random_samples(texels: &[[Texel; CHUNK]]) -> Vec<Samples<'_>> {
+    let block = |moment: usize| Samples { moment, texels: &texels[moment][..CHUNK - 5 * (moment % 2)] };
     (0..texels.len()).map(block).collect()
 }
 
@@ -134,7 +134,7 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
     };
     let params: Vec<f64> = trainer.params.iter().map(|p| f64::from(*p)).collect();
     let l = &trainer.layout;
-    let scale = (samples.len() * BLOCK) as f64 * 2.0 / 64.0;
+    let scale = (samples.len() * CHUNK) as f64 * 2.0 / 64.0;
     for range in [&l.uv_endpoints, &l.uv_weights, &l.uvt_endpoints, &l.uvt_weights, &l.ut, &l.vt, &l.mlp] {
         let ours: Vec<f64> =
             trainer.gradient()[range.clone()].iter().map(|g| scale * f64::from(*g)).collect();

@@ -51,10 +51,10 @@ Keys of the --json object (null where there is none):
   hours                  a list of hour, psnr_db, psnr_range_db, psnr_pooled_db, psnr_worst_percent_db, noise_ceiling_db, psnr_log_db,
                          one_minus_ssim, relative_error, dark_relative_error
   steps                  a list of from, to (hours), switch, error
-  tiles, seconds         tiles of the bundle, wall-clock seconds
+  tiles, seconds         tiles of the bundle, wall-clock seconds of the command
   bundle, report         paths written (compress only)
   steps_least, steps_most   training steps of a tile with light (compress only)
-  tiles_empty, tiles_resumed, training_cpu_seconds, up_to_date   (compress only)
+  tiles_empty, tiles_resumed, training_cpu_seconds, up_to_date   (compress only; the seconds of the run that trained it)
   decode_seconds         wall-clock seconds of decoding all sets (evaluate only)";
 
 const SWEEP_EXAMPLES: &str = "\
@@ -135,7 +135,7 @@ pub enum Command {
     /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation, seconds.
     #[command(after_help = SWEEP_EXAMPLES)]
     Sweep(Sweep),
-    /// Compare NDGI with block compression, keyframes, a linear control, NTC and PRT on some tiles of a dataset.
+    /// Compare NDGI with block compression, keyframes, SVD, NTC and PRT on some tiles of a dataset.
     #[command(after_help = COMPARE_EXAMPLES)]
     Compare(Compare),
     /// Show what a bundle says of itself.

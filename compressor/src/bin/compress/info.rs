@@ -26,6 +26,8 @@ fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
 pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let bundle = open(&path)?;
     let header = &bundle.header;
+    // All tiles are read, for what is damaged to be told.
+    header.places().try_for_each(|place| bundle.tile(place).map(drop))?;
     let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
     let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
     let groups: Vec<_> = header

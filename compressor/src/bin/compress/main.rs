@@ -8,7 +8,7 @@ use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
 use compressor::decode::Decoder;
-use compressor::evaluate::{Measures, evaluate};
+use compressor::evaluate::{Measures, evaluate, expect_match};
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
 use compressor::{Error, Result};
@@ -96,6 +96,7 @@ fn judge(
     csv.as_ref().map_or(Ok(()), |path| expect_output(path, "csv", "--csv"))?;
     let dataset = Dataset::open(&root)?;
     let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
+    expect_match(&dataset, &decoder)?;
     let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
     let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
     if of != scene {
@@ -129,7 +130,8 @@ fn run_sweep(args: Sweep, console: &Console) -> Result<()> {
     let path = args.report.unwrap_or_else(|| dataset.root.join(format!("{scene}.sweep.html")));
     expect_output(&path, "html", "--report")?;
     args.csv.as_ref().map_or(Ok(()), |path| expect_output(path, "csv", "--csv"))?;
-    let Sweep { tiles, profiles, presets, seed, .. } = args;
+    let (profiles, presets) = (distinct(args.profiles), distinct(args.presets));
+    let Sweep { tiles, seed, .. } = args;
     let options = sweep::Options { tiles: tiles as usize, profiles, presets, seed };
     let sweep = sweep::sweep(&dataset, &options, console)?;
     sweep.table().iter().for_each(|line| console.print(line));
@@ -174,6 +176,17 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
     object["report"] = json!(path);
     object["seconds"] = json!(start.elapsed().as_secs_f64());
     console.result(&object)
+}
+
+/// The same without what was named before.
+fn distinct<T: PartialEq>(named: Vec<T>) -> Vec<T> {
+    let mut distinct = Vec::with_capacity(named.len());
+    for value in named {
+        if !distinct.contains(&value) {
+            distinct.push(value);
+        }
+    }
+    distinct
 }
 
 /// Opens a bundle; says how to come by one where there is none.

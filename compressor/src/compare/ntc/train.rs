@@ -7,7 +7,7 @@ use super::{CURVE, Preset};
 use crate::Result;
 use crate::lanes::{Lanes, Tier};
 use crate::train::kernel::{Adam, Kernel, run};
-use crate::train::network::{BLOCK, Rows};
+use crate::train::network::{CHUNK, Rows};
 use crate::train::optimise::schedule;
 use crate::train::random::Random;
 use dataset::console::stop_if_interrupted;
@@ -78,7 +78,7 @@ impl Kernel for Batch<'_> {
         let (mut x, mut dx, mut trace) = (Rows::<INPUTS>::new(), Rows::<INPUTS>::new(), Trace::new());
         let mut loss = 0.0;
         let scale = 2.0 / self.samples.len() as f32;
-        for block in self.samples.chunks(BLOCK) {
+        for block in self.samples.chunks(CHUNK) {
             for (row, sample) in x.iter_mut().zip(block) {
                 self.layout.read(self.grids, sample.tile as usize, sample.texel as usize, row);
             }
@@ -148,7 +148,7 @@ pub fn train(
     let mut gradient = vec![0.0; layout.len];
     let mut noisy = grids.clone();
     let frozen = (FROZEN * steps as f64) as usize;
-    let batch = (BLOCKS * BLOCK).min(samples.len()).max(1);
+    let batch = (BLOCKS * CHUNK).min(samples.len()).max(1);
     let mut next = samples.len();
     for step in 0..steps {
         stop_if_interrupted()?;
@@ -212,9 +212,9 @@ impl Kernel for Decode<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> Vec<[f32; OUTPUTS]> {
-        let mut out = Vec::with_capacity(self.texels + BLOCK);
+        let mut out = Vec::with_capacity(self.texels + CHUNK);
         let (mut x, mut trace) = (Rows::<INPUTS>::new(), Trace::new());
-        for first in (0..self.texels).step_by(BLOCK) {
+        for first in (0..self.texels).step_by(CHUNK) {
             for (s, row) in x.iter_mut().enumerate() {
                 let texel = (first + s).min(self.texels - 1);
                 self.layout.read(&self.trained.grids, self.tile, texel, row);
