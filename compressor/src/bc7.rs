@@ -138,7 +138,7 @@ pub fn palette(mode: Mode, endpoints: &[[u8; 4]; 2]) -> [[u8; 4]; MOST_VALUES] {
 
 impl Block {
     /// The 16 values of each channel, x + 4 y: what [`interpolate`] gives at [`Mode::weights`], sixteen at a time.
-    #[inline]
+    #[inline(always)]
     pub fn planes(&self) -> [[u8; 16]; 4] {
         let (alone, own, others) = match self.mode {
             Mode::Six => {
@@ -277,7 +277,7 @@ pub fn check(block: &[u8; 16]) -> Result<()> {
 ///
 /// # Errors
 /// As [`check`].
-#[inline]
+#[inline(always)]
 pub fn unpack(block: &[u8; 16]) -> Result<Block> {
     check(block)?;
     let bits = u128::from_le_bytes(*block);
@@ -317,15 +317,6 @@ fn indices(bits: u64, width: u32) -> [u8; 16] {
         *index = (bits >> at) as u8 & ((1 << width) - 1);
     }
     indices
-}
-
-/// The 16 values (x + 4 y) of each channel of a block.
-///
-/// # Errors
-/// As [`check`].
-#[inline]
-pub fn decode_planes(block: &[u8; 16]) -> Result<[[u8; 16]; 4]> {
-    Ok(unpack(block)?.planes())
 }
 
 /// The 16 texels (x + 4 y) of a block.

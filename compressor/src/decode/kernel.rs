@@ -5,6 +5,8 @@
 #![allow(clippy::needless_range_loop, reason = "units of a layer, as the formulas index them")]
 
 use super::{Y_MAX, irradiance};
+use crate::Result;
+use crate::bc7;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
 use crate::lanes::{Instructions, Lanes, Quad, Tier};
@@ -80,6 +82,57 @@ fn avx512<const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
 #[target_feature(enable = "avx2,fma")]
 fn avx2<const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     run::<Avx2, HIDDEN>(tile, out);
+}
+
+/// A map's texels, block by block, as bytes by channel, row, column (`4 × height × padded`).
+///
+/// # Errors
+/// For a block of another mode of BC7 than 6 and 4.
+pub(super) fn unpack(
+    tier: Tier,
+    blocks: &[[u8; 16]],
+    [width, height, padded]: [usize; 3],
+) -> Result<Vec<u8>> {
+    let mut texels = vec![0; 4 * height * padded];
+    let planes = Planes { texels: &mut texels, width, height, padded };
+    match tier.instructions() {
+        Instructions::Portable => unpack_blocks(blocks, planes)?,
+        // SAFETY: only `Tier::available` makes these tiers, after asking the processor for AVX2 at least.
+        #[cfg(target_arch = "x86_64")]
+        Instructions::Avx2 | Instructions::Avx512 => unsafe { unpack_avx2(blocks, planes)? },
+    }
+    Ok(texels)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn unpack_avx2(blocks: &[[u8; 16]], planes: Planes) -> Result<()> {
+    unpack_blocks(blocks, planes)
+}
+
+/// Where a map's texels go: `4 × height × padded` bytes.
+struct Planes<'a> {
+    texels: &'a mut [u8],
+    width: usize,
+    height: usize,
+    padded: usize,
+}
+
+#[inline(always)]
+fn unpack_blocks(blocks: &[[u8; 16]], planes: Planes) -> Result<()> {
+    let Planes { texels, width, height, padded } = planes;
+    for (top, row) in blocks.chunks_exact(width / 4).enumerate() {
+        for (left, block) in row.iter().enumerate() {
+            let values = bc7::unpack(block)?.planes();
+            for (c, values) in values.iter().enumerate() {
+                let to = &mut texels[(c * height + 4 * top) * padded + 4 * left..][..3 * padded + 4];
+                for (y, values) in values.as_chunks::<4>().0.iter().enumerate() {
+                    to[y * padded..][..4].copy_from_slice(values);
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Units of a layer computed together: as many independent sums as hide the latency of an addition.

@@ -34,19 +34,13 @@ impl<'a> TileDecoder<'a> {
         tile.check_lengths().map_err(|what| Error::invalid("tile", what))?;
         let shape = &tile.shape;
         let padded = shape.width.next_multiple_of(LANES);
-        let mut uv = vec![0; if shape.contents.uv { 4 * shape.height * padded } else { 0 }];
-        for (i, block) in tile.f_uv.iter().enumerate() {
-            let (left, top) = corner(i, shape.width);
-            for (c, plane) in bc7::decode_planes(block)?.iter().enumerate() {
-                for (y, row) in plane.as_chunks::<4>().0.iter().enumerate() {
-                    uv[(c * shape.height + top + y) * padded + left..][..4].copy_from_slice(row);
-                }
-            }
-        }
+        let size = [shape.width, shape.height, padded];
+        let tier = Tier::detect();
+        let uv = if shape.contents.uv { kernel::unpack(tier, &tile.f_uv, size)? } else { Vec::new() };
         // Checked once here, so that decoding cannot fail.
         tile.f_uvt.iter().try_for_each(bc7::check)?;
         let mlp = tile.mlp.iter().map(|w| w.to_f32()).collect();
-        Ok(TileDecoder { tile: tile.clone(), timeline, tier: Tier::detect(), padded, uv, mlp })
+        Ok(TileDecoder { tile: tile.clone(), timeline, tier, padded, uv, mlp })
     }
 
     /// The same with the instructions of another tier of this processor.
