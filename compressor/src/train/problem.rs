@@ -12,7 +12,7 @@ pub const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; most valid ones have 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
 /// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border, which shows them.
-pub const EDGE_WEIGHT: f32 = 5.0;
+pub const EDGE_WEIGHT: f32 = 6.0;
 /// By how much more such a texel counts where blocks are chosen.
 pub const EDGE_IN_BLOCKS: f32 = 2.0;
 
