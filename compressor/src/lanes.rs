@@ -25,6 +25,33 @@ pub trait Lanes: Copy {
     fn min(self, b: Self) -> Self;
 }
 
+/// The longest vectors of an instruction set, and its shorter ones: features come four at a time.
+pub trait Longest: Lanes {
+    /// A quad.
+    type Four: Lanes;
+    /// Two quads.
+    type Eight: TwoQuads<Four = Self::Four>;
+}
+
+/// Eight lanes as two quads.
+pub trait TwoQuads: Lanes {
+    /// One of them.
+    type Four: Lanes;
+    /// The same quad twice.
+    fn twice(quad: Self::Four) -> Self;
+    /// All lanes of a quad the same.
+    fn spread(pair: [f32; 2]) -> Self;
+    /// The sum of the two.
+    fn folded(self) -> Self::Four;
+    /// The sum over each of eight quads, in order.
+    fn sums(quads: [Self; 4]) -> Self;
+    /// 1 − f and f: what the ends of a line have at f.
+    #[inline(always)]
+    fn ends(f: f32) -> Self {
+        Self::splat(f).mul_add(Self::spread([-1.0, 1.0]), Self::spread([1.0, 0.0]))
+    }
+}
+
 /// The instruction sets there is code for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instructions {
@@ -134,12 +161,86 @@ impl Lanes for Quad {
     }
 }
 
+impl Longest for Quad {
+    type Four = Quad;
+    type Eight = Plain;
+}
+
+/// Eight lanes in plain Rust.
+#[derive(Clone, Copy)]
+pub struct Plain([Quad; 2]);
+
+impl Plain {
+    #[inline(always)]
+    fn each(self, b: Self, op: impl Fn(Quad, Quad) -> Quad) -> Self {
+        Plain([op(self.0[0], b.0[0]), op(self.0[1], b.0[1])])
+    }
+}
+
+impl Lanes for Plain {
+    const N: usize = 8;
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        Plain([[value; 4]; 2])
+    }
+    #[inline(always)]
+    fn load(from: &[f32]) -> Self {
+        Plain([Quad::load(from), Quad::load(&from[4..])])
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f32]) {
+        to[..8].copy_from_slice(self.0.as_flattened());
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        self.each(b, Quad::add)
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        self.each(b, Quad::mul)
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        self.mul(b).add(c)
+    }
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        self.each(b, Quad::max)
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        self.each(b, Quad::min)
+    }
+}
+
+impl TwoQuads for Plain {
+    type Four = Quad;
+    #[inline(always)]
+    fn twice(quad: Quad) -> Self {
+        Plain([quad; 2])
+    }
+    #[inline(always)]
+    fn spread(pair: [f32; 2]) -> Self {
+        Plain(pair.map(Quad::splat))
+    }
+    #[inline(always)]
+    fn folded(self) -> Quad {
+        self.0[0].add(self.0[1])
+    }
+    #[inline(always)]
+    fn sums(quads: [Self; 4]) -> Self {
+        let sum = |q: Quad| (q[0] + q[1]) + (q[2] + q[3]);
+        let [a, b, c, d] = quads.map(|q| q.0.map(sum));
+        Plain([[a[0], a[1], b[0], b[1]], [c[0], c[1], d[0], d[1]]])
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 pub use x86::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::Lanes;
+    use super::{Lanes, Longest, TwoQuads};
     use std::arch::x86_64::*;
 
     /// Implements [`Lanes`] by intrinsics.
@@ -202,6 +303,19 @@ mod x86 {
     }
 
     lanes!(
+        Avx2Quad,
+        __m128,
+        4,
+        _mm_set1_ps,
+        _mm_loadu_ps,
+        _mm_storeu_ps,
+        _mm_add_ps,
+        _mm_mul_ps,
+        _mm_fmadd_ps,
+        _mm_max_ps,
+        _mm_min_ps
+    );
+    lanes!(
         Avx2,
         __m256,
         8,
@@ -227,4 +341,44 @@ mod x86 {
         _mm512_max_ps,
         _mm512_min_ps
     );
+
+    impl Longest for Avx2 {
+        type Four = Avx2Quad;
+        type Eight = Avx2;
+    }
+
+    impl Longest for Avx512 {
+        type Four = Avx2Quad;
+        type Eight = Avx2;
+    }
+
+    impl TwoQuads for Avx2 {
+        type Four = Avx2Quad;
+        #[inline(always)]
+        fn twice(quad: Avx2Quad) -> Self {
+            // SAFETY: see the macro.
+            Self(unsafe { _mm256_set_m128(quad.0, quad.0) })
+        }
+        #[inline(always)]
+        fn spread([a, b]: [f32; 2]) -> Self {
+            // SAFETY: see the macro.
+            Self(unsafe { _mm256_set_m128(_mm_set1_ps(b), _mm_set1_ps(a)) })
+        }
+        #[inline(always)]
+        fn folded(self) -> Avx2Quad {
+            // SAFETY: see the macro.
+            Avx2Quad(unsafe {
+                _mm_add_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0))
+            })
+        }
+        #[inline(always)]
+        fn sums([a, b, c, d]: [Self; 4]) -> Self {
+            // SAFETY: see the macro.
+            Self(unsafe {
+                // a₀ b₀ c₀ d₀ a₁ b₁ c₁ d₁
+                let sums = _mm256_hadd_ps(_mm256_hadd_ps(a.0, b.0), _mm256_hadd_ps(c.0, d.0));
+                _mm256_permutevar8x32_ps(sums, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7))
+            })
+        }
+    }
 }

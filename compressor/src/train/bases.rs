@@ -6,7 +6,7 @@
 //! stay as they are.
 
 use super::kernel::{Kernel, run};
-use crate::lanes::{Lanes, Tier};
+use crate::lanes::{Longest, Tier};
 use crate::model::Shape;
 use std::ops::Range;
 
@@ -83,7 +83,7 @@ struct Turn<'a> {
 impl Kernel for Turn<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(self) {
+    fn run<V: Longest>(self) {
         let Turn { bases, gradient, mean } = self;
         let rounds = match bases.steps {
             0 => FIRST_ROUNDS,
@@ -112,7 +112,7 @@ struct TurnBack<'a> {
 impl Kernel for TurnBack<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(self) {
+    fn run<V: Longest>(self) {
         for sides in &self.bases.matrices {
             sides.turn_back(&mut self.step[sides.at.clone()]);
         }

@@ -12,7 +12,7 @@ use super::kernel::Kernel;
 use super::matrices::{add_outer, dot};
 use super::problem::{Pair, Problem};
 use crate::bc7::Block;
-use crate::lanes::{Lanes, Quad};
+use crate::lanes::{Lanes, Longest, Quad};
 
 /// √w J with respect to F_uvt's four features, in 8-bit steps, and √w r, of one sample.
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,7 +40,7 @@ pub struct Descent<'a> {
 /// Columns (or rows) that read one of a block's four columns (rows), with their weights on them.
 type Readers = Vec<(usize, Quad)>;
 
-/// The readers of four texels along an axis, from their places among the blocks.
+/// The readers of four texels along an axis, from their offsets.
 fn readers(pairs: impl Iterator<Item = Pair>, texels: [usize; 4]) -> Readers {
     let weights = |pair: Pair| {
         texels.map(|texel| pair.ends().iter().filter(|(at, _)| *at == texel).map(|(_, f)| f).sum::<f32>())
@@ -51,19 +51,15 @@ fn readers(pairs: impl Iterator<Item = Pair>, texels: [usize; 4]) -> Readers {
 impl Kernel for Descent<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(self) {
+    fn run<V: Longest>(self) {
         let Descent { problem, stride, samples, blocks, damping } = self;
         let shape = &problem.shape;
         let [across, down, slices] = shape.uvt;
-        // Offsets of columns and rows run block by block; see `Site`.
         let columns: Vec<Readers> = (0..across / 4)
-            .map(|b| readers(problem.columns.iter().map(|s| s.uvt), [0, 1, 2, 3].map(|x| b * 16 + x)))
+            .map(|b| readers(problem.columns.iter().map(|s| s.uvt), [0, 1, 2, 3].map(|x| b * 4 + x)))
             .collect();
         let rows: Vec<Readers> = (0..down / 4)
-            .map(|b| {
-                let first = b * (across / 4) * 16;
-                readers(problem.rows.iter().map(|s| s.uvt), [0, 1, 2, 3].map(|y| first + y * 4))
-            })
+            .map(|b| readers(problem.rows.iter().map(|s| s.uvt), [0, 1, 2, 3].map(|y| (b * 4 + y) * across)))
             .collect();
         let mut blocks = blocks.iter_mut();
         for slice in 0..slices {

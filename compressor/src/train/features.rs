@@ -1,10 +1,11 @@
 //! The learned parameters, maps of blocks made of them, and the way back of the gradient.
 //!
 //! F_uv and each slice of F_uvt are blocks of 4×4 texels between two endpoints, `f = e₀ + w (e₁ − e₀)` (paper, eq. 7).
-//! Maps hold *centred* values, c(f) = 3 (f − ½), block by block.
+//! Maps hold *centred* values, c(f) = 3 (f − ½): F_uv's block by block, F_uvt's slice by slice and row by row, so that the two texels
+//! a sample reads of a row lie side by side.
 
 use super::random::Random;
-use crate::lanes::{Lanes, Quad};
+use crate::lanes::{Lanes, Longest, Quad, TwoQuads};
 use crate::model::Shape;
 use std::ops::Range;
 
@@ -89,59 +90,108 @@ impl Layout {
     }
 }
 
+/// The first texels of the blocks of maps of so many texels across, row by row; with 4, block by block.
+pub fn corners(across: usize) -> impl Iterator<Item = usize> {
+    let across = across.max(4);
+    (0..).step_by(4 * across).flat_map(move |row| (row..row + across).step_by(4))
+}
+
+/// The 16 values of each block of a map.
+pub fn in_blocks<T: Copy>(map: &[T], across: usize) -> Vec<[T; 16]> {
+    let block = |corner| std::array::from_fn(|i| map[corner + i / 4 * across + i % 4]);
+    corners(across).take(map.len() / 16).map(block).collect()
+}
+
+/// Two texels that lie side by side.
+#[inline(always)]
+pub fn two(map: &[Quad], at: usize) -> &[f32] {
+    map[at..at + 2].as_flattened()
+}
+
+/// The same, to write.
+#[inline(always)]
+pub fn two_mut(map: &mut [Quad], at: usize) -> &mut [f32] {
+    map[at..at + 2].as_flattened_mut()
+}
+
 /// A centred map of its endpoints and weights.
 #[inline(always)]
-pub fn fill(endpoints: &[f32], weights: &[f32], map: &mut [Quad]) {
+pub fn fill<V: Longest>(endpoints: &[f32], weights: &[f32], across: usize, map: &mut [Quad]) {
     if weights.is_empty() {
         // Texel by texel, or no map.
-        map.as_flattened_mut().iter_mut().zip(endpoints).for_each(|(to, f)| *to = centred(*f));
+        let (texels, _) = endpoints.as_chunks::<64>();
+        for (texels, corner) in texels.iter().zip(corners(across)) {
+            let (texels, _) = texels.as_chunks::<4>();
+            for (i, f) in texels.iter().enumerate() {
+                map[corner + i / 4 * across + i % 4] = f.map(centred);
+            }
+        }
         return;
     }
     let (endpoints, _) = endpoints.as_chunks::<8>();
     let (weights, _) = weights.as_chunks::<16>();
-    let (map, _) = map.as_chunks_mut::<16>();
-    for ((e, w), texels) in endpoints.iter().zip(weights).zip(map) {
+    for ((e, w), corner) in endpoints.iter().zip(weights).zip(corners(across)) {
         let e0: Quad = std::array::from_fn(|c| centred(e[c]));
         let d: Quad = std::array::from_fn(|c| CENTRE_SLOPE * (e[4 + c] - e[c]));
-        for i in 0..16 {
-            texels[i] = Quad::splat(w[i]).mul(d).add(e0);
+        let (e0, d) = (V::Eight::twice(V::Four::load(&e0)), V::Eight::twice(V::Four::load(&d)));
+        let (pairs, _) = w.as_chunks::<2>();
+        for (i, pair) in pairs.iter().enumerate() {
+            let texels = V::Eight::spread(*pair).mul_add(d, e0);
+            texels.store(two_mut(map, corner + i / 2 * across + i % 2 * 2));
         }
     }
 }
 
 /// From the gradient with respect to a centred map (zeroed on the way) to that of endpoints and weights, which is overwritten.
 #[inline(always)]
-pub fn contract(
+pub fn contract<V: Longest>(
     endpoints: &[f32],
     weights: &[f32],
+    across: usize,
     map: &mut [Quad],
     d_endpoints: &mut [f32],
     d_weights: &mut [f32],
 ) {
     if weights.is_empty() {
-        let texels = map.as_flattened_mut();
-        d_endpoints.iter_mut().zip(texels).for_each(|(d, g)| *d = CENTRE_SLOPE * std::mem::take(g));
+        let (d_texels, _) = d_endpoints.as_chunks_mut::<64>();
+        for (d_texels, corner) in d_texels.iter_mut().zip(corners(across)) {
+            let (d_texels, _) = d_texels.as_chunks_mut::<4>();
+            for (i, d) in d_texels.iter_mut().enumerate() {
+                let g = std::mem::take(&mut map[corner + i / 4 * across + i % 4]);
+                *d = g.map(|g| CENTRE_SLOPE * g);
+            }
+        }
         return;
     }
     let (endpoints, _) = endpoints.as_chunks::<8>();
     let (weights, _) = weights.as_chunks::<16>();
     let (d_endpoints, _) = d_endpoints.as_chunks_mut::<8>();
     let (d_weights, _) = d_weights.as_chunks_mut::<16>();
-    let (map, _) = map.as_chunks_mut::<16>();
-    for ((((e, w), de), dw), g) in endpoints.iter().zip(weights).zip(d_endpoints).zip(d_weights).zip(map) {
+    let zero = V::Eight::splat(0.0);
+    for ((((e, w), de), dw), corner) in
+        endpoints.iter().zip(weights).zip(d_endpoints).zip(d_weights).zip(corners(across))
+    {
         let d: Quad = std::array::from_fn(|c| CENTRE_SLOPE * (e[4 + c] - e[c]));
+        let d = V::Eight::twice(V::Four::load(&d));
         // ∂e₁ = Σ w g, ∂e₀ = Σ g − ∂e₁, ∂w = g · (e₁ − e₀)
-        let (mut all, mut second) = ([0.0; 4], [0.0; 4]);
-        for i in 0..16 {
-            all = all.add(g[i]);
-            second = second.add(g[i].mul(Quad::splat(w[i])));
-            let p = g[i].mul(d);
-            dw[i] = (p[0] + p[1]) + (p[2] + p[3]);
+        let (mut all, mut second) = (zero, zero);
+        let (pairs, _) = w.as_chunks::<2>();
+        for (half, dw) in dw.chunks_exact_mut(8).enumerate() {
+            let mut products = [zero; 4];
+            for (k, product) in products.iter_mut().enumerate() {
+                let i = 4 * half + k;
+                let texels = two_mut(map, corner + i / 2 * across + i % 2 * 2);
+                let g = V::Eight::load(texels);
+                zero.store(texels);
+                all = all.add(g);
+                second = V::Eight::spread(pairs[i]).mul_add(g, second);
+                *product = g.mul(d);
+            }
+            V::Eight::sums(products).store(dw);
         }
-        *g = [[0.0; 4]; 16];
-        for c in 0..4 {
-            de[4 + c] = CENTRE_SLOPE * second[c];
-            de[c] = CENTRE_SLOPE * (all[c] - second[c]);
-        }
+        let slope = V::Four::splat(CENTRE_SLOPE);
+        let second = second.folded().mul(slope);
+        second.store(&mut de[4..]);
+        second.mul_add(V::Four::splat(-1.0), all.folded().mul(slope)).store(&mut de[..4]);
     }
 }

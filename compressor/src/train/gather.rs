@@ -4,12 +4,12 @@
 //! would cost more than it saves. F_uvt, whose texels samples share, is read as a map. Of F_ut and F_vt all samples of a chunk read the same
 //! moment: its rows are mixed once a chunk.
 
-use super::features::{CENTRE_SLOPE, Layout, centred};
+use super::features::{CENTRE_SLOPE, Layout, centred, two, two_mut};
 #[cfg(doc)]
 use super::network::CHUNK;
 use super::network::{FEATURE_ROW, Rows};
 use super::problem::{Pair, Problem, Texel};
-use crate::lanes::{Lanes, Quad};
+use crate::lanes::{Lanes, Longest, Quad, TwoQuads};
 use crate::model::STORED;
 
 /// A chunk of samples, of one moment.
@@ -38,14 +38,14 @@ pub enum Uv<'a> {
 impl Uv<'_> {
     /// The centred texel at an offset, block by block.
     #[inline(always)]
-    fn texel(&self, at: usize) -> Quad {
+    fn texel<V: Longest>(&self, at: usize) -> V::Four {
         match self {
             Uv::Lines { endpoints, weights } => {
-                let e = &endpoints[at / 16 * 8..][..8];
-                let w = weights[at];
-                std::array::from_fn(|c| centred(e[c] + w * (e[4 + c] - e[c])))
+                let ends = V::Eight::load(&endpoints[at / 16 * 8..][..8]);
+                let texel = ends.mul(V::Eight::ends(weights[at])).folded();
+                texel.mul_add(V::Four::splat(CENTRE_SLOPE), V::Four::splat(-0.5 * CENTRE_SLOPE))
             }
-            Uv::Texels(texels) => texels[at],
+            Uv::Texels(texels) => V::Four::load(&texels[at]),
         }
     }
 }
@@ -55,7 +55,7 @@ impl Uv<'_> {
 pub struct Features<'a> {
     /// F_uv.
     pub uv: Uv<'a>,
-    /// F_uvt, centred, slice by slice, block by block.
+    /// F_uvt, centred, slice by slice, row by row.
     pub uvt: &'a [Quad],
     /// F_ut as learned, row (τ) by row, 2 channels.
     pub ut: &'a [f32],
@@ -114,9 +114,22 @@ fn unmix(row: &Row, across: usize, rows: &Pair, plane: &mut [f32]) {
     }
 }
 
-/// The features of a chunk of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
+/// Two quads between two others.
 #[inline(always)]
-pub fn gather(features: &Features, problem: &Problem, samples: &Samples, x: &mut Rows<FEATURE_ROW>) {
+fn mix<V: Longest>(a: &[f32], b: &[f32], f: f32) -> V::Eight {
+    V::Eight::splat(f).mul_add(V::Eight::load(b), V::Eight::splat(1.0 - f).mul(V::Eight::load(a)))
+}
+
+/// The features of a chunk of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
+/// `meanwhile` is called with each texel on the way.
+#[inline(always)]
+pub fn gather<V: Longest>(
+    features: &Features,
+    problem: &Problem,
+    samples: &Samples,
+    x: &mut Rows<FEATURE_ROW>,
+    meanwhile: impl Fn(Texel),
+) {
     let moment = &problem.moments[samples.moment];
     let has = &problem.shape.contents;
     let ut = mixed(features.ut, problem.shape.ut, &moment.rows);
@@ -127,19 +140,18 @@ pub fn gather(features: &Features, problem: &Problem, samples: &Samples, x: &mut
     };
     let slices = moment.slices.at.map(|at| &features.uvt[at..]);
     for (x, &texel) in x.iter_mut().zip(samples.texels) {
+        meanwhile(texel);
         let (column, row) = problem.sites(texel);
         if has.uvt > 0 {
-            let mix =
-                |a: Quad, b: Quad, f: f32| Quad::splat(f).mul(std::array::from_fn(|c| b[c] - a[c])).add(a);
-            let line = |slice: &[Quad], y: usize| {
-                mix(slice[column.uvt.at[0] + y], slice[column.uvt.at[1] + y], column.uvt.f)
-            };
-            let image =
-                |slice: &[Quad]| mix(line(slice, row.uvt.at[0]), line(slice, row.uvt.at[1]), row.uvt.f);
-            x[..4].copy_from_slice(&mix(image(slices[0]), image(slices[1]), moment.slices.f));
+            let (at, [above, below], f) = (column.uvt.at[0], row.uvt.at, row.uvt.f);
+            let before = mix::<V>(two(slices[0], at + above), two(slices[0], at + below), f);
+            let after = mix::<V>(two(slices[1], at + above), two(slices[1], at + below), f);
+            let pair = V::Eight::splat(moment.slices.f)
+                .mul_add(after, V::Eight::splat(1.0 - moment.slices.f).mul(before));
+            pair.mul(V::Eight::ends(column.uvt.f)).folded().store(&mut x[..4]);
         }
         if has.uv {
-            x[4..8].copy_from_slice(&features.uv.texel(column.uv + row.uv));
+            features.uv.texel::<V>(column.uv + row.uv).store(&mut x[4..8]);
         }
         if has.ut {
             x[8..10].copy_from_slice(&between(&ut, &column.plane));
@@ -152,7 +164,7 @@ pub fn gather(features: &Features, problem: &Problem, samples: &Samples, x: &mut
 
 /// The way back of [`gather`]: of the planes alone, or of all maps.
 #[inline(always)]
-pub fn scatter(
+pub fn scatter<V: Longest>(
     features: &Features,
     problem: &Problem,
     samples: &Samples,
@@ -180,18 +192,17 @@ pub fn scatter(
             continue;
         }
         if has.uv {
-            scatter_uv(&features.uv, column.uv + row.uv, [d[4], d[5], d[6], d[7]], &mut gradient.uv);
+            scatter_uv::<V>(&features.uv, column.uv + row.uv, V::Four::load(&d[4..8]), &mut gradient.uv);
         }
         if has.uvt == 0 {
             continue;
         }
-        let d = [d[0], d[1], d[2], d[3]];
+        let d = V::Eight::twice(V::Four::load(&d[..4])).mul(V::Eight::ends(column.uvt.f));
         for (slice, fs) in moment.slices.ends() {
             let slice = &mut gradient.uvt[slice..];
             for (y, fy) in row.uvt.ends() {
-                for (x, f) in column.uvt.ends() {
-                    slice[x + y] = Quad::splat(fs * fy * f).mul_add(d, slice[x + y]);
-                }
+                let to = two_mut(slice, column.uvt.at[0] + y);
+                V::Eight::splat(fs * fy).mul_add(d, V::Eight::load(to)).store(to);
             }
         }
     }
@@ -201,22 +212,21 @@ pub fn scatter(
 
 /// ∂e₁ = w g, ∂e₀ = (1 − w) g, ∂w = g · (e₁ − e₀), with g that of the texel before it is centred.
 #[inline(always)]
-fn scatter_uv(uv: &Uv, at: usize, d: Quad, gradient: &mut [&mut [f32]; 2]) {
-    let g = d.mul(Quad::splat(CENTRE_SLOPE));
+fn scatter_uv<V: Longest>(uv: &Uv, at: usize, d: V::Four, gradient: &mut [&mut [f32]; 2]) {
+    let g = d.mul(V::Four::splat(CENTRE_SLOPE));
     let [to, weights] = gradient;
     match uv {
         Uv::Lines { endpoints, weights: w } => {
             let (e, to) = (&endpoints[at / 16 * 8..][..8], &mut to[at / 16 * 8..][..8]);
-            let (second, w) = (Quad::splat(w[at]), &mut weights[at]);
-            let first = Quad::splat(1.0 - second[0]);
-            let p = g.mul(std::array::from_fn(|c| e[4 + c] - e[c]));
-            *w += (p[0] + p[1]) + (p[2] + p[3]);
-            first.mul_add(g, Quad::load(&to[..4])).store(&mut to[..4]);
-            second.mul_add(g, Quad::load(&to[4..])).store(&mut to[4..]);
+            let mut p = [0.0; 4];
+            let line = V::Four::load(&e[..4]).mul_add(V::Four::splat(-1.0), V::Four::load(&e[4..]));
+            g.mul(line).store(&mut p);
+            weights[at] += (p[0] + p[1]) + (p[2] + p[3]);
+            V::Eight::ends(w[at]).mul_add(V::Eight::twice(g), V::Eight::load(to)).store(to);
         }
         Uv::Texels(_) => {
             let to = &mut to[4 * at..][..4];
-            g.add(Quad::load(to)).store(to);
+            g.add(V::Four::load(to)).store(to);
         }
     }
 }

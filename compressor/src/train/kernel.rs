@@ -6,7 +6,7 @@ use super::network::{CHUNK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
 use super::problem::{Problem, Texel};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
-use crate::lanes::{Instructions, Lanes, Quad, Tier, prefetch};
+use crate::lanes::{Instructions, Lanes, Longest, Quad, Tier, prefetch};
 use crate::model::{FEATURES, Shape};
 
 /// Largest loss weight of a sample's channel, before that of its texel.
@@ -17,7 +17,7 @@ pub trait Kernel {
     /// What it computes.
     type Output;
     /// Must be `#[inline(always)]`, so that it is compiled with the caller's instruction set.
-    fn run<V: Lanes>(self) -> Self::Output;
+    fn run<V: Longest>(self) -> Self::Output;
 }
 
 /// Runs a kernel with an instruction set.
@@ -111,23 +111,15 @@ pub struct Batch<'a, const H: usize> {
 impl<const H: usize> Kernel for Batch<'_, H> {
     type Output = f64;
     #[inline(always)]
-    fn run<V: Lanes>(mut self) -> f64 {
+    fn run<V: Longest>(mut self) -> f64 {
         let mut trace = Trace::new();
         let (mut x, mut dx) = (Rows::new(), Rows::new());
         let mut loss = 0.0;
         for (b, samples) in self.samples.iter().enumerate() {
-            // The targets of all sets do not fit the near caches: those of the next chunk are asked for, some at a time, for a cache
-            // waits for few.
-            let next = self.samples.get(b + 1).map(|next| (next, self.problem.targets_at(next.moment)));
-            let ask = |quarter: usize| {
-                if let Some((next, targets)) = next {
-                    let texels = next.texels.iter().skip(quarter * CHUNK / 4).take(CHUNK / 4);
-                    texels.for_each(|texel| prefetch(&targets[texel.index()]));
-                }
-            };
-            ask(0);
-            gather(&self.features, self.problem, samples, &mut x);
-            ask(1);
+            // The targets of all sets do not fit the near caches: they are asked for one by one, for a cache waits for few.
+            let targets = self.problem.targets_at(samples.moment);
+            let ask = |texel: Texel| prefetch(&targets[texel.index()]);
+            gather::<V>(&self.features, self.problem, samples, &mut x, ask);
             if let Some((noise, salt)) = self.noise {
                 for (x, n) in x.iter_mut().zip(noise.run(salt.wrapping_add(b as u64))) {
                     for lane in (0..FEATURE_ROW).step_by(V::N) {
@@ -137,7 +129,6 @@ impl<const H: usize> Kernel for Batch<'_, H> {
             }
             let mut y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             let moment = &self.problem.moments[samples.moment];
-            let targets = self.problem.targets_at(samples.moment);
             let mut sum = [0.0; 4];
             for (y, texel) in y.iter_mut().zip(samples.texels) {
                 let (r, w) = residual(*y, targets[texel.index()], &moment.base, &moment.slope);
@@ -147,13 +138,11 @@ impl<const H: usize> Kernel for Batch<'_, H> {
             }
             y[samples.texels.len()..].fill([0.0; 4]);
             loss += f64::from(sum[0] + sum[1] + sum[2]);
-            ask(2);
             let wanted = (self.scope != Scope::Decoder).then_some(&mut dx);
             self.network.backward::<V>(&x, samples.moment, &trace, &y, self.of_network, wanted);
-            ask(3);
             if self.scope != Scope::Decoder {
                 let planes_alone = self.scope == Scope::Planes;
-                scatter(&self.features, self.problem, samples, &dx, &mut self.of_features, planes_alone);
+                scatter::<V>(&self.features, self.problem, samples, &dx, &mut self.of_features, planes_alone);
             }
         }
         loss
@@ -189,7 +178,7 @@ pub struct SquaredErrors<'a, const H: usize> {
 impl<const H: usize> Kernel for SquaredErrors<'_, H> {
     type Output = Vec<f64>;
     #[inline(always)]
-    fn run<V: Lanes>(self) -> Vec<f64> {
+    fn run<V: Longest>(self) -> Vec<f64> {
         let mut trace = Trace::new();
         let mut x = Rows::new();
         let mut sums = Vec::with_capacity(self.moments);
@@ -199,7 +188,7 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
             let mut sum = 0.0;
             for texels in self.texels.chunks(CHUNK) {
                 let samples = Samples { moment: a, texels };
-                gather(&self.features, self.problem, &samples, &mut x);
+                gather::<V>(&self.features, self.problem, &samples, &mut x, |_| ());
                 let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
                 for (y, texel) in y.iter().zip(texels) {
                     let target = targets[texel.index()];
@@ -235,12 +224,12 @@ pub struct BlockLosses<'a, const H: usize> {
 impl<const H: usize> Kernel for BlockLosses<'_, H> {
     type Output = Vec<f32>;
     #[inline(always)]
-    fn run<V: Lanes>(self) -> Vec<f32> {
+    fn run<V: Longest>(self) -> Vec<f32> {
         let mut trace = Trace::new();
         let mut x = Rows::new();
         let mut losses = vec![0.0; self.blocks];
         for samples in self.samples {
-            gather(&self.features, self.problem, samples, &mut x);
+            gather::<V>(&self.features, self.problem, samples, &mut x, |_| ());
             let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             let moment = &self.problem.moments[samples.moment];
             let targets = self.problem.targets_at(samples.moment);
@@ -282,12 +271,12 @@ pub struct Linearise<'a, const H: usize, F> {
 impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H, F> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(mut self) {
+    fn run<V: Longest>(mut self) {
         let mut trace = Trace::new();
         let mut x = Rows::new();
         let mut out = Linearised { y: Rows::new(), jacobian: [Rows::new(); 3] };
         for samples in self.samples {
-            gather(&self.features, self.problem, samples, &mut x);
+            gather::<V>(&self.features, self.problem, samples, &mut x, |_| ());
             out.y = self.network.forward::<V>(&x, samples.moment, &mut trace);
             self.network.jacobian::<V>(&trace, &mut out.jacobian);
             (self.each)(samples, &out);
@@ -301,6 +290,8 @@ pub struct Fill<'a> {
     pub endpoints: &'a [f32],
     /// Weights of all blocks.
     pub weights: &'a [f32],
+    /// Texels of a row; 4 block by block.
+    pub across: usize,
     /// What to overwrite.
     pub map: &'a mut [Quad],
 }
@@ -308,8 +299,8 @@ pub struct Fill<'a> {
 impl Kernel for Fill<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(self) {
-        fill(self.endpoints, self.weights, self.map);
+    fn run<V: Longest>(self) {
+        fill::<V>(self.endpoints, self.weights, self.across, self.map);
     }
 }
 
@@ -319,6 +310,8 @@ pub struct Contract<'a> {
     pub endpoints: &'a [f32],
     /// Weights of all blocks.
     pub weights: &'a [f32],
+    /// Texels of a row; 4 block by block.
+    pub across: usize,
     /// Gradient with respect to the map.
     pub map: &'a mut [Quad],
     /// Gradient with respect to endpoints and then weights: overwritten.
@@ -328,9 +321,9 @@ pub struct Contract<'a> {
 impl Kernel for Contract<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(self) {
+    fn run<V: Longest>(self) {
         let (endpoints, weights) = self.gradient.split_at_mut(self.endpoints.len());
-        contract(self.endpoints, self.weights, self.map, endpoints, weights);
+        contract::<V>(self.endpoints, self.weights, self.across, self.map, endpoints, weights);
     }
 }
 
@@ -347,8 +340,8 @@ fn inverse_root(x: f32) -> f32 {
 pub struct Adam<'a> {
     /// θ
     pub params: &'a mut [f32],
-    /// g
-    pub gradient: &'a [f32],
+    /// g, zeroed on the way.
+    pub gradient: &'a mut [f32],
     /// m
     pub mean: &'a mut [f32],
     /// v
@@ -364,12 +357,13 @@ pub struct Adam<'a> {
 impl Kernel for Adam<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<V: Lanes>(self) {
+    fn run<V: Longest>(self) {
         let [b1, b2] = self.beta;
         let [rate, correction] = self.corrected;
         let [low, high] = self.bounds;
         let moments = self.mean.iter_mut().zip(self.square);
-        for ((p, &g), (m, v)) in self.params.iter_mut().zip(self.gradient).zip(moments) {
+        for ((p, g), (m, v)) in self.params.iter_mut().zip(self.gradient).zip(moments) {
+            let g = std::mem::take(g);
             *m = b1 * *m + (1.0 - b1) * g;
             *v = b2 * *v + (1.0 - b2) * g * g;
             let step = rate * *m * inverse_root(*v * correction + 1e-16);

@@ -4,7 +4,7 @@
 //! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
 
 use super::problem::{Moment, Problem};
-use crate::lanes::{Lanes, Quad};
+use crate::lanes::{Lanes, Longest};
 use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use std::ops::Range;
 
@@ -126,7 +126,7 @@ impl<const H: usize> Network<H> {
 
     /// y (three channels and a zero) of a chunk of inputs at a moment.
     #[inline(always)]
-    pub fn forward<V: Lanes>(&self, x: &Rows<FEATURE_ROW>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
+    pub fn forward<V: Longest>(&self, x: &Rows<FEATURE_ROW>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
         first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[moment], &mut trace.h1);
         gelu::<V, H>(&mut trace.h1, &mut trace.slope1);
@@ -135,13 +135,13 @@ impl<const H: usize> Network<H> {
         gelu::<V, H>(&mut trace.h2, &mut trace.slope2);
         // y = W₃ h₂ + b₃
         let mut y = Rows::new();
-        product::<Quad, H, 4>(&trace.h2, &self.w3_t, Some(&self.b3), &mut y);
+        product::<V::Four, H, 4>(&trace.h2, &self.w3_t, Some(&self.b3), &mut y);
         y
     }
 
     /// From ∂L/∂y: adds the weights' gradients, and gives ∂L/∂x in `dx` where there is one.
     #[inline(always)]
-    pub fn backward<V: Lanes>(
+    pub fn backward<V: Longest>(
         &self,
         x: &Rows<FEATURE_ROW>,
         moment: usize,
@@ -153,7 +153,7 @@ impl<const H: usize> Network<H> {
         let (mut d2, mut d1) = (Rows::new(), Rows::new());
         // ∂W₃ = dyᵀ h₂, ∂b₃ = Σ dy
         outer::<V, 4, 4, H>(dy, &trace.h2, &mut gradient.w3);
-        column_sums::<Quad, 4>(dy, &mut gradient.b3);
+        column_sums::<V::Four, 4>(dy, &mut gradient.b3);
         // d₂ = (W₃ᵀ dy) ∘ gelu′
         product::<V, 4, H>(dy, &self.w3, None, &mut d2);
         scale::<V, H>(&mut d2, &trace.slope2);
@@ -369,7 +369,7 @@ mod tests {
         let at = |x: f32| {
             let (mut rows, mut slopes) = (Rows::<16>::new(), Rows::<16>::new());
             rows[3][5] = x;
-            gelu::<Quad, 16>(&mut rows, &mut slopes);
+            gelu::<crate::lanes::Quad, 16>(&mut rows, &mut slopes);
             (rows[3][5], slopes[3][5])
         };
         for i in -500..=500 {

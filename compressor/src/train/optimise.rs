@@ -41,12 +41,12 @@ pub fn schedule(step: usize, steps: usize, warm_up: usize, end: f32) -> f32 {
     warm * (end + (1.0 - end) * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos()))
 }
 
-/// Centred texels of the maps of blocks that the tile has, block by block, x + 4 y within a block.
+/// Centred texels of the maps of blocks that the tile has.
 #[derive(Clone, Debug)]
 pub struct Maps {
-    /// F_uv.
+    /// F_uv, block by block, x + 4 y within a block.
     pub uv: Vec<Quad>,
-    /// F_uvt, slice by slice.
+    /// F_uvt, slice by slice, row by row.
     pub uvt: Vec<Quad>,
 }
 
@@ -123,7 +123,8 @@ impl<const H: usize> Trainer<H> {
             }
             let [endpoints, weights] = [&self.layout.uvt_endpoints, &self.layout.uvt_weights]
                 .map(|range| &self.params[range.clone()]);
-            run(self.tier, Fill { endpoints, weights, map: &mut self.maps.uvt });
+            let across = self.problem.shape.uvt[0];
+            run(self.tier, Fill { endpoints, weights, across, map: &mut self.maps.uvt });
         }
         self.network = Network::new(&self.params[self.layout.mlp.clone()], &self.problem);
     }
@@ -131,7 +132,7 @@ impl<const H: usize> Trainer<H> {
     fn fill_uv(&mut self) {
         let [endpoints, weights] =
             [&self.layout.uv_endpoints, &self.layout.uv_weights].map(|range| &self.params[range.clone()]);
-        run(self.tier, Fill { endpoints, weights, map: &mut self.maps.uv });
+        run(self.tier, Fill { endpoints, weights, across: 4, map: &mut self.maps.uv });
     }
 
     /// From now on F_uv and F_uvt are what the maps hold, whatever the parameters: at first the same.
@@ -151,14 +152,10 @@ impl<const H: usize> Trainer<H> {
         features(&self.layout, &self.params, &self.maps, self.frozen)
     }
 
-    /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is left in `flat`.
+    /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is added to `flat`, which a step leaves zero.
     pub fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
         let salt = self.random.bits();
         self.of_network = NetworkGradient::new(self.problem.moments.len());
-        if scope != Scope::Decoder {
-            self.flat[..self.layout.uv_weights.end].fill(0.0);
-            self.flat[self.layout.ut.start..self.layout.vt.end].fill(0.0);
-        }
         let loss = run(
             self.tier,
             Batch {
@@ -179,6 +176,7 @@ impl<const H: usize> Trainer<H> {
             let contract = Contract {
                 endpoints: &self.params[endpoints.clone()],
                 weights: &self.params[weights.clone()],
+                across: self.problem.shape.uvt[0],
                 map: &mut self.of_uvt,
                 gradient: &mut self.flat[endpoints.start..weights.end],
             };
@@ -216,7 +214,7 @@ impl<const H: usize> Trainer<H> {
         let mut adam = |range: Range<usize>, rate: f32, bounds: [f32; 2], params: &mut [f32]| {
             let adam = Adam {
                 params,
-                gradient: &self.flat[range.clone()],
+                gradient: &mut self.flat[range.clone()],
                 mean: &mut self.mean[range.clone()],
                 square: &mut self.square[range],
                 beta,
@@ -341,65 +339,72 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
 /// An epoch visits one of so many samples of a moment between sets.
 const BETWEEN_SHARE: usize = 8;
 
-/// Draws batches: every valid texel of a set once an epoch, in random order, and of the gutter one in [`GUTTER_SHARE`]. Batches go
-/// round the moments; the blocks of one go by the slices they read.
+/// Draws batches: every valid texel of a set once an epoch, and of the gutter one in [`GUTTER_SHARE`]. A moment goes through them in one of
+/// a few random orders, from a random place on. Batches go round the moments; the chunks of one go by the slices they read.
 #[derive(Debug, Default)]
 struct Epochs {
-    /// Of each moment, a block of texels for each of its visits.
-    texels: Vec<Vec<[Texel; CHUNK]>>,
-    /// A moment and how often it was visited before.
-    blocks: Vec<(usize, usize)>,
+    /// Each has all valid texels and its share of the gutter; then its first ones again, so that a chunk can start at each.
+    orders: [Vec<Texel>; GUTTER_SHARE],
+    chunks: Vec<Chunk>,
     used: usize,
     batch: usize,
 }
 
+/// A moment, and which order its chunk is of and where it starts there.
+#[derive(Clone, Copy, Debug)]
+struct Chunk {
+    moment: usize,
+    order: usize,
+    start: usize,
+}
+
 impl Epochs {
     fn next(&mut self, problem: &Problem, random: &mut Random) -> Vec<Samples<'_>> {
-        if self.used == self.blocks.len() {
+        if self.used == self.chunks.len() {
             self.refill(problem, random);
         }
-        let end = (self.used + self.batch).min(self.blocks.len());
-        let batch = &mut self.blocks[self.used..end];
+        let end = (self.used + self.batch).min(self.chunks.len());
+        let batch = &mut self.chunks[self.used..end];
         self.used = end;
-        // Blocks that read the same slices of F_uvt one after another: they stay in the near cache.
-        batch.sort_by_key(|&(moment, visit)| (problem.moments[moment].slices.at, moment, visit));
-        batch.iter().map(|&(moment, visit)| Samples { moment, texels: &self.texels[moment][visit] }).collect()
+        // Chunks that read the same slices of F_uvt one after another: they stay in the near cache.
+        batch.sort_by_key(|chunk| (problem.moments[chunk.moment].slices.at, chunk.moment, chunk.start));
+        let samples = |&Chunk { moment, order, start }: &Chunk| Samples {
+            moment,
+            texels: &self.orders[order][start..][..CHUNK],
+        };
+        batch.iter().map(samples).collect()
     }
 
     fn refill(&mut self, problem: &Problem, random: &mut Random) {
-        let gutter = problem.texels.len() - problem.valid;
-        let picks = gutter.div_ceil(GUTTER_SHARE);
-        let rounds = (problem.valid + picks).div_ceil(CHUNK);
-        self.texels.resize_with(problem.moments.len(), Vec::new);
-        let mut order: Vec<Texel> = Vec::with_capacity(problem.valid + picks);
-        for (moment, blocks) in self.texels.iter_mut().enumerate() {
+        let (valid, gutter) = problem.texels.split_at(problem.valid);
+        for (share, order) in self.orders.iter_mut().enumerate() {
             order.clear();
-            order.extend(&problem.texels[..problem.valid]);
-            // A random arithmetic progression of the gutter: each of its texels is as likely.
-            let start = if gutter > 0 { random.below(gutter) } else { 0 };
-            let pick = |i: usize| problem.texels[problem.valid + (start + i * GUTTER_SHARE) % gutter];
-            order.extend((0..picks).map(pick));
-            let visits = if moment < problem.sets { rounds } else { rounds.div_ceil(BETWEEN_SHARE) };
-            random.draw(&mut order, visits * CHUNK);
-            // The last block is filled up from the start.
-            let texel = |i: usize| order.get(i).copied().unwrap_or_else(|| order[i % order.len()]);
-            blocks.clear();
-            blocks.extend((0..visits).map(|visit| std::array::from_fn(|s| texel(visit * CHUNK + s))));
+            order.extend(valid);
+            order.extend(gutter.iter().skip(share).step_by(GUTTER_SHARE));
+            random.shuffle(order);
+            (0..CHUNK).for_each(|i| order.push(order[i]));
         }
-        let mut turn: Vec<usize> = (0..problem.moments.len()).collect();
-        self.blocks.clear();
-        for round in 0..rounds {
+        let lengths = self.orders.each_ref().map(|order| order.len() - CHUNK);
+        let first = |moment| {
+            let order = random.below(GUTTER_SHARE);
+            Chunk { moment, order, start: random.below(lengths[order]) }
+        };
+        let mut turn: Vec<Chunk> = (0..problem.moments.len()).map(first).collect();
+        self.chunks.clear();
+        // The first order has the most gutter.
+        for round in 0..lengths[0].div_ceil(CHUNK) {
             random.shuffle(&mut turn);
-            let visit = |&moment: &usize| match moment < problem.sets {
-                true => Some((moment, round)),
-                false => {
-                    (round + moment).is_multiple_of(BETWEEN_SHARE).then_some((moment, round / BETWEEN_SHARE))
-                }
+            let of_round = |first: &&Chunk| {
+                first.moment < problem.sets || (round + first.moment).is_multiple_of(BETWEEN_SHARE)
             };
-            self.blocks.extend(turn.iter().filter_map(visit));
+            let chunk = |first: &Chunk| Chunk {
+                start: (first.start + round * CHUNK) % lengths[first.order],
+                ..*first
+            };
+            self.chunks.extend(turn.iter().filter(of_round).map(chunk));
         }
-        let batches = self.blocks.len().div_ceil(BATCH / CHUNK);
-        self.batch = self.blocks.len().div_ceil(batches);
+        let batches = self.chunks.len().div_ceil(BATCH / CHUNK);
+        self.batch = self.chunks.len().div_ceil(batches);
         self.used = 0;
     }
 }

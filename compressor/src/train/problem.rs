@@ -1,6 +1,7 @@
 //! What the training of one tile is given: its samples' targets and weights, and where each sample reads the maps.
 
 use super::Coded;
+use super::features::in_blocks;
 use super::light::{LEAST_MEAN_OF_PEAK, Light};
 use crate::lanes::Quad;
 use crate::model::{BORDER, STORED, Shape};
@@ -33,11 +34,12 @@ impl Pair {
     }
 }
 
-/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; of size 0 as of 1.
+/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; of size 0 as of 1. The second is the
+/// one after the first, unless there is but one.
 pub fn clamped(coordinate: f64, size: usize) -> Pair {
     let size = size.max(1);
     let p = (coordinate * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
-    let i = p.floor() as usize;
+    let i = (p.floor() as usize).min(size.saturating_sub(2));
     Pair { at: [i, (i + 1).min(size - 1)], f: (p - i as f64) as f32 }
 }
 
@@ -50,8 +52,8 @@ pub fn periodic(coordinate: f64, size: usize) -> Pair {
     Pair { at: [wrap(i), wrap(i + 1.0)], f: (p - i) as f32 }
 }
 
-/// Where a column (or row) of stored texels reads the maps. Texels of F_uv and F_uvt lie block by block, so offsets of
-/// a column and a row add up.
+/// Where a column (or row) of stored texels reads the maps. Offsets of a column and a row add up: texels of F_uv lie block by block, those
+/// of F_uvt row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct Site {
     /// Part of the offset into F_uv.
@@ -193,26 +195,15 @@ impl Problem {
                 [target(0), target(1), target(2), weight]
             }));
         }
-        let uvt_row = shape.uvt[0] / 4;
         Problem {
             coded: Coded::OnTheLoss,
             columns: (0..shape.width)
-                .map(|x| {
-                    site(
-                        x,
-                        shape.width,
-                        shape.uvt[0],
-                        shape.ut,
-                        |x| x / 4 * 16 + x % 4,
-                        |x| x / 4 * 16 + x % 4,
-                    )
-                })
+                .map(|x| site(x, shape.width, shape.uvt[0], shape.ut, x / 4 * 16 + x % 4, 1))
                 .collect(),
             rows: (0..shape.height)
                 .map(|y| {
-                    let within = |y: usize, across: usize| y / 4 * across * 16 + y % 4 * 4;
-                    let uv = |y| within(y, shape.width / 4);
-                    site(y, shape.height, shape.uvt[1], shape.vt, uv, |y| within(y, uvt_row))
+                    let uv = y / 4 * shape.width * 4 + y % 4 * 4;
+                    site(y, shape.height, shape.uvt[1], shape.vt, uv, shape.uvt[0])
                 })
                 .collect(),
             moments,
@@ -234,32 +225,30 @@ impl Problem {
     /// Per block of F_uv and of F_uvt: whether any sample reads it.
     pub fn blocks_read(&self) -> [Vec<bool>; 2] {
         let [uv, uvt, ..] = self.shape.counts();
-        let mut read = [vec![false; uv], vec![false; uvt]];
+        let mut read_uv = vec![false; uv];
+        // Texels of a slice.
+        let mut read_uvt = vec![false; self.shape.uvt[0] * self.shape.uvt[1]];
         let slices: Vec<usize> = self.moments.iter().flat_map(|moment| touched(&moment.slices)).collect();
         for texel in &self.texels {
             let (column, row) = self.sites(*texel);
             if uv > 0 {
-                read[0][(column.uv + row.uv) / 16] = true;
+                read_uv[(column.uv + row.uv) / 16] = true;
             }
             if uvt > 0 {
                 for y in touched(&row.uvt) {
                     for x in touched(&column.uvt) {
-                        // In the first slice; those of the others follow.
-                        read[1][(x + y) / 16] = true;
+                        read_uvt[x + y] = true;
                     }
                 }
             }
         }
-        if uvt > 0 {
-            let (first, rest) = read[1].split_at_mut(uvt / self.shape.uvt[2]);
-            rest.chunks_exact_mut(first.len()).for_each(|slice| slice.copy_from_slice(first));
-            for (i, slice) in read[1].chunks_exact_mut(uvt / self.shape.uvt[2]).enumerate() {
-                if !slices.contains(&(i * 16 * slice.len())) {
-                    slice.fill(false);
-                }
-            }
-        }
-        read
+        let blocks = in_blocks(&read_uvt, self.shape.uvt[0]).into_iter().map(|texels| texels.contains(&true));
+        let of_slice: Vec<bool> = blocks.collect();
+        let slice = |i: usize| match slices.contains(&(i * read_uvt.len())) {
+            true => of_slice.clone(),
+            false => vec![false; of_slice.len()],
+        };
+        [read_uv, (0..if uvt > 0 { self.shape.uvt[2] } else { 0 }).flat_map(slice).collect()]
     }
 
     /// Its column and its row.
@@ -380,19 +369,12 @@ fn moment(span: &Span, taus: &[f64], light: &Light, coding: Coding, shape: &Shap
     }
 }
 
-fn site(
-    at: usize,
-    stored: usize,
-    uvt: usize,
-    plane: usize,
-    uv_offset: impl Fn(usize) -> usize,
-    uvt_offset: impl Fn(usize) -> usize,
-) -> Site {
+fn site(at: usize, stored: usize, uvt: usize, plane: usize, uv: usize, uvt_stride: usize) -> Site {
     let coordinate = (at as f64 + 0.5) / stored as f64;
     let pair = clamped(coordinate, uvt);
     Site {
-        uv: uv_offset(at),
-        uvt: Pair { at: pair.at.map(uvt_offset), f: pair.f },
+        uv,
+        uvt: Pair { at: pair.at.map(|at| at * uvt_stride), f: pair.f },
         plane: clamped(coordinate, plane),
     }
 }

@@ -14,7 +14,7 @@
 use super::Coded;
 use super::blocks::{Start, Wanted, principal};
 use super::descent::{Descent, Sample};
-use super::features::{CENTRE_SLOPE, centred};
+use super::features::{CENTRE_SLOPE, centred, corners, in_blocks};
 use super::gather::Samples;
 use super::kernel::{BlockLosses, Kernel, Linearise, Linearised, residual, run};
 use super::matrices::{Matrix, add_outer, solve};
@@ -22,7 +22,7 @@ use super::network::CHUNK;
 use super::optimise::Trainer;
 use super::problem::Texel;
 use crate::bc7::{Block, GREY, Mode, encode};
-use crate::lanes::{Lanes, Quad};
+use crate::lanes::{Lanes, Longest, Quad};
 use crate::model::TileParams;
 use std::ops::Range;
 
@@ -47,7 +47,7 @@ impl<const H: usize> Trainer<H> {
     pub fn freeze_blocks(&mut self) -> Blocks {
         self.freeze();
         let mut uvt = self.fit_uvt();
-        show(&uvt, &mut self.maps.uvt);
+        show(&uvt, self.problem.shape.uvt[0], &mut self.maps.uvt);
         self.refine_uvt(&mut uvt);
         self.refine_uvt(&mut uvt);
         let start = self.learned(self.layout.uv_endpoints.start, self.maps.uv.len() / 16);
@@ -62,9 +62,9 @@ impl<const H: usize> Trainer<H> {
         let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
         let tier = self.tier();
         let texel_by_texel = self.problem.coded == Coded::TexelByTexel;
-        let plain = |map: &mut [Quad], start: Vec<[Quad; 2]>| {
+        let plain = |across: usize, map: &mut [Quad], start: Vec<[Quad; 2]>| {
             round_texels(map);
-            let (texels, _) = map.as_chunks::<16>();
+            let texels = &in_blocks(map, across);
             let start: Vec<[Quad; 2]> = if texel_by_texel {
                 texels.iter().map(|t| principal(&t.map(in_steps))).collect()
             } else {
@@ -72,7 +72,7 @@ impl<const H: usize> Trainer<H> {
             };
             let metric = vec![[identity; 16]; texels.len()];
             let blocks = run(tier, Fit { texels, metric: &metric, start: Some(&start) });
-            show(&blocks, map);
+            show(&blocks, across, map);
             blocks
         };
         let learned = |trainer: &Self, first: usize, map: &[Quad]| match texel_by_texel {
@@ -81,7 +81,8 @@ impl<const H: usize> Trainer<H> {
         };
         let uv = learned(self, self.layout.uv_endpoints.start, &self.maps.uv);
         let uvt = learned(self, self.layout.uvt_endpoints.start, &self.maps.uvt);
-        Blocks { uv: plain(&mut self.maps.uv, uv), uvt: plain(&mut self.maps.uvt, uvt) }
+        let across = self.problem.shape.uvt[0];
+        Blocks { uv: plain(4, &mut self.maps.uv, uv), uvt: plain(across, &mut self.maps.uvt, uvt) }
     }
 
     /// Improves frozen blocks around the present planes and decoder.
@@ -212,8 +213,8 @@ impl<const H: usize> Trainer<H> {
         });
         damp(&mut metric, DAMPING);
         let start = self.learned(self.layout.uvt_endpoints.start, metric.len() / 16);
-        let (metric, _) = metric.as_chunks::<16>();
-        let (texels, _) = self.maps.uvt.as_chunks::<16>();
+        let across = problem.shape.uvt[0];
+        let (texels, metric) = (&in_blocks(&self.maps.uvt, across), &in_blocks(&metric, across));
         run(self.tier(), Fit { texels, metric, start: Some(&start) })
     }
 
@@ -263,7 +264,7 @@ impl<const H: usize> Trainer<H> {
         }
         let mut best: Vec<(f32, Block)> = Vec::new();
         for candidate in candidates {
-            show(&candidate, &mut self.maps.uv);
+            show(&candidate, 4, &mut self.maps.uv);
             let losses = self.block_losses();
             match best.is_empty() {
                 true => best = losses.into_iter().zip(candidate).collect(),
@@ -277,7 +278,7 @@ impl<const H: usize> Trainer<H> {
             }
         }
         blocks.uv = best.into_iter().map(|(_, block)| block).collect();
-        show(&blocks.uv, &mut self.maps.uv);
+        show(&blocks.uv, 4, &mut self.maps.uv);
     }
 
     /// The loss over each block of F_uv.
@@ -307,7 +308,7 @@ impl<const H: usize> Trainer<H> {
         });
         let descent = Descent { problem, stride, samples: &mut samples, blocks, damping: DAMPING };
         run(self.tier(), descent);
-        show(blocks, &mut self.maps.uvt);
+        show(blocks, self.problem.shape.uvt[0], &mut self.maps.uvt);
     }
 }
 
@@ -329,11 +330,12 @@ fn damp(metric: &mut [Matrix], share: f32) {
     }
 }
 
-/// Writes blocks' texels into a map.
-fn show(blocks: &[Block], map: &mut [Quad]) {
-    let (map, _) = map.as_chunks_mut::<16>();
-    for (block, texels) in blocks.iter().zip(map) {
-        *texels = block.texels().map(|t| t.map(|b| centred(f32::from(b) / 255.0)));
+/// Writes blocks' texels into a map of so many texels across.
+fn show(blocks: &[Block], across: usize, map: &mut [Quad]) {
+    for (block, corner) in blocks.iter().zip(corners(across)) {
+        for (i, texel) in block.texels().iter().enumerate() {
+            map[corner + i / 4 * across + i % 4] = texel.map(|b| centred(f32::from(b) / 255.0));
+        }
     }
 }
 
@@ -354,7 +356,7 @@ struct Fit<'a> {
 impl Kernel for Fit<'_> {
     type Output = Vec<Block>;
     #[inline(always)]
-    fn run<V: Lanes>(self) -> Self::Output {
+    fn run<V: Longest>(self) -> Self::Output {
         let mut blocks = Vec::with_capacity(self.texels.len());
         for (i, (texels, metric)) in self.texels.iter().zip(self.metric).enumerate() {
             let wanted = Wanted::new(&texels.map(in_steps), metric);

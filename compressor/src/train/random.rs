@@ -28,14 +28,9 @@ impl Random {
         low + (high - low) * (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// Puts a list in random order.
+    /// Puts a list in random order (Fisher and Yates).
     pub fn shuffle<T>(&mut self, list: &mut [T]) {
-        self.draw(list, list.len());
-    }
-
-    /// Draws up to `n` of a list, in random order, to its start (Fisher and Yates).
-    pub fn draw<T>(&mut self, list: &mut [T], n: usize) {
-        for i in 0..n.min(list.len()) {
+        for i in 0..list.len() {
             list.swap(i, i + self.below(list.len() - i));
         }
     }

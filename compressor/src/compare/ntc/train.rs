@@ -5,7 +5,7 @@ use super::grids::{Layout, Quantiser};
 use super::network::{INPUTS, OUTPUTS, Trace, Transposed, Weights, backward};
 use super::{CURVE, Preset};
 use crate::Result;
-use crate::lanes::{Lanes, Tier};
+use crate::lanes::{Longest, Tier};
 use crate::train::kernel::{Adam, Kernel, run};
 use crate::train::network::{CHUNK, Rows};
 use crate::train::optimise::schedule;
@@ -73,7 +73,7 @@ impl Kernel for Batch<'_> {
     type Output = f64;
 
     #[inline(always)]
-    fn run<V: Lanes>(mut self) -> f64 {
+    fn run<V: Longest>(mut self) -> f64 {
         let transposed = Transposed::new(self.weights);
         let (mut x, mut dx, mut trace) = (Rows::<INPUTS>::new(), Rows::<INPUTS>::new(), Trace::new());
         let mut loss = 0.0;
@@ -115,7 +115,7 @@ impl Moved {
         Moved { mean: vec![0.0; len], square: vec![0.0; len], bounds }
     }
 
-    fn step(&mut self, tier: Tier, params: &mut [f32], gradient: &[f32], rate: f32, step: usize) {
+    fn step(&mut self, tier: Tier, params: &mut [f32], gradient: &mut [f32], rate: f32, step: usize) {
         let corrections = BETA.map(|b| 1.0 - f64::from(b).powi(step as i32 + 1));
         let corrected = [(f64::from(rate) / corrections[0]) as f32, (1.0 / corrections[1]) as f32];
         let (mean, square) = (&mut self.mean, &mut self.square);
@@ -145,6 +145,7 @@ pub fn train(
     let mut weights = Weights::initial(preset.inputs(), &mut random);
     let mut moved = [0, 1].map(|i| Moved::new(ranges[i].len(), quantisers[i].bounds()));
     let mut moved_weights = Moved::new(weights.flat().len(), [f32::NEG_INFINITY, f32::INFINITY]);
+    // A step leaves it zero.
     let mut gradient = vec![0.0; layout.len];
     let mut noisy = grids.clone();
     let frozen = (FROZEN * steps as f64) as usize;
@@ -168,7 +169,6 @@ pub fn train(
                 noisy[range.clone()].copy_from_slice(&grids[range.clone()]);
             }
         }
-        gradient.fill(0.0);
         let mut of_weights = Weights::zeros();
         run(
             tier,
@@ -186,10 +186,16 @@ pub fn train(
         let rate = schedule(step, steps, 1, 0.0);
         if step < frozen {
             for (range, moved) in ranges.iter().zip(&mut moved) {
-                moved.step(tier, &mut grids[range.clone()], &gradient[range.clone()], RATES[0] * rate, step);
+                moved.step(
+                    tier,
+                    &mut grids[range.clone()],
+                    &mut gradient[range.clone()],
+                    RATES[0] * rate,
+                    step,
+                );
             }
         }
-        moved_weights.step(tier, weights.flat_mut(), of_weights.flat(), RATES[1] * rate, step);
+        moved_weights.step(tier, weights.flat_mut(), of_weights.flat_mut(), RATES[1] * rate, step);
     }
     // As they are stored; a training of a step or none has not come to this.
     for (range, quantiser) in ranges.into_iter().zip(quantisers) {
@@ -211,7 +217,7 @@ impl Kernel for Decode<'_> {
     type Output = Vec<[f32; OUTPUTS]>;
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> Vec<[f32; OUTPUTS]> {
+    fn run<V: Longest>(self) -> Vec<[f32; OUTPUTS]> {
         let mut out = Vec::with_capacity(self.texels + CHUNK);
         let (mut x, mut trace) = (Rows::<INPUTS>::new(), Trace::new());
         for first in (0..self.texels).step_by(CHUNK) {
