@@ -128,14 +128,13 @@ impl<const H: usize> Network<H> {
     #[inline(always)]
     pub fn forward<V: Longest>(&self, x: &Rows<FEATURE_ROW>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
-        first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[moment], &mut trace.h1);
-        gelu::<V, H>(&mut trace.h1, &mut trace.slope1);
+        let Trace { h1, slope1, h2, slope2 } = trace;
+        first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[moment], To::Gelu(h1, slope1));
         // h₂ = gelu(W₂ h₁ + b₂)
-        product::<V, H, H>(&trace.h1, &self.w2_t, Some(&self.b2), &mut trace.h2);
-        gelu::<V, H>(&mut trace.h2, &mut trace.slope2);
+        product::<V, H, H>(h1, &self.w2_t, Some(&self.b2), To::Gelu(h2, slope2));
         // y = W₃ h₂ + b₃
         let mut y = Rows::new();
-        product::<V::Four, H, 4>(&trace.h2, &self.w3_t, Some(&self.b3), &mut y);
+        product::<V::Four, H, 4>(h2, &self.w3_t, Some(&self.b3), To::Rows(&mut y));
         y
     }
 
@@ -155,18 +154,16 @@ impl<const H: usize> Network<H> {
         outer::<V, 4, 4, H>(dy, &trace.h2, &mut gradient.w3);
         column_sums::<V::Four, 4>(dy, &mut gradient.b3);
         // d₂ = (W₃ᵀ dy) ∘ gelu′
-        product::<V, 4, H>(dy, &self.w3, None, &mut d2);
-        scale::<V, H>(&mut d2, &trace.slope2);
+        product::<V, 4, H>(dy, &self.w3, None, To::Scaled(&mut d2, &trace.slope2));
         outer::<V, 8, H, H>(&d2, &trace.h1, &mut gradient.w2);
         column_sums::<V, H>(&d2, &mut gradient.b2);
         // d₁ = (W₂ᵀ d₂) ∘ gelu′
-        product::<V, H, H>(&d2, &self.w2, None, &mut d1);
-        scale::<V, H>(&mut d1, &trace.slope1);
+        product::<V, H, H>(&d2, &self.w2, None, To::Scaled(&mut d1, &trace.slope1));
         outer::<V, 8, H, FEATURE_ROW>(&d1, x, &mut gradient.w1);
         column_sums::<V, H>(&d1, &mut gradient.biases[moment]);
         // dx = W₁ᵀ d₁
         if let Some(dx) = dx {
-            product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, dx);
+            product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, To::Rows(dx));
         }
     }
 
@@ -175,11 +172,13 @@ impl<const H: usize> Network<H> {
     pub fn jacobian<V: Lanes>(&self, trace: &Trace<H>, jacobian: &mut [Rows<FEATURE_ROW>; 3]) {
         let (mut d2, mut d1) = (Rows::new(), Rows::new());
         for (row, dx) in self.w3.iter().zip(jacobian) {
-            d2.fill(*row);
-            scale::<V, H>(&mut d2, &trace.slope2);
-            product::<V, H, H>(&d2, &self.w2, None, &mut d1);
-            scale::<V, H>(&mut d1, &trace.slope1);
-            product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, dx);
+            for (d2, slope2) in d2.iter_mut().zip(trace.slope2.iter()) {
+                for lane in (0..H).step_by(V::N) {
+                    V::load(&row[lane..]).mul(V::load(&slope2[lane..])).store(&mut d2[lane..]);
+                }
+            }
+            product::<V, H, H>(&d2, &self.w2, None, To::Scaled(&mut d1, &trace.slope1));
+            product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, To::Rows(dx));
         }
     }
 }
@@ -233,6 +232,50 @@ fn columns(shape: &Shape) -> ([Range<usize>; 4], Range<usize>) {
     ([uvt, uv, ut, vt], gamma.start..gates.end)
 }
 
+/// Where the rows of a product go.
+pub(crate) enum To<'a, const O: usize> {
+    /// As they are.
+    Rows(&'a mut Rows<O>),
+    /// Activated, and the activation's slopes.
+    Gelu(&'a mut Rows<O>, &'a mut Rows<O>),
+    /// Times these factors.
+    Scaled(&'a mut Rows<O>, &'a Rows<O>),
+}
+
+impl<const O: usize> To<'_, O> {
+    #[inline(always)]
+    fn put<V: Lanes>(&mut self, row: usize, lane: usize, value: V) {
+        match self {
+            To::Rows(rows) => value.store(&mut rows[row][lane..]),
+            To::Gelu(rows, slopes) => {
+                let (activated, slope) = gelu(value);
+                activated.store(&mut rows[row][lane..]);
+                slope.store(&mut slopes[row][lane..]);
+            }
+            To::Scaled(rows, factors) => {
+                value.mul(V::load(&factors[row][lane..])).store(&mut rows[row][lane..]);
+            }
+        }
+    }
+}
+
+/// [`crate::model::gelu`] and its derivative.
+#[inline(always)]
+fn gelu<V: Lanes>(x: V) -> (V, V) {
+    const TERMS: usize = GELU_COEFFICIENTS.len();
+    let slope = |k: usize| (2 * k + 1) as f32 * GELU_COEFFICIENTS[k];
+    let y = x.max(V::splat(-GELU_BOUND)).min(V::splat(GELU_BOUND));
+    let s = y.mul(y);
+    let (mut a, mut b) = (V::splat(GELU_COEFFICIENTS[TERMS - 1]), V::splat(slope(TERMS - 1)));
+    for k in (0..TERMS - 1).rev() {
+        a = a.mul_add(s, V::splat(GELU_COEFFICIENTS[k]));
+        b = b.mul_add(s, V::splat(slope(k)));
+    }
+    // Φ ≈ ½ + y P(y²), its slope ½ + y P(y²) + y (P(y²) + 2 y² P′(y²)) from the same polynomial; 0 or 1 beyond the bound.
+    let cdf = y.mul_add(a, V::splat(0.5));
+    (x.mul(cdf), y.mul_add(b, cdf))
+}
+
 /// `out[s] = bias + Σ_i input[s][i] · weights[i]` over the quads of features that are there, eight rows at a time.
 #[inline(always)]
 fn first_layer<V: Lanes, const H: usize>(
@@ -240,7 +283,7 @@ fn first_layer<V: Lanes, const H: usize>(
     weights: &[[f32; H]; FEATURES],
     there: [bool; 3],
     bias: &[f32; H],
-    out: &mut Rows<H>,
+    mut out: To<H>,
 ) {
     const GROUP: usize = 8;
     for first in (0..CHUNK).step_by(GROUP) {
@@ -256,8 +299,8 @@ fn first_layer<V: Lanes, const H: usize>(
                     }
                 }
             }
-            for s in 0..GROUP {
-                sums[s].store(&mut out[first + s][lane..]);
+            for (s, sum) in sums.into_iter().enumerate() {
+                out.put(first + s, lane, sum);
             }
         }
     }
@@ -269,12 +312,15 @@ pub(crate) fn product<V: Lanes, const I: usize, const O: usize>(
     input: &Rows<I>,
     weights: &[[f32; O]; I],
     bias: Option<&[f32; O]>,
-    out: &mut Rows<O>,
+    mut out: To<O>,
 ) {
     const GROUP: usize = 8;
     for first in (0..CHUNK).step_by(GROUP) {
         for lane in (0..O).step_by(V::N) {
-            let start = bias.map_or(V::splat(0.0), |b| V::load(&b[lane..]));
+            let start = match bias {
+                Some(bias) => V::load(&bias[lane..]),
+                None => V::splat(0.0),
+            };
             let mut sums = [start; GROUP];
             for i in 0..I {
                 let w = V::load(&weights[i][lane..]);
@@ -282,8 +328,8 @@ pub(crate) fn product<V: Lanes, const I: usize, const O: usize>(
                     sums[s] = V::splat(input[first + s][i]).mul_add(w, sums[s]);
                 }
             }
-            for s in 0..GROUP {
-                sums[s].store(&mut out[first + s][lane..]);
+            for (s, sum) in sums.into_iter().enumerate() {
+                out.put(first + s, lane, sum);
             }
         }
     }
@@ -325,41 +371,6 @@ pub(crate) fn column_sums<V: Lanes, const N: usize>(rows: &Rows<N>, out: &mut [f
     }
 }
 
-/// `rows ∘= factors`
-#[inline(always)]
-pub(crate) fn scale<V: Lanes, const N: usize>(rows: &mut Rows<N>, factors: &Rows<N>) {
-    for (row, factor) in rows.iter_mut().zip(factors.iter()) {
-        for lane in (0..N).step_by(V::N) {
-            V::load(&row[lane..]).mul(V::load(&factor[lane..])).store(&mut row[lane..]);
-        }
-    }
-}
-
-/// [`crate::model::gelu`] in place, and its derivative.
-#[inline(always)]
-pub(crate) fn gelu<V: Lanes, const N: usize>(rows: &mut Rows<N>, slopes: &mut Rows<N>) {
-    let p = GELU_COEFFICIENTS.map(V::splat);
-    const TERMS: usize = GELU_COEFFICIENTS.len();
-    let q: [V; TERMS] = std::array::from_fn(|k| V::splat((2 * k + 1) as f32 * GELU_COEFFICIENTS[k]));
-    let (low, high, half) = (V::splat(-GELU_BOUND), V::splat(GELU_BOUND), V::splat(0.5));
-    for (row, slope) in rows.iter_mut().zip(slopes.iter_mut()) {
-        for lane in (0..N).step_by(V::N) {
-            let x = V::load(&row[lane..]);
-            let y = x.max(low).min(high);
-            let s = y.mul(y);
-            let (mut a, mut b) = (p[TERMS - 1], q[TERMS - 1]);
-            for k in (0..TERMS - 1).rev() {
-                a = a.mul_add(s, p[k]);
-                b = b.mul_add(s, q[k]);
-            }
-            // Φ ≈ ½ + y P(y²), its slope ½ + y P(y²) + y (P(y²) + 2 y² P′(y²)) from the same polynomial; 0 or 1 beyond the bound.
-            let cdf = y.mul_add(a, half);
-            x.mul(cdf).store(&mut row[lane..]);
-            y.mul_add(b, cdf).store(&mut slope[lane..]);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -367,10 +378,8 @@ mod tests {
     #[test]
     fn the_activation_is_the_model_s_and_its_slope_that_of_the_activation() {
         let at = |x: f32| {
-            let (mut rows, mut slopes) = (Rows::<16>::new(), Rows::<16>::new());
-            rows[3][5] = x;
-            gelu::<crate::lanes::Quad, 16>(&mut rows, &mut slopes);
-            (rows[3][5], slopes[3][5])
+            let (value, slope) = gelu([x; 4]);
+            (value[0], slope[0])
         };
         for i in -500..=500 {
             let (x, h) = (i as f32 / 100.0, 1e-3);

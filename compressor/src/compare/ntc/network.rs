@@ -2,7 +2,7 @@
 
 use super::{Preset, SETS};
 use crate::lanes::Lanes;
-use crate::train::network::{Rows, column_sums, gelu, outer, product, scale};
+use crate::train::network::{Rows, To, column_sums, outer, product};
 use crate::train::random::Random;
 use bytemuck::{Pod, Zeroable};
 
@@ -112,12 +112,11 @@ impl Weights {
     /// The outputs of a block of inputs.
     #[inline(always)]
     pub fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, trace: &mut Trace) -> Rows<OUTPUTS> {
-        product::<V, INPUTS, HIDDEN>(x, &self.w1, Some(&self.b1), &mut trace.h1);
-        gelu::<V, HIDDEN>(&mut trace.h1, &mut trace.slope1);
-        product::<V, HIDDEN, HIDDEN>(&trace.h1, &self.w2, Some(&self.b2), &mut trace.h2);
-        gelu::<V, HIDDEN>(&mut trace.h2, &mut trace.slope2);
+        let Trace { h1, slope1, h2, slope2 } = trace;
+        product::<V, INPUTS, HIDDEN>(x, &self.w1, Some(&self.b1), To::Gelu(h1, slope1));
+        product::<V, HIDDEN, HIDDEN>(h1, &self.w2, Some(&self.b2), To::Gelu(h2, slope2));
         let mut y = Rows::new();
-        product::<V, HIDDEN, OUTPUTS>(&trace.h2, &self.w3, Some(&self.b3), &mut y);
+        product::<V, HIDDEN, OUTPUTS>(h2, &self.w3, Some(&self.b3), To::Rows(&mut y));
         y
     }
 }
@@ -135,15 +134,13 @@ pub fn backward<V: Lanes>(
     let (mut d2, mut d1) = (Rows::new(), Rows::new());
     outer::<V, 8, HIDDEN, OUTPUTS>(&trace.h2, dy, &mut gradient.w3);
     column_sums::<V, OUTPUTS>(dy, &mut gradient.b3);
-    product::<V, OUTPUTS, HIDDEN>(dy, &transposed.w3, None, &mut d2);
-    scale::<V, HIDDEN>(&mut d2, &trace.slope2);
+    product::<V, OUTPUTS, HIDDEN>(dy, &transposed.w3, None, To::Scaled(&mut d2, &trace.slope2));
     outer::<V, 8, HIDDEN, HIDDEN>(&trace.h1, &d2, &mut gradient.w2);
     column_sums::<V, HIDDEN>(&d2, &mut gradient.b2);
-    product::<V, HIDDEN, HIDDEN>(&d2, &transposed.w2, None, &mut d1);
-    scale::<V, HIDDEN>(&mut d1, &trace.slope1);
+    product::<V, HIDDEN, HIDDEN>(&d2, &transposed.w2, None, To::Scaled(&mut d1, &trace.slope1));
     outer::<V, 8, INPUTS, HIDDEN>(x, &d1, &mut gradient.w1);
     column_sums::<V, HIDDEN>(&d1, &mut gradient.b1);
     if let Some(dx) = dx {
-        product::<V, HIDDEN, INPUTS>(&d1, &transposed.w1, None, dx);
+        product::<V, HIDDEN, INPUTS>(&d1, &transposed.w1, None, To::Rows(dx));
     }
 }
