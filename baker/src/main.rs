@@ -211,7 +211,7 @@ fn stale_bundle(set: &Dataset) -> Option<PathBuf> {
     let path = default_bundle(set);
     let bundle = Bundle::open(&path).ok()?;
     let info: serde_json::Value = serde_json::from_str(&bundle.header.info).ok()?;
-    (info["inputs"] != json!(compressor::compress::inputs(set))).then_some(path)
+    (info["inputs"] != json!(set.config.digest_of_light())).then_some(path)
 }
 
 /// Prints what a bake would do.

@@ -244,7 +244,7 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
     let config = &dataset.config;
     let info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
-        "inputs": inputs(dataset),
+        "inputs": dataset.config.digest_of_light(),
         "trained_on": trained_on(dataset),
         "unit": config.unit,
         "profile": match options.rate {
@@ -287,31 +287,15 @@ pub(crate) fn timeline(dataset: &Dataset, coding: Coding) -> Timeline {
     }
 }
 
-/// Digest of the light that a bundle stores: hours, schedules, and the content of masks and lightmaps.
-pub fn inputs(dataset: &Dataset) -> String {
-    let config = &dataset.config;
-    let pages: Vec<_> =
-        config.pages.iter().map(|page| json!([page.width, page.height, page.mask.blake3])).collect();
-    let groups: Vec<_> = config.groups.iter().map(|group| json!([group.name, group.on])).collect();
-    let sets: Vec<_> = config
-        .sets
-        .iter()
-        .map(|set| {
-            let maps: Vec<_> = set.maps.iter().map(|map| &map.file.blake3).collect();
-            json!([set.hour, set.groups_on, maps])
-        })
-        .collect();
-    let all = json!([config.scene, pages, groups, sets]).to_string();
-    blake3::hash(all.as_bytes()).to_hex().to_string()
-}
-
-/// [`inputs`] and what else decides a tile's training: the layers tell which groups light it.
+/// Digest of the light and of what else decides a tile's training: the layers tell which groups light it.
 fn trained_on(dataset: &Dataset) -> String {
     let digest = |group: &dataset::config::Group| {
         group.layers.iter().map(|file| file.blake3.clone()).collect::<Vec<_>>()
     };
     let layers: Vec<_> = dataset.config.groups.iter().map(digest).collect();
-    blake3::hash(json!([inputs(dataset), layers]).to_string().as_bytes()).to_hex().to_string()
+    blake3::hash(json!([dataset.config.digest_of_light(), layers]).to_string().as_bytes())
+        .to_hex()
+        .to_string()
 }
 
 /// `path` with `suffix` appended to its name.

@@ -1,7 +1,8 @@
 //! Vectors of f32 for the kernels of training and decoding: one trait, one type per instruction set.
 //!
 //! The kernels are generic over [`Lanes`] and `#[inline(always)]`; `train/kernel.rs` and `decode/kernel.rs` instantiate each
-//! of theirs inside a function that enables the instruction set, after asking the processor for its [`Tier`].
+//! of theirs inside a function that enables the instruction set, after asking the processor for its [`Tier`]. No vector goes
+//! through a closure of theirs: closures are compiled without their caller's instruction set.
 
 /// A vector of [`Lanes::N`] f32.
 pub trait Lanes: Copy {

@@ -1,6 +1,7 @@
 //! `config.json`: the manifest of a temporal set.
 
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 /// The value of [`Config::format`].
 pub const FORMAT: &str = "temporal-lightmaps";
@@ -53,6 +54,22 @@ pub struct Config {
     /// What makes the sets a scene's transfer. Only transfers have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
+}
+
+impl Config {
+    /// Digest of the light itself, by which a bundle tells what it was made from: hours, schedules, and the content of masks and lightmaps.
+    pub fn digest_of_light(&self) -> String {
+        let pages: Vec<_> =
+            self.pages.iter().map(|page| json!([page.width, page.height, page.mask.blake3])).collect();
+        let groups: Vec<_> = self.groups.iter().map(|group| json!([group.name, group.on])).collect();
+        let set = |set: &Set| {
+            let maps: Vec<_> = set.maps.iter().map(|map| &map.file.blake3).collect();
+            json!([set.hour, set.groups_on, maps])
+        };
+        let sets: Vec<_> = self.sets.iter().map(set).collect();
+        let all = json!([self.scene, pages, groups, sets]).to_string();
+        blake3::hash(all.as_bytes()).to_hex().to_string()
+    }
 }
 
 /// A scene's transfer: each set is the irradiance under one part of a spherical harmonic as the sky, and the scene's own daylight

@@ -24,8 +24,9 @@ impl Released {
         let (hut, yard) = (released.at("hut"), released.at("yard"));
         rename(&hut, "hut", &[(20, 20)]);
         rename(&yard, "yard", &[(33, 20), (8, 8)]);
-        fs::write(hut.join("hut-h.ndgi"), b"bundle").unwrap();
-        fs::write(hut.join("other.ndgi"), b"another").unwrap();
+        let light = Dataset::open(&hut).unwrap().config.digest_of_light();
+        fs::write(hut.join("hut-h.ndgi"), bundle(&format!(r#"{{"inputs":"{light}"}}"#))).unwrap();
+        fs::write(hut.join("other.ndgi"), bundle("{}")).unwrap();
         fs::write(hut.join("run.json"), b"not part of the set").unwrap();
         released.package("release");
         released
@@ -51,6 +52,18 @@ impl Released {
         let found = faults.iter().any(|fault| words.iter().all(|word| fault.contains(word)));
         assert!(found, "{words:?}: {faults:?}");
     }
+}
+
+/// The beginning of a bundle that says this of itself, and a payload.
+fn bundle(info: &str) -> Vec<u8> {
+    let mut bytes = b"NDGI\r\n\x1a\n".to_vec();
+    bytes.resize(56, 0);
+    for text in ["hut", info] {
+        bytes.extend((text.len() as u32).to_le_bytes());
+        bytes.extend(text.as_bytes());
+    }
+    bytes.extend([7; 300]);
+    bytes
 }
 
 /// [`write_set`] of another name.
@@ -124,6 +137,36 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
     let hut = Dataset::open(&released.at("hut")).unwrap();
     dataset::exchange::export(&hut, Layout::Hprc2, &exported, &Console::silent()).unwrap();
     assert!(content(&exported) == content(&unpacked.join("hut-hprc2")));
+}
+
+#[test]
+fn bundles_of_other_light_are_refused_and_found() {
+    let released = Released::new();
+    let other = Dataset::open(&released.at("yard")).unwrap().config.digest_of_light();
+    let foreign = bundle(&format!(r#"{{"inputs":"{other}"}}"#));
+    let refused = |bytes: &[u8], words: &str| {
+        fs::write(released.at("hut").join("other.ndgi"), bytes).unwrap();
+        let out = released.at("again");
+        let error = release(&[released.at("hut")], &[], true, &out, &Console::silent()).unwrap_err();
+        let error = error.to_string();
+        assert!(error.contains("other.ndgi") && error.contains(words), "{error}");
+        assert!(!out.exists());
+    };
+    refused(&foreign, "made from other light than the set it goes with");
+    refused(b"bundle", "not a whole bundle");
+    refused(&[0; 100], "does not begin as one");
+    let mut long = bundle("{}");
+    long[56..60].fill(255);
+    refused(&long, "expected up to 1048576");
+    // The same where sums were made to agree.
+    let release = released.at("release");
+    let sums = fs::read_to_string(release.join(SUMS)).unwrap();
+    fs::write(release.join("hut-h.ndgi"), &foreign).unwrap();
+    let sum = Command::new("sha256sum").arg("hut-h.ndgi").current_dir(&release).output().unwrap();
+    let line = String::from_utf8(sum.stdout).unwrap();
+    let lines = sums.lines().map(|old| if old.ends_with("  hut-h.ndgi") { line.trim_end() } else { old });
+    fs::write(release.join(SUMS), lines.map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+    released.expect_fault(&["hut-h.ndgi", "made from other light"]);
 }
 
 #[test]

@@ -88,15 +88,13 @@ impl<'a> FeatureGradient<'a> {
     }
 }
 
-/// A row of F_ut or F_vt between two others: at most half as many texels as are stored, of 2 channels, and one more, so that the
-/// last has one to its right.
-type Row = [f32; ROW];
-const ROW: usize = 2 * (STORED / 2 + 1);
+/// A row of F_ut or F_vt between two others: at most half as many texels as are stored, of 2 channels.
+type Row = [f32; STORED];
 
 /// The row of a plane at a moment, centred; zeros without the plane.
 #[inline(always)]
 fn mixed(plane: &[f32], across: usize, rows: &Pair) -> Row {
-    let mut row = [0.0; ROW];
+    let mut row = [0.0; STORED];
     let [a, b] = rows.at.map(|row| &plane[row * across * 2..][..across * 2]);
     for ((mixed, a), b) in row.iter_mut().zip(a).zip(b) {
         *mixed = centred(a + rows.f * (b - a));
@@ -174,7 +172,7 @@ pub fn scatter<V: Longest>(
 ) {
     let moment = &problem.moments[samples.moment];
     let has = &problem.shape.contents;
-    let (mut ut, mut vt): (Row, Row) = ([0.0; ROW], [0.0; ROW]);
+    let (mut ut, mut vt): (Row, Row) = ([0.0; STORED], [0.0; STORED]);
     let part = |row: &mut Row, pair: &Pair, d: [f32; 2]| {
         let to = &mut row[2 * pair.at[0]..][..4];
         let weights = [1.0 - pair.f, 1.0 - pair.f, pair.f, pair.f];

@@ -3,6 +3,7 @@
 
 mod sums;
 mod archive;
+mod bundle;
 mod datasheet;
 mod parts;
 mod package;

@@ -1,6 +1,7 @@
 //! From datasets to a release folder.
 
 use super::archive::{Content, Member, pack};
+use super::bundle::expect_light;
 use super::datasheet::{Files, datasheet};
 use super::parts::{LAYERS, split, without_layers};
 use super::{Archive, FORMAT, MANIFEST, Manifest, READER, SUMS, Scene, VERSION, sums};
@@ -257,6 +258,7 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
     let mut bundles = Vec::new();
     for (name, path) in found {
         expect_free(root, &name)?;
+        expect_light(&path, &dataset.config.digest_of_light())?;
         let mut source = File::open(&path).map_err(Error::io(&path))?;
         let copied = write_atomically_with(&root.join(&name), |out| io::copy(&mut source, out).map(drop));
         stop_if_interrupted()?;

@@ -1,6 +1,7 @@
 //! A look at every byte of a release, without unpacking it to the disk and without trust in what it says.
 
 use super::archive::{Examined, examine};
+use super::bundle::expect_light;
 use super::parts::LAYERS;
 use super::{FORMAT, MANIFEST, MAX_TEXT_BYTES, Manifest, SUMS, Scene, VERSION, sums};
 use crate::config::FileRef;
@@ -175,6 +176,13 @@ fn incomplete(folder: &Path, scene: &Scene, kept: &BTreeMap<String, Vec<u8>>) ->
             Err(fault) => faults.push(fault),
             Ok((config, wrong)) => {
                 faults.extend(wrong);
+                if name == store::MANIFEST {
+                    let digest = config.digest_of_light();
+                    let bundles =
+                        scene.bundles.iter().filter(|name| is_component(name)).map(|name| folder.join(name));
+                    let there = bundles.filter(|bundle| bundle.is_file());
+                    faults.extend(there.filter_map(|bundle| expect_light(&bundle, &digest).err()));
+                }
                 for file in store::references(&config) {
                     let place = format!("{}/{}", scene.scene, file.path);
                     if !held.contains(&(&*place, file.bytes, &*file.blake3)) {

@@ -101,7 +101,7 @@ fn judge(
     let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
     if of != scene {
         console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
-    } else if info["inputs"] != json!(compressor::compress::inputs(&dataset)) {
+    } else if info["inputs"] != json!(dataset.config.digest_of_light()) {
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;

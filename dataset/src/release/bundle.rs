@@ -1,0 +1,46 @@
+//! What a bundle of `compress` says of the light it was made from, and no more of it: its first bytes (compressor/FORMAT.md, section 1).
+
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
+/// Where the scene's name begins, and after it what wrote the bundle and how.
+const TEXTS: usize = 56;
+/// Longest text that is read.
+const MOST_TEXT: u64 = 1 << 20;
+
+/// An error if a bundle says that it was made from other light than that of this digest; bundles that say nothing of it pass.
+pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
+    let torn = |error| Error::invalid(bundle.display(), format!("not a whole bundle: {error}"));
+    let mut file = File::open(bundle).map_err(Error::io(bundle))?;
+    let mut start = [0; TEXTS];
+    file.read_exact(&mut start).map_err(torn)?;
+    if start[..8] != MAGIC {
+        return Err(Error::invalid(bundle.display(), "not a bundle: it does not begin as one"));
+    }
+    text(&mut file).map_err(torn)?;
+    let info = text(&mut file).map_err(torn)?;
+    let info: serde_json::Value = serde_json::from_slice(&info).unwrap_or_default();
+    match info["inputs"].as_str() {
+        Some(inputs) if inputs != digest => Err(Error::invalid(
+            bundle.display(),
+            "made from other light than the set it goes with; expected one that `compress` made of this set",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// A length and as many bytes.
+fn text(file: &mut File) -> std::io::Result<Vec<u8>> {
+    let mut length = [0; 4];
+    file.read_exact(&mut length)?;
+    let length = u64::from(u32::from_le_bytes(length));
+    if length > MOST_TEXT {
+        return Err(std::io::Error::other(format!("a text of {length} bytes; expected up to {MOST_TEXT}")));
+    }
+    let mut text = vec![0; length as usize];
+    file.read_exact(&mut text)?;
+    Ok(text)
+}
