@@ -1,4 +1,4 @@
-//! Vectors of f32 for the kernels of training and decoding: one trait, one type per instruction set.
+//! Vectors of f32 for the kernels of training and decoding: one trait, a type for each instruction set and length.
 //!
 //! The kernels are generic over [`Lanes`] and `#[inline(always)]`; `train/kernel.rs` and `decode/kernel.rs` instantiate each
 //! of theirs inside a function that enables the instruction set, after asking the processor for its [`Tier`]. No vector goes
