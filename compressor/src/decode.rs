@@ -53,7 +53,8 @@ fn lerp(a: f32, b: f32, s: f32) -> f32 {
 /// The means at a moment.
 fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
     let (a, b) = (tile.means[moment.a], tile.means[moment.b]);
-    std::array::from_fn(|c| lerp(a[c], b[c], moment.fraction))
+    let [of_a, of_b] = [1.0 - moment.fraction, moment.fraction];
+    std::array::from_fn(|c| (of_a * f64::from(a[c]) + of_b * f64::from(b[c])) as f32)
 }
 
 /// A tile's time coordinate at a moment.

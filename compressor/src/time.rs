@@ -104,8 +104,8 @@ pub struct Moment {
     pub a: usize,
     /// The set after; equal to `a` at a set's hour and where a set is held.
     pub b: usize,
-    /// Share of `b` in the means, in [0, 1).
-    pub fraction: f32,
+    /// Share of `b` in the means, in [0, 1): in double precision, as beside a far dimmer `b` all depends on how much is left of `a`.
+    pub fraction: f64,
 }
 
 impl Moment {
@@ -113,7 +113,7 @@ impl Moment {
     /// far as `b` has a share of the light. Beside a set a thousand times brighter the picture is that set's almost at once, and
     /// beside a black one light only fades. May pass 1.
     pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64) -> f64 {
-        let along = light_share(self.fraction.into(), brightness(self.a), brightness(self.b));
+        let along = light_share(self.fraction, brightness(self.a), brightness(self.b));
         taus[self.a] + along * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
     }
 }
@@ -201,7 +201,7 @@ impl Timeline {
     fn between(&self, a: usize, b: usize, hour: f64) -> Moment {
         let wrapped = |x: f64| if x < 0.0 { x + 24.0 } else { x };
         let fraction = wrapped(hour - self.hours[a]) / wrapped(self.hours[b] - self.hours[a]);
-        Moment { a, b, fraction: fraction as f32 }
+        Moment { a, b, fraction }
     }
 }
 
@@ -299,8 +299,8 @@ mod tests {
 
     #[test]
     fn the_time_coordinate_goes_with_the_light() {
-        let moment = |fraction: f32| Moment { a: 0, b: 1, fraction };
-        let tau = |fraction: f32, light: [f64; 2]| moment(fraction).tau(&[0.25, 0.75], |set| light[set]);
+        let moment = |fraction: f64| Moment { a: 0, b: 1, fraction };
+        let tau = |fraction: f64, light: [f64; 2]| moment(fraction).tau(&[0.25, 0.75], |set| light[set]);
         // Beside a black set that of the lit one; a thousandth of the way to a set a thousand times as bright, halfway.
         assert_eq!([tau(0.01, [0.0, 2.0]), tau(0.99, [2.0, 0.0]), tau(0.5, [0.0, 0.0])], [0.75, 0.25, 0.5]);
         assert!((tau(0.001, [1.0, 999.0]) - 0.5).abs() < 1e-6);
@@ -363,6 +363,22 @@ mod tests {
             assert!((found - expected).abs() < 1e-6, "{found} {expected}");
         }
         assert!((Coding::Paper.light(0.5) - 0.5f64.powf(2.2)).abs() < 1e-7);
+    }
+
+    #[test]
+    fn just_before_a_set_what_is_left_of_the_one_before_keeps_its_digits() {
+        let timeline = Timeline {
+            hours: vec![0.0, 6.0],
+            intervals: vec![],
+            states: vec![vec![]; 2],
+            coding: Coding::Standard,
+        };
+        for left in [1e-3, 1e-6, 1e-9] {
+            let moment = timeline.at(6.0 - left);
+            let found = 6.0 * (1.0 - moment.fraction);
+            assert_eq!((moment.a, moment.b), (0, 1));
+            assert!((found / left - 1.0).abs() < 1e-5, "{left}: {found}");
+        }
     }
 
     #[test]

@@ -66,7 +66,7 @@ fn difference(decoder: &Decoder, hour: f64, found: &Image) -> f64 {
         for column in 0..expected.width.div_ceil(PAYLOAD) {
             let tile = decoder.tile(Place { page: 0, column, row }).unwrap();
             let mean = |c: usize| {
-                let share = moment.fraction;
+                let share = moment.fraction as f32;
                 tile.as_ref()
                     .map_or(0.0, |t| (1.0 - share) * t.means[moment.a][c] + share * t.means[moment.b][c])
             };

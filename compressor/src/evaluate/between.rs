@@ -166,7 +166,7 @@ impl Sets<'_> {
         self.read(moment.b)?;
         let [(_, b), (_, a)] = &self.recent[..] else { unreachable!("two sets that differ were read") };
         let mix = |a: f32, b: f32| {
-            let share = f64::from(moment.fraction);
+            let share = moment.fraction;
             ((1.0 - share) * f64::from(a) + share * f64::from(b)) as f32
         };
         let texels = a.texels.iter().zip(&b.texels);
