@@ -119,6 +119,7 @@ mod tests {
         let stats = TileStats {
             texels: 1,
             steps: 10,
+            stepping_seconds: 0.05,
             psnr_unquantised_db: Some(44.25),
             psnr_8bit_features_db: None,
             psnr_db: None,

@@ -9,6 +9,8 @@ pub struct TileStats {
     pub texels: usize,
     /// Steps of the main phase; 0 for a tile without light.
     pub steps: usize,
+    /// CPU seconds of these alone.
+    pub stepping_seconds: f64,
     /// PSNR before quantisation, in dB, where the tile has one.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with features of 8 bits.

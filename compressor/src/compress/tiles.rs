@@ -108,35 +108,42 @@ impl Tiles<'_> {
         let pace = self.pace(&contents, &finished)?;
         let work = |place: Place, band: &Band| {
             let start = Instant::now();
-            let tile = self.train(place, contents(place), band, pace.begin())?;
-            pace.measure(&tile.stats, start.elapsed());
+            let tile = self.train(place, contents(place), band, pace.begin(place))?;
+            pace.measure(place, &tile.stats, start.elapsed());
             self.part.write(&self.key(place, contents(place)), &tile.payload, &tile.stats)?;
             Ok(tile)
         };
         self.each_tile(console, "training", finished, work, note)
     }
 
-    /// How many steps tiles get. With a time limit the tile of most texels is trained briefly first, to tell what a step takes.
+    /// How many steps tiles get. With a time limit the tiles of most texels, one a thread, are trained briefly first, to tell what a
+    /// step takes.
     fn pace(
         &self,
-        contents: &impl Fn(Place) -> Option<Contents>,
+        contents: &(impl Fn(Place) -> Option<Contents> + Sync),
         finished: &impl Fn(Place) -> Option<Tile>,
     ) -> Result<Pace> {
         let most = self.options.iterations;
-        if self.deadline.is_none() {
-            return Ok(Pace::new(None, most, 0));
-        }
+        let Some(deadline) = self.deadline else {
+            return Ok(Pace::unlimited(most));
+        };
         let texels = |place: Place| tile::valid_texels(&self.masks[place.page], place);
-        let open = self.header.places().map(|place| (texels(place), place));
-        let open: Vec<_> = open.filter(|(texels, place)| *texels > 0 && finished(*place).is_none()).collect();
-        let pace = Pace::new(self.deadline, most, open.len());
-        let largest = open.iter().max_by_key(|(texels, _)| *texels).filter(|_| pace.left().is_some());
-        if let Some(&(_, place)) = largest {
+        let open = self.header.places().map(|place| (place, texels(place)));
+        let open: Vec<_> = open.filter(|(place, texels)| *texels > 0 && finished(*place).is_none()).collect();
+        let mut largest = open.clone();
+        largest.sort_by_key(|(_, texels)| std::cmp::Reverse(*texels));
+        largest.truncate(rayon::current_num_threads());
+        let pace = Pace::until(deadline, most, open);
+        if pace.late() {
+            return Ok(pace);
+        }
+        largest.par_iter().try_for_each(|&(place, _)| -> Result<()> {
             let band = Band::load(self.dataset, &self.masks[place.page], place.page, place.row)?;
             let start = Instant::now();
             let trial = self.train(place, contents(place), &band, pace::FLOOR)?;
-            pace.measure(&trial.stats, start.elapsed());
-        }
+            pace.measure(place, &trial.stats, start.elapsed());
+            Ok(())
+        })?;
         Ok(pace)
     }
 
@@ -385,6 +392,7 @@ impl Tiles<'_> {
         let stats = TileStats {
             texels: tile::valid_texels(&self.masks[place.page], place),
             steps: trained.steps,
+            stepping_seconds: trained.stepping_seconds,
             psnr_unquantised_db: trained.psnr_unquantised_db,
             psnr_8bit_features_db: trained.psnr_8bit_features_db,
             psnr_db: trained.psnr_db,

@@ -83,6 +83,8 @@ pub struct Point {
 pub struct TrainedTile {
     /// Steps of the main phase.
     pub steps: usize,
+    /// CPU seconds of these alone.
+    pub stepping_seconds: f64,
     /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
     pub params: Option<TileParams>,
     /// PSNR before quantisation over all valid texels; `None` where no set has one.
@@ -178,6 +180,7 @@ fn train_coded(
     if light.lit() == 0 {
         return Ok(TrainedTile {
             steps: 0,
+            stepping_seconds: 0.0,
             params: None,
             psnr_unquantised_db: None,
             psnr_8bit_features_db: None,

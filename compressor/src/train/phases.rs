@@ -49,6 +49,8 @@ pub struct Attempt<const H: usize> {
     curve: Vec<Point>,
     /// Steps done.
     iteration: usize,
+    /// CPU seconds of the main phase's steps.
+    stepping: f64,
     /// None follows: a poor result is taken.
     last: bool,
 }
@@ -78,6 +80,7 @@ impl<const H: usize> Attempt<H> {
             aim: recipe.aim,
             curve: Vec::new(),
             iteration: 0,
+            stepping: 0.0,
             last: false,
         }
     }
@@ -138,6 +141,7 @@ impl<const H: usize> Attempt<H> {
         let error = self.error(1);
         Some(TrainedTile {
             steps,
+            stepping_seconds: self.stepping,
             error: Some(error),
             params: Some(self.trainer.store(blocks)),
             psnr_unquantised_db: Some(unquantised),
@@ -208,15 +212,21 @@ impl<const H: usize> Attempt<H> {
         rates: impl Fn(usize) -> [f32; 2],
     ) -> Result<f64, Stop> {
         let mut best = self.trainer.psnr(self.trainer.problem.coarse_stride());
+        let mut begun = self.clock.seconds();
         for i in 0..iterations {
             if alignments.iter().any(|share| i == (share * iterations as f64) as usize) {
+                let before = self.clock.seconds();
                 self.trainer.align_weights(self.aim);
+                begun += self.clock.seconds() - before;
             }
             self.step(Scope::All, rates(i), true)?;
             if (i + 1) % (iterations / POINTS).max(1) == 0 {
+                let before = self.clock.seconds();
                 best = best.max(self.point());
+                begun += self.clock.seconds() - before;
             }
         }
+        self.stepping = self.clock.seconds() - begun;
         let psnr = self.trainer.psnr(1);
         if psnr < best.min(GOOD_DB) - LOST_DB && !self.last { Err(Stop::Diverged) } else { Ok(psnr) }
     }
