@@ -78,7 +78,7 @@ impl Worker<'_> {
         let u = point_pair(sample);
         let k = u.x * outside.count_ones() as f32;
         let probe = (0..PROBES).filter(|&i| outside >> i & 1 == 1).nth(k as usize)?;
-        let probed = point_pair(self.sequence(surface, texel, Stream::Probe, 0).sample(probe));
+        let probed = Self::probed(probe);
         // (The 16 points of a (0, 2)-sequence lie one in each square of a 4 × 4 grid.)
         let square = (probed * 4.0).floor();
         let around = ((square + Vec2::new(k.fract(), u.y)) / 4.0).min(Vec2::splat(1.0 - f32::EPSILON));
@@ -198,8 +198,15 @@ impl Worker<'_> {
     }
 
     fn probe_point(&self, surface: &BlockSurface, texel: usize, probe: u32) -> SurfacePoint {
-        let sequence = self.sequence(surface, texel, Stream::Probe, 0);
-        surface.sample(self.atlas, texel, point_pair(sequence.sample(probe)))
+        surface.sample(self.atlas, texel, Self::probed(probe))
+    }
+
+    /// Where a texel is probed: at the same places in all, whatever the seed. A wall that stands along a row of texels then leaves them
+    /// all the same side, not one or the other by chance.
+    fn probed(probe: u32) -> Vec2 {
+        // A sequence that stands well apart and has a point near every corner.
+        const SPREAD: u32 = 239;
+        point_pair(Sequence::new(0, Kind::Texel, SPREAD, Stream::Probe as u32).sample(probe))
     }
 
     /// Finds out which points of the texels lie inside solids, if that is not known.

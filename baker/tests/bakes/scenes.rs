@@ -138,6 +138,22 @@ pub fn wires() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
+/// A ground in the slanting sun and low walls, each of which divides a row of texels into lit and shaded parts.
+pub fn low_walls() -> Case {
+    let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
+    let walls = (0..8).fold(Obj::default().mesh("walls"), |obj, i| {
+        let x = -1.8 + 0.487 * f64::from(i);
+        obj.quad([x, -0.05, -2.5], [0.0, 0.2, 0.0], [0.0, 0.0, 5.0])
+    });
+    let text = "[sun]\ndisc_angle = 1\ntrack = [{ hour = 12, direction = [1, 1, 0.1], irradiance = [90, 80, 70] }]\n\
+        [sky]\nmodel = \"constant\"\nradiance = [0.1, 0.1, 0.1]\n\
+        [[object]]\nfile = \"ground.obj\"\nalbedo = 0\n\
+        [[object]]\nfile = \"walls.obj\"\nalbedo = 0\nlightmap = false\ntwo_sided = true\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    let files = [("ground.obj", ground.bytes()), ("walls.obj", walls.bytes())];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
 /// A material whose picture has holes in every other texel.
 fn holed() -> [(&'static str, Vec<u8>); 2] {
     let texel = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [60, 160, 60, 255] } else { [0, 0, 0, 0] };
