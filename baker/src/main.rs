@@ -119,8 +119,8 @@ rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
-traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels, or another scene), and unfinished work of other settings dropped,
-only with --force.";
+traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels, or another scene) only with --force, and so is unfinished work of other
+settings dropped, once it has finished a round.";
 
 /// `2%` or `0.02`.
 fn parse_error(text: &str) -> std::result::Result<f64, String> {
@@ -210,8 +210,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
 fn stale_bundle(set: &Dataset) -> Option<PathBuf> {
     let path = default_bundle(set);
     let bundle = Bundle::open(&path).ok()?;
-    let info: serde_json::Value = serde_json::from_str(&bundle.header.info).ok()?;
-    (info["inputs"] != json!(set.config.digest_of_light())).then_some(path)
+    (bundle.header.light() != Some(set.config.digest_of_light())).then_some(path)
 }
 
 /// Prints what a bake would do.

@@ -350,7 +350,14 @@ fn bad_input_is_refused_with_its_place_and_nothing_is_overwritten() {
         }
         assert_eq!(data(&out), before);
     };
-    check(&[text(&scene), "--hours", "12", "--out", text(&out)], &["court.obj"]);
+    let told = ["court.obj", "v 4 NaN -4: expected finite numbers"];
+    check(&[text(&scene), "--hours", "12", "--out", text(&out)], &told);
+    let toml = std::fs::read_to_string(&scene).unwrap();
+    let far = dir.path().join("far.toml");
+    std::fs::copy(fixture("court.obj"), dir.path().join("whole.obj")).unwrap();
+    let object = "file = \"whole.obj\"\ntranslate = [1e13, 0, 0]";
+    std::fs::write(&far, toml.replacen("file = \"court.obj\"", object, 1)).unwrap();
+    check(&[text(&far), "--hours", "12", "--out", text(&out)], &["expected 1e12 from zero at most"]);
     check(&[text(&scene), "--hours", "25", "--out", text(&out)], &["--hours", "25"]);
     check(&["no-such.toml", "--out", text(&out)], &["no-such.toml"]);
     check(
@@ -485,6 +492,15 @@ fn a_dataset_is_not_replaced_by_less_unless_forced() {
     let (done, said) = run(&["--hours", "12", "--force"]);
     assert!(done && said.contains("is replaced when this bake is done"), "{said}");
     assert_eq!(dataset::store::Dataset::open(&out).unwrap().config.sets.len(), 1);
+    // A manifest that cannot be read may be another's: not even `--force` writes over it, or touches what is kept.
+    let kept = layers();
+    let whole = std::fs::read(out.join("config.json")).unwrap();
+    std::fs::write(out.join("config.json"), b"{").unwrap();
+    let (done, said) = run(&["--hours", "12,13", "--force"]);
+    assert!(!done && said.contains("what stands there is not known") && said.contains("--out DIR"), "{said}");
+    assert!(kept == layers() && kept > 0);
+    std::fs::write(out.join("config.json"), whole).unwrap();
+    assert!(run(&["--hours", "12,13"]).0);
 }
 
 #[test]

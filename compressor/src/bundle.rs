@@ -46,6 +46,12 @@ pub struct Header {
 }
 
 impl Header {
+    /// The digest of the light that the bundle was made from ([`dataset::config::Config::digest_of_light`]), if it says so.
+    pub fn light(&self) -> Option<String> {
+        let info: serde_json::Value = serde_json::from_str(&self.info).ok()?;
+        Some(info["inputs"].as_str()?.to_owned())
+    }
+
     /// Number of tiles of all pages.
     pub fn tiles(&self) -> usize {
         self.pages.iter().map(Grid::tiles).sum()

@@ -13,12 +13,12 @@ mod outcome;
 
 pub(crate) use tiles::{of_tile, seed};
 
-use crate::Result;
 use crate::bundle::{self, Bundle, Header};
 use crate::grid::Grid;
 use crate::model::{PROFILES, Profile};
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
+use crate::{Error, Result};
 use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::{expect_writable, write_atomically};
 use dataset::store::Dataset;
@@ -74,8 +74,8 @@ pub struct Options {
     pub iterations: usize,
     /// See [`Recipe::passes`].
     pub passes: usize,
-    /// Training is planned to end so long after the start of the run: tiles get fewer steps as time runs out, none of them is left
-    /// out. The bytes then depend on the machine and its load.
+    /// Training is planned to end so long after the start of the run: all tiles get about as many steps, none of them is left out. The
+    /// bytes then depend on the machine and its load. Goes with [`Rate::Profile`] alone: trials take what time they take.
     pub time_limit: Option<Duration>,
     /// The paper's literal recipe; see [`Recipe::paper`].
     pub paper: bool,
@@ -130,6 +130,9 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
 /// [`Error::Interrupted`](crate::Error::Interrupted); [`Error::Io`](crate::Error::Io). An existing bundle stays as it was unless the run succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
+    if options.time_limit.is_some() && !matches!(options.rate, Rate::Profile(_)) {
+        return Err(Error::unsupported("time_limit", "a target of quality or size has no time limit"));
+    }
     let dataset = Dataset::open(root)?;
     dataset.expect_moments()?;
     let out = options.out.clone().unwrap_or_else(|| default_bundle(&dataset));
@@ -140,6 +143,16 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     if !options.force {
         match standing(&out, &header) {
             Standing::Same(outcome) => return Ok(*outcome),
+            Standing::Better(steps) => {
+                return Err(Error::invalid(
+                    out.display(),
+                    format!(
+                        "is a bundle of this light trained for {steps} steps, and {} would replace it; expected --out FILE for one of \
+                         its own, or --force to train anew and replace it",
+                        options.iterations
+                    ),
+                ));
+            }
             Standing::Other(what) => console.say(format!("{}, {what}, is replaced", out.display())),
             Standing::None => {}
         }
@@ -178,6 +191,8 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
 enum Standing {
     /// The bundle that would be written, but for bytes that go by the instruction set, and how it came to be.
     Same(Box<Outcome>),
+    /// One of the same light that was trained for more steps: so many.
+    Better(u64),
     /// One of other light or other settings, in words.
     Other(String),
     /// None.
@@ -201,8 +216,14 @@ fn standing(out: &Path, header: &Header) -> Standing {
         return Standing::Same(Box::new(outcome));
     }
     let differs = |key: &str| old[key] != new[key];
+    // (Under a time limit they are the most that any tile gets.)
+    let steps = old["iterations"].as_u64().filter(|_| old["time_limit_secs"].is_null());
+    if let Some(steps) = steps.filter(|&steps| !differs("inputs") && new["iterations"].as_u64() < Some(steps))
+    {
+        return Standing::Better(steps);
+    }
     let what = match () {
-        () if is_same => "which lacks the record of its training (.run.json)".to_owned(),
+        () if is_same => "whose record of training (.run.json) is not there, or of another bundle".to_owned(),
         () if differs("inputs") => "made from other light".to_owned(),
         () if differs("trained_on") => "made where other layers told which lamps light a tile".to_owned(),
         () if differs("iterations") => format!("trained for {} steps", old["iterations"]),

@@ -192,6 +192,14 @@ impl Timeline {
         }
     }
 
+    /// Whether the moment that [`Timeline::at`] gives for an hour has the lamps as they are then.
+    pub fn shows(&self, hour: f64) -> bool {
+        let hour = fold_hour(hour);
+        let Moment { a, .. } = self.at(hour);
+        // (At the instant of a switch a set may show either side of it.)
+        self.hours[a] == hour || self.states[a] == self.state(hour)
+    }
+
     /// Exactly at set `k`.
     pub fn hold(&self, k: usize) -> Moment {
         Moment { a: k, b: k, fraction: 0.0 }
@@ -337,6 +345,13 @@ mod tests {
         assert_eq!(t.at(18.25), t.hold(2));
         assert_eq!(t.at(18.75).b, 3, "at 19:00 the second group is still off");
         assert_eq!(t.at(19.25), t.hold(4));
+    }
+
+    #[test]
+    fn an_hour_whose_lamps_no_set_has_is_told() {
+        let t = timeline(vec![11.0, 12.0], vec![vec![[18.0, 6.0]]]);
+        assert!([0.0, 11.0, 11.5, 12.0, 15.0, 18.0, 24.0 + 11.0].iter().all(|&h| t.shows(h) == (h != 0.0)));
+        assert!(!t.shows(18.1) && !t.shows(-1.0) && !t.shows(20.0));
     }
 
     #[test]

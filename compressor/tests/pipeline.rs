@@ -209,7 +209,8 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     fs::create_dir(folder.path().join("b.ndgi.part")).unwrap();
     fs::copy(&kept_tile, folder.path().join("b.ndgi.part").join(kept_tile.file_name().unwrap())).unwrap();
     assert_eq!(json(&run(&other, folder.path()))["tiles_resumed"], 0);
-    let left: Vec<_> = fs::read_dir(folder.path().join("b.ndgi.part")).unwrap().flatten().collect();
+    let left = fs::read_dir(folder.path().join("b.ndgi.part")).unwrap().flatten();
+    let left: Vec<_> = left.filter(|entry| entry.file_name() != ".lock").collect();
     assert!(left.len() == 1 && left[0].file_name() == kept_tile.file_name().unwrap(), "{left:?}");
     assert_eq!(json(&run(&arguments, folder.path()))["tiles_resumed"], kept);
     assert!(!part.exists());
@@ -217,8 +218,13 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     // What stands there is not trained again; an undisturbed run gives the same bytes, and --force starts over.
     let bytes = fs::read(folder.path().join("a.ndgi")).unwrap();
     assert_eq!(json(&run(&arguments, folder.path()))["up_to_date"], true);
+    // One trained for less does not take its place unasked.
     let shorter = other.map(|word| if word == "b.ndgi" { "a.ndgi" } else { word });
-    assert_eq!(json(&run(&shorter, folder.path()))["up_to_date"], false);
+    let refused = run(&shorter, folder.path());
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && said.contains("--force to train anew"), "{said}");
+    assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());
+    assert_eq!(json(&run(&[&shorter[..], &["--force"]].concat(), folder.path()))["up_to_date"], false);
     let forced = [&arguments[..], &["--force"]].concat();
     assert_eq!(json(&run(&forced, folder.path()))["tiles_resumed"], 0);
     assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());
@@ -369,7 +375,7 @@ fn a_black_dataset_takes_no_payload() {
 }
 
 #[test]
-fn under_a_time_limit_every_tile_gets_its_share() {
+fn a_time_limit_of_too_little_and_one_of_more_than_enough() {
     let folder = tempfile::tempdir().unwrap();
     islands().write(folder.path());
     // One second is too little for anything, an hour enough for all.

@@ -39,7 +39,7 @@ pub fn parse_time(text: &str) -> Result<Duration, String> {
     let seconds = found.filter(|s| (1.0..=1e7).contains(s));
     seconds
         .map(Duration::from_secs_f64)
-        .ok_or_else(|| "expected a time of at least 1s, such as 90s, 5m or 2h".to_owned())
+        .ok_or_else(|| "expected a time from 1s to 2777h, such as 90s, 5m or 2h".to_owned())
 }
 
 /// A number of things: `1 set`, `2 sets`.

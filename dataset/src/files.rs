@@ -149,6 +149,23 @@ impl Drop for NewFolder {
     }
 }
 
+/// Name of the file that [`lock`] locks.
+pub const LOCK: &str = ".lock";
+
+/// Keeps other processes that ask for it out of a folder until the file is dropped or the process ends.
+///
+/// # Errors
+/// [`Error::Invalid`] with `busy` for the folder where another process has it.
+pub fn lock(folder: &Path, busy: &str) -> Result<File> {
+    let path = folder.join(LOCK);
+    let file = File::create(&path).map_err(Error::io(&path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(fs::TryLockError::WouldBlock) => Err(Error::invalid(folder.display(), busy)),
+        Err(fs::TryLockError::Error(e)) => Err(Error::io(&path)(e)),
+    }
+}
+
 /// Removes a folder with all that is in it; none is fine.
 ///
 /// # Errors

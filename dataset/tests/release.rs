@@ -63,6 +63,9 @@ fn bundle(info: &str) -> Vec<u8> {
         bytes.extend(text.as_bytes());
     }
     bytes.extend([7; 300]);
+    bytes[8..12].copy_from_slice(&3u32.to_le_bytes());
+    let length = bytes.len() as u64;
+    bytes[16..24].copy_from_slice(&length.to_le_bytes());
     bytes
 }
 
@@ -158,6 +161,11 @@ fn bundles_of_other_light_are_refused_and_found() {
     let mut long = bundle("{}");
     long[56..60].fill(255);
     refused(&long, "expected up to 1048576");
+    let mut newer = bundle("{}");
+    newer[8] = 4;
+    refused(&newer, "a bundle of version 4; expected 3");
+    let whole = bundle("{}");
+    refused(&whole[..whole.len() - 1], &format!("expected {}", whole.len()));
     // The same where sums were made to agree.
     let release = released.at("release");
     let sums = fs::read_to_string(release.join(SUMS)).unwrap();
@@ -167,6 +175,21 @@ fn bundles_of_other_light_are_refused_and_found() {
     let lines = sums.lines().map(|old| if old.ends_with("  hut-h.ndgi") { line.trim_end() } else { old });
     fs::write(release.join(SUMS), lines.map(|line| format!("{line}\n")).collect::<String>()).unwrap();
     released.expect_fault(&["hut-h.ndgi", "made from other light"]);
+}
+
+#[test]
+fn two_bundles_of_one_name_are_refused() {
+    let released = Released::new();
+    let hut = released.at("hut");
+    // The release names `h.ndgi` after its scene.
+    fs::copy(hut.join("hut-h.ndgi"), hut.join("h.ndgi")).unwrap();
+    let out = released.at("again");
+    let error = release(&[hut], &[], false, &out, &Console::silent()).unwrap_err().to_string();
+    assert!(
+        ["would be hut-h.ndgi", "hut/h.ndgi", "rename one"].iter().all(|what| error.contains(what)),
+        "{error}"
+    );
+    assert!(!out.exists());
 }
 
 #[test]

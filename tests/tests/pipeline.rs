@@ -5,6 +5,7 @@ use baker::light::schedule::parse_hours;
 use compressor::compress;
 use dataset::console::{Console, ConsoleArgs};
 use dataset::image::{Image, Mask};
+use dataset::release::{release, verify};
 use dataset::store::Dataset;
 use pipeline_tests::Probe;
 use std::path::{Path, PathBuf};
@@ -118,6 +119,30 @@ fn threads_change_no_byte() {
     let (one, two) = (run(1), run(2));
     assert!(one.0 == two.0, "config.json differs");
     assert!(one.1 == two.1, "the bundle differs");
+}
+
+#[test]
+fn a_set_and_its_bundle_are_released_and_another_bakes_bundle_is_not() {
+    let dir = tempfile::tempdir().unwrap();
+    let (out, other) = (dir.path().join("court"), dir.path().join("other"));
+    bake(&fixture("court.toml"), &options("12", &out), &quiet()).unwrap();
+    bake(&fixture("court.toml"), &options("13", &other), &quiet()).unwrap();
+    let bundle = |of: &Path| {
+        let to = Some(out.join("court.ndgi"));
+        let options = compress::Options { iterations: 200, out: to, force: true, ..Default::default() };
+        compress::compress(of, &options, &quiet()).unwrap();
+    };
+    let packed =
+        |name: &str| release(std::slice::from_ref(&out), &[], false, &dir.path().join(name), &quiet());
+    bundle(&out);
+    packed("release").unwrap();
+    assert!(dir.path().join("release/court.ndgi").exists());
+    let faults = verify(&dir.path().join("release"), &quiet()).unwrap().faults;
+    assert!(faults.is_empty(), "{faults:?}");
+    // What `dataset` reads of a bundle is what `compress` writes there.
+    bundle(&other);
+    let error = packed("again").unwrap_err().to_string();
+    assert!(error.contains("made from other light"), "{error}");
 }
 
 #[test]

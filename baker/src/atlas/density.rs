@@ -108,7 +108,7 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
                     count(meshes.iter().map(|m| m.charts.len() * m.members.len()).sum::<usize>(), "chart"),
                     count(padding as usize, "texel"),
                     if pages == 1 { "the page".to_owned() } else { format!("{pages} pages") },
-                    if width.min(height) < 2 { " (at least 2 x 2)" } else { "" },
+                    if width.min(height) < 2 && larger.is_none() { " (at least 2 x 2)" } else { "" },
                     if pages == 1 { ", or more `pages`" } else { "" },
                     larger.map_or(String::new(), |s| format!(" (they fit {} x {})", s.width, s.height)),
                 ),

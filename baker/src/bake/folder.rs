@@ -1,10 +1,8 @@
 //! The folder a bake writes to: usable, and its own while it works.
 
 use crate::{Error, Result};
+use dataset::files;
 use std::path::Path;
-
-/// Name of the file that is locked.
-const LOCK: &str = ".lock";
 
 const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
 
@@ -32,21 +30,12 @@ pub fn create(out: &Path) -> Result<()> {
 /// Removes the folder if nothing but the lock is in it. (What remains is no reason to fail.)
 pub fn leave(out: &Path) {
     if std::fs::read_dir(out).is_ok_and(|entries| entries.count() == 1) {
-        let _ = std::fs::remove_file(out.join(LOCK));
+        let _ = std::fs::remove_file(out.join(files::LOCK));
         let _ = std::fs::remove_dir(out);
     }
 }
 
 /// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
 pub fn lock(out: &Path) -> Result<std::fs::File> {
-    let path = out.join(LOCK);
-    let file = std::fs::File::create(&path).map_err(Error::io(&path))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(std::fs::TryLockError::WouldBlock) => Err(Error::invalid(
-            out.display(),
-            "another bake is writing here; wait for it, or choose another --out",
-        )),
-        Err(std::fs::TryLockError::Error(e)) => Err(Error::io(&path)(e)),
-    }
+    files::lock(out, "another bake is writing here; wait for it, or choose another --out")
 }

@@ -63,11 +63,11 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         progress.advance(1);
         atlas
     };
+    let mut writer = Writer::create(&out)?;
     if options.force {
         WorkFolder::clear(&out)?;
         layers.clear()?;
     }
-    let mut writer = Writer::create(&out)?;
     let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {

@@ -79,8 +79,20 @@ pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>)
 /// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or fewer texels. A quick
 /// look at one hour must not cost a day's bake; `--force` says that it may.
 pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
-    // Nothing there, or nothing that could be read: nothing is lost. (The writer refuses a manifest that is no dataset's.)
-    let Ok(Dataset { config: standing, .. }) = Dataset::open_manifest(out) else { return Ok(()) };
+    let standing = match Dataset::open_manifest(out) {
+        Ok(dataset) => dataset.config,
+        Err(_) if !out.join(store::MANIFEST).exists() => return Ok(()),
+        // It may be of something else, so not even `--force` writes over it.
+        Err(error) => {
+            return Err(Error::invalid(
+                out.display(),
+                format!(
+                    "what stands there is not known: {error}; expected --out DIR for a folder of its own, or that file removed (what was \
+                     traced is kept beside it)"
+                ),
+            ));
+        }
+    };
     let held = format!("{}, baked with {}", count(standing.sets.len(), "set"), samples(standing.samples));
     let lost = lost(&standing, prepared, options);
     if !lost.is_empty() && !options.force {

@@ -12,6 +12,8 @@ use std::path::PathBuf;
 
 /// Most metres across: beyond any scene, and squares of lengths are well within `f32`.
 const MAX_EXTENT: f64 = 1e15;
+/// Most metres from zero: there double precision still tells 0.1 mm apart.
+const MAX_OFFSET: f64 = 1e12;
 
 /// Loads and flattens all objects of a scene. Gives the geometry and the warnings to show.
 ///
@@ -169,6 +171,13 @@ fn write_out(placed: &[Placed]) -> Result<Geometry> {
         let what = format!(
             "it spans {} metres: expected {MAX_EXTENT:e} at most; is a `scale` or `translate` in the scene too large?",
             high - low
+        );
+        return Err(Error::invalid("the scene's geometry", what));
+    }
+    if (high.abs().max(low.abs()) - (high - low)).max_element() > MAX_OFFSET {
+        let what = format!(
+            "it lies about {} metres: expected {MAX_OFFSET:e} from zero at most; is a `translate` in the scene too large?",
+            0.5 * (low + high)
         );
         return Err(Error::invalid("the scene's geometry", what));
     }

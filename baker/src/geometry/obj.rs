@@ -227,7 +227,11 @@ fn convert(
     warnings: &mut Vec<String>,
 ) -> Result<Mesh> {
     let corners: Vec<DVec3> = mesh.positions.chunks_exact(3).map(DVec3::from_slice).collect();
-    // A finite place near the vertices; a bad vertex is found by `finish`.
+    if let Some(bad) = mesh.indices.iter().map(|&v| corners[v as usize]).find(|p| !p.is_finite()) {
+        let what = format!("v {} {} {}: expected finite numbers", bad.x, bad.y, bad.z);
+        return Err(Error::invalid(place, what));
+    }
+    // A finite place near the vertices (those that no face uses may be none).
     let origin = corners.iter().copied().find(|p| p.is_finite()).unwrap_or_default();
     let mut result = Mesh { name, material, origin, ..Default::default() };
     result.positions = corners.iter().map(|p| (p - origin).as_vec3()).collect();

@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 /// Fewest steps of a tile, however little time is left: the rise of the rate, and as many again.
 pub(super) const FLOOR: usize = 200;
-/// Share of the time left that is planned for; the rest is for what a plan does not know.
+/// Share of the time left that is planned for; the rest is for what a plan does not know: reading bands, and threads that wait for the
+/// last tile of those read together.
 const PLANNED: f64 = 0.95;
 /// How much the measures before a whole tile weigh beside its own.
 const MEMORY: f64 = 0.75;
 /// What a tile of hardly a texel takes, where the largest takes 1: for a step, which has as many samples but fewer maps to read
-/// (0.65 measured, of slivers of the yard); and for all else, which goes through its texels (0.12).
+/// (0.65 measured, of slivers of the yard); and for all else, which goes through its texels (0.12 measured).
 const LEAST_STEP: f64 = 0.65;
 const LEAST_REST: f64 = 0.1;
 
@@ -41,10 +42,10 @@ struct State {
     running: Vec<(Place, Size, f64)>,
     /// Of the tiles measured, older ones weighing less: their cost in steps of the largest tile, in all else of the largest tile,
     /// and the seconds of both.
-    steps: f64,
-    rests: f64,
-    stepping: f64,
-    rest: f64,
+    step_cost: f64,
+    rest_cost: f64,
+    step_seconds: f64,
+    rest_seconds: f64,
 }
 
 /// A tile's valid texels as a share of the largest tile's.
@@ -118,7 +119,7 @@ impl State {
         let left = PLANNED * (end - now).max(0.0);
         // The most steps for each with which all end in time, by bisection.
         let (mut enough, mut too_many) = (0.0, most as f64);
-        if self.steps > 0.0 {
+        if self.step_cost > 0.0 {
             if self.needed(now, size, too_many) <= left {
                 enough = too_many;
             }
@@ -128,7 +129,7 @@ impl State {
             }
         }
         let steps = (enough as usize).max(FLOOR).min(most);
-        let ends = if self.steps > 0.0 { now + self.seconds(size, steps as f64) } else { now };
+        let ends = if self.step_cost > 0.0 { now + self.seconds(size, steps as f64) } else { now };
         self.running.push((place, size, ends));
         steps
     }
@@ -150,7 +151,8 @@ impl State {
 
     /// Seconds of a tile.
     fn seconds(&self, size: Size, steps: f64) -> f64 {
-        size.step() * steps * self.stepping / self.steps + size.rest() * self.rest / self.rests
+        size.step() * steps * self.step_seconds / self.step_cost
+            + size.rest() * self.rest_seconds / self.rest_cost
     }
 
     /// Learns from a tile: the seconds of its steps, and all others. (One that was only tried stays open.)
@@ -164,10 +166,10 @@ impl State {
         }
         let keep = 1.0 - (1.0 - MEMORY) * size.0;
         let learn = |old: &mut f64, new: f64| *old = keep * *old + new;
-        learn(&mut self.steps, size.step() * steps as f64);
-        learn(&mut self.rests, size.rest());
-        learn(&mut self.stepping, stepping);
-        learn(&mut self.rest, rest.max(0.0));
+        learn(&mut self.step_cost, size.step() * steps as f64);
+        learn(&mut self.rest_cost, size.rest());
+        learn(&mut self.step_seconds, stepping);
+        learn(&mut self.rest_seconds, rest.max(0.0));
     }
 }
 
@@ -283,6 +285,9 @@ mod tests {
         let before = state.clone();
         assert!(state.begin(place(0), 0.0, 100.0, 1_000_000) > FLOOR);
         state.ended(place(0), 0, 0.0, 0.1);
-        assert_eq!((state.steps, state.rest, state.running.len()), (before.steps, before.rest, 0));
+        assert_eq!(
+            (state.step_cost, state.rest_seconds, state.running.len()),
+            (before.step_cost, before.rest_seconds, 0)
+        );
     }
 }

@@ -3,11 +3,11 @@
 use super::beside;
 use crate::bundle::{self, Payload};
 use crate::{Error, Result};
-use dataset::files::{remove_stale_temporaries, write_atomically};
+use dataset::files::{LOCK, lock, remove_stale_temporaries, write_atomically};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -17,6 +17,8 @@ const EXTENSION: &str = "tile";
 /// The folder.
 pub(super) struct Part {
     folder: PathBuf,
+    /// Keeps other runs out.
+    _lock: File,
     /// The files that this run asked for or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
@@ -24,15 +26,16 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// Opens or creates the work folder of a bundle; with `fresh`, empties it.
+    /// Opens or creates the work folder of a bundle, for this run alone; with `fresh`, empties it.
     pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
         let folder = beside(out, ".part");
         match fs::create_dir(&folder) {
             Err(error) if !folder.is_dir() => return Err(Error::io(&folder)(error)),
             _ => {}
         }
+        let lock = lock(&folder, "another run is making this bundle; wait for it, or choose another --out")?;
         remove_stale_temporaries(&folder)?;
-        let part = Part { folder, own: Mutex::default(), written: Mutex::default() };
+        let part = Part { folder, _lock: lock, own: Mutex::default(), written: Mutex::default() };
         if fresh {
             part.files().for_each(remove);
         }
@@ -92,7 +95,10 @@ impl Part {
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
         let left = self.files().count();
         // What cannot be removed is no harm: the bundle stands.
-        let _ = fs::remove_dir(&self.folder);
+        if left == 0 {
+            remove(self.folder.join(LOCK));
+            let _ = fs::remove_dir(&self.folder);
+        }
         left
     }
 
@@ -131,7 +137,12 @@ mod tests {
         let payload = Payload { word: 0x1234_5678, bytes: b"payload".to_vec() };
         assert!(!part.wrote("k"));
         part.write("k", &payload, &stats).unwrap();
-        assert!(part.wrote("k") && !Part::open(&out, false).unwrap().wrote("k"));
+        assert!(part.wrote("k"));
+        let busy = Part::open(&out, false).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(busy.contains("another run is making this bundle"), "{busy}");
+        drop(part);
+        let part = Part::open(&out, false).unwrap();
+        assert!(!part.wrote("k"));
         assert_eq!(part.read("k"), Some((payload, stats.clone())));
         assert_eq!(part.read::<TileStats>("other"), None);
         let path = part.path("k");
@@ -145,18 +156,21 @@ mod tests {
             assert_eq!(part.read::<TileStats>("k"), None);
         }
         part.write("k", &Payload::default(), &stats).unwrap();
+        drop(part);
         assert!(Part::open(&out, false).unwrap().read::<TileStats>("k").is_some());
         assert!(Part::open(&out, true).unwrap().read::<TileStats>("k").is_none());
         fs::write(beside(&out, ".part").join("notes.txt"), b"mine").unwrap();
-        // Of this run's tiles none is left; one of other settings is.
-        part.write("k", &Payload::default(), &stats).unwrap();
         Part::open(&out, false).unwrap().write("of other settings", &Payload::default(), &stats).unwrap();
+        // Of this run's tiles none is left; one of other settings is.
+        let part = Part::open(&out, false).unwrap();
+        part.write("k", &Payload::default(), &stats).unwrap();
         assert_eq!(part.remove(), 1);
         let part = Part::open(&out, false).unwrap();
         assert!(
             part.read::<TileStats>("k").is_none() && part.read::<TileStats>("of other settings").is_some()
         );
         assert_eq!(part.remove(), 0);
-        assert!(beside(&out, ".part").join("notes.txt").exists());
+        let left = fs::read_dir(beside(&out, ".part")).unwrap().map(|entry| entry.unwrap().file_name());
+        assert_eq!(left.collect::<Vec<_>>(), ["notes.txt"]);
     }
 }

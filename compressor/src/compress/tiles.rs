@@ -18,6 +18,7 @@ use dataset::image::Mask;
 use dataset::store::Dataset;
 use rayon::prelude::*;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 sets).
@@ -137,10 +138,10 @@ impl Tiles<'_> {
         if pace.late() {
             return Ok(pace);
         }
-        largest.par_iter().try_for_each(|&(place, _)| -> Result<()> {
-            let band = Band::load(self.dataset, &self.masks[place.page], place.page, place.row)?;
+        let largest: Vec<Place> = largest.into_iter().map(|(place, _)| place).collect();
+        self.some_tiles(&largest, |place, band| {
             let start = Instant::now();
-            let trial = self.train(place, contents(place), &band, pace::FLOOR)?;
+            let trial = self.train(place, contents(place), band, pace::FLOOR)?;
             pace.measure(place, &trial.stats, start.elapsed());
             Ok(())
         })?;
@@ -241,24 +242,18 @@ impl Tiles<'_> {
         worst.sort_by(|a, b| b.0.total_cmp(&a.0));
         worst.truncate(CALIBRATED);
         let places: Vec<Place> = self.header.places().collect();
+        let chosen_for = |place: Place| self.header.position(place).and_then(|tile| contents[tile]);
+        let finished = |place: Place| self.finished(&self.key(place, chosen_for(place)));
         let progress = console.progress("measuring what training gains", worst.len() as u64);
-        let gained = |&(tried, tile): &(f64, usize)| -> Result<Option<(f64, f64)>> {
+        let open = worst.iter().map(|&(_, tile)| places[tile]).filter(|&place| finished(place).is_none());
+        self.some_tiles(&open.collect::<Vec<Place>>(), |place, band| {
             stop_if_interrupted()?;
-            let (place, key) = (places[tile], self.key(places[tile], contents[tile]));
-            let stats = match self.finished(&key) {
-                Some(tile) => tile.stats,
-                None => {
-                    let band = Band::load(self.dataset, &self.masks[place.page], place.page, place.row)?;
-                    let tile = self.train(place, contents[tile], &band, self.options.iterations)?;
-                    self.part.write(&key, &tile.payload, &tile.stats)?;
-                    tile.stats
-                }
-            };
+            let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;
             progress.advance(1);
-            Ok(stats.error.map(|stored| (tried, stored)))
-        };
-        let pairs: Vec<Option<(f64, f64)>> = worst.par_iter().map(gained).collect::<Result<_>>()?;
-        let pairs = pairs.into_iter().flatten();
+            self.part.write(&self.key(place, chosen_for(place)), &tile.payload, &tile.stats)
+        })?;
+        let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.error);
+        let pairs = worst.iter().filter_map(|&(tried, tile)| Some((tried, stored(tile)?)));
         let (tried, stored) = pairs.fold((0.0, 0.0), |(a, b), (tried, stored)| (a + tried, b + stored));
         Ok((stored > 0.0).then(|| tried / stored))
     }
@@ -285,9 +280,8 @@ impl Tiles<'_> {
         let progress = console.progress(what, self.header.tiles() as u64);
         let mut done = Vec::with_capacity(self.header.tiles());
         for (page, grid) in self.header.pages.iter().enumerate() {
-            let wanted = TILES_PER_THREAD * rayon::current_num_threads();
             let rows: Vec<usize> = (0..grid.rows()).collect();
-            for rows in rows.chunks(wanted.div_ceil(grid.columns())) {
+            for rows in rows.chunks(self.bands_at_once(page)) {
                 // Bands of which every tile is finished already are not read.
                 let places: Vec<Place> = rows
                     .iter()
@@ -328,6 +322,33 @@ impl Tiles<'_> {
             }
         }
         Ok(done)
+    }
+
+    /// Does something with some tiles, in parallel, and no more bands in memory than where all are worked through.
+    fn some_tiles(&self, places: &[Place], work: impl Fn(Place, &Band) -> Result<()> + Sync) -> Result<()> {
+        let mut rows: Vec<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
+        rows.sort_unstable();
+        rows.dedup();
+        for of_page in rows.chunk_by(|a, b| a.0 == b.0) {
+            let page = of_page[0].0;
+            for rows in of_page.chunks(self.bands_at_once(page)) {
+                let load = |&(_, row): &(usize, usize)| {
+                    Ok((row, Band::load(self.dataset, &self.masks[page], page, row)?))
+                };
+                let bands = rows.par_iter().map(load).collect::<Result<BTreeMap<usize, Band>>>()?;
+                let of_bands = places.par_iter().with_max_len(1).filter(|place| place.page == page);
+                of_bands
+                    .filter_map(|&place| Some((place, bands.get(&place.row)?)))
+                    .try_for_each(|(place, band)| work(place, band))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// How many rows of a page's tiles are in memory together.
+    fn bands_at_once(&self, page: usize) -> usize {
+        let wanted = TILES_PER_THREAD * rayon::current_num_threads();
+        wanted.div_ceil(self.header.pages[page].columns())
     }
 
     /// The tile's own recipe: its randomness depends on its place, never on the order of work.

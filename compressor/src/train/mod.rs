@@ -41,7 +41,7 @@ pub struct Recipe {
     pub passes: usize,
     /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂ 0.999, unweighted L2, no
     /// moments between sets; then 8 bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values, the floors of the
-    /// means, the gutter's weight of ½ and what happens on divergence, on which the paper is silent, are those of the main recipe;
+    /// means, the gutter's weight (½ for one texel in five) and what happens on divergence, on which the paper is silent, are those of the main recipe;
     /// the activation is the format's ([`crate::model::gelu`]).
     pub paper: bool,
     /// Seed of this tile's randomness.

@@ -3,7 +3,7 @@
 use super::incoming::{Incoming, IncomingPage, IncomingSet, Light};
 use super::raw::block_rows;
 use crate::config::{Config, FORMAT, FileRef, Map, Page, Set, Source, VERSION};
-use crate::console::{Progress, stop_if_interrupted};
+use crate::console::{Console, Progress, stop_if_interrupted};
 use crate::image::{Mask, write_exr};
 use crate::store::{Staged, Writer, about_equal, is_bad, refuse_light};
 use crate::{Error, Result};
@@ -18,7 +18,13 @@ pub(super) fn work(incoming: &Incoming) -> u64 {
 }
 
 /// Writes a dataset into an empty folder; gives its manifest.
-pub(super) fn convert(incoming: &Incoming, root: &Path, scene: &str, progress: &Progress) -> Result<Config> {
+pub(super) fn convert(
+    incoming: &Incoming,
+    root: &Path,
+    scene: &str,
+    console: &Console,
+    progress: &Progress,
+) -> Result<Config> {
     let mut writer = Writer::create(root)?;
     let replaced = AtomicU64::new(0);
     let groups = &incoming.groups;
@@ -28,6 +34,11 @@ pub(super) fn convert(incoming: &Incoming, root: &Path, scene: &str, progress: &
     let mut pages = Vec::new();
     for (index, page) in incoming.pages.iter().enumerate() {
         let mask = page.mask()?;
+        if !mask.valid.contains(&true) {
+            console.warn(format!(
+                "no texel of page {index} is valid: is its mask the right one, and not inverted?"
+            ));
+        }
         let png = writer.add(&format!("mask{index}"), "png", &mask.to_png())?;
         pages.push(Page { width: page.width as u32, height: page.height as u32, mask: png });
         let stage = |set: &IncomingSet| {

@@ -32,14 +32,21 @@ pub struct Exported {
 /// `Unsupported` where the layout cannot hold the set at all; `Invalid` for a dataset that breaks a rule. Then nothing is left
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
+    if layout == Layout::Exr {
+        return Err(Error::unsupported(out.display(), "EXR files are a layout to import from alone"));
+    }
     dataset.expect_moments()?;
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
     let (hours, mut left_out, (config, planned)) = match kept(dataset, Some(layout))? {
         Some(own) => (dataset.config.sets.iter().map(|set| set.hour).collect(), Vec::new(), own),
         None => {
-            let (hours, left_out) = hours(dataset, layout)?;
+            let (hours, mut left_out) = hours(dataset, layout)?;
             let plan = plan(dataset, layout, &hours)?;
+            if !dataset.config.groups.is_empty() {
+                left_out
+                    .push("light groups, their names and hours: the layout has no place for them".to_owned());
+            }
             (hours, left_out, plan)
         }
     };
@@ -50,9 +57,12 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
     if layout == Layout::Hprc2 && layered {
         left_out.push("layers of sun, sky and lamps: the layout has no place for them".to_owned());
     }
-    for (what, is_there) in
-        [("geometry", dataset.config.geometry.is_some()), ("noise", dataset.config.noise.is_some())]
-    {
+    let set = &dataset.config;
+    for (what, is_there) in [
+        ("geometry", set.geometry.is_some()),
+        ("places of instances", !set.instances.is_empty()),
+        ("noise", set.noise.is_some()),
+    ] {
         if is_there {
             left_out.push(format!("{what}: the layout has no place for it"));
         }

@@ -5,7 +5,9 @@ use crate::config::{Group, Layout};
 use crate::image::find_channels;
 use crate::{Error, Result};
 use serde::Deserialize;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use toml::Spanned;
 
 /// What stands for the hour in a pattern.
 const HOUR: &str = "{hour}";
@@ -96,7 +98,7 @@ struct TablePage {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TableSet {
-    hour: f64,
+    hour: Spanned<f64>,
     files: Vec<PathBuf>,
 }
 
@@ -104,34 +106,48 @@ struct TableSet {
 #[serde(deny_unknown_fields)]
 struct TableGroup {
     name: String,
-    on: Vec<[f64; 2]>,
+    on: Spanned<Vec<[f64; 2]>>,
 }
 
 /// The files that a TOML file names, relative to it.
 pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
-    let table: Table = toml::from_str(&text).map_err(|error| {
-        let before = error.span().and_then(|span| text.get(..span.start));
+    // What is wrong, with the line of its place in the text.
+    let wrong = |at: Option<Range<usize>>, what: &str| {
+        let before = at.and_then(|span| text.get(..span.start));
         let line = before.map_or(String::new(), |before| format!(":{}", 1 + before.matches('\n').count()));
-        Error::invalid(format!("{}{line}", path.display()), error.message())
-    })?;
-    let wrong = |what: String| Err(Error::invalid(path.display(), what));
+        Error::invalid(format!("{}{line}", path.display()), what)
+    };
+    let table: Table = toml::from_str(&text).map_err(|error| wrong(error.span(), error.message()))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut sets = table.set;
-    sets.sort_by(|a, b| a.hour.total_cmp(&b.hour));
-    let Some(first) = sets.first() else { return wrong("no [[set]]".to_owned()) };
+    sets.sort_by(|a, b| a.hour.as_ref().total_cmp(b.hour.as_ref()));
+    let Some(first) = sets.first() else { return Err(wrong(None, "no [[set]]")) };
     let pages_told = if table.page.is_empty() { first.files.len() } else { table.page.len() };
     for set in &sets {
-        if !(0.0..24.0).contains(&set.hour) {
-            return wrong(format!("set of hour {}: expected an hour from 0 to below 24", set.hour));
+        let (hour, span) = (set.hour.as_ref(), Some(set.hour.span()));
+        if !(0.0..24.0).contains(hour) {
+            let what = format!("set of hour {hour}: expected an hour from 0 to below 24");
+            return Err(wrong(span, &what));
         }
         if set.files.len() != pages_told || pages_told == 0 {
             let expected = format!("expected one for each page: {}", pages_told.max(1));
-            return wrong(format!("set of hour {}: {} files; {expected}", set.hour, set.files.len()));
+            let what = format!("set of hour {hour}: {} files; {expected}", set.files.len());
+            return Err(wrong(span, &what));
         }
     }
-    if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour == pair[1].hour) {
-        return wrong(format!("hour {} is there twice", pair[0].hour));
+    if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour.as_ref() == pair[1].hour.as_ref()) {
+        let what = format!("hour {} is there twice", pair[1].hour.as_ref());
+        return Err(wrong(Some(pair[1].hour.span()), &what));
+    }
+    for TableGroup { name, on } in &table.group {
+        let is_bad = |[from, to]: &&[f64; 2]| {
+            from == to || ![from, to].iter().all(|hour| (0.0..=24.0).contains(*hour))
+        };
+        if let Some([from, to]) = on.as_ref().iter().find(is_bad) {
+            let what = format!("group {name:?}: on {from} to {to}; expected two different hours in [0, 24]");
+            return Err(wrong(Some(on.span()), &what));
+        }
     }
     let mask = |page: usize| {
         let mask = table.page.get(page).and_then(|page| page.mask.as_ref());
@@ -142,8 +158,10 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         layout: Layout::Exr,
         config: None,
         unit: table.unit.unwrap_or_else(|| UNKNOWN_UNIT.to_owned()),
-        hours: sets.iter().map(|set| set.hour).collect(),
-        groups: table.group.into_iter().map(|g| Group { name: g.name, on: g.on, layers: vec![] }).collect(),
+        hours: sets.iter().map(|set| *set.hour.as_ref()).collect(),
+        groups: (table.group.into_iter())
+            .map(|g| Group { name: g.name, on: g.on.into_inner(), layers: vec![] })
+            .collect(),
         pages: pages(files, (0..pages_told).map(mask).collect(), table.layer.as_deref())?,
     })
 }

@@ -53,7 +53,7 @@ pub fn import(origin: &Origin, out: &Path, console: &Console) -> Result<Config> 
         Origin::Table(path) => images::by_table(path)?,
     };
     let progress = console.progress("importing", work(&incoming));
-    let config = convert(&incoming, folder.temporary(), scene, &progress)?;
+    let config = convert(&incoming, folder.temporary(), scene, console, &progress)?;
     drop(progress);
     folder.finish()?;
     Ok(config)

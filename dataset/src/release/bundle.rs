@@ -6,6 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
+const VERSION: u32 = 3;
 /// Where the scene's name begins, and after it what wrote the bundle and how.
 const TEXTS: usize = 56;
 /// Longest text that is read.
@@ -19,6 +20,17 @@ pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
     file.read_exact(&mut start).map_err(torn)?;
     if start[..8] != MAGIC {
         return Err(Error::invalid(bundle.display(), "not a bundle: it does not begin as one"));
+    }
+    let version = u32::from_le_bytes([start[8], start[9], start[10], start[11]]);
+    if version != VERSION {
+        let what = format!("a bundle of version {version}; expected {VERSION}");
+        return Err(Error::unsupported(bundle.display(), what));
+    }
+    let told = u64::from_le_bytes(std::array::from_fn(|i| start[16 + i]));
+    let length = file.metadata().map_err(Error::io(bundle))?.len();
+    if told != length {
+        let what = format!("not a whole bundle: {length} bytes; expected {told}");
+        return Err(Error::invalid(bundle.display(), what));
     }
     text(&mut file).map_err(torn)?;
     let info = text(&mut file).map_err(torn)?;

@@ -253,7 +253,11 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
         }
         let own = name == format!("{scene}.ndgi") || name.starts_with(&format!("{scene}-"));
         let name = if own { name.to_owned() } else { format!("{scene}-{name}") };
-        found.insert(name, path);
+        if let Some(other) = found.insert(name.clone(), path.clone()) {
+            let what =
+                format!("would be {name} in the release, and so would {}; rename one", other.display());
+            return Err(Error::invalid(path.display(), what));
+        }
     }
     let mut bundles = Vec::new();
     for (name, path) in found {

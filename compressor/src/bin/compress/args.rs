@@ -231,8 +231,8 @@ pub struct Compress {
     /// Training steps per tile, instead of the preset's [default with --recipe paper: 100000].
     #[arg(long, conflicts_with_all = ["preset", "draft"], value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
-    /// Plan the training to end after this time, e.g. 90s, 5m, 2h: as it runs out tiles get fewer steps than asked for, later ones often
-    /// fewer than the first, and each at least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
+    /// Plan the training to end after this time, e.g. 90s, 5m, 2h: every tile gets about as many steps as the time allows for all, and at
+    /// least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
     /// How to train.

@@ -97,11 +97,10 @@ fn judge(
     let dataset = Dataset::open(&root)?;
     let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
     expect_match(&dataset, &decoder)?;
-    let info: serde_json::Value = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
     let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
     if of != scene {
         console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
-    } else if info["inputs"] != json!(dataset.config.digest_of_light()) {
+    } else if decoder.bundle().header.light() != Some(dataset.config.digest_of_light()) {
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
@@ -203,7 +202,13 @@ fn open(path: &Path) -> Result<Bundle> {
 fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
     expect_output(&out, "exr", "--out")?;
     let start = Instant::now();
-    let image = Decoder::new(open(&bundle)?).decode_page(page, hour)?;
+    let decoder = Decoder::new(open(&bundle)?);
+    let timeline = &decoder.bundle().header.timeline;
+    if !timeline.shows(hour) {
+        let set = timeline.hours[timeline.at(hour).a];
+        console.warn(format!("no set has the lamps as they are at {hour} h: this is the light of {set} h"));
+    }
+    let image = decoder.decode_page(page, hour)?;
     write_atomically(&out, &image.to_exr())?;
     console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));
     let seconds = start.elapsed().as_secs_f64();

@@ -65,6 +65,12 @@ pub struct Export {
 impl Import {
     fn origin(&self) -> Result<Origin> {
         let from = || self.from.clone();
+        if self.from.is_file() && (self.layout.is_some() || self.pattern.is_some()) {
+            return Err(Error::invalid(
+                self.from.display(),
+                "is a file; expected a folder with --layout or --pattern, or a TOML file without them",
+            ));
+        }
         match (self.layout, &self.pattern) {
             (Some(layout), _) => Ok(Origin::Folder(layout.layout(), from())),
             (None, Some(pattern)) => Ok(Origin::Pattern {
