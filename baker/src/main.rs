@@ -320,18 +320,20 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
         console.say(format!("  above the target error: {} of 16×16 texels", count(open, "cell")));
     }
     if let Some(check) = &outcome.check {
-        let worst = check.sets.iter().max_by(|a, b| a.true_error.total_cmp(&b.true_error));
-        if let Some(worst) = worst {
+        let known = check.sets.iter().filter_map(|set| Some((set.true_error?, set)));
+        if let Some((true_error, worst)) = known.max_by(|a, b| a.0.total_cmp(&b.0)) {
             let hour = outcome.hours.get(worst.set).copied().unwrap_or_default();
             console.say(format!(
                 "  check of {}: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated, and \
                  the check's own noise was {:.2} %); all sets: report",
                 count(check.texels, "texel"),
-                worst.true_error * 100.0,
+                true_error * 100.0,
                 worst.estimated_error * 100.0,
                 worst.reference_error * 100.0
             ));
             console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
+        } else {
+            console.say("  check: no difference beyond the check's own noise; all sets: report");
         }
     }
     for reason in outcome.left_out.iter().filter(|_| !outcome.up_to_date) {

@@ -54,7 +54,7 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
     let row = |s: &SetCheck| {
         vec![
             hour(s.set),
-            percent(s.true_error),
+            s.true_error.map_or("below the noise".to_owned(), percent),
             percent(s.estimated_error),
             percent(s.bias),
             percent(s.mean_difference),

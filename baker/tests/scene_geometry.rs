@@ -196,7 +196,10 @@ fn broken_objs_say_where() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[[object]]\nfile = \"broken.obj\"\n";
     for (obj, expected) in [
-        ("o roof\nv 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n", "broken.obj: roof: vertex 1: position"),
+        (
+            "o roof\nv 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n",
+            "broken.obj: roof: v 1 NaN 0: expected finite numbers",
+        ),
         ("v 0 0 0\nv 1 x 0\n", "broken.obj:2: `v 1 x 0`: position parse error"),
         ("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n", "broken.obj:4: `f 1 2 9`: face vertex index out of bounds"),
         ("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 -9\n", "broken.obj:4: `f 1 2 -9`: "),

@@ -64,6 +64,9 @@ pub struct Reading {
     layers: Range<usize>,
 }
 
+/// What is nearer to a texel than so many lengths of an entry is not read: there light differs over an entry, and walks go on.
+const NEAR: f64 = 2.0;
+
 /// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
 const READ_EVERY: u32 = 8;
 
@@ -158,8 +161,12 @@ impl Worker<'_> {
         };
         let transport = &self.transport;
         let layers = out.len();
+        let near = (NEAR * map.entry_length()) as f32;
         let land = |arrival: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let Arrival { hit, is_back, weight, .. } = arrival;
+            if arrival.is_first && hit.t < near {
+                return false;
+            }
             let Some(entry) = map.entry(&transport.space, hit, *is_back, counts) else { return false };
             half.prefetch(entry);
             let mut put = |weight, layers: Range<usize>| readings.push(Reading { entry, weight, layers });
@@ -184,6 +191,7 @@ impl Worker<'_> {
         for (reflectors, view) in *seen {
             if let Some((hit, is_back, weight)) =
                 reflectors.reflected(&transport.space, at, view, sample, counts)
+                && hit.t >= near
                 && let Some(entry) = map.entry(&transport.space, &hit, is_back, counts)
             {
                 half.prefetch(entry);

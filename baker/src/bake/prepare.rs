@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-15";
+const METHOD: &str = "walks-16";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]

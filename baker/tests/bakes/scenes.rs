@@ -123,6 +123,20 @@ pub fn sunlit_floor() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
+/// Three white walls that meet, and a lamp in their corner, two texels from each: light that differs over every texel there.
+pub fn corner() -> Case {
+    let obj = Obj::default()
+        .mesh("floor")
+        .floor([0.0, 0.0, 0.0], 1.5, 1.5)
+        .mesh("walls")
+        .quad([0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 1.5, 0.0])
+        .quad([0.0, 0.0, 1.5], [0.0, 0.0, -1.5], [0.0, 1.5, 0.0]);
+    let text = "[[object]]\nfile = \"a.obj\"\nalbedo = 0.8\n\
+        [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.14, 0.14, 0.14]\nradius = 0.02\nradiance = [400, 300, 200]\n\
+        [lightmap]\nsize = 40\npadding = 2\n";
+    Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
+}
+
 /// A ground under the sun and wires whose shadows are an eighth of a texel wide.
 pub fn wires() -> Case {
     let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);

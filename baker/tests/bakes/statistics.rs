@@ -121,6 +121,18 @@ impl Bakes {
         (1..self.mean.len()).step_by(3).filter(|&i| self.valid[i] && other.valid[i]).collect()
     }
 
+    /// Root mean square over texels of what their expected values differ by, relative to the mean light: the means' difference less
+    /// what chance adds to it.
+    pub fn bias_of_texels(&self, other: &Self) -> f64 {
+        let texels = self.texels(other);
+        let square = |i: &usize| {
+            let chance = (self.variance[*i] + other.variance[*i]) / SEEDS as f64;
+            (self.mean[*i] - other.mean[*i]).powi(2) - chance
+        };
+        let mean = texels.iter().map(|&i| other.mean[i]).sum::<f64>() / texels.len() as f64;
+        (texels.iter().map(square).sum::<f64>() / texels.len() as f64).max(0.0).sqrt() / mean
+    }
+
     /// No texel's mean may differ from the other's by more than chance.
     #[track_caller]
     pub fn expect_texels_of(&self, other: &Self, what: &str) {
