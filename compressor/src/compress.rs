@@ -126,8 +126,8 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
 /// Trains every tile of the dataset in `root` and writes the bundle and, beside it, `<bundle>.run.json` with timings.
 ///
 /// # Errors
-/// [`Error::Invalid`](crate::Error::Invalid) for a dataset that breaks a rule (a torn file, a NaN, …), before anything is written;
-/// [`Error::Interrupted`](crate::Error::Interrupted); [`Error::Io`](crate::Error::Io). An existing bundle stays as it was unless the run succeeds.
+/// [`Error::Invalid`] for a dataset that breaks a rule (a torn file, a NaN, …), before anything is written;
+/// [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
     if options.time_limit.is_some() && !matches!(options.rate, Rate::Profile(_)) {
