@@ -241,7 +241,7 @@ pub struct Compress {
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Train every tile again, even those a stopped run finished.
+    /// Train every tile again, even those a stopped run finished, and replace a bundle that was trained for more steps.
     #[arg(long)]
     pub force: bool,
 }
