@@ -60,8 +60,8 @@ pub(super) struct FileMaterial {
 
 impl Mesh {
     /// Checks indices and that every used value is finite, drops triangles that name a vertex twice and vertices that
-    /// no triangle names. `place` names file and mesh.
-    pub fn finish(&mut self, place: &str) -> Result<()> {
+    /// no triangle names; tells how many triangles it dropped. `place` names file and mesh.
+    pub fn finish(&mut self, place: &str) -> Result<usize> {
         let count = self.positions.len();
         let mut new_from_old = vec![u32::MAX; count];
         let mut used = Vec::new();
@@ -73,7 +73,9 @@ impl Mesh {
                 ));
             }
         }
+        let all = self.triangles.len();
         self.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        let dropped = all - self.triangles.len();
         for triangle in &mut self.triangles {
             for v in triangle {
                 let new = &mut new_from_old[*v as usize];
@@ -88,7 +90,8 @@ impl Mesh {
         compact(&mut self.positions, &used, |p| p.is_finite(), place, "position")?;
         compact(&mut self.normals, &used, |n| n.is_finite(), place, "normal")?;
         compact(&mut self.uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
-        compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")
+        compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")?;
+        Ok(dropped)
     }
 }
 

@@ -4,6 +4,7 @@ use super::Wrap;
 use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo};
 use super::polygon::triangulate;
 use super::texture::TextureStore;
+use dataset::console::count;
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3};
 use std::cell::{Cell, RefCell};
@@ -50,6 +51,7 @@ pub(super) fn load(
         let path = resolve(folder, &library.to_string_lossy());
         match std::fs::read(&path) {
             Ok(bytes) => {
+                let bytes = statements_used(&bytes);
                 let mut reader = LineCounter { inner: &bytes[..], lines: Cell::new(0) };
                 tobj::load_mtl_buf(&mut reader)
                     .map(|(materials, map)| (materials.into_iter().map(marked).collect(), map))
@@ -118,6 +120,30 @@ fn material_name(line: &[u8]) -> Option<String> {
     let line = std::str::from_utf8(line).ok()?.trim_start();
     let name = line.strip_prefix("usemtl")?;
     (name.starts_with([' ', '\t']) && !name.trim().is_empty()).then(|| name.trim().to_owned())
+}
+
+/// A material library with nothing in its other lines, so that what the baker does not use cannot be wrong; `Kd r`
+/// means `Kd r r r`. A `Kd` of two numbers, which the reader does not survive, becomes one that it refuses.
+fn statements_used(library: &[u8]) -> Vec<u8> {
+    let mut used = Vec::with_capacity(library.len());
+    for line in library.split_inclusive(|&b| b == b'\n') {
+        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        match words.next() {
+            Some(b"newmtl" | b"d" | b"map_Kd" | b"map_d") => used.extend(line),
+            Some(b"Kd") => {
+                let numbers: Vec<&[u8]> = words.take(3).collect();
+                used.extend(b"Kd ");
+                used.extend(match numbers[..] {
+                    [grey] => [grey; 3].join(&b' '),
+                    [_, _, _] => numbers.join(&b' '),
+                    _ => b"is neither one number nor three".to_vec(),
+                });
+                used.push(b'\n');
+            }
+            _ => used.push(b'\n'),
+        }
+    }
+    used
 }
 
 /// Whether a line is a face of one or two vertices.
@@ -270,7 +296,11 @@ fn convert(
             result.triangles.extend(cut.iter().map(|t| t.map(|i| face[i])));
         }
     }
-    result.finish(place)?;
+    let dropped = result.finish(place)?;
+    if dropped > 0 {
+        let those = count(dropped, "triangle");
+        warnings.push(format!("{place}: {those} of faces that name a vertex twice: without area, left out"));
+    }
     Ok(result)
 }
 
@@ -312,6 +342,39 @@ mod tests {
         assert_eq!(map_options("-s 1 1 1 -clamp on bark.png"), ("bark.png", Wrap::Clamp));
         assert_eq!(map_options("-o 0.5  -bm 2 a b.png"), ("a b.png", Wrap::Repeat));
         assert_eq!(map_options("-clamp off bark.png"), ("bark.png", Wrap::Repeat));
+    }
+
+    #[test]
+    fn a_library_is_read_for_what_the_baker_uses() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+        std::fs::write(&path, text).unwrap();
+        let albedo = |library: &[u8]| {
+            std::fs::write(folder.path().join("a.mtl"), library).unwrap();
+            let model = load(&path, false, &mut TextureStore::default(), &mut Vec::new())?;
+            Ok::<_, Error>(model.materials[0].albedo)
+        };
+        assert_eq!(albedo(b"newmtl m\n Kd 0.1 0.2 0.3\n").unwrap(), Vec3::new(0.1, 0.2, 0.3));
+        assert_eq!(albedo(b"newmtl m\nKd 0.25").unwrap(), Vec3::splat(0.25));
+        // A statement that is wrong, another of two numbers, and a comment that is no UTF-8.
+        assert_eq!(albedo(b"newmtl m\nNs bright\nKe 2 1\n# \xe9\nKd 0.5 0.5 0.5\n").unwrap(), Vec3::splat(0.5));
+        for wrong in ["Kd 0.1 0.2", "Kd", "Kd red", "Kd 0.1 0.2 z"] {
+            let error = albedo(format!("newmtl m\n{wrong}\nd 1\n").as_bytes()).unwrap_err().to_string();
+            assert!(error.contains("a.mtl:2: "), "{error}");
+        }
+    }
+
+    #[test]
+    fn faces_that_name_a_vertex_twice_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 2 2 3\nf 3 1 1\n").unwrap();
+        let mut warnings = Vec::new();
+        let model = load(&path, false, &mut TextureStore::default(), &mut warnings).unwrap();
+        assert_eq!(model.meshes[0].triangles.len(), 1);
+        let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(warning.contains("a.obj") && warning.contains("2 triangles of faces"), "{warning}");
     }
 
     #[test]

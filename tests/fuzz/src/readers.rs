@@ -1,6 +1,7 @@
 //! One function per reader: it must not panic on any bytes, nor take more memory than they account for; what it accepts must keep the
 //! rules. Used by libFuzzer and by the ordinary test `mutations`.
 
+use baker::{geometry, scene as scenes};
 use compressor::bundle::{Bundle, checksum};
 use compressor::decode::Decoder;
 use dataset::config::Layout;
@@ -16,7 +17,7 @@ use std::path::Path;
 pub type Target = fn(&Path, &[u8]) -> bool;
 
 /// All of them, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 8] = [
+pub const TARGETS: [(&str, Target); 9] = [
     ("config", config),
     ("exr", exr),
     ("mask", mask),
@@ -25,6 +26,7 @@ pub const TARGETS: [(&str, Target); 8] = [
     ("hprc2", hprc2),
     ("bundle", bundle),
     ("archive", archive),
+    ("scene", scene),
 ];
 
 /// `config.json`.
@@ -76,17 +78,25 @@ pub fn table(scratch: &Path, bytes: &[u8]) -> bool {
     imported(scratch, &Origin::Table(folder.join("table.toml")))
 }
 
-/// The layout `hprc1`: its configuration, a zero byte, the mask of 4×2 texels, their light at all hours.
+/// The layout `hprc1`: its configuration, a zero byte, the mask of 4×2 texels, their light at all hours; of four times as many
+/// bytes, the light and its three shares.
 pub fn hprc1(scratch: &Path, bytes: &[u8]) -> bool {
+    const KINDS: [&str; 4] = ["Original", "DirectionalOnly", "SkyLightOnly", "LocalOnly"];
     let folder = scratch.join("hprc1");
     let name = |kind: &str, time: u32| format!("{kind}_Dilate_VirtualTexture0_0_HQ_4_2_{time}.00.bin_0");
     let (config, mask, light) = parts(bytes);
-    fs::create_dir_all(folder.join("Original")).expect("a folder");
+    // Nothing of the input before.
+    drop(fs::remove_dir_all(&folder));
     fs::create_dir_all(folder.join("Mask")).expect("a folder");
     fs::write(folder.join("config.json"), config).expect("a file");
     fs::write(folder.join("Mask").join(name("lightmapCoverage", 1)), mask).expect("a file");
-    for time in 1..=24 {
-        fs::write(folder.join("Original").join(name("lightmapRawData", time)), light).expect("a file");
+    let shares = if light.len() > 8 * 12 { KINDS.len() } else { 1 };
+    for (light, kind) in light.chunks_exact((light.len() / shares).max(1)).zip(KINDS) {
+        let folder = folder.join(kind);
+        fs::create_dir_all(&folder).expect("a folder");
+        for time in 1..=24 {
+            fs::write(folder.join(name("lightmapRawData", time)), light).expect("a file");
+        }
     }
     imported(scratch, &Origin::Folder(Layout::Hprc1, folder))
 }
@@ -126,6 +136,30 @@ pub fn archive(scratch: &Path, bytes: &[u8]) -> bool {
         verified.faults.iter().all(|fault| fault.to_string().contains("SHA-256"))
     };
     verified(tar) | verified(&zstd::encode_all(tar, 1).expect("packed"))
+}
+
+/// A scene: its file, a zero byte, `model.mtl`, a zero byte, and a model, which is there as OBJ, glTF and GLB.
+pub fn scene(scratch: &Path, bytes: &[u8]) -> bool {
+    let folder = scratch.join("scene");
+    fs::create_dir_all(&folder).expect("a folder");
+    let (file, rest) = split(bytes);
+    let (materials, model) = split(rest);
+    for (name, bytes) in [
+        ("scene.toml", file),
+        ("model.mtl", materials),
+        ("model.obj", model),
+        ("model.gltf", model),
+        ("model.glb", model),
+    ] {
+        fs::write(folder.join(name), bytes).expect("a file");
+    }
+    let Ok((scene, _)) = scenes::load(&folder.join("scene.toml")) else { return false };
+    let Ok((geometry, _)) = geometry::load(&scene) else { return false };
+    assert!(geometry.positions.iter().all(|at| at.is_finite()) && geometry.origin.is_finite());
+    assert!(geometry.normals.iter().all(|normal| normal.is_finite()));
+    assert!(geometry.triangles.iter().flatten().all(|&vertex| (vertex as usize) < geometry.positions.len()));
+    assert_eq!(geometry.triangles.len(), geometry.material_of.len());
+    true
 }
 
 /// What is imported without an error is a dataset without a fault; else nothing is left.

@@ -220,6 +220,7 @@ impl Reader<'_> {
             None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
         };
         result.triangles = triangles(&indices, primitive.mode(), &place)?;
+        // (Those it drops join the strips that some exporters write.)
         result.finish(&place)?;
         self.model.meshes.push(result);
         Ok(())
