@@ -27,7 +27,7 @@ pub struct Assembler<'a> {
     mask: Mask,
     dilation: Dilation,
     seams: Seams,
-    /// Covered texels that are not valid: inside solids.
+    /// Covered texels that are not valid: too little of them is surface, the rest in solids or beyond a wall.
     buried_texels: usize,
     /// Covered texels that are not valid: no light reaches them.
     unlit_texels: usize,
@@ -145,7 +145,7 @@ impl<'a> Assembler<'a> {
     /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups.
     pub fn store(&self, writer: &mut Writer, mut each: impl FnMut()) -> Result<Stored> {
         let pages = self.store_masks(writer)?;
-        let first_group = self.plan.suns.len() + self.plan.skies.len();
+        let first_group = self.plan.suns.len() + self.plan.sky_hours.len();
         let black = Image::black(self.mask.width, self.mask.height);
         let (mut traced, mut is_dark) = (Vec::new(), Vec::new());
         for g in 0..self.plan.groups.len() {

@@ -1,6 +1,6 @@
 //! What works on blocks of texels: the points of a texel that are its surface. (What light they get: `direct`, `indirect`.)
 
-use super::state::{ALL_OUTSIDE, BlockState, PROBES, is_enough};
+use super::state::{ALL_PROBES, BlockState, PROBES, is_enough};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::RayCounts;
@@ -20,7 +20,7 @@ pub enum Stream {
     Indirect = 0,
     /// Direct light.
     Direct = 2,
-    /// Points probed for lying inside solids.
+    /// Points probed for being the texel's surface.
     Probe = 4,
     /// The walks the cache is solved on.
     Pilot = 6,
@@ -61,23 +61,23 @@ impl Worker<'_> {
         Sequence::new(self.seed, Kind::Texel, index as u32, stream as u32 + half as u32)
     }
 
-    /// The point of a sample. Where only some of the texel's probed points are its surface (`outside` says which), it lies
+    /// The point of a sample. Where only some of the texel's probed points are its surface (`probes` says which), it lies
     /// around one of those: in the sixteenth of the texel that the probed point stands for, as far as it is seen from there.
     pub fn receiver(
         &self,
         surface: &BlockSurface,
         texel: usize,
         sample: Sample,
-        outside: u16,
+        probes: u16,
         counts: &mut RayCounts,
     ) -> Option<Receiver> {
-        if outside == ALL_OUTSIDE {
+        if probes == ALL_PROBES {
             return self.any_point(surface, texel, sample);
         }
         // The k-th set bit; what is left of the number chooses the place around it.
         let u = point_pair(sample);
-        let k = u.x * outside.count_ones() as f32;
-        let probe = (0..PROBES).filter(|&i| outside >> i & 1 == 1).nth(k as usize)?;
+        let k = u.x * probes.count_ones() as f32;
+        let probe = indices(probes).nth(k as usize)?;
         let probed = Self::probed(probe);
         // (The 16 points of a (0, 2)-sequence lie one in each square of a 4 × 4 grid.)
         let square = (probed * 4.0).floor();
@@ -94,14 +94,36 @@ impl Worker<'_> {
 
     /// Which probed points of a texel are its surface, one bit each: those outside solids, and where a wall stands on the texel, only
     /// the largest group of those that reach each other. No texel mixes the light of two rooms.
-    pub fn outside(&self, surface: &BlockSurface, texel: usize, counts: &mut RayCounts) -> u16 {
+    pub fn surface_probes(&self, surface: &BlockSurface, texel: usize, counts: &mut RayCounts) -> u16 {
         let probe =
             |i| Some((1u16 << i, self.transport.space.receiver(&self.probe_point(surface, texel, i))?));
         let mut points: Vec<Point> = (0..PROBES).filter_map(probe).collect();
         // A wall that divides the texel stands between one of these points and another, or a corner.
         let rim = surface.rim(self.atlas, texel).into_iter();
         points.extend(rim.filter_map(|at| Some((0, self.transport.space.receiver(&at)?))));
-        let mut groups = self.groups(points, counts);
+        let groups = self.in_the_open(self.groups(points, counts), counts);
+        let all = groups.iter().fold(0, |bits, group| bits | bits_of(group));
+        let Some((largest, beyond)) = self.largest(groups, counts) else { return 0 };
+        let probes = bits_of(&largest);
+        // Many small pieces, as under a grating or in grass, are no two rooms.
+        if 4 * probes.count_ones() < all.count_ones() {
+            return all;
+        }
+        // All probed points may lie on one side of a wall, and a corner on the other: the point next to it is given up, so that
+        // samples keep to where the others are.
+        match beyond {
+            Some(beyond) if probes == ALL_PROBES => {
+                let away = |(_, at): &&Point| at.distance_squared(&beyond.1);
+                let probed = largest.iter().filter(|(bit, _)| *bit != 0);
+                let next = probed.min_by(|a, b| away(a).total_cmp(&away(b)));
+                probes & !next.map_or(0, |(bit, _)| *bit)
+            }
+            _ => probes,
+        }
+    }
+
+    /// Leaves out of a texel's groups what lies in solids, be they open a little.
+    fn in_the_open(&self, mut groups: Vec<Vec<Point>>, counts: &mut RayCounts) -> Vec<Vec<Point>> {
         let is_whole = groups.len() == 1;
         // All of a group lie in the same closed solids, or else the surface passes through itself.
         for group in &mut groups {
@@ -119,11 +141,18 @@ impl Worker<'_> {
             }
         }
         groups.retain(|group| !group.is_empty());
-        let probed = |group: &[Point]| group.iter().fold(0, |bits, (bit, _)| bits | bit);
-        // Of groups, the largest: but what lies under open ground is the lesser side, however large.
+        groups
+    }
+
+    /// The largest group, and a point of another if there is one. What lies under open ground is the lesser side, however large.
+    fn largest(
+        &self,
+        mut groups: Vec<Vec<Point>>,
+        counts: &mut RayCounts,
+    ) -> Option<(Vec<Point>, Option<Point>)> {
         let is_one = groups.len() == 1;
         let mut size = |group: &Vec<Point>| {
-            let points = probed(group).count_ones();
+            let points = bits_of(group).count_ones();
             let mut is_buried =
                 |(bit, at): &Point| *bit != 0 && self.transport.space.is_under_ground(at, counts);
             let buried =
@@ -132,25 +161,9 @@ impl Worker<'_> {
             (if is_enough(open) { open } else { 0 }, points)
         };
         let sizes: Vec<(u32, u32)> = groups.iter().map(&mut size).collect();
-        let Some(largest) = (0..groups.len()).rev().max_by_key(|&i| sizes[i]) else { return 0 };
-        let all = groups.iter().fold(0, |bits, group| bits | probed(group));
+        let largest = (0..groups.len()).rev().max_by_key(|&i| sizes[i])?;
         let largest = groups.swap_remove(largest);
-        let outside = probed(&largest);
-        // Many small pieces, as under a grating or in grass, are no two rooms.
-        if 4 * outside.count_ones() < all.count_ones() {
-            return all;
-        }
-        // All probed points may lie on one side of a wall, and a corner on the other: the point next to it is given up, so that
-        // samples keep to where the others are.
-        match groups.first() {
-            Some(beyond) if outside == ALL_OUTSIDE => {
-                let away = |(_, at): &&Point| at.distance_squared(&beyond[0].1);
-                let probed = largest.iter().filter(|(bit, _)| *bit != 0);
-                let next = probed.min_by(|a, b| away(a).total_cmp(&away(b)));
-                outside & !next.map_or(0, |(bit, _)| *bit)
-            }
-            _ => outside,
-        }
+        Some((largest, groups.first().map(|beyond| beyond[0])))
     }
 
     /// Sorts points of a texel into groups that reach each other.
@@ -179,21 +192,20 @@ impl Worker<'_> {
         &self,
         surface: &BlockSurface,
         texel: usize,
-        outside: u16,
+        probes: u16,
         counts: &mut RayCounts,
     ) -> bool {
-        (0..PROBES).filter(|&probe| outside >> probe & 1 == 0).any(|probe| {
+        indices(!probes).any(|probe| {
             let at = self.transport.space.receiver(&self.probe_point(surface, texel, probe));
             at.is_some_and(|at| !self.transport.space.is_inside(&at, counts))
         })
     }
 
     /// A few of the probed points that are a texel's surface.
-    pub fn witnesses(&self, surface: &BlockSurface, texel: usize, outside: u16) -> Vec<Receiver> {
-        const MOST: usize = 4;
-        let probes: Vec<u32> = (0..PROBES).filter(|&probe| outside >> probe & 1 == 1).collect();
-        let some = probes.iter().step_by(probes.len().div_ceil(MOST).max(1));
-        some.filter_map(|&probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe)))
+    pub fn witnesses(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Vec<Receiver> {
+        const MOST: u32 = 4;
+        let some = indices(probes).step_by(probes.count_ones().div_ceil(MOST).max(1) as usize);
+        some.filter_map(|probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe)))
             .collect()
     }
 
@@ -209,9 +221,9 @@ impl Worker<'_> {
         point_pair(Sequence::new(0, Kind::Texel, SPREAD, Stream::Probe as u32).sample(probe))
     }
 
-    /// Finds out which points of the texels lie inside solids, if that is not known.
+    /// Finds out which points of the texels are their surface, if that is not known.
     pub fn probe(&self, surface: &BlockSurface, state: &mut BlockState) -> RayCounts {
-        if !state.outside.is_empty() {
+        if !state.probes.is_empty() {
             return RayCounts::default();
         }
         let covered: Vec<usize> = surface.covered().collect();
@@ -220,12 +232,22 @@ impl Worker<'_> {
             .with_min_len(64)
             .map(|&texel| {
                 let mut counts = RayCounts::default();
-                (self.outside(surface, texel, &mut counts), counts)
+                (self.surface_probes(surface, texel, &mut counts), counts)
             })
             .collect();
-        state.outside = probed.iter().map(|p| p.0).collect();
+        state.probes = probed.iter().map(|p| p.0).collect();
         sum(probed.into_iter().map(|p| p.1))
     }
+}
+
+/// The probed points among some points of a texel, one bit each.
+fn bits_of(points: &[Point]) -> u16 {
+    points.iter().fold(0, |bits, (bit, _)| bits | bit)
+}
+
+/// The probed points whose bits are set.
+fn indices(probes: u16) -> impl Iterator<Item = u32> {
+    (0..PROBES).filter(move |&probe| probes >> probe & 1 == 1)
 }
 
 /// The sum of counts.

@@ -59,12 +59,12 @@ impl Builder {
     }
 
     /// Per texel: its probed points that are its surface, whether it is split, and the centre of those points.
-    fn outside(self, texels_per_metre: f64) -> Vec<(u16, bool, Vec3)> {
-        self.outside_by(texels_per_metre, 1)
+    fn probes(self, texels_per_metre: f64) -> Vec<(u16, bool, Vec3)> {
+        self.probes_by(texels_per_metre, 1)
     }
 
     /// The same with a seed.
-    fn outside_by(self, texels_per_metre: f64, seed: u64) -> Vec<(u16, bool, Vec3)> {
+    fn probes_by(self, texels_per_metre: f64, seed: u64) -> Vec<(u16, bool, Vec3)> {
         let geometry = self.geometry;
         let lightmap =
             Lightmap { size: LightmapSize::TexelsPerMetre(texels_per_metre), ..Lightmap::default() };
@@ -79,16 +79,15 @@ impl Builder {
             let surface = worker.surface(block);
             for texel in surface.covered() {
                 let mut counts = RayCounts::default();
-                let outside = worker.outside(&surface, texel, &mut counts);
-                let is_split =
-                    outside != ALL_OUTSIDE && worker.is_split(&surface, texel, outside, &mut counts);
-                let points = (0..PROBES).filter(|i| outside >> i & 1 == 1).map(|i| {
+                let probes = worker.surface_probes(&surface, texel, &mut counts);
+                let is_split = probes != ALL_PROBES && worker.is_split(&surface, texel, probes, &mut counts);
+                let points = (0..PROBES).filter(|i| probes >> i & 1 == 1).map(|i| {
                     let point = worker.probe_point(&surface, texel, i);
                     let [a, b, c] = geometry.corners(point.triangle as usize);
                     a * point.barycentric.x + b * point.barycentric.y + c * point.barycentric.z
                 });
                 let sum: Vec3 = points.sum();
-                found.push((outside, is_split, sum / outside.count_ones().max(1) as f32));
+                found.push((probes, is_split, sum / probes.count_ones().max(1) as f32));
             }
         }
         assert!(found.len() > 20, "{}", found.len());
@@ -134,8 +133,8 @@ fn bulging(is_pipe: bool) -> Builder {
 #[test]
 fn bulging_surfaces_keep_all_points_of_long_texels() {
     for is_pipe in [false, true] {
-        for (outside, _, at) in bulging(is_pipe).outside(3.0) {
-            assert_eq!(outside, ALL_OUTSIDE, "{at} {is_pipe}");
+        for (probes, _, at) in bulging(is_pipe).probes(3.0) {
+            assert_eq!(probes, ALL_PROBES, "{at} {is_pipe}");
         }
     }
 }
@@ -144,8 +143,8 @@ fn bulging_surfaces_keep_all_points_of_long_texels() {
 fn a_ball_that_rests_on_the_floor_keeps_all_points() {
     // Nothing but the ball is between the points about its lowest one, but there is hardly room for a way around it.
     let floor = bulging(false).quad(vec3(-3.0, -1.0001, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, false, false);
-    for (outside, _, at) in floor.outside(3.0) {
-        assert_eq!(outside, ALL_OUTSIDE, "{at}");
+    for (probes, _, at) in floor.probes(3.0) {
+        assert_eq!(probes, ALL_PROBES, "{at}");
     }
 }
 
@@ -158,19 +157,19 @@ fn a_bulging_surface_above_another_keeps_all_points() {
         inner.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         b.mesh(&inner.positions, &inner.triangles, false, false)
     };
-    for (outside, _, at) in inner(bulging(true)).outside(3.0) {
-        assert_eq!(outside, ALL_OUTSIDE, "{at}");
+    for (probes, _, at) in inner(bulging(true)).probes(3.0) {
+        assert_eq!(probes, ALL_PROBES, "{at}");
     }
 }
 
 #[test]
 fn fins_divide_a_pipe() {
     let fins = bulging(true).quad(vec3(-2.0, -3.0, 0.0), Vec3::X * 4.0, Vec3::Y * 6.0, false, true);
-    let found = fins.outside(3.0);
+    let found = fins.probes(3.0);
     assert!(found.iter().any(|f| f.1));
-    for (outside, is_split, at) in found {
+    for (probes, is_split, at) in found {
         // Points on both sides have a centre near the fin; a texel is 33 cm long.
-        assert!(is_split || outside != ALL_OUTSIDE || at.z.abs() > 0.05, "{at}");
+        assert!(is_split || probes != ALL_PROBES || at.z.abs() > 0.05, "{at}");
     }
 }
 
@@ -200,20 +199,20 @@ fn expect_divided(x: f32) {
             _ => 0.0,
         };
         let mut divided = 0;
-        for (outside, is_split, at) in scene.outside(5.0) {
-            divided += u32::from(outside != ALL_OUTSIDE);
+        for (probes, is_split, at) in scene.probes(5.0) {
+            divided += u32::from(probes != ALL_PROBES);
             // (Texels of 20 cm; those within half of that of the wall reach across it. One point given up moves the centre by 7 mm.)
             let is_across = at.x.abs() < half + 0.112;
-            match outside {
-                ALL_OUTSIDE => assert!(at.x.abs() > half + 0.09, "{name}: {at}"),
+            match probes {
+                ALL_PROBES => assert!(at.x.abs() > half + 0.09, "{name}: {at}"),
                 0 => assert_eq!(name, "thick"),
                 // (Points in the wall itself do not make it split.)
                 _ => {
                     let told = is_split || !name.contains("sided");
-                    assert!(is_across && (told || half > 0.0), "{name}: {at} {outside:b} {is_split}");
+                    assert!(is_across && (told || half > 0.0), "{name}: {at} {probes:b} {is_split}");
                 }
             }
-            let below = (0.0 < half) && at.x.abs() < half && outside != 0;
+            let below = (0.0 < half) && at.x.abs() < half && probes != 0;
             assert!(!below, "{name}: {at} lies in the wall");
         }
         assert!(divided >= 20, "{name}: {divided}");
@@ -231,7 +230,7 @@ fn a_wall_along_a_row_of_texels_leaves_all_the_same_side_whatever_the_seed() {
     // (Texels of 20 cm, from the wall in a texel's first quarter to its last.)
     for x in [0.0, 0.04, 0.08, 0.12, 0.16] {
         let divided = |seed| -> Vec<(u16, f32)> {
-            let found = scene(x).outside_by(5.0, seed).into_iter();
+            let found = scene(x).probes_by(5.0, seed).into_iter();
             found.filter(|f| f.1 && f.2.z.abs() < 1.8).map(|f| (f.0, f.2.x)).collect()
         };
         let [rows, again] = [1, 2].map(divided);
@@ -250,8 +249,8 @@ fn a_texel_keeps_to_the_greater_side_of_a_roof() {
         let wall = wall.quad(vec3(-9.0, -2.0, 9.0), Vec3::X * 18.0, Vec3::NEG_Z * 18.0, false, false);
         let roof = wall.quad(vec3(-5.0, y, 5.0), Vec3::X * 10.0, Vec3::NEG_Z * 10.0, false, false);
         let mut divided = 0;
-        for (outside, is_split, at) in roof.outside(5.0).into_iter().filter(|(_, is_split, _)| *is_split) {
-            assert!(outside.count_ones() >= 8 && (at.y - y).abs() < 0.11, "{y}: {at} {outside:b} {is_split}");
+        for (probes, is_split, at) in roof.probes(5.0).into_iter().filter(|(_, is_split, _)| *is_split) {
+            assert!(probes.count_ones() >= 8 && (at.y - y).abs() < 0.11, "{y}: {at} {probes:b} {is_split}");
             divided += 1;
         }
         assert!(divided >= 20, "{y}: {divided}");
@@ -266,10 +265,10 @@ fn what_lies_under_open_ground_is_not_a_walls_surface_though_it_is_more_of_it() 
         let wall = Builder::default().quad(vec3(-2.0, -2.0, 0.0), Vec3::X * 4.0, Vec3::Y * 4.0, true, false);
         let ground = wall.quad(vec3(-5.0, y, 5.0), Vec3::X * 10.0, Vec3::NEG_Z * 10.0, false, false);
         let mut below = 0;
-        for (outside, is_split, at) in ground.outside(5.0) {
+        for (probes, is_split, at) in ground.probes(5.0) {
             // (Of a texel with a corner above the ground at most, all is under it.)
-            if is_split && (2..15).contains(&outside.count_ones()) {
-                assert!(at.y > y, "{y}: {at} {outside:b}");
+            if is_split && (2..15).contains(&probes.count_ones()) {
+                assert!(at.y > y, "{y}: {at} {probes:b}");
                 above += 1;
             }
             below += u32::from(at.y < y - 0.2);
@@ -288,8 +287,8 @@ fn ground_between_fine_things_is_ground() {
         scene = scene.quad(vec3(at, 0.0, 1.8), Vec3::NEG_Z * 3.6, Vec3::Y * 0.03, false, true);
         scene = scene.quad(vec3(-1.8, 0.0, at), Vec3::X * 3.6, Vec3::Y * 0.03, false, true);
     }
-    for (outside, _, at) in scene.outside(2.5) {
-        assert!(outside.count_ones() >= 8, "{at}: {outside:b}");
+    for (probes, _, at) in scene.probes(2.5) {
+        assert!(probes.count_ones() >= 8, "{at}: {probes:b}");
     }
 }
 
@@ -329,8 +328,8 @@ fn air_is_outside_whatever_stands_about() {
         ("a hem the other way round", hem(floor(), false)),
         ("a block", floor().block(vec3(0.5, 1.0, 0.5), vec3(1.0, 1.5, 1.0))),
     ] {
-        for (outside, _, at) in scene.outside(5.0) {
-            assert_eq!(outside, ALL_OUTSIDE, "{name}: {at}");
+        for (probes, _, at) in scene.probes(5.0) {
+            assert_eq!(probes, ALL_PROBES, "{name}: {at}");
         }
     }
 }

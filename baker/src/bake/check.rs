@@ -276,14 +276,14 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
     let texel = (y - surface.y0) * surface.width + x - surface.x0;
     let lights = worker.transport.lights;
     let mut counts = RayCounts::default();
-    let outside = worker.outside(&surface, texel, &mut counts);
+    let probes = worker.surface_probes(&surface, texel, &mut counts);
     let halves = [0, 1].map(|half| {
         let sequence = worker.sequence(&surface, texel, Stream::Check, half);
         let mut sums = vec![Rgb::ZERO; lights.layers()];
         let mut taken = 0u32;
         for i in 0..samples / 2 {
             let sample = sequence.sample(i);
-            let Some(at) = worker.receiver(&surface, texel, sample, outside, &mut counts) else { continue };
+            let Some(at) = worker.receiver(&surface, texel, sample, probes, &mut counts) else { continue };
             taken += 1;
             worker.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut sums, &mut counts);
             worker.walk(&at, sample, None, &mut sums, &mut counts);

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const TRIALS: u16 = 4;
 /// Samples in each half that every texel and light gets.
 const FIRST: u16 = 4;
-/// The `want` of twice as many direct samples as there are of indirect light on average.
+/// The `want` of twice as many direct samples as there are of indirect light on average; one less is half as many.
 const TWICE: u8 = 4;
 
 /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial samples did not differ
@@ -39,9 +39,9 @@ impl Worker<'_> {
         state.trials = vec![Direct::default(); state.taken.len() * lights];
         let goals = vec![TRIALS; state.trials.len()];
         let trial =
-            self.draw_direct(surface, &state.outside, &mut state.trials, &goals, &[(Stream::Trial, 0)]);
+            self.draw_direct(surface, &state.probes, &mut state.trials, &goals, &[(Stream::Trial, 0)]);
         let goals = vec![FIRST; state.trials.len()];
-        trial + self.draw_direct(surface, &state.outside, &mut state.direct, &goals, &HALVES)
+        trial + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
     /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means` holds the mean of
@@ -65,7 +65,7 @@ impl Worker<'_> {
                 wants.iter().map(move |&want| wanted(want, samples))
             });
         let goals: Vec<u16> = goals.collect();
-        self.draw_direct(surface, &state.outside, &mut state.direct, &goals, &HALVES)
+        self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
     /// Brings the direct light of each texel, stream and light (as `records` are ordered) to as many samples as `goals` says of
@@ -73,7 +73,7 @@ impl Worker<'_> {
     fn draw_direct(
         &self,
         surface: &BlockSurface,
-        outside: &[u16],
+        probes: &[u16],
         records: &mut [Direct],
         goals: &[u16],
         streams: &[(Stream, usize)],
@@ -86,12 +86,12 @@ impl Worker<'_> {
         let texels = records
             .par_chunks_mut(streams.len() * lights)
             .zip(goals.par_chunks(lights))
-            .zip(outside)
+            .zip(probes)
             .zip(&covered)
             .with_min_len(64);
-        let counts = texels.map(|(((records, goals), &outside), &texel)| {
+        let counts = texels.map(|(((records, goals), &probes), &texel)| {
             let mut counts = RayCounts::default();
-            if outside == 0 || interrupted() {
+            if probes == 0 || interrupted() {
                 return counts;
             }
             for (records, &(stream, half)) in records.chunks_mut(lights).zip(streams) {
@@ -101,7 +101,7 @@ impl Worker<'_> {
                 let last = goals.iter().copied().max().unwrap_or(0);
                 for i in first.unwrap_or(last)..last {
                     let sample = sequence.sample(u32::from(i));
-                    let at = self.receiver(surface, texel, sample, outside, &mut counts);
+                    let at = self.receiver(surface, texel, sample, probes, &mut counts);
                     let draw = sun_draw(sample);
                     for (light, (d, goal)) in records.iter_mut().zip(goals).enumerate() {
                         if d.drawn > i || i >= *goal {
@@ -158,8 +158,8 @@ fn wants(
             let edges = beside().filter(|n| own.differs_from(n));
             let step = edges.map(|n| (n.mean() - own.mean()).element_sum().abs()).reduce(f32::max);
             let less = if light < suns { LESS } else { 0 };
-            // Groups, whose rays cost more, get half of what suns get where nothing is known but that samples differ. Beside texels whose
-            // samples vary a quarter of what those get: a thin shadow that crosses them may have been missed here.
+            // Where nothing is known but that samples differ: as many as of indirect light for suns, half as many for groups, whose rays
+            // cost more. Beside texels whose samples vary a quarter as many: a thin shadow that crosses them may have been missed here.
             let most = if light < suns { TWICE - LESS } else { TWICE - 2 };
             let usual = match own.varies() || step.is_some() {
                 true => most,

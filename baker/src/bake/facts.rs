@@ -100,7 +100,10 @@ pub fn of_bake(
             atlas.utilisation * 100.0,
             stored.valid_texels as f64 / page * 100.0
         ),
-        format!("{} marked invalid for lying inside solids", count(stored.buried_texels, "texel")),
+        format!(
+            "{} marked invalid for lying in solids or mostly beyond a wall",
+            count(stored.buried_texels, "texel")
+        ),
         format!(
             "{} marked invalid because no sample found light at any moment",
             count(stored.unlit_texels, "texel")

@@ -81,7 +81,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
     };
     let cache = solve::bytes(entries, plan.layers());
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
-    let has_sky = !plan.suns.is_empty() || !plan.skies.is_empty();
+    let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
         size: [atlas.width, atlas.page_height],
         pages: atlas.pages,

@@ -12,6 +12,7 @@ use crate::trace::counts::RayCounts;
 use crate::trace::reflectors::{Reflectors, View};
 use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
+use crate::trace::triangle::Hit;
 use crate::trace::walk::{Arrival, balance_heuristic};
 use dataset::console::interrupted;
 use rayon::prelude::*;
@@ -64,7 +65,7 @@ pub struct Reading {
     layers: Range<usize>,
 }
 
-/// What is nearer to a texel than so many lengths of an entry is not read: there light differs over an entry, and walks go on.
+/// What is nearer to a texel than so many lengths of its own entries is not read: there light differs over an entry, and walks go on.
 const NEAR: f64 = 2.0;
 
 /// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
@@ -110,14 +111,14 @@ impl Worker<'_> {
             .zip(&mut state.taken)
             .zip(&mut state.drawn)
             .zip(&goals)
-            .zip(&state.outside)
+            .zip(&state.probes)
             .zip(&covered)
             .with_min_len(64);
         let traced =
-            texels.map_init(Vec::new, |readings, (((((sums, taken), drawn), &goal), &outside), &texel)| {
+            texels.map_init(Vec::new, |readings, (((((sums, taken), drawn), &goal), &probes), &texel)| {
                 let mut counts = RayCounts::default();
                 let cell = cell_of(surface, texel);
-                if outside == 0 || !active[cell] || interrupted() {
+                if probes == 0 || !active[cell] || interrupted() {
                     return counts;
                 }
                 let seen = cache.map(|c| c.seen_from(block, cell)).unwrap_or_default();
@@ -128,7 +129,7 @@ impl Worker<'_> {
                         cache.map(|c| Reader { map: &c.map, half: &c.halves[half], seen: &seen, readings });
                     for i in *drawn..goal {
                         let sample = sequence.sample(i);
-                        if let Some(at) = self.receiver(surface, texel, sample, outside, &mut counts) {
+                        if let Some(at) = self.receiver(surface, texel, sample, probes, &mut counts) {
                             taken[half] += 1;
                             self.walk(&at, sample, reader.as_mut(), out, &mut counts);
                         }
@@ -161,10 +162,12 @@ impl Worker<'_> {
         };
         let transport = &self.transport;
         let layers = out.len();
-        let near = (NEAR * map.entry_length()) as f32;
+        let is_near = |hit: &Hit, is_back| {
+            f64::from(hit.t) < NEAR * map.length_on(transport.space.geometry, hit.triangle, is_back)
+        };
         let land = |arrival: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let Arrival { hit, is_back, weight, .. } = arrival;
-            if arrival.is_first && hit.t < near {
+            if arrival.is_first && is_near(hit, *is_back) {
                 return false;
             }
             let Some(entry) = map.entry(&transport.space, hit, *is_back, counts) else { return false };
@@ -191,7 +194,7 @@ impl Worker<'_> {
         for (reflectors, view) in *seen {
             if let Some((hit, is_back, weight)) =
                 reflectors.reflected(&transport.space, at, view, sample, counts)
-                && hit.t >= near
+                && !is_near(&hit, is_back)
                 && let Some(entry) = map.entry(&transport.space, &hit, is_back, counts)
             {
                 half.prefetch(entry);
@@ -213,8 +216,8 @@ impl Worker<'_> {
         const PLACES: usize = 8;
         let Some(cache) = cache.filter(|c| !c.reflectors.is_empty()) else { return RayCounts::default() };
         let mut texels = vec![Vec::new(); CELLS];
-        for (texel, outside) in surface.covered().zip(&state.outside).filter(|(_, outside)| **outside != 0) {
-            texels[cell_of(surface, texel)].push((texel, *outside));
+        for (texel, probes) in surface.covered().zip(&state.probes).filter(|(_, probes)| **probes != 0) {
+            texels[cell_of(surface, texel)].push((texel, *probes));
         }
         let look = |cell: usize| {
             let (mut counts, texels) = (RayCounts::default(), &texels[cell]);
@@ -224,9 +227,9 @@ impl Worker<'_> {
             }
             let receivers: Vec<(Receiver, Sample)> = (0..PLACES)
                 .filter_map(|k| {
-                    let (texel, outside) = texels[(2 * k + 1) * texels.len() / (2 * PLACES)];
+                    let (texel, probes) = texels[(2 * k + 1) * texels.len() / (2 * PLACES)];
                     let sample = self.sequence(surface, texel, Stream::View, 0).sample(k as u32);
-                    Some((self.receiver(surface, texel, sample, outside, &mut counts)?, sample))
+                    Some((self.receiver(surface, texel, sample, probes, &mut counts)?, sample))
                 })
                 .collect();
             let view = |r: &Reflectors| r.view(&self.transport.space, &receivers, &mut counts);

@@ -28,7 +28,7 @@ pub const FOLDER: &str = ".layers";
 pub struct Texel {
     /// Its index on the page, row by row.
     pub index: u32,
-    /// 1 where enough of it lies outside solids, else 0.
+    /// 1 where enough of its probed points are its surface, else 0.
     pub exposed: u32,
 }
 
@@ -207,17 +207,17 @@ struct Partial {
 impl Partial {
     fn create(path: PathBuf) -> Result<Self> {
         let temporary = path.with_extension("partial");
-        let file = File::create(&temporary).map_err(Error::io(&temporary))?;
+        let file = File::create(&temporary).map_err(Error::io(&path))?;
         Ok(Partial { path, temporary, file: std::io::BufWriter::new(file) })
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.file.write_all(bytes).map_err(Error::io(&self.temporary))
+        self.file.write_all(bytes).map_err(Error::io(&self.path))
     }
 
     fn finish(self) -> Result<()> {
-        let file = self.file.into_inner().map_err(|e| Error::io(&self.temporary)(e.into_error()))?;
-        file.sync_all().map_err(Error::io(&self.temporary))?;
+        let file = self.file.into_inner().map_err(|e| Error::io(&self.path)(e.into_error()))?;
+        file.sync_all().map_err(Error::io(&self.path))?;
         std::fs::rename(&self.temporary, &self.path).map_err(Error::io(&self.path))
     }
 }

@@ -112,7 +112,7 @@ fn trace_block(
                 let (_, texel) = group[i * group.len() / walks];
                 let sample = sequence.sample(i as u32);
                 Some((
-                    worker.receiver(&surface, covered[texel], sample, state.outside[texel], counts)?,
+                    worker.receiver(&surface, covered[texel], sample, state.probes[texel], counts)?,
                     sample,
                 ))
             };

@@ -26,10 +26,10 @@ pub struct Plan {
     /// Per moment, its sun among `suns`.
     pub sun_of: Vec<Option<usize>>,
     /// Distinct skies that are not black: the hour of each (the first of those that share it).
-    pub skies: Vec<f64>,
+    pub sky_hours: Vec<f64>,
     /// What each is called.
     sky_names: Vec<String>,
-    /// Per moment, its sky among `skies`.
+    /// Per moment, its sky among `sky_hours`.
     pub sky_of: Vec<Option<usize>>,
     /// The groups that shine at some moment.
     pub groups: Vec<PlannedGroup>,
@@ -97,12 +97,12 @@ impl Plan {
             left_out.push("no texture lookups: the scene has no textures".to_owned());
         }
         let sky_names = skies.iter().map(|&at| sky_name(scene, at)).collect();
-        Plan { moments, suns, sun_of, skies, sky_names, sky_of, groups, place_of_group, left_out }
+        Plan { moments, suns, sun_of, sky_hours: skies, sky_names, sky_of, groups, place_of_group, left_out }
     }
 
     /// Number of layers: suns, skies, groups, in that order.
     pub fn layers(&self) -> usize {
-        self.suns.len() + self.skies.len() + self.groups.len()
+        self.suns.len() + self.sky_hours.len() + self.groups.len()
     }
 
     /// The layers whose sum is the light of a moment, ascending.
@@ -113,7 +113,7 @@ impl Plan {
 
     /// The layers of the groups that are lit at a moment.
     pub fn group_layers_of(&self, moment: usize) -> impl Iterator<Item = usize> + '_ {
-        let first = self.suns.len() + self.skies.len();
+        let first = self.suns.len() + self.sky_hours.len();
         let on = &self.moments[moment].groups_on;
         on.iter()
             .zip(&self.place_of_group)
@@ -123,7 +123,7 @@ impl Plan {
 
     /// The group a layer belongs to.
     pub fn group_of_layer(&self, layer: usize) -> Option<&PlannedGroup> {
-        self.groups.get(layer.checked_sub(self.suns.len() + self.skies.len())?)
+        self.groups.get(layer.checked_sub(self.suns.len() + self.sky_hours.len())?)
     }
 
     /// What a layer's values are multiplied by.
@@ -159,7 +159,7 @@ impl Plan {
                     )?);
                 } else {
                     hash.update(&json::bytes(&("sky", &scene.sky, &scene.portals), "sky")?);
-                    let hour = self.skies[layer - self.suns.len()];
+                    let hour = self.sky_hours[layer - self.suns.len()];
                     match part(scene, hour) {
                         Some(part) => hash.update(&json::bytes(&part, "part")?),
                         None => hash.update(bytemuck::cast_slice(&signature(scene, hour))),
@@ -172,10 +172,10 @@ impl Plan {
 
     /// The light of some layers (ascending), ready for sampling: its layers are these, in this order.
     pub fn lights(&self, scene: &Scene, geometry: &Geometry, layers: &[usize]) -> Lights {
-        let (n, m) = (self.suns.len(), self.skies.len());
+        let (n, m) = (self.suns.len(), self.sky_hours.len());
         let suns = layers.iter().filter_map(|&l| self.suns.get(l).copied().map(SunLight::new)).collect();
         let hours: Vec<f64> =
-            layers.iter().filter(|&&l| (n..n + m).contains(&l)).map(|&l| self.skies[l - n]).collect();
+            layers.iter().filter(|&&l| (n..n + m).contains(&l)).map(|&l| self.sky_hours[l - n]).collect();
         let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &hours);
         let guide = SkyGuide::new(scene, &sky, geometry.origin);
         let mut groups = Vec::new();

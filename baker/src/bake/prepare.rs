@@ -53,6 +53,12 @@ impl Prepared {
         self.base.to_hex().to_string()
     }
 
+    /// The digest of the work of tracing some layers.
+    pub fn work(&self, layers: &[usize]) -> String {
+        let layers = layers.iter().map(|&l| self.digests[l].as_str()).collect::<String>();
+        blake3::hash(format!("{}{layers}", self.base()).as_bytes()).to_hex().to_string()
+    }
+
     /// The folder that the dataset goes to.
     pub fn out(&self, options: &Options) -> PathBuf {
         options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&self.scene.name))
@@ -113,8 +119,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         place.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
     }
     let (scene, hours, transfer) = if options.transfer {
-        let day = Options { hours: transfer::day(), transfer: false, ..options.clone() };
-        let (_, inputs) = prepare(scene_file, &day, &Console::silent())?.manifest(&day)?;
+        let inputs = inputs_of_the_day(scene_file, options)?;
         let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs)?;
         (scene, hours, Some(transfer))
     } else {
@@ -158,6 +163,13 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         base,
         digests,
     })
+}
+
+/// The digest of the day's bake of a scene, which its transfer goes with. (That bake is prepared for no more than this.)
+fn inputs_of_the_day(scene_file: &Path, options: &Options) -> Result<String> {
+    let day = Options { hours: transfer::day(), transfer: false, ..options.clone() };
+    let (_, inputs) = prepare(scene_file, &day, &Console::silent())?.manifest(&day)?;
+    Ok(inputs)
 }
 
 /// Overrides what the command line overrides.

@@ -78,13 +78,11 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
 
     let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
-    let check = match options.check {
-        Some(samples) => {
-            let chosen = choose(assembler.valid_texels(), scene.bake.seed);
-            Some(check_layers(&prepared, &atlas, &layers, &chosen, samples, console)?)
-        }
-        None => None,
-    };
+    let check = options.check.map(|samples| {
+        let chosen = choose(assembler.valid_texels(), scene.bake.seed);
+        check_layers(&prepared, &atlas, &layers, &chosen, samples, console)
+    });
+    let check = check.transpose()?;
     let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
     let stored = assembler.store(&mut writer, || progress.advance(1))?;
     drop(progress);
@@ -98,7 +96,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         console.warn(&warning);
         warnings.push(warning);
     }
-    let texels = stored.valid_texels;
+    let valid_texels = stored.valid_texels;
     let mut relative = stored.errors.relative(plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let last = traced.rounds.last();
@@ -119,7 +117,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         pages: atlas.pages,
         sets: plan.moments.len(),
         hours: plan.moments.iter().map(|m| m.hour).collect(),
-        texels,
+        texels: valid_texels,
         samples: traced.samples().unwrap_or(limits.samples),
         mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),
         layers: origin,
@@ -211,7 +209,7 @@ fn provide_layers(
     Ok((traced, origin, warnings))
 }
 
-/// Traces some layers (ascending) and keeps them; of none, tells how those were that are kept. Warnings, too.
+/// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those that are kept. Warnings, too.
 fn trace(
     prepared: &Prepared,
     atlas: &Atlas,
@@ -222,21 +220,14 @@ fn trace(
 ) -> Result<(Traced, Vec<String>)> {
     let Prepared { plan, digests, .. } = prepared;
     let base = prepared.base();
-    let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
-    let work = blake3::hash(format!("{base}{}", wanted.concat()).as_bytes()).to_hex().to_string();
-    let unfinished = WorkFolder::unfinished(out, &work, |digest| layers.holds(digest));
+    let work = prepared.work(chosen);
+    WorkFolder::remove_finished(out, &work, |digest| layers.holds(digest));
     if chosen.is_empty() && layers.texels(&base).is_some() {
         return Ok((layers.traced(&base).unwrap_or_default(), Vec::new()));
     }
-    if unfinished.contains(&true) {
-        return Err(Error::invalid(
-            out.display(),
-            "holds the unfinished work of a bake of other settings; expected the command that began it, which goes on with it, or --out \
-             DIR for a folder of its own, or --force to drop it",
-        ));
-    }
+    let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
     let mut warnings = Vec::new();
-    if !unfinished.is_empty() {
+    if standing::refuse_unfinished(out, &work, layers)? {
         let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
         console.warn(dropped);
         warnings.push(dropped.to_owned());

@@ -7,7 +7,7 @@ use super::balance::{Solution, System, walks};
 use super::block::{Worker, sum};
 use super::indirect::Cache;
 use super::pilot::trace;
-use super::state::{ALL_OUTSIDE, is_exposed};
+use super::state::{ALL_PROBES, is_exposed};
 use super::work::WorkFolder;
 use crate::Result;
 use crate::trace::cache::CacheMap;
@@ -56,15 +56,15 @@ pub fn map<'a>(
     let of_block = |&block: &usize| -> Result<Covered> {
         let surface = worker.surface(block);
         let texels: Vec<usize> = surface.covered().collect();
-        let outside = folder.read_block(block, texels.len())?.outside;
+        let probes = folder.read_block(block, texels.len())?.probes;
         let place = |t: usize| surface.page_index(worker.atlas, t);
         let mut found = Covered { texels: texels.iter().map(|&t| place(t)).collect(), ..Covered::default() };
-        for (&texel, &outside) in texels.iter().zip(&outside).filter(|(_, o)| **o != ALL_OUTSIDE) {
+        for (&texel, &probes) in texels.iter().zip(&probes).filter(|(_, o)| **o != ALL_PROBES) {
             // (What counts as no surface is not solved for: a walk that lands there goes on.)
-            if !is_exposed(outside) {
+            if !is_exposed(probes) {
                 found.split.push((place(texel), Vec::new()));
-            } else if worker.is_split(&surface, texel, outside, &mut found.counts) {
-                found.split.push((place(texel), worker.witnesses(&surface, texel, outside)));
+            } else if worker.is_split(&surface, texel, probes, &mut found.counts) {
+                found.split.push((place(texel), worker.witnesses(&surface, texel, probes)));
             }
         }
         Ok(found)

@@ -6,6 +6,7 @@ use super::layers::{self, Layers};
 use super::options::{Options, Outcome};
 use super::prepare::Prepared;
 use super::scene_glb::NAME as GLB;
+use super::work::WorkFolder;
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
@@ -77,7 +78,8 @@ pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>)
 ///
 /// # Errors
 /// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or fewer texels. A quick
-/// look at one hour must not cost a day's bake; `--force` says that it may.
+/// look at one hour must not cost a day's bake; `--force` says that it may. Also, forced or not, where a manifest stands there that
+/// cannot be read.
 pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
     let standing = match Dataset::open_manifest(out) {
         Ok(dataset) => dataset.config,
@@ -109,6 +111,23 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
     Ok(())
 }
 
+/// Refuses to drop what an unfinished bake of other settings has traced, in favour of the work of this digest; whether it would drop
+/// work without a finished round.
+///
+/// # Errors
+/// [`Error::Invalid`] where such work has a finished round.
+pub fn refuse_unfinished(out: &Path, work: &str, layers: &Layers) -> Result<bool> {
+    let unfinished = WorkFolder::unfinished(out, work, |digest| layers.holds(digest));
+    if unfinished.contains(&true) {
+        return Err(Error::invalid(
+            out.display(),
+            "holds the unfinished work of a bake of other settings; expected the command that began it, which goes on with it, or --out \
+             DIR for a folder of its own, or --force to drop it",
+        ));
+    }
+    Ok(!unfinished.is_empty())
+}
+
 /// What would become of what stands where a bake is to write, in words; `None` where nothing does.
 pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>> {
     let out = prepared.out(options);
@@ -124,12 +143,17 @@ pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>
     if let Err(error) = refuse_less(&out, prepared, options, &Console::silent()) {
         return Ok(Some(refused(error)));
     }
+    if options.force {
+        return Ok(None);
+    }
     let (layers, all) = (Layers::new(&out), prepared.digests.len());
-    let kept = if options.force {
-        0
-    } else {
-        all - kept::missing(&layers, &prepared.base(), &prepared.digests).len()
-    };
+    let missing = kept::missing(&layers, &prepared.base(), &prepared.digests);
+    if !missing.is_empty()
+        && let Err(error) = refuse_unfinished(&out, &prepared.work(&missing), &layers)
+    {
+        return Ok(Some(refused(error)));
+    }
+    let kept = all - missing.len();
     Ok((kept > 0).then(|| {
         format!("kept in {} from an earlier bake, not traced again: {}", out.display(), count(kept, "layer"))
     }))

@@ -8,14 +8,14 @@ use bytemuck::{Pod, Zeroable};
 pub const CELL: usize = 16;
 /// Cells of a block.
 pub const CELLS: usize = (BLOCK / CELL) * (BLOCK / CELL);
-/// Points of a texel that are probed for lying inside a solid.
+/// Points of a texel that are probed: for lying inside a solid, and for which side of a wall they are on.
 pub const PROBES: u32 = 16;
-/// All of them outside.
-pub const ALL_OUTSIDE: u16 = u16::MAX;
+/// The bits of all of them.
+pub const ALL_PROBES: u16 = u16::MAX;
 
 /// Whether so many probed points are a texel's surface that it counts.
-pub fn is_exposed(outside: u16) -> bool {
-    is_enough(outside.count_ones())
+pub fn is_exposed(probes: u16) -> bool {
+    is_enough(probes.count_ones())
 }
 
 /// Whether so many of a texel's probed points are enough of it.
@@ -83,8 +83,8 @@ pub struct BlockState {
     /// Rounds completed.
     pub round: u32,
     /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and on the side of a wall that the
-    /// texel stands for ([`super::block::Worker::outside`]). Empty before they were probed.
-    pub outside: Vec<u16>,
+    /// texel stands for ([`super::block::Worker::surface_probes`]). Empty before they were probed.
+    pub probes: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
     /// `[texel][sampled light]`: trial samples, by which it is decided how many are wanted; empty before they are drawn and after
@@ -108,7 +108,7 @@ impl BlockState {
     pub fn empty(texels: usize, layers: usize, sampled: usize) -> Self {
         BlockState {
             round: 0,
-            outside: Vec::new(),
+            probes: Vec::new(),
             direct: vec![Direct::default(); texels * 2 * sampled],
             trials: Vec::new(),
             wants: Vec::new(),
@@ -119,9 +119,9 @@ impl BlockState {
         }
     }
 
-    /// Whether enough of a texel lies outside solids for it to count as surface.
+    /// Whether enough of a texel's probed points are its surface for it to count.
     pub fn is_exposed(&self, texel: usize) -> bool {
-        is_exposed(self.outside.get(texel).copied().unwrap_or(0))
+        is_exposed(self.probes.get(texel).copied().unwrap_or(0))
     }
 
     /// Sums of the trials' mean direct light of each light over the exposed texels, and how many those are.
@@ -167,7 +167,7 @@ impl BlockState {
         let fits = header.starts_with(MAGIC)
             && [word(1)?, word(2)?, word(3)?] == [texels as u32, layers as u32, sampled as u32];
         let (known, records) = (word(4)?, texels * sampled);
-        state.outside = vec![0; if known & 1 == 1 { texels } else { 0 }];
+        state.probes = vec![0; if known & 1 == 1 { texels } else { 0 }];
         state.trials = vec![Direct::default(); if known & 2 == 2 { records } else { 0 }];
         state.wants = vec![0; if known & 4 == 4 { records } else { 0 }];
         state.log2_shares = vec![0; if known & 8 == 8 { texels } else { 0 }];
@@ -178,7 +178,7 @@ impl BlockState {
             rest = tail;
             Some(())
         };
-        fill(bytemuck::cast_slice_mut(&mut state.outside))?;
+        fill(bytemuck::cast_slice_mut(&mut state.probes))?;
         fill(bytemuck::cast_slice_mut(&mut state.direct))?;
         fill(bytemuck::cast_slice_mut(&mut state.trials))?;
         fill(&mut state.wants)?;
@@ -194,7 +194,7 @@ impl BlockState {
         let mut bytes = Vec::with_capacity(HEADER + self.sums.len() * 12 + self.direct.len() * 20);
         bytes.extend_from_slice(MAGIC);
         let known = [
-            self.outside.is_empty(),
+            self.probes.is_empty(),
             self.trials.is_empty(),
             self.wants.is_empty(),
             self.log2_shares.is_empty(),
@@ -204,7 +204,7 @@ impl BlockState {
         for word in [self.round, texels, layers as u32, sampled as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.outside));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.probes));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.direct));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.trials));
         bytes.extend_from_slice(&self.wants);
@@ -226,7 +226,7 @@ mod tests {
         state.round = 2;
         state.log2_shares = vec![-1, 0, 1, 3];
         state.drawn = vec![1, 2, 4, 16];
-        state.outside = vec![1, 2, 3, 16];
+        state.probes = vec![1, 2, 3, 16];
         state.trials = vec![Direct { drawn: 3, ..Direct::default() }; 8];
         state.wants = vec![1; 8];
         state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];

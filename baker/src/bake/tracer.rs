@@ -156,7 +156,7 @@ impl Tracer<'_> {
             let surface = self.worker.surface(block);
             let mut state = self.folder.read_block(block, surface.covered().count())?;
             let mut counts = RayCounts::default();
-            if state.outside.is_empty() && !state.taken.is_empty() {
+            if state.probes.is_empty() && !state.taken.is_empty() {
                 counts += self.worker.probe(&surface, &mut state);
                 counts += self.worker.first_direct(&surface, &mut state);
                 stop_if_interrupted()?;

@@ -69,19 +69,18 @@ impl WorkFolder {
     }
 
     /// The unfinished work of other bakes, each with whether it has a finished round. What was left behind when all of its layers were
-    /// kept (which `is_kept` tells by their digests) is removed.
+    /// kept (which `is_kept` tells by their digests) is none.
     pub fn unfinished(dataset: &Path, digest: &str, is_kept: impl Fn(&str) -> bool) -> Vec<bool> {
-        let layers = |path: &Path| -> Option<Vec<String>> {
-            serde_json::from_slice(&std::fs::read(path.join(LAYERS)).ok()?).ok()
-        };
-        let is_finished =
-            |path: &PathBuf| layers(path).is_some_and(|l| l.iter().all(|digest| is_kept(digest)));
-        let (finished, unfinished): (Vec<PathBuf>, Vec<PathBuf>) =
-            Self::others(dataset, digest).into_iter().partition(is_finished);
-        for path in finished {
+        let unfinished =
+            Self::others(dataset, digest).into_iter().filter(|path| !is_finished(path, &is_kept));
+        unfinished.map(|path| path.join(ROUNDS).exists()).collect()
+    }
+
+    /// Removes the work of other bakes that was left behind so.
+    pub fn remove_finished(dataset: &Path, digest: &str, is_kept: impl Fn(&str) -> bool) {
+        for path in Self::others(dataset, digest).into_iter().filter(|path| is_finished(path, &is_kept)) {
             let _ = std::fs::remove_dir_all(path);
         }
-        unfinished.iter().map(|path| path.join(ROUNDS).exists()).collect()
     }
 
     /// Removes it, for all that was traced is kept; what cannot be removed is found to be finished by a later bake.
@@ -119,8 +118,7 @@ impl WorkFolder {
         // Whole or absent for a run that is killed; not synced, since after a power failure the work may start again.
         let path = self.block_path(block);
         let temporary = path.with_extension("partial");
-        std::fs::write(&temporary, state.to_bytes(self.layers, self.sampled))
-            .map_err(Error::io(&temporary))?;
+        std::fs::write(&temporary, state.to_bytes(self.layers, self.sampled)).map_err(Error::io(&path))?;
         std::fs::rename(&temporary, &path).map_err(Error::io(&path))
     }
 
@@ -153,6 +151,13 @@ impl WorkFolder {
     }
 }
 
+/// Whether all layers that a folder's work is of are kept.
+fn is_finished(folder: &Path, is_kept: impl Fn(&str) -> bool) -> bool {
+    let layers =
+        || -> Option<Vec<String>> { serde_json::from_slice(&std::fs::read(folder.join(LAYERS)).ok()?).ok() };
+    layers().is_some_and(|layers| layers.iter().all(|digest| is_kept(digest)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -181,7 +186,10 @@ mod tests {
         assert_eq!(unfinished(other, &["b"]), [false]);
         folder.write(ROUNDS, &[1]).unwrap();
         assert_eq!(unfinished(other, &["b"]), [true]);
+        // What is left of finished work is none, and goes.
+        WorkFolder::remove_finished(dir.path(), other, |layer| layer != "b");
         assert!(folder.root.exists() && unfinished(other, &[]).is_empty());
+        WorkFolder::remove_finished(dir.path(), other, |_| true);
         assert!(!folder.root.exists());
         // Another bake's work is removed.
         let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), 2).unwrap();

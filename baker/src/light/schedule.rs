@@ -4,6 +4,7 @@
 //! The day is a circle: 24 is 0.
 
 use crate::scene::Group;
+use dataset::typed::clock;
 
 /// The moments to bake, before the switch extras.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,22 +80,7 @@ fn parse_time(text: &str, item: &str) -> Result<i64, String> {
             "`{item}`{part}: expected hours such as 12, 18.5, 18:30, 0..24 or 6..18/0.5, between 0 and 24"
         )
     };
-    let digits = |t: &str| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit() || b == b'.');
-    let value = match text.split_once(':') {
-        Some((hour, minute)) => {
-            if minute.len() != 2 || !digits(hour) || !digits(minute) || hour.contains('.') {
-                return Err(wrong());
-            }
-            let minute: u32 = minute.parse().map_err(|_| wrong())?;
-            if minute >= 60 {
-                return Err(wrong());
-            }
-            hour.parse::<f64>().map_err(|_| wrong())? + f64::from(minute) / 60.0
-        }
-        None if digits(text) => text.parse::<f64>().map_err(|_| wrong())?,
-        None => return Err(wrong()),
-    };
-    if (0.0..=24.0).contains(&value) { Ok(micro(value)) } else { Err(wrong()) }
+    clock(text).map(micro).ok_or_else(wrong)
 }
 
 /// The step of a range, in micro-hours.

@@ -188,9 +188,31 @@ impl<'a> CacheMap<'a> {
         witnesses.iter().any(|witness| space.sees(witness, &at, counts)).then_some(entry)
     }
 
-    /// Length of the side of an entry in metres.
+    /// Length of the side of an entry in metres, on surfaces of the page's density.
     pub fn entry_length(&self) -> f64 {
         f64::from(1u32 << self.shift) / self.atlas.texels_per_metre
+    }
+
+    /// Length of the side of those entries that a side of a triangle has, in metres.
+    pub fn length_on(&self, geometry: &Geometry, triangle: u32, is_back: bool) -> f64 {
+        let triangle = triangle as usize;
+        let piece = self.piece_of[triangle][usize::from(is_back)];
+        if piece != NONE {
+            return geometry.longest_edge(triangle) / f64::from(self.pieces[piece as usize].along);
+        }
+        let face = self.face_of[triangle];
+        if face == NONE || is_back {
+            return self.entry_length();
+        }
+        // Objects may have texels of their own density. (The longest edge: short ones are mostly rounding.)
+        let (corners, page) = (geometry.corners(triangle), self.atlas.faces[face as usize].corners);
+        let edges = [(0, 1), (1, 2), (2, 0)]
+            .map(|(a, b)| (corners[a].distance(corners[b]), page[a].distance(page[b])));
+        let [length, texels] = edges
+            .into_iter()
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or([0.0; 2], |(a, b)| [a, b].map(f64::from));
+        if texels > 0.0 { f64::from(1u32 << self.shift) * length / texels } else { self.entry_length() }
     }
 
     /// Whether a side of a triangle has entries.

@@ -48,7 +48,7 @@ pub struct Facet {
     pub along: u32,
     /// Its cluster.
     pub cluster: u32,
-    /// Light it sends out: that of each layer in units of its integral over all surfaces.
+    /// Light it sends out: of each layer in units of its integral over all surfaces, the root of the summed squares.
     pub power: f32,
     /// Its area.
     pub area: f32,

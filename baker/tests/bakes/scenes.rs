@@ -137,6 +137,23 @@ pub fn corner() -> Case {
     Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
 }
 
+/// The same with walls of coarser cache: without texels, or with larger ones, as `walls` says; the floor has texels of about 7 cm.
+pub fn coarse_corner(walls: &str, size: u32) -> Case {
+    let floor = Obj::default().mesh("floor").floor([0.0, 0.0, 0.0], 1.5, 1.5);
+    let wall = Obj::default().mesh("walls").quad([0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 1.5, 0.0]).quad(
+        [0.0, 0.0, 1.5],
+        [0.0, 0.0, -1.5],
+        [0.0, 1.5, 0.0],
+    );
+    let text = format!(
+        "[[object]]\nfile = \"floor.obj\"\nalbedo = 0.8\n[[object]]\nfile = \"walls.obj\"\nalbedo = 0.8\n{walls}\n\
+        [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.14, 0.14, 0.14]\nradius = 0.02\nradiance = [400, 300, 200]\n\
+        [lightmap]\nsize = {size}\npadding = 2\n"
+    );
+    let files = [("floor.obj", floor.bytes()), ("walls.obj", wall.bytes())];
+    Case { stage: Stage::new(&files), text, hours: "12" }
+}
+
 /// A ground under the sun and wires whose shadows are an eighth of a texel wide.
 pub fn wires() -> Case {
     let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
