@@ -14,6 +14,7 @@ use compressor::run::compress_and_judge;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{self, Report};
 use dataset::store::Dataset;
+use dataset::typed;
 use dataset::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ use std::time::Duration;
 
 /// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light switch.
 #[derive(Parser)]
-#[command(version, after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(name = "bake", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -75,7 +76,7 @@ struct Args {
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
-    #[arg(long, value_name = "TIME", value_parser = console::parse_time)]
+    #[arg(long, value_name = "TIME", value_parser = typed::time_limit)]
     time_limit: Option<Duration>,
     /// How light is followed past the first surface.
     #[arg(long, value_enum, default_value = "cached")]
@@ -110,7 +111,7 @@ Examples:
   bake scenes/yard.toml --plan                     what would run, what is left out and why
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
 
-With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (asked for),
+With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, layers, left_out, standing,
@@ -119,8 +120,8 @@ rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
-traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels, or another scene) only with --force, and so is unfinished work of other
-settings dropped, once it has finished a round.";
+traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels,
+or another scene) only with --force, and so is unfinished work of other settings dropped, once it has finished a round.";
 
 /// `2%` or `0.02`.
 fn parse_error(text: &str) -> std::result::Result<f64, String> {
@@ -132,6 +133,7 @@ fn parse_error(text: &str) -> std::result::Result<f64, String> {
 }
 
 fn main() -> ExitCode {
+    typed::refuse_misspelt::<Cli>("a scene file");
     let cli = Cli::parse();
     console::catch_interrupts();
     let console = Console::new(cli.console);

@@ -108,7 +108,7 @@ pub fn section(outcome: &Outcome) -> Section {
         Integrator::Path => "Walks were followed to their end (integrator path: unbiased).",
     };
     section.paragraph(&format!(
-        "{:.0} samples per texel on average of {} asked for (more where they differ), in {:.1} s of tracing. {how} The estimated error of tiles is as that \
+        "{:.0} samples per texel on average; the last round went for {} (more where they differ), in {:.1} s of tracing. {how} The estimated error of tiles is as that \
          of sets above, but over each tile of 128×128 texels and relative to the tile's own mean light: its median over tiles and \
          sets is {:.2} %.",
         outcome.mean_samples,

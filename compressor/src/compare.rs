@@ -23,12 +23,12 @@ mod ablations;
 
 pub use table::{Comparison, Row};
 
-use crate::compress::{DRAFT, MEDIUM, Preset};
-use crate::model::PROFILES;
+use crate::compress::{DRAFT, FINAL, MEDIUM, Preset};
+use crate::evaluate::Looks;
+use crate::model::{PROFILES, Profile};
 use crate::{Error, Result};
 use dataset::config::Config;
 use dataset::console::{Console, stop_if_interrupted};
-use dataset::metrics::Lpips;
 use dataset::store::Dataset;
 use judge::{Judge, Judged};
 use keyframes::{Float16, KEPT};
@@ -55,7 +55,7 @@ pub struct Options {
 pub enum Effort {
     /// A first look.
     Draft,
-    /// NDGI's default preset, the thorough ones of the others.
+    /// NDGI's default preset, and for M its thorough one too; the thorough ones of the others.
     Full,
 }
 
@@ -82,14 +82,14 @@ struct Method<'a> {
     run: Box<dyn Fn() -> Result<Ways> + 'a>,
 }
 
-/// Compares all methods on tiles of a dataset; `transfer` is that of its scene, `lpips` the network for LPIPS. Writes nothing.
+/// Compares all methods on tiles of a dataset; `transfer` is that of its scene, `looks` what is measured of looks. Writes nothing.
 ///
 /// # Errors
 /// As [`crate::compress::compress`], and a transfer that is not of this dataset.
 pub fn compare(
     dataset: &Dataset,
     transfer: Option<&Dataset>,
-    lpips: Option<&Lpips>,
+    looks: Looks,
     options: &Options,
     console: &Console,
 ) -> Result<Comparison> {
@@ -103,7 +103,7 @@ pub fn compare(
     }
     let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &set)).transpose()?;
     let noise = dataset.noise()?;
-    let judge = Judge::new(&set, noise.as_ref(), lpips);
+    let judge = Judge::new(&set, noise.as_ref(), looks);
     let mut comparison = Comparison::new(&set, options);
     let mut left_out = Vec::new();
     let methods = if options.ablations {
@@ -181,17 +181,21 @@ fn measure(set: &TileSet, judge: &Judge, method: &Method) -> Result<(Row, Judged
 
 /// Methods that need nothing foreign.
 fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
-    let preset = options.effort.preset();
-    let mut methods = Vec::new();
-    for profile in &PROFILES {
-        methods.push(Method {
-            family: "NDGI",
-            name: format!("NDGI {}", profile.name),
-            run: Box::new(move || {
-                let coded = ndgi::code(set, profile, &preset, options.seed)?;
-                Ok(vec![(coded, format!("preset {}", preset.name))])
-            }),
-        });
+    let ndgi = |name: String, profile: &'static Profile, preset: Preset| Method {
+        family: "NDGI",
+        name,
+        run: Box::new(move || {
+            let coded = ndgi::code(set, profile, &preset, options.seed)?;
+            Ok(vec![(coded, format!("preset {}", preset.name))])
+        }),
+    };
+    let named =
+        |profile: &'static Profile| ndgi(format!("NDGI {}", profile.name), profile, options.effort.preset());
+    let mut methods: Vec<Method> = PROFILES.iter().map(named).collect();
+    if options.effort == Effort::Full {
+        // What it has when it is given as much time as the others: M, the profile of the comparison.
+        let [_, m, ..] = &PROFILES;
+        methods.push(ndgi(format!("NDGI {}, {}", m.name, FINAL.name), m, FINAL));
     }
     for preset in &ntc::PRESETS {
         methods.push(Method {

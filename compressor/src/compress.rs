@@ -166,7 +166,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         options,
         header: &header,
         part: &part,
-        inputs: trained_on(&dataset),
+        trained_on: trained_on(&dataset),
         deadline: options.time_limit.map(|limit| start + limit),
     };
     let work = tiles.work(console)?;

@@ -1,7 +1,7 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
 //! Every set is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
-//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, set). Samples of a tile that is all zero or has no valid texel are skipped;
+//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, set). A tile without a valid texel is none; those that are all zero are counted apart;
 //! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
 
 mod strips;
@@ -17,7 +17,7 @@ pub use between::Between;
 pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
-pub use sample::Sample;
+pub use sample::{Looks, Sample};
 pub use steps::{Step, Steps};
 pub(crate) use strips::{read, strips, valid};
 pub use table::COLUMNS;
@@ -26,9 +26,10 @@ pub(crate) use table::{aligned, cell};
 use crate::decode::Decoder;
 use crate::mean::mean;
 use crate::{Error, Result};
-use dataset::console::{Console, stop_if_interrupted};
-use dataset::image::Image;
-use dataset::metrics::{self, Brightnesses, Lpips, TileQuality};
+use dataset::config::Noise;
+use dataset::console::{Console, Progress, stop_if_interrupted};
+use dataset::image::{Image, Mask};
+use dataset::metrics::{self, Brightnesses, TileQuality};
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use sample::Strip;
@@ -84,8 +85,8 @@ pub struct Evaluation {
 pub struct Measures<'a> {
     /// A bake of the same scene at other hours: between the sets it is the truth.
     pub withheld: Option<&'a Dataset>,
-    /// The network that LPIPS is measured by.
-    pub lpips: Option<&'a Lpips>,
+    /// What is measured of the looks of tiles.
+    pub looks: Looks<'a>,
 }
 
 /// Decodes every set of `decoder`'s bundle and compares it with `dataset`.
@@ -99,104 +100,163 @@ pub fn evaluate(
     measures: Measures,
     console: &Console,
 ) -> Result<Evaluation> {
-    let bundle = decoder.bundle();
     expect_match(dataset, decoder)?;
     let noise = dataset.noise()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
-    let sets = &dataset.config.sets;
-    let progress = console.progress("evaluating", (sets.len() * masks.len()) as u64);
-    let mut samples = Vec::new();
-    let mut large: Vec<TileQuality> = Vec::new();
-    let mut decode_seconds = 0.0;
-    let mut seams = Seams::default();
-    let mut dark: Vec<Option<f64>> = Vec::with_capacity(sets.len());
-    let strips: Vec<_> = masks.iter().map(strips).collect();
-    for (k, set) in sets.iter().enumerate() {
-        let first = samples.len();
+    let strips = masks.iter().map(strips).collect();
+    let lightmaps = Lightmaps { dataset, decoder, noise, masks, strips, looks: measures.looks };
+    let sets = dataset.config.sets.len();
+    let progress = console.progress("evaluating", (sets * lightmaps.masks.len()) as u64);
+    let mut found = Found::default();
+    for set in 0..sets {
+        found.add_set(&lightmaps, set, &progress)?;
+    }
+    drop(progress);
+    found.into_evaluation(dataset, decoder, measures.withheld, console)
+}
+
+/// What is compared, page by page in strips.
+struct Lightmaps<'a> {
+    dataset: &'a Dataset,
+    decoder: &'a Decoder,
+    noise: Option<Noise>,
+    /// Of each page.
+    masks: Vec<Mask>,
+    /// Of each page, the rows of its strips.
+    strips: Vec<Vec<Range<usize>>>,
+    looks: Looks<'a>,
+}
+
+/// What was found so far.
+#[derive(Default)]
+struct Found {
+    samples: Vec<Sample>,
+    large: Vec<TileQuality>,
+    seams: Seams,
+    /// Per set, the relative error of its darkest texels.
+    dark: Vec<Option<f64>>,
+    decode_seconds: f64,
+}
+
+impl Found {
+    /// Adds all pages of a set.
+    fn add_set(&mut self, of: &Lightmaps, set: usize, progress: &Progress) -> Result<()> {
+        let first = self.samples.len();
         let (mut sum, mut texels) = (0.0, 0);
         let mut brightnesses = Brightnesses::default();
-        for (page, mask) in masks.iter().enumerate() {
-            let mut references = References { dataset, set: k, page, height: mask.height, last: None };
-            // The mean first: it is the unit of what follows.
-            let (mut page_sum, mut page_texels) = (0.0, 0);
-            for rows in &strips[page] {
-                stop_if_interrupted()?;
-                let (sum, texels) = metrics::valid_sum(&references.read(rows)?.texels, valid(mask, rows));
-                page_sum += sum;
-                page_texels += texels;
-            }
-            dataset.check_content(&set.maps[page].file)?;
-            let page_mean = if page_texels == 0 { 0.0 } else { page_sum / (3 * page_texels) as f64 };
-            for rows in &strips[page] {
-                stop_if_interrupted()?;
-                // With the row below, for the step across.
-                let more = rows.start..(rows.end + 1).min(mask.height);
-                let mut reference = references.take(rows)?;
-                let start = std::time::Instant::now();
-                let mut decoded = decoder.decode_rows(page, set.hour, more.clone())?;
-                decode_seconds += start.elapsed().as_secs_f64();
-                let mut mask = strips::cut(mask, &more);
-                seams.add(&decoded, &reference, &mask, rows, page_mean);
-                for image in [&mut reference, &mut decoded] {
-                    image.height = rows.len();
-                    image.texels.truncate(rows.len() * image.width);
-                }
-                mask.height = rows.len();
-                mask.valid.truncate(rows.len() * mask.width);
-                let strip = Strip {
-                    set: k,
-                    page,
-                    row: rows.start,
-                    decoded: &decoded,
-                    reference: &reference,
-                    mask: &mask,
-                    page_mean,
-                    noise: noise.as_ref().map(|noise| &noise.mse[k][page][..]),
-                    lpips: measures.lpips,
-                };
-                large.extend(strip.qualities(LARGE));
-                samples.extend(strip.samples()?);
-                brightnesses.add(&decoded, &reference, &mask);
-            }
+        for page in 0..of.masks.len() {
+            let (page_sum, page_texels) = self.add_page(of, set, page, &mut brightnesses)?;
             sum += page_sum;
             texels += page_texels;
             progress.advance(1);
         }
-        let set_mean = if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 };
-        for sample in &mut samples[first..] {
+        let set_mean = mean_of(sum, texels);
+        for sample in &mut self.samples[first..] {
             sample.relative_error =
                 metrics::relative_error(sample.quality.mse(), sample.quality.mean, set_mean);
         }
-        dark.push(brightnesses.dark_relative_error(set_mean));
+        self.dark.push(brightnesses.dark_relative_error(set_mean));
+        Ok(())
     }
-    // The quality over some of the sets.
-    let over = |wanted: &dyn Fn(usize) -> bool| Quality {
-        dark_relative_error: mean((0..sets.len()).filter(|&k| wanted(k)).filter_map(|k| dark[k])),
-        ..quality(samples.iter().filter(|sample| wanted(sample.set)))
-    };
-    let texels: u64 =
-        dataset.config.pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
-    let files = |k: usize| sets[k].maps.iter().map(|map| &map.file.blake3).collect::<Vec<_>>();
-    let mut seen = std::collections::BTreeSet::new();
-    let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
-    Ok(Evaluation {
-        all: over(&|_| true),
-        by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
-        distinct: over(&|k| firsts.binary_search(&k).is_ok()),
-        distinct_sets: firsts.len(),
-        large: Large {
-            psnr_db: mean(large.iter().filter_map(|quality| quality.psnr_db)),
-            psnr_range_db: mean(large.iter().filter_map(|quality| quality.psnr_range_db)),
-            one_minus_ssim: mean(large.iter().filter_map(|quality| quality.ssim)).map(|ssim| 1.0 - ssim),
-        },
-        steps: steps::steps(dataset, decoder, console)?,
-        bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
-        bytes: bundle.bytes,
-        seam_ratio: seams.ratio(),
-        between: between::between(dataset, measures.withheld, decoder, console)?,
-        decode_seconds,
-        samples,
-    })
+
+    /// Adds a page of a set; gives the sum of its valid texels' channels, and how many texels these are.
+    fn add_page(
+        &mut self,
+        of: &Lightmaps,
+        set: usize,
+        page: usize,
+        brightnesses: &mut Brightnesses,
+    ) -> Result<(f64, usize)> {
+        let (dataset, mask) = (of.dataset, &of.masks[page]);
+        let sets = &dataset.config.sets;
+        let mut references = References { dataset, set, page, height: mask.height, last: None };
+        // The mean first: it is the unit of what follows.
+        let (mut sum, mut texels) = (0.0, 0);
+        for rows in &of.strips[page] {
+            stop_if_interrupted()?;
+            let of_strip = metrics::valid_sum(&references.read(rows)?.texels, valid(mask, rows));
+            sum += of_strip.0;
+            texels += of_strip.1;
+        }
+        dataset.check_content(&sets[set].maps[page].file)?;
+        let page_mean = mean_of(sum, texels);
+        for rows in &of.strips[page] {
+            stop_if_interrupted()?;
+            // With the row below, for the step across.
+            let more = rows.start..(rows.end + 1).min(mask.height);
+            let mut reference = references.take(rows)?;
+            let start = std::time::Instant::now();
+            let mut decoded = of.decoder.decode_rows(page, sets[set].hour, more.clone())?;
+            self.decode_seconds += start.elapsed().as_secs_f64();
+            let mut mask = strips::cut(mask, &more);
+            self.seams.add(&decoded, &reference, &mask, rows, page_mean);
+            for image in [&mut reference, &mut decoded] {
+                image.height = rows.len();
+                image.texels.truncate(rows.len() * image.width);
+            }
+            mask.height = rows.len();
+            mask.valid.truncate(rows.len() * mask.width);
+            let strip = Strip {
+                set,
+                page,
+                row: rows.start,
+                decoded: &decoded,
+                reference: &reference,
+                mask: &mask,
+                page_mean,
+                noise: of.noise.as_ref().map(|noise| &noise.mse[set][page][..]),
+                looks: of.looks,
+            };
+            self.large.extend(strip.qualities(LARGE));
+            self.samples.extend(strip.samples()?);
+            brightnesses.add(&decoded, &reference, &mask);
+        }
+        Ok((sum, texels))
+    }
+
+    /// Sums up, and adds what is measured between the sets.
+    fn into_evaluation(
+        self,
+        dataset: &Dataset,
+        decoder: &Decoder,
+        withheld: Option<&Dataset>,
+        console: &Console,
+    ) -> Result<Evaluation> {
+        let (bundle, sets, pages) = (decoder.bundle(), &dataset.config.sets, &dataset.config.pages);
+        // The quality over some of the sets.
+        let over = |wanted: &dyn Fn(usize) -> bool| Quality {
+            dark_relative_error: mean((0..sets.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
+            ..quality(self.samples.iter().filter(|sample| wanted(sample.set)))
+        };
+        let over_large = |of: fn(&TileQuality) -> Option<f64>| mean(self.large.iter().filter_map(of));
+        let texels: u64 = pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
+        let files = |k: usize| sets[k].maps.iter().map(|map| &map.file.blake3).collect::<Vec<_>>();
+        let mut seen = std::collections::BTreeSet::new();
+        let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
+        Ok(Evaluation {
+            all: over(&|_| true),
+            by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
+            distinct: over(&|k| firsts.binary_search(&k).is_ok()),
+            distinct_sets: firsts.len(),
+            large: Large {
+                psnr_db: over_large(|quality| quality.psnr_db),
+                psnr_range_db: over_large(|quality| quality.psnr_range_db),
+                one_minus_ssim: over_large(|quality| quality.ssim).map(|ssim| 1.0 - ssim),
+            },
+            steps: steps::steps(dataset, decoder, console)?,
+            bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
+            bytes: bundle.bytes,
+            seam_ratio: self.seams.ratio(),
+            between: between::between(dataset, withheld, decoder, console)?,
+            decode_seconds: self.decode_seconds,
+            samples: self.samples,
+        })
+    }
+}
+
+/// The mean over the channels of so many texels; 0 of none.
+fn mean_of(sum: f64, texels: usize) -> f64 {
+    if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
 }
 
 /// One page of one set by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is

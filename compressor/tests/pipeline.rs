@@ -337,7 +337,7 @@ fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
     let [dataset, withheld] = [&root, &other].map(|root| Dataset::open(root).unwrap());
     let decoder = Decoder::open(&outcome.bundle).unwrap();
     let between = |withheld: Option<&Dataset>| {
-        evaluate(&dataset, &decoder, Measures { withheld, lpips: None }, &Console::silent())
+        evaluate(&dataset, &decoder, Measures { withheld, ..Measures::default() }, &Console::silent())
             .unwrap()
             .between
             .unwrap()
@@ -356,10 +356,14 @@ fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
     let small = folder.path().join("small");
     Scene { width: 39, ..scene(&[12.0]) }.write(&small);
     let small = Dataset::open(&small).unwrap();
-    let message =
-        evaluate(&dataset, &decoder, Measures { withheld: Some(&small), lpips: None }, &Console::silent())
-            .unwrap_err()
-            .to_string();
+    let message = evaluate(
+        &dataset,
+        &decoder,
+        Measures { withheld: Some(&small), ..Measures::default() },
+        &Console::silent(),
+    )
+    .unwrap_err()
+    .to_string();
     assert!(message.contains("small") && message.contains("39 × 40"), "{message}");
 }
 
@@ -410,8 +414,9 @@ fn methods_and_ablations_are_compared_on_one_tile() {
     for (what, method, control) in
         [("compare", "SVD 4", "SVD 1"), ("--ablations", "hybrid, profile M", "3D map alone, 32²")]
     {
-        let arguments = ["compare", ".", "--draft", "--csv", "c.csv", "--report", "c.html", "--json", what];
-        let arguments = if what == "compare" { &arguments[..8] } else { &arguments[..] };
+        let arguments =
+            ["compare", ".", "--draft", "--flip", "--csv", "c.csv", "--report", "c.html", "--json", what];
+        let arguments = if what == "compare" { &arguments[..9] } else { &arguments[..] };
         let told = json(&run(arguments, folder.path()));
         assert_eq!((&told["tiles"], &told["tiles_of"], &told["sets"]), (&1.into(), &1.into(), &4.into()));
         assert!((told["noise_ceiling_db"].as_f64().unwrap() - 60.0).abs() < 20.0);
@@ -423,6 +428,8 @@ fn methods_and_ablations_are_compared_on_one_tile() {
         assert!(db(own) > 50.0, "{}", db(own));
         assert!(rows.is_sorted_by_key(|row| row["bpp"].as_f64().unwrap().to_bits()));
         assert!(rows.iter().all(|row| row["lpips"].is_null()));
+        let flip = |name: &str| row(name)["flip"].as_f64().unwrap();
+        assert!(0.0 < flip(own) && flip(own) < flip(control) && flip(control) < 0.5, "{what}: {rows:?}");
         let csv = fs::read_to_string(folder.path().join("c.csv")).unwrap();
         assert_eq!(csv.lines().count(), 1 + rows.len());
         let report = fs::read_to_string(folder.path().join("c.html")).unwrap();

@@ -28,8 +28,8 @@ pub struct Config {
     /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets, but for noise that
     /// earlier bakes in the folder left, and for where a time limit fell.
     pub inputs: String,
-    /// Samples of indirect light per texel that were asked for: what a texel of mean deviation has, or at most has where the bake
-    /// went for a target or a time. (How many were drawn, on average over the texels, tells the writer's report.)
+    /// Samples of indirect light per texel that the last round went for: what a texel of mean deviation has, or at most has where the
+    /// bake went for a target or a time. (How many were drawn, on average over the texels, tells the writer's report.)
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,
@@ -152,7 +152,7 @@ pub struct Page {
     pub width: u32,
     /// Height in texels, at least 1.
     pub height: u32,
-    /// The validity mask: 8-bit grey PNG, 255 where a texel lies on a surface, 0 elsewhere.
+    /// The validity mask: 8-bit grey PNG, 255 where a texel is valid: surface that light reaches; 0 elsewhere.
     pub mask: FileRef,
 }
 
@@ -180,11 +180,20 @@ pub struct Group {
     pub name: String,
     /// Open on-intervals `[from, to]` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
     pub on: Vec<[f64; 2]>,
-    /// The group's light at unit schedule, one map per page; empty when layers are not kept.
+    /// The group's light as if it were always on, one map per page; empty when layers are not kept.
     pub layers: Vec<FileRef>,
 }
 
 impl Group {
+    /// What is wrong with the schedule: each interval whose ends are not two different hours in [0, 24].
+    pub(crate) fn faults_of_schedule(&self) -> impl Iterator<Item = String> + '_ {
+        let is_hour = |hour| (0.0..=24.0).contains(&hour);
+        let bad = self.on.iter().filter(move |&&[from, to]| !is_hour(from) || !is_hour(to) || from == to);
+        bad.map(|[from, to]| {
+            format!("group {:?}: on {from} to {to}; expected two different hours in [0, 24]", self.name)
+        })
+    }
+
     /// Whether the schedule has the lamps on at an hour; `None` at the very ends of its intervals, where several may meet.
     pub fn is_on(&self, hour: f64) -> Option<bool> {
         let ends = self.on.iter().flatten();

@@ -27,21 +27,6 @@ fn parse_threads(text: &str) -> Result<u16, String> {
     threads.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
 }
 
-/// A time limit: `90s`, `5m`, `2h`.
-///
-/// # Errors
-/// What was expected, for a time below a second or without a unit.
-pub fn parse_time(text: &str) -> Result<Duration, String> {
-    let units = [("s", 1.0), ("m", 60.0), ("h", 3600.0)];
-    let found = units
-        .iter()
-        .find_map(|(unit, seconds)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * seconds));
-    let seconds = found.filter(|s| (1.0..=1e7).contains(s));
-    seconds
-        .map(Duration::from_secs_f64)
-        .ok_or_else(|| "expected a time from 1s to 2777h, such as 90s, 5m or 2h".to_owned())
-}
-
 /// A number of things: `1 set`, `2 sets`.
 pub fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
@@ -290,16 +275,6 @@ mod tests {
         progress.next_line = Some(Mutex::new(now));
         progress.advance(1);
         assert!(due(&progress) >= now + LINE_INTERVAL);
-    }
-
-    #[test]
-    fn times_have_a_unit_and_last_a_second() {
-        for (text, seconds) in [("90s", 90), ("5m", 300), ("2h", 7200), ("0.5h", 1800), ("1 s", 1)] {
-            assert_eq!(parse_time(text), Ok(Duration::from_secs(seconds)), "{text}");
-        }
-        for wrong in ["0s", "5", "-5m", "0.5s", "1d", "nans", "infh", "s", ""] {
-            assert!(parse_time(wrong).is_err_and(|what| what.contains("such as 90s")), "{wrong}");
-        }
     }
 
     #[test]

@@ -125,7 +125,7 @@ impl NewFolder {
                 remove_folder(&entry.path())?;
             }
         }
-        fs::create_dir(&temporary).map_err(Error::io(&temporary))?;
+        fs::create_dir(&temporary).map_err(Error::io(path))?;
         Ok(NewFolder { temporary, path: path.to_owned() })
     }
 

@@ -36,7 +36,7 @@ pub struct Mask {
     pub width: usize,
     /// Height in texels.
     pub height: usize,
-    /// True where the texel lies on a surface.
+    /// True where the texel lies on a surface that light reaches.
     pub valid: Vec<bool>,
 }
 

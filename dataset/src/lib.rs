@@ -5,6 +5,7 @@
 
 pub mod error;
 pub mod console;
+pub mod typed;
 pub mod config;
 pub mod image;
 pub mod files;

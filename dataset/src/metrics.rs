@@ -7,11 +7,13 @@ use crate::image::{Image, Mask};
 use crate::tiles::Rect;
 
 mod dark;
+mod flip;
 mod lpips;
 mod ssim;
 mod steps;
 
 pub use dark::{Brightnesses, psnr_log_db};
+pub use flip::flip;
 pub use lpips::Lpips;
 pub use steps::StepError;
 

@@ -1,6 +1,5 @@
 //! What a preview is asked for.
 
-use crate::light::schedule::parse_hours;
 use crate::scene::MAX_FOV;
 use crate::trace::backend::Backend;
 use glam::DVec3;
@@ -11,7 +10,7 @@ use std::path::PathBuf;
 pub struct Options {
     /// The hour, such as 18.5 or 18:30: where no set is of this hour, light goes linearly from the set before to the one after, or,
     /// where lamps switch between them, is that of the one whose lamps are as they are at this hour.
-    #[arg(long, value_name = "HOUR", value_parser = parse_hour)]
+    #[arg(long, value_name = "HOUR", value_parser = dataset::typed::hour)]
     pub hour: f64,
     /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
     /// above open scenes, inside closed ones].
@@ -81,13 +80,6 @@ Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0
 With --json, one object on stdout: scene, dataset, image, hour, sets (hour, weight), camera (name, position, look_at, fov), size,
 samples, exposure, seconds, warnings.";
 
-/// One hour.
-fn parse_hour(text: &str) -> Result<f64, String> {
-    let hours = parse_hours(text).ok().filter(|hours| hours.list.len() == 1 && !text.contains(".."));
-    let expected = || "expected an hour from 0 to below 24, such as 18.5 or 18:30".to_owned();
-    hours.map(|hours| hours.list[0]).ok_or_else(expected)
-}
-
 /// `x,y,z`.
 pub fn parse_point(text: &str) -> Result<DVec3, String> {
     let numbers: Option<Vec<f64>> =
@@ -119,15 +111,6 @@ fn parse_exposure(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn one_hour_is_asked_for() {
-        assert_eq!(parse_hour("18.5"), Ok(18.5));
-        assert_eq!(parse_hour("18:30"), Ok(18.5));
-        for bad in ["", "24", "12,13", "0..24", "3..4", "noon"] {
-            assert!(parse_hour(bad).is_err_and(|e| e.contains("18:30")), "{bad}");
-        }
-    }
 
     #[test]
     fn points_and_sizes_are_parsed() {

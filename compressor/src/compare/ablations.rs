@@ -97,13 +97,13 @@ pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
             Coding::Standard,
         );
         let [uv, uvt, ut, vt] = shape.counts();
-        // Values of the block maps, of the planes; decoder and means are 16 and 32 bits in all.
+        // Values of the block maps, of the planes, of the decoder; bits of the means, which are float32 in all three.
         let (blocks, planes) = ((64 * (uv + uvt)) as f64, (2 * (ut + vt)) as f64);
-        let decoder = (16 * params.mlp.len() + 96 * params.means.len()) as f64;
+        let (decoder, means) = (params.mlp.len() as f64, (96 * params.means.len()) as f64);
         Ok(Some([
-            (32.0 * (blocks + planes) + 2.0 * decoder, trained.psnr_unquantised_db),
-            (8.0 * (blocks + planes) + decoder, trained.psnr_8bit_features_db),
-            (2.0 * blocks + 8.0 * planes + decoder, trained.psnr_db),
+            (32.0 * (blocks + planes + decoder) + means, trained.psnr_unquantised_db),
+            (8.0 * (blocks + planes) + 16.0 * decoder + means, trained.psnr_8bit_features_db),
+            (2.0 * blocks + 8.0 * planes + 16.0 * decoder + means, trained.psnr_db),
         ]))
     };
     let tiles: Vec<_> = set.tiles.par_iter().with_max_len(1).map(tile).collect::<Result<_>>()?;

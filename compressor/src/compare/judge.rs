@@ -3,7 +3,7 @@
 use super::method::CodedTiles;
 use super::tiles::{Texels, Tile, TileSet, set_means};
 use crate::Result;
-use crate::evaluate::{Quality, Sample, Steps, quality};
+use crate::evaluate::{Looks, Quality, Sample, Steps, quality};
 use crate::mean::mean;
 use dataset::config::Noise;
 use dataset::image::Image;
@@ -24,15 +24,15 @@ pub(super) struct Judge<'a> {
     set: &'a TileSet,
     set_means: Vec<f64>,
     noise: Option<&'a Noise>,
-    lpips: Option<&'a Lpips>,
+    looks: Looks<'a>,
     /// Per tile: the set that is shown of it.
     pub shown: Vec<usize>,
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>, lpips: Option<&'a Lpips>) -> Self {
+    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>, looks: Looks<'a>) -> Self {
         let shown = set.tiles.iter().map(most_contrast).collect();
-        Judge { set, set_means: set_means(set), noise, lpips, shown }
+        Judge { set, set_means: set_means(set), noise, looks, shown }
     }
 
     /// Compares what a method decodes with the light.
@@ -87,6 +87,7 @@ impl<'a> Judge<'a> {
         let lpips = |lpips: &Lpips| {
             lpips.distance(&decoded, &reference, &tile.mask, tile.rect(), &quality).transpose()
         };
+        let flip = || metrics::flip(&decoded, &reference, &tile.mask, tile.rect(), &quality);
         Ok(Some(Sample {
             set: k,
             page: tile.place.page,
@@ -102,7 +103,8 @@ impl<'a> Judge<'a> {
                 tile.rect(),
                 self.set_means[k],
             ),
-            lpips: self.lpips.and_then(lpips).transpose()?,
+            lpips: self.looks.lpips.and_then(lpips).transpose()?,
+            flip: self.looks.flip.then(flip).flatten(),
             largest: tile.valid().flat_map(|i| decoded.texels[i]).fold(0.0, f32::max),
         }))
     }
@@ -134,7 +136,7 @@ mod tests {
     fn an_exact_method_has_no_error_and_another_has_its_own() {
         let hours = [1.0, 9.0, 17.0];
         let set = set_of(vec![tile(8, 8, 3, 1), tile(12, 4, 3, 2)], &hours);
-        let judge = Judge::new(&set, None, None);
+        let judge = Judge::new(&set, None, Looks::default());
         let coded = |offset: f32| Coded {
             decoded: set
                 .tiles

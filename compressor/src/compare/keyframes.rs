@@ -23,14 +23,9 @@ pub(super) fn code(set: &TileSet, codec: &dyn ImageCodec) -> Result<(CodedTiles,
         let clock = Clock::start();
         let decoded = (0..sets).map(|k| between(k, &kept, &set.timeline, &keys.decoded)).collect();
         let decode_seconds = keys.decode_seconds + clock.seconds();
-        Ok(CodedTile { decoded, decode_seconds, ..into(keys) })
+        Ok(CodedTile { decoded, decode_seconds, ..keys })
     })?;
     Ok((coded, kept))
-}
-
-/// The same bits and times; what is decoded comes from elsewhere.
-fn into(keys: CodedTile) -> CodedTile {
-    CodedTile { decoded: Vec::new(), ..keys }
 }
 
 /// Set k between the kept ones around it.

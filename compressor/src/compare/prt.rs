@@ -11,7 +11,7 @@ use super::method::{CodedTile, CodedTiles, each_tile};
 use super::tiles::{Tile, TileSet};
 use super::{Method, Ways};
 use crate::{Error, Result};
-use dataset::config::{FileRef, Transfer as Light};
+use dataset::config::{FileRef, Transfer as Basis};
 use dataset::console::count;
 use dataset::image::Mask;
 use dataset::store::Dataset;
@@ -26,7 +26,7 @@ const BPP: f64 = 1.0;
 pub(super) struct Transfer<'a> {
     dataset: &'a Dataset,
     transfer: &'a Dataset,
-    light: &'a Light,
+    basis: &'a Basis,
     /// Per page of the transfer.
     masks: Vec<Mask>,
     /// Per set of the dataset, its moment in the transfer's light.
@@ -50,13 +50,13 @@ impl<'a> Transfer<'a> {
     pub fn open(dataset: &'a Dataset, transfer: &'a Dataset, set: &TileSet) -> Result<Self> {
         let wrong = |what: String| Error::invalid(transfer.root.display(), what);
         let scene = &dataset.config.scene;
-        let Some(light) = &transfer.config.transfer else {
+        let Some(basis) = &transfer.config.transfer else {
             return Err(wrong(format!(
                 "holds no transfer; expected what `bake scenes/{scene}.toml --transfer` makes"
             )));
         };
-        if light.scene != *scene {
-            return Err(wrong(format!("is the transfer of {}; expected that of {scene}", light.scene)));
+        if basis.scene != *scene {
+            return Err(wrong(format!("is the transfer of {}; expected that of {scene}", basis.scene)));
         }
         let sizes = |set: &Dataset| -> Vec<String> {
             set.config.pages.iter().map(|page| format!("{}×{}", page.width, page.height)).collect()
@@ -70,7 +70,7 @@ impl<'a> Transfer<'a> {
             )));
         }
         let moment = |hour: f64| {
-            let found = light.light.iter().position(|light| (light.hour - hour).abs() < 1e-6);
+            let found = basis.light.iter().position(|light| (light.hour - hour).abs() < 1e-6);
             found.ok_or_else(|| {
                 wrong(format!(
                     "has no light for {hour} h, of which {} has a set; expected a dataset of the moments of --hours 0..24",
@@ -86,7 +86,7 @@ impl<'a> Transfer<'a> {
             );
             return Err(Error::invalid(dataset.root.display(), what));
         }
-        if light.inputs != dataset.config.inputs {
+        if basis.inputs != dataset.config.inputs {
             return Err(wrong(format!(
                 "goes with another bake than {there}: scene file, models or settings differ; expected both by the same `bake` command, \
                  with and without --transfer, for --hours 0..24"
@@ -94,7 +94,7 @@ impl<'a> Transfer<'a> {
         }
         let masks =
             (0..transfer.config.pages.len()).map(|page| transfer.mask(page)).collect::<Result<Vec<_>>>()?;
-        let opened = Transfer { dataset, transfer, light, masks, moments };
+        let opened = Transfer { dataset, transfer, basis, masks, moments };
         let pages: BTreeSet<usize> = set.tiles.iter().map(|tile| tile.place.page).collect();
         let images: Vec<_> = pages.into_iter().flat_map(|page| opened.images(page)).collect();
         images.par_iter().try_for_each(|(set, file)| set.check_content(file))?;
@@ -109,7 +109,7 @@ impl<'a> Transfer<'a> {
     }
 
     fn functions(&self) -> usize {
-        self.light.light[0].coefficients.len()
+        self.basis.light[0].coefficients.len()
     }
 
     /// Reads the vectors of a tile.
@@ -128,8 +128,8 @@ impl<'a> Transfer<'a> {
         let mut scales = vec![0.0];
         for (i, (set, file)) in self.images(page).into_iter().enumerate() {
             let image = set.image_rows(file, page, top, bottom)?;
-            let part = self.light.parts.get(i);
-            let source = part.map_or(functions + i - self.light.parts.len(), |part| part.function as usize);
+            let part = self.basis.parts.get(i);
+            let source = part.map_or(functions + i - self.basis.parts.len(), |part| part.function as usize);
             let factor = match part {
                 Some(part) if part.negative => -1.0,
                 Some(_) => 1.0,
@@ -161,7 +161,7 @@ impl<'a> Transfer<'a> {
         let mut weights = Vec::new();
         for (set, &moment) in self.dataset.config.sets.iter().zip(&self.moments) {
             for c in 0..3 {
-                let functions = self.light.light[moment].coefficients.iter();
+                let functions = self.basis.light[moment].coefficients.iter();
                 weights.extend(functions.map(|rgb| rgb[c] * scales[0]));
                 weights.extend(
                     set.groups_on.iter().zip(&scales[1..]).map(|(on, scale)| if *on { *scale } else { 0.0 }),

@@ -34,8 +34,10 @@ pub struct Row {
     pub one_minus_ssim: Option<f64>,
     /// The same, windows of 7×7 alike.
     pub one_minus_ssim_uniform: Option<f64>,
-    /// Not measured.
+    /// Mean LPIPS.
     pub lpips: Option<f64>,
+    /// Mean HDR-ꟻLIP.
+    pub flip: Option<f64>,
     /// Relative error in the darkest quarter of each set.
     pub dark_relative_error: Option<f64>,
     /// Error of the change from set to set.
@@ -51,7 +53,7 @@ pub struct Row {
 }
 
 /// The columns for people.
-const HEADER: [&str; 10] = [
+const HEADER: [&str; 11] = [
     "method",
     "bpp",
     "PSNR dB",
@@ -59,6 +61,7 @@ const HEADER: [&str; 10] = [
     "log dB",
     "1 − SSIM",
     "LPIPS",
+    "ꟻLIP",
     "step error",
     "encode s/tile",
     "decode ms/1024²",
@@ -66,7 +69,7 @@ const HEADER: [&str; 10] = [
 
 /// The CSV's columns.
 const COLUMNS: &str = "family,method,bpp,psnr_db,psnr_range_db,psnr_pooled_db,psnr_log_db,psnr_worst_percent_db,one_minus_ssim,\
-     one_minus_ssim_uniform,lpips,dark_relative_error,step_error,switch_error,encode_seconds,decode_milliseconds,note";
+     one_minus_ssim_uniform,lpips,flip,dark_relative_error,step_error,switch_error,encode_seconds,decode_milliseconds,note";
 
 /// Differences that the paper's table shows, in dB: the first method over the second.
 const PAPER: [(&str, &str, f64); 6] = [
@@ -136,6 +139,7 @@ impl Row {
             one_minus_ssim: q.one_minus_ssim,
             one_minus_ssim_uniform: q.one_minus_ssim_uniform,
             lpips: q.lpips,
+            flip: q.flip,
             dark_relative_error: q.dark_relative_error,
             step_error: judged.steps.smooth,
             switch_error: judged.steps.switch,
@@ -159,6 +163,7 @@ impl Row {
             one_minus_ssim: None,
             one_minus_ssim_uniform: None,
             lpips: None,
+            flip: None,
             dark_relative_error: None,
             step_error: None,
             switch_error: None,
@@ -177,6 +182,7 @@ impl Row {
             decibels(self.psnr_log_db),
             cell(self.one_minus_ssim, 4),
             cell(self.lpips, 4),
+            cell(self.flip, 4),
             cell(self.step_error, 3),
             cell(self.encode_seconds, 2),
             cell(self.decode_milliseconds, 1),
@@ -194,6 +200,7 @@ impl Row {
             self.one_minus_ssim,
             self.one_minus_ssim_uniform,
             self.lpips,
+            self.flip,
             self.dark_relative_error,
             self.step_error,
             self.switch_error,
@@ -278,10 +285,17 @@ impl Comparison {
 
     fn basis(&self) -> String {
         let effort = if self.draft { "draft effort" } else { "full effort" };
-        let is_measured = self.rows.iter().any(|row| row.lpips.is_some());
-        let lpips = if is_measured { "" } else { "; LPIPS is not measured" };
+        let unless = |of: fn(&Row) -> Option<f64>, name: &'static str| {
+            self.rows.iter().all(|row| of(row).is_none()).then_some(name)
+        };
+        let missing = [unless(|row| row.lpips, "LPIPS"), unless(|row| row.flip, "ꟻLIP")];
+        let missing = missing.into_iter().flatten().collect::<Vec<_>>();
+        let missing = match missing.len() {
+            0 => String::new(),
+            n => format!("; {} {} not measured", missing.join(" and "), if n == 1 { "is" } else { "are" }),
+        };
         format!(
-            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB{lpips}",
+            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB{missing}",
             self.tiles,
             self.tiles_of,
             self.sets,
@@ -326,7 +340,9 @@ impl Comparison {
         let header: Vec<&str> = HEADER.into_iter().chain(["chosen"]).collect();
         let cells = |row: &Row| {
             let mut cells = row.cells();
-            cells[6] = row.lpips.map_or("not measured".to_owned(), |value| format!("{value:.4}"));
+            for (i, value) in [(6, row.lpips), (7, row.flip)] {
+                cells[i] = value.map_or("not measured".to_owned(), |value| format!("{value:.4}"));
+            }
             cells.push(row.note.clone());
             cells
         };

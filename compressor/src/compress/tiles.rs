@@ -68,7 +68,7 @@ pub(super) struct Tiles<'a> {
     pub header: &'a Header,
     pub part: &'a Part,
     /// Digest of what of the dataset decides a tile.
-    pub inputs: String,
+    pub trained_on: String,
     /// When training is to end.
     pub deadline: Option<Instant>,
 }
@@ -244,9 +244,10 @@ impl Tiles<'_> {
         let places: Vec<Place> = self.header.places().collect();
         let chosen_for = |place: Place| self.header.position(place).and_then(|tile| contents[tile]);
         let finished = |place: Place| self.finished(&self.key(place, chosen_for(place)));
-        let progress = console.progress("measuring what training gains", worst.len() as u64);
         let open = worst.iter().map(|&(_, tile)| places[tile]).filter(|&place| finished(place).is_none());
-        self.some_tiles(&open.collect::<Vec<Place>>(), |place, band| {
+        let open: Vec<Place> = open.collect();
+        let progress = console.progress("measuring what training gains", open.len() as u64);
+        self.some_tiles(&open, |place, band| {
             stop_if_interrupted()?;
             let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;
             progress.advance(1);
@@ -363,7 +364,7 @@ impl Tiles<'_> {
         let Place { page, column, row } = place;
         let tier = format!("{:?}", Tier::detect());
         let program = json!([env!("CARGO_PKG_VERSION"), bundle::VERSION, tier]);
-        let all = json!([program, self.inputs, page, column, row, self.recipe(place).seed, values]);
+        let all = json!([program, self.trained_on, page, column, row, self.recipe(place).seed, values]);
         blake3::hash(all.to_string().as_bytes()).to_hex()[..32].to_owned()
     }
 

@@ -27,6 +27,8 @@ pub struct Quality {
     pub one_minus_ssim_uniform: Option<f64>,
     /// Mean LPIPS; `None` without a network.
     pub lpips: Option<f64>,
+    /// Mean HDR-ꟻLIP; `None` where it is not asked for.
+    pub flip: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,
     /// Relative error over the darkest quarter of the valid texels of a set; the mean over sets.
@@ -70,6 +72,7 @@ pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality 
         one_minus_ssim: over(&|s| s.quality.ssim.map(|ssim| 1.0 - ssim)),
         one_minus_ssim_uniform: over(&|s| s.quality.ssim_uniform.map(|ssim| 1.0 - ssim)),
         lpips: over(&|s| s.lpips),
+        flip: over(&|s| s.flip),
         relative_error: over(&|s| Some(s.relative_error)),
         dark_relative_error: None,
         samples: judged.len(),
@@ -109,6 +112,7 @@ mod tests {
             relative_error: mse.sqrt(),
             psnr_log_db: psnr.map(|db| db - 3.0),
             lpips: psnr.map(|db| db / 100.0),
+            flip: psnr.map(|db| db / 200.0),
             largest: 2.0 * mse.sqrt() as f32,
         }
     }
@@ -131,7 +135,7 @@ mod tests {
         assert!((q.one_minus_ssim.unwrap() - 0.1).abs() < 1e-12);
         assert!((q.one_minus_ssim_uniform.unwrap() - 0.2).abs() < 1e-12);
         assert!((q.psnr_log_db.unwrap() - 27.0).abs() < 1e-9);
-        assert!((q.lpips.unwrap() - 0.3).abs() < 1e-9);
+        assert!((q.lpips.unwrap() - 0.3).abs() < 1e-9 && (q.flip.unwrap() - 0.15).abs() < 1e-9);
         assert_eq!(q.noise_ceiling_db, None);
         assert_eq!(quality([].iter()), Quality::default());
     }

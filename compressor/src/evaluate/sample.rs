@@ -28,8 +28,19 @@ pub struct Sample {
     pub psnr_log_db: Option<f64>,
     /// LPIPS, where there is a network for it.
     pub lpips: Option<f64>,
+    /// HDR-ꟻLIP, where it is asked for.
+    pub flip: Option<f64>,
     /// Largest decoded value of a valid texel.
     pub largest: f32,
+}
+
+/// Measures of how like two images look; they take long, and are made where they are asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Looks<'a> {
+    /// The network that LPIPS is measured by.
+    pub lpips: Option<&'a Lpips>,
+    /// Whether HDR-ꟻLIP is measured.
+    pub flip: bool,
 }
 
 /// A strip of whole tiles of a page of a set.
@@ -50,8 +61,8 @@ pub(super) struct Strip<'a> {
     pub page_mean: f64,
     /// The page's sampling error as a mean square per tile, where the dataset states it.
     pub noise: Option<&'a [f64]>,
-    /// The network that LPIPS is measured by.
-    pub lpips: Option<&'a Lpips>,
+    /// What is measured of its looks.
+    pub looks: Looks<'a>,
 }
 
 impl Strip<'_> {
@@ -78,7 +89,8 @@ impl Strip<'_> {
             noise_ceiling_db: quality.psnr_db.and(noise.map(|mse| metrics::psnr_db(quality.peak, mse))),
             relative_error: 0.0,
             psnr_log_db: metrics::psnr_log_db(decoded, reference, mask, rect, self.page_mean),
-            lpips: self.lpips.and_then(lpips).transpose()?,
+            lpips: self.looks.lpips.and_then(lpips).transpose()?,
+            flip: self.looks.flip.then(|| metrics::flip(decoded, reference, mask, rect, &quality)).flatten(),
             largest: largest(decoded, mask, rect),
         })
     }

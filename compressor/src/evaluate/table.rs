@@ -170,6 +170,9 @@ impl Evaluation {
         if let Some(lpips) = self.all.lpips {
             remarks.push(format!("LPIPS {lpips:.4} in the mean"));
         }
+        if let Some(flip) = self.all.flip {
+            remarks.push(format!("HDR-ꟻLIP {flip:.4} in the mean"));
+        }
         if let Some(ratio) = self.seam_ratio {
             remarks.push(format!(
                 "the step from a texel to its neighbour is wrong by {ratio:.3} times as much across tile borders as inside tiles"
@@ -178,10 +181,10 @@ impl Evaluation {
         remarks
     }
 
-    /// Every judged (tile, set) as comma-separated values.
+    /// Every (tile, set) that has a valid texel, black ones too, as comma-separated values.
     pub fn csv(&self) -> String {
         let mut out = String::from(
-            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,lpips,relative_error\n",
+            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,lpips,flip,relative_error\n",
         );
         for s in &self.samples {
             let (q, r) = (&s.quality, &s.rect);
@@ -197,6 +200,7 @@ impl Evaluation {
                 s.noise_ceiling_db,
                 s.psnr_log_db,
                 s.lpips,
+                s.flip,
             ]
             .map(number)
             .join(",");
@@ -244,6 +248,7 @@ impl Evaluation {
             "psnr_range_256_db": self.large.psnr_range_db,
             "one_minus_ssim_256": self.large.one_minus_ssim,
             "lpips": q.lpips,
+            "flip": q.flip,
             "relative_error": q.relative_error,
             "dark_relative_error": q.dark_relative_error,
             "constant_relative_error": q.constant_relative_error,

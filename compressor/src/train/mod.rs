@@ -1,9 +1,9 @@
 //! Training of one tile: from its light to its stored parameters.
 
 mod light;
-mod problem;
 pub(crate) mod random;
 mod features;
+mod problem;
 pub(crate) mod network;
 mod gather;
 pub(crate) mod kernel;

@@ -1,6 +1,7 @@
 //! From a dataset to a layout.
 
-use super::plan::{Lightmap, Parts, Planned, kept, lightmaps_of, parse};
+use super::layouts::{kept, lightmaps_of, parse};
+use super::plan::{Lightmap, Parts, Planned};
 use super::raw::{self, light_bytes, mask_bytes};
 use super::{layout1, layout2};
 use crate::config::{FileRef, Layout};

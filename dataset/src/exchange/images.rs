@@ -140,14 +140,14 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         let what = format!("hour {} is there twice", pair[1].hour.as_ref());
         return Err(wrong(Some(pair[1].hour.span()), &what));
     }
-    for TableGroup { name, on } in &table.group {
-        let is_bad = |[from, to]: &&[f64; 2]| {
-            from == to || ![from, to].iter().all(|hour| (0.0..=24.0).contains(*hour))
-        };
-        if let Some([from, to]) = on.as_ref().iter().find(is_bad) {
-            let what = format!("group {name:?}: on {from} to {to}; expected two different hours in [0, 24]");
-            return Err(wrong(Some(on.span()), &what));
+    let mut groups = Vec::with_capacity(table.group.len());
+    for TableGroup { name, on } in table.group {
+        let span = on.span();
+        let group = Group { name, on: on.into_inner(), layers: Vec::new() };
+        if let Some(what) = group.faults_of_schedule().next() {
+            return Err(wrong(Some(span), &what));
         }
+        groups.push(group);
     }
     let mask = |page: usize| {
         let mask = table.page.get(page).and_then(|page| page.mask.as_ref());
@@ -159,9 +159,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         config: None,
         unit: table.unit.unwrap_or_else(|| UNKNOWN_UNIT.to_owned()),
         hours: sets.iter().map(|set| *set.hour.as_ref()).collect(),
-        groups: (table.group.into_iter())
-            .map(|g| Group { name: g.name, on: g.on.into_inner(), layers: vec![] })
-            .collect(),
+        groups,
         pages: pages(files, (0..pages_told).map(mask).collect(), table.layer.as_deref())?,
     })
 }

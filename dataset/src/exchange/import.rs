@@ -2,7 +2,8 @@
 
 use super::convert::{convert, work};
 use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
-use super::plan::{Parts, Planned, parse, read_config};
+use super::layouts::{parse, read_config};
+use super::plan::{Parts, Planned};
 use super::raw::{LIGHT_BYTES, Raw};
 use super::{images, layout1, layout2};
 use crate::config::{Config, Group, Layout};

@@ -4,7 +4,7 @@
 //! stands in `Original/` and, where it is kept apart, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
 //! `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of a dataset. Lightmaps are cut by height into `parts` equal files.
 
-use super::plan::{Lightmap, Moment, Parts, Planned, expect_count};
+use super::plan::{Lightmap, Moment, Parts, Planned, Resolution, expect_count, to_json};
 use crate::store::json_error;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -34,13 +34,6 @@ struct Entry {
     id: i64,
     resolution: Resolution,
     parts: u32,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Resolution {
-    pub width: u32,
-    pub height: u32,
 }
 
 /// The hours that the layout holds, ascending.
@@ -103,13 +96,6 @@ fn parts(lightmap: &Lightmap, most: u64) -> u32 {
     let divides = |parts: &u32| lightmap.height.is_multiple_of(*parts);
     let fit = (1..=MAX_PARTS).filter(divides).find(|&parts| bytes / u64::from(parts) <= most);
     fit.unwrap_or(1)
-}
-
-/// A configuration as it is written.
-pub(super) fn to_json(config: &impl Serialize) -> Vec<u8> {
-    let mut json = serde_json::to_vec_pretty(config).expect("plain values are JSON");
-    json.push(b'\n');
-    json
 }
 
 #[cfg(test)]

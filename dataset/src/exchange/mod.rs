@@ -7,6 +7,7 @@ mod raw;
 mod plan;
 pub mod layout1;
 pub mod layout2;
+mod layouts;
 mod incoming;
 mod images;
 mod convert;
@@ -15,4 +16,5 @@ mod export;
 
 pub use export::{Exported, export};
 pub use import::{Origin, import};
-pub use plan::{Lightmap, lightmaps_of};
+pub use layouts::lightmaps_of;
+pub use plan::Lightmap;

@@ -69,12 +69,7 @@ fn groups(config: &Config, wrong: &mut impl FnMut(String)) {
         if name.is_empty() || !names.insert(name) {
             wrong(format!("group {name:?}: the name is empty or there twice"));
         }
-        for &[from, to] in &group.on {
-            let hours = 0.0..=24.0;
-            if !hours.contains(&from) || !hours.contains(&to) || from == to {
-                wrong(format!("group {name:?}: on {from} to {to}; expected two different hours in [0, 24]"));
-            }
-        }
+        group.faults_of_schedule().for_each(&mut *wrong);
         // What lamps give in an imported set is told by its maps.
         let (expected, rule) = match (&config.source, layers_kept(config)) {
             (Some(_), _) => (0, "an imported set has them by the hour"),

@@ -1,12 +1,12 @@
 //! The command line as typed.
 
-use clap::error::ErrorKind;
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use compressor::Result;
 use compressor::compress::{PRESETS, Preset};
 use compressor::model::{PROFILES, Profile};
-use dataset::console::{ConsoleArgs, parse_time};
-use std::path::{Path, PathBuf};
+use dataset::console::ConsoleArgs;
+use dataset::typed;
+use std::path::PathBuf;
 use std::time::Duration;
 
 const EXAMPLES: &str = "\
@@ -36,7 +36,7 @@ Keys of the --json object (null where there is none):
   noise_ceiling_db       the bake's own sampling error as a PSNR, mean
   one_minus_ssim         1 - mean structural similarity (11x11 Gaussian, sigma 1.5); one_minus_ssim_uniform with 7x7 texels alike
   psnr_256_db, psnr_range_256_db, one_minus_ssim_256   on tiles of 256x256 texels instead of 128x128
-  lpips                  mean LPIPS, with --lpips
+  lpips, flip            mean LPIPS, with --lpips, and HDR-FLIP, with --flip
   relative_error         mean of RMSE / mean
   dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets
   constant_relative_error  the same over pairs constant in space, which have no PSNR
@@ -103,7 +103,7 @@ pub enum Command {
         /// The bundle.
         bundle: PathBuf,
         /// The moment: hours from 0 to below 24, such as 18.05, or 18:03.
-        #[arg(long, allow_hyphen_values = true, value_parser = parse_hour)]
+        #[arg(long, allow_hyphen_values = true, value_parser = typed::hour)]
         hour: f64,
         /// The image to write.
         #[arg(long)]
@@ -125,9 +125,8 @@ pub enum Command {
         /// A bake of the same scene at other hours: judge the bundle there too, beside linear interpolation of the sets.
         #[arg(long, value_name = "DATASET")]
         withheld: Option<PathBuf>,
-        /// Measure LPIPS too, by this network: an ONNX file as dataset/python/export_lpips.py writes it (builds with --features lpips).
-        #[arg(long, value_name = "FILE")]
-        lpips: Option<PathBuf>,
+        #[command(flatten)]
+        looks: LooksArgs,
         /// Write one line per (tile, set) to this file.
         #[arg(long)]
         csv: Option<PathBuf>,
@@ -170,6 +169,17 @@ pub struct Sweep {
     pub report: Option<PathBuf>,
 }
 
+/// Measures that take long.
+#[derive(Debug, Args)]
+pub struct LooksArgs {
+    /// Measure LPIPS too, by this network: an ONNX file as dataset/python/export_lpips.py writes it (builds with --features lpips).
+    #[arg(long, value_name = "FILE")]
+    pub lpips: Option<PathBuf>,
+    /// Measure HDR-ꟻLIP too, the error seen by flipping between two images at any exposure (some hundredths of a second a tile and set).
+    #[arg(long)]
+    pub flip: bool,
+}
+
 #[derive(Debug, Args)]
 pub struct Compare {
     /// The dataset's folder.
@@ -186,9 +196,8 @@ pub struct Compare {
     /// The paper's ablations instead of other methods: 2D and 3D maps, training that knows of blocks, quantisation.
     #[arg(long)]
     pub ablations: bool,
-    /// Measure LPIPS too, by this network: an ONNX file as dataset/python/export_lpips.py writes it (builds with --features lpips).
-    #[arg(long, value_name = "FILE")]
-    pub lpips: Option<PathBuf>,
+    #[command(flatten)]
+    pub looks: LooksArgs,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -233,7 +242,7 @@ pub struct Compress {
     pub iterations: Option<u32>,
     /// Plan the training to end after this time, e.g. 90s, 5m, 2h: every tile gets about as many steps as the time allows for all, and at
     /// least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
-    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["target_psnr", "target_bpp"])]
+    #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
     /// How to train.
     #[arg(long, value_enum, default_value_t = RecipeName::Standard)]
@@ -270,41 +279,8 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a number above 0".to_owned())
 }
 
-/// `18.05` or `18:03`, in [0, 24).
-fn parse_hour(text: &str) -> Result<f64, String> {
-    let hour = match text.split_once(':') {
-        None => text.parse::<f64>().ok(),
-        Some((hours, minutes)) => {
-            let number =
-                |text: &str| text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse::<u8>().ok())?;
-            let minutes = number(minutes).filter(|m| *m < 60 && text.len() - hours.len() == 3);
-            number(hours).zip(minutes).map(|(h, m)| f64::from(h) + f64::from(m) / 60.0)
-        }
-    };
-    hour.filter(|hour| (0.0..24.0).contains(hour))
-        .ok_or_else(|| "expected an hour from 0 to below 24, such as 18.05 or 18:03".to_owned())
-}
-
 /// The command line; ends the process where it is none, or asks for help.
 pub fn parse() -> Cli {
-    let first = std::env::args().nth(1);
-    if let Some(typed) = first
-        && let Some(meant) = misspelt(&typed)
-    {
-        let what =
-            format!("'{typed}' is neither a command nor a dataset's folder; a similar command is '{meant}'");
-        Cli::command().error(ErrorKind::InvalidSubcommand, what).exit();
-    }
+    typed::refuse_misspelt::<Cli>("a dataset's folder");
     Cli::parse()
-}
-
-/// The command that a first argument was meant to be, where there is nothing of its name.
-fn misspelt(typed: &str) -> Option<String> {
-    if typed.starts_with('-') || Path::new(typed).exists() {
-        return None;
-    }
-    let command = Cli::command();
-    let names = command.get_subcommands().map(|command| command.get_name());
-    let near = names.map(|name| (strsim::damerau_levenshtein(name, typed), name)).min()?;
-    (1..=2).contains(&near.0).then(|| near.1.to_owned())
 }

@@ -3,12 +3,12 @@
 mod args;
 mod info;
 
-use args::{Command, Compare, Compress, RecipeName, Sweep};
+use args::{Command, Compare, Compress, LooksArgs, RecipeName, Sweep};
 use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
 use compressor::decode::Decoder;
-use compressor::evaluate::{Measures, evaluate, expect_match};
+use compressor::evaluate::{Looks, Measures, evaluate, expect_match};
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
 use compressor::{Error, Result};
@@ -29,8 +29,8 @@ fn main() -> ExitCode {
     let done = match cli.command {
         None => compress(cli.compress, &console),
         Some(Command::Decode { bundle, hour, out, page }) => decode(bundle, hour, out, page, &console),
-        Some(Command::Evaluate { dataset, bundle, withheld, lpips, csv }) => {
-            judge(dataset, bundle, withheld, lpips, csv, &console)
+        Some(Command::Evaluate { dataset, bundle, withheld, looks, csv }) => {
+            judge(dataset, bundle, withheld, looks, csv, &console)
         }
         Some(Command::Sweep(args)) => run_sweep(args, &console),
         Some(Command::Compare(args)) => run_compare(args, &console),
@@ -88,7 +88,7 @@ fn judge(
     root: PathBuf,
     bundle: Option<PathBuf>,
     withheld: Option<PathBuf>,
-    lpips: Option<PathBuf>,
+    looks: LooksArgs,
     csv: Option<PathBuf>,
     console: &Console,
 ) -> Result<()> {
@@ -104,8 +104,9 @@ fn judge(
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
-    let lpips = lpips.map(|path| Lpips::load(&path)).transpose()?;
-    let measures = Measures { withheld: withheld.as_ref(), lpips: lpips.as_ref() };
+    let lpips = looks.lpips.map(|path| Lpips::load(&path)).transpose()?;
+    let looks = Looks { lpips: lpips.as_ref(), flip: looks.flip };
+    let measures = Measures { withheld: withheld.as_ref(), looks };
     let evaluation = evaluate(&dataset, &decoder, measures, console)?;
     if withheld.is_some() && evaluation.between.is_none() {
         console.warn("--withheld: none of its hours lies between sets that the bundle interpolates; nothing to judge there");
@@ -161,8 +162,9 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
         seed: args.seed,
     };
     let transfer = args.transfer.as_deref().map(Dataset::open).transpose()?;
-    let lpips = args.lpips.map(|path| Lpips::load(&path)).transpose()?;
-    let comparison = compare::compare(&dataset, transfer.as_ref(), lpips.as_ref(), &options, console)?;
+    let lpips = args.looks.lpips.map(|path| Lpips::load(&path)).transpose()?;
+    let looks = Looks { lpips: lpips.as_ref(), flip: args.looks.flip };
+    let comparison = compare::compare(&dataset, transfer.as_ref(), looks, &options, console)?;
     comparison.table().iter().for_each(|line| console.print(line));
     if let Some(path) = args.csv {
         write_atomically(&path, comparison.csv().as_bytes())?;
