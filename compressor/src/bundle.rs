@@ -14,6 +14,7 @@ use crate::model::{Contents, Shape, TileParams};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
@@ -109,6 +110,13 @@ pub struct Entry {
     pub word: u32,
     /// [`checksum`] of the payload; 0 for an empty tile.
     pub checksum: u64,
+}
+
+/// Whether a file is a bundle, of any version and however broken, or is empty, so that nothing else is lost with it.
+pub(crate) fn begins_like_one(path: &Path) -> bool {
+    let mut first = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut first));
+    read.is_ok() && (first == MAGIC || first.is_empty())
 }
 
 /// The first eight bytes of the BLAKE3 digest of the parts one after another, as a little-endian number.

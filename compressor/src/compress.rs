@@ -143,14 +143,10 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     if !options.force {
         match standing(&out, &header) {
             Standing::Same(outcome) => return Ok(*outcome),
-            Standing::Better(steps) => {
+            Standing::Kept(what) => {
                 return Err(Error::invalid(
                     out.display(),
-                    format!(
-                        "is a bundle of this light trained for {steps} steps, and {} would replace it; expected --out FILE for one of \
-                         its own, or --force to train anew and replace it",
-                        options.iterations
-                    ),
+                    format!("{what}; expected --out FILE for one of its own, or --force to replace it"),
                 ));
             }
             Standing::Other(what) => console.say(format!("{}, {what}, is replaced", out.display())),
@@ -191,9 +187,10 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
 enum Standing {
     /// The bundle that would be written, but for bytes that go by the instruction set, and how it came to be.
     Same(Box<Outcome>),
-    /// One of the same light that was trained for more steps: so many.
-    Better(u64),
-    /// One of other light or other settings, in words.
+    /// What a run without `--force` does not replace, in words: no bundle at all, one of another scene, or one of the same light that
+    /// was trained for more steps.
+    Kept(String),
+    /// One of other light or other settings, or a broken one, in words.
     Other(String),
     /// None.
     None,
@@ -205,8 +202,17 @@ fn standing(out: &Path, header: &Header) -> Standing {
         return Standing::None;
     }
     let Ok(there) = Bundle::open(out) else {
-        return Standing::Other("which this program cannot read".to_owned());
+        return match bundle::begins_like_one(out) {
+            true => Standing::Other("which this program cannot read".to_owned()),
+            false => Standing::Kept("is no bundle".to_owned()),
+        };
     };
+    if there.header.scene != header.scene {
+        return Standing::Kept(format!(
+            "is a bundle of the scene {}, not of {}",
+            there.header.scene, header.scene
+        ));
+    }
     let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
     let (old, new) = (told(&there.header), told(header));
     let is_limited = !new["time_limit_secs"].is_null();
@@ -220,7 +226,11 @@ fn standing(out: &Path, header: &Header) -> Standing {
     let steps = old["iterations"].as_u64().filter(|_| old["time_limit_secs"].is_null());
     if let Some(steps) = steps.filter(|&steps| !differs("inputs") && new["iterations"].as_u64() < Some(steps))
     {
-        return Standing::Better(steps);
+        let what = format!(
+            "is a bundle of this light trained for {steps} steps, and {} would replace it",
+            new["iterations"]
+        );
+        return Standing::Kept(what);
     }
     let what = match () {
         () if is_same => "whose record of training (.run.json) is not there, or of another bundle".to_owned(),

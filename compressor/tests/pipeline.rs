@@ -222,12 +222,30 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     let shorter = other.map(|word| if word == "b.ndgi" { "a.ndgi" } else { word });
     let refused = run(&shorter, folder.path());
     let said = String::from_utf8_lossy(&refused.stderr);
-    assert!(!refused.status.success() && said.contains("--force to train anew"), "{said}");
+    assert!(
+        !refused.status.success()
+            && said.contains("trained for 600 steps")
+            && said.contains("--force to replace it"),
+        "{said}"
+    );
     assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());
     assert_eq!(json(&run(&[&shorter[..], &["--force"]].concat(), folder.path()))["up_to_date"], false);
     let forced = [&arguments[..], &["--force"]].concat();
     assert_eq!(json(&run(&forced, folder.path()))["tiles_resumed"], 0);
     assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());
+
+    // Nor do a bundle of another scene and a file that is none give way.
+    let config = folder.path().join("config.json");
+    let text = fs::read_to_string(&config).unwrap();
+    fs::write(&config, text.replacen("\"isles\"", "\"other\"", 1)).unwrap();
+    fs::write(folder.path().join("notes.ndgi"), "not to be lost").unwrap();
+    for (out, what) in [("a.ndgi", "of the scene isles, not of other"), ("notes.ndgi", "is no bundle")] {
+        let before = fs::read(folder.path().join(out)).unwrap();
+        let refused = run(&arguments.map(|word| if word == "a.ndgi" { out } else { word }), folder.path());
+        let said = String::from_utf8_lossy(&refused.stderr);
+        assert!(!refused.status.success() && said.contains(what) && said.contains("--force"), "{said}");
+        assert!(before == fs::read(folder.path().join(out)).unwrap());
+    }
 }
 
 #[test]

@@ -358,7 +358,10 @@ mod tests {
         assert_eq!(albedo(b"newmtl m\n Kd 0.1 0.2 0.3\n").unwrap(), Vec3::new(0.1, 0.2, 0.3));
         assert_eq!(albedo(b"newmtl m\nKd 0.25").unwrap(), Vec3::splat(0.25));
         // A statement that is wrong, another of two numbers, and a comment that is no UTF-8.
-        assert_eq!(albedo(b"newmtl m\nNs bright\nKe 2 1\n# \xe9\nKd 0.5 0.5 0.5\n").unwrap(), Vec3::splat(0.5));
+        assert_eq!(
+            albedo(b"newmtl m\nNs bright\nKe 2 1\n# \xe9\nKd 0.5 0.5 0.5\n").unwrap(),
+            Vec3::splat(0.5)
+        );
         for wrong in ["Kd 0.1 0.2", "Kd", "Kd red", "Kd 0.1 0.2 z"] {
             let error = albedo(format!("newmtl m\n{wrong}\nd 1\n").as_bytes()).unwrap_err().to_string();
             assert!(error.contains("a.mtl:2: "), "{error}");

@@ -250,7 +250,8 @@ pub struct Compress {
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Train every tile again, even those a stopped run finished, and replace a bundle that was trained for more steps.
+    /// Train every tile again, even those a stopped run finished, and replace a bundle that was trained for more steps, or another
+    /// scene's, or a file that is none.
     #[arg(long)]
     pub force: bool,
 }
