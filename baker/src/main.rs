@@ -1,6 +1,6 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
-use baker::bake::forecast::{Forecast, OPEN_RAYS, density, forecast};
+use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
 use baker::light::schedule::parse_hours;
@@ -233,6 +233,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         }
     ));
     let atlas = prepared.atlas()?;
+    atlas.warnings.iter().for_each(|w| console.warn(w));
     let forecast = forecast(&prepared, &atlas)?;
     say_forecast(&forecast, console);
     layers.iter().for_each(|name| console.print(format!("  trace {name}")));
@@ -240,6 +241,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let standing = foretold(&prepared, options)?;
     standing.iter().for_each(|what| console.print(format!("  {what}")));
     let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
+    let warnings = [&prepared.warnings[..], &atlas.warnings].concat();
     console.result(&json!({
         "scene": prepared.scene.name,
         "integrator": prepared.integrator,
@@ -248,20 +250,18 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "left_out": plan.left_out,
         "standing": standing,
         "forecast": forecast,
-        "warnings": prepared.warnings,
+        "warnings": warnings,
     }))
 }
 
 /// What a bake would take, in words.
 fn say_forecast(forecast: &Forecast, console: &Console) {
     let [width, height] = forecast.size;
-    let [x, y, z] = forecast.extent.map(metres);
-    console.print(format!("  the scene is {x} × {y} × {z} m (y is up)"));
+    console.print(format!("  {}", scale(forecast.extent, forecast.texels_per_metre)));
     console.print(format!(
-        "  {} of {width} × {height} texels, {} covered, {} texels per metre",
+        "  {} of {width} × {height} texels, {} covered",
         count(forecast.pages as usize, "page"),
-        forecast.texels,
-        density(forecast.texels_per_metre)
+        forecast.texels
     ));
     console.print(format!(
         "  disk: dataset at most {}, kept layers {}, and {} while all of them are traced; memory about {}",
@@ -275,15 +275,6 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
             "  closed? none of {OPEN_RAYS} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \
              a small opening may have been missed (a room known to be closed needs no [sun] and no [sky])"
         ));
-    }
-}
-
-/// A length to three digits or so.
-fn metres(length: f64) -> String {
-    match length {
-        0.1..1e6 => format!("{:.*}", if length < 9.95 { 1 } else { 0 }, length),
-        0.0 => "0".to_owned(),
-        _ => format!("{length:.1e}"),
     }
 }
 

@@ -113,6 +113,16 @@ fn normals_go_by_the_inverse_transpose() {
 }
 
 #[test]
+fn materials_that_no_library_defines_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let faces = "usemtl pait\nf 1 2 3\nusemtl oka\nf 1 3 2\n";
+    fs::write(folder.path().join("a.obj"), format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}")).unwrap();
+    let (_, warnings) = load(folder.path(), "[[object]]\nfile = \"a.obj\"\n").unwrap();
+    let told = "albedo 0.5 for want of a defined material (oka, pait): 2 meshes";
+    assert!(warnings.iter().any(|warning| warning.ends_with(told)), "{warnings:?}");
+}
+
+#[test]
 fn far_from_zero_millimetres_stay() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("cube.obj"), CUBE).unwrap();
@@ -149,7 +159,7 @@ fn parts_override_what_their_names_fit() {
     assert!(g.instances.iter().all(|i| i.density == 2.0));
     let error =
         message(folder.path(), "[[object]]\nfile = \"tree.obj\"\n[[object.part]]\nname = \"leav*\"\n");
-    assert!(error.contains("scene.toml:2: part name = \"leav*\": fits no node"), "{error}");
+    assert!(error.contains("scene.toml:4: part name = \"leav*\": fits no node"), "{error}");
     assert!(error.contains("autumn, bark, green, leaf.001, leaf.002, trunk"), "{error}");
 }
 

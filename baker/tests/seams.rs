@@ -113,6 +113,7 @@ fn page(width: u32, height: u32, corners: &[[Vec2; 3]]) -> Atlas {
         degenerate: 0,
         utilisation: 1.0,
         notes: Vec::new(),
+        warnings: Vec::new(),
         placements: Vec::new(),
         layouts: Vec::new(),
     }

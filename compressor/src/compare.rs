@@ -141,10 +141,10 @@ fn without_transfer(config: &Config) -> String {
     if config.source.is_some() {
         return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this set was imported".to_owned();
     }
-    let scene = &config.scene;
     format!(
-        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer; `bake scenes/{scene}.toml --transfer`, then \
-         `--transfer dataset/{scene}-transfer`"
+        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer, which the command that baked this set makes \
+         with --transfer instead of --hours; then `--transfer DIR` here, by default dataset/{}-transfer",
+        config.scene
     )
 }
 

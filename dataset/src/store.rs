@@ -24,6 +24,8 @@ pub const MANIFEST: &str = "config.json";
 pub const DATA: &str = "data";
 /// Where `bake` keeps its work until the set is whole.
 pub const WORK: &str = ".bake";
+/// What is said of a folder that holds such work and no manifest yet.
+pub const UNFINISHED: &str = "a bake there is not finished; the same `bake` command continues it";
 /// Hexadecimal digits of the hash in a file's name.
 const HASH_DIGITS: usize = 12;
 
@@ -244,9 +246,7 @@ impl Dataset {
         let manifest = root.join(MANIFEST);
         if !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
-                (true, _) if root.join(WORK).is_dir() => {
-                    "a bake there is not finished; the same `bake` command continues it".to_owned()
-                }
+                (true, _) if root.join(WORK).is_dir() => UNFINISHED.to_owned(),
                 (true, _) => format!("there is no {MANIFEST} in it"),
                 (false, true) => "it is a file".to_owned(),
                 (false, false) => "it does not exist".to_owned(),

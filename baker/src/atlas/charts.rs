@@ -6,7 +6,6 @@ use super::raster::{Bits, bounds};
 use super::sharing::{Member, groups};
 use crate::geometry::{Geometry, Instance};
 use crate::{Error, Result};
-use dataset::console::count;
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -56,8 +55,10 @@ impl FlatMesh {
 pub struct Flat {
     /// By first member; those without a triangle of area are left out.
     pub meshes: Vec<FlatMesh>,
-    /// Authored layouts not used, and why.
-    pub notes: Vec<String>,
+    /// How many instances have a layout of their file that is used.
+    pub authored: usize,
+    /// Per shape whose file's layout is not used: which, and why.
+    pub refused: Vec<String>,
 }
 
 /// A lightmapped triangle that has an area.
@@ -71,7 +72,7 @@ struct Source {
 enum Layout {
     /// The file's own layout.
     Authored,
-    /// xatlas; with a note on a layout of the file that cannot be used.
+    /// xatlas; with what is wrong with the file's layout, where there is one.
     Unwrapped(Option<String>),
 }
 
@@ -85,22 +86,14 @@ pub fn flatten(geometry: &Geometry) -> Result<Flat> {
     let parts: Vec<(FlatMesh, Layout)> =
         groups(geometry).into_par_iter().map(|group| flatten_group(geometry, group)).collect();
     let mut all = Flat::default();
-    let mut authored = 0;
     for (mesh, layout) in parts {
         match layout {
-            Layout::Authored => authored += mesh.members.len(),
-            Layout::Unwrapped(note) => all.notes.extend(note),
+            Layout::Authored => all.authored += mesh.members.len(),
+            Layout::Unwrapped(refused) => all.refused.extend(refused),
         }
         if !mesh.charts.is_empty() {
             all.meshes.push(mesh);
         }
-    }
-    if authored > 0 {
-        all.notes.push(format!(
-            "lightmap layouts of the files are used for {} of {}",
-            authored,
-            count(geometry.instances.len(), "instance")
-        ));
     }
     Ok(all)
 }
@@ -141,8 +134,8 @@ fn flatten_group(geometry: &Geometry, group: super::sharing::Group) -> (FlatMesh
         Ok(groups) => (groups, Layout::Authored),
         Err(why) => {
             let name = &instance.name;
-            let note = || format!("{name}: TEXCOORD_1 not used as lightmap layout: {why}; unwrapped");
-            (unwrapped(geometry, &sources), Layout::Unwrapped((!why.is_empty()).then(note)))
+            let refused = || format!("{name}: {why}");
+            (unwrapped(geometry, &sources), Layout::Unwrapped((!why.is_empty()).then(refused)))
         }
     };
     mesh.charts = groups.into_iter().map(|faces| place_upright(faces, group.density)).collect();

@@ -57,6 +57,8 @@ pub struct Atlas {
     pub utilisation: f64,
     /// What was done otherwise than asked, one sentence each, for the report.
     pub notes: Vec<String>,
+    /// What the user may not have meant.
+    pub warnings: Vec<String>,
     /// Per instance of the geometry, its place on each page that has texels of it, ascending by page: none where it has no
     /// texels, several only where its charts are too many for one page.
     pub placements: Vec<Vec<Placement>>,
@@ -110,6 +112,7 @@ impl Atlas {
             degenerate: 0,
             utilisation: 1.0,
             notes: Vec::new(),
+            warnings: Vec::new(),
             placements: Vec::new(),
             layouts: Vec::new(),
         }
@@ -165,7 +168,11 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     }
     let page = density::fit(&flat.meshes, lightmap)?;
     let stride = page.stride;
-    let mut notes = flat.notes;
+    let mut notes = Vec::new();
+    if flat.authored > 0 {
+        let instances = count(geometry.instances.len(), "instance");
+        notes.push(format!("lightmap layouts of the files are used for {} of {instances}", flat.authored));
+    }
     if page.pages < lightmap.pages && matches!(lightmap.size, LightmapSize::Fixed { .. }) {
         notes.push(format!(
             "{} of the {} pages {} everything; the others are left out",
@@ -242,7 +249,30 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         charts,
         utilisation: page.utilisation,
         notes,
+        warnings: warnings(&flat.refused, page.texels_per_metre, lightmap),
         placements,
         layouts,
     })
+}
+
+/// What the user may not have meant: layouts of files that are not used, and texels so wide that the model may not be in metres.
+fn warnings(refused: &[String], texels_per_metre: f64, lightmap: &Lightmap) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if let [first, others @ ..] = refused {
+        let others = match others.len() {
+            0 => String::new(),
+            n => format!("; so {} more", count(n, "layout")),
+        };
+        warnings.push(format!(
+            "a lightmap layout in the file is not used, {first}; the mesh is unwrapped{others}"
+        ));
+    }
+    if texels_per_metre < 1.0 && matches!(lightmap.size, LightmapSize::Fixed { .. }) {
+        warnings.push(format!(
+            "texels are {:.2} m wide: if a model is not in metres its [[object]] needs a scale (0.01 for centimetres), else \
+             [lightmap] size may be too small",
+            1.0 / texels_per_metre
+        ));
+    }
+    warnings
 }

@@ -96,8 +96,14 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
     })
 }
 
+/// How large the scene is and how fine its texels are, in words.
+pub fn scale(extent: [f64; 3], texels_per_metre: f64) -> String {
+    let [x, y, z] = extent.map(metres);
+    format!("the scene is {x} × {y} × {z} m (y is up), {} texels per metre", density(texels_per_metre))
+}
+
 /// Length of the box around positions.
-fn extent(positions: &[Vec3]) -> [f64; 3] {
+pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
     let (low, high) = positions
         .iter()
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
@@ -157,10 +163,19 @@ fn open(
 }
 
 /// Texels per metre to one decimal, or to two digits where that would show few.
-pub fn density(per_metre: f64) -> String {
+pub(super) fn density(per_metre: f64) -> String {
     match per_metre {
         0.95.. => format!("{per_metre:.1}"),
         0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
         _ => format!("{per_metre:.1e}"),
+    }
+}
+
+/// A length to three digits or so.
+fn metres(length: f64) -> String {
+    match length {
+        0.1..1e6 => format!("{:.*}", if length < 9.95 { 1 } else { 0 }, length),
+        0.0 => "0".to_owned(),
+        _ => format!("{length:.1e}"),
     }
 }

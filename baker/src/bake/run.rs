@@ -6,6 +6,7 @@ use super::check::{Check, Chosen, check, choose};
 use super::errors::median;
 use super::facts;
 use super::folder;
+use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
 use super::layers::Layers;
@@ -63,6 +64,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         progress.advance(1);
         atlas
     };
+    console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
+    atlas.warnings.iter().for_each(|w| console.warn(w));
     let mut writer = Writer::create(&out)?;
     if options.force {
         WorkFolder::clear(&out)?;
@@ -89,7 +92,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
     writer.alias(&glb, super::scene_glb::NAME);
     let facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
-    let mut warnings = [prepared.warnings.clone(), dropped].concat();
+    let mut warnings = [prepared.warnings.clone(), atlas.warnings.clone(), dropped].concat();
     for warning in
         facts::mostly_invalid(plan, &stored).into_iter().chain(facts::lightless(scene, plan, &stored))
     {

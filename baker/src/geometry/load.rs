@@ -95,7 +95,7 @@ fn place<'a>(
     };
     // What holds for each mesh does not depend on the instance.
     let mut met = vec![false; object.parts.len()];
-    let (mut white, mut undefined) = (BTreeSet::new(), 0);
+    let (mut white, mut undefined) = (BTreeSet::new(), Vec::new());
     let mut list = Vec::new();
     for placement in &model.placements {
         let mesh = &model.meshes[placement.mesh];
@@ -112,20 +112,29 @@ fn place<'a>(
         {
             white.insert(mesh.material);
         }
-        undefined += usize::from(look.albedo.is_none() && material.undefined);
+        if look.albedo.is_none() && material.undefined {
+            undefined.push(material.name.as_str());
+        }
         named.dedup();
         list.push((placement, index, format!("{file}: {}", named.join("/")), look));
     }
     if let Some(part) = met.iter().position(|met| !met) {
         let all = model.placements.iter().flat_map(names).collect();
-        return Err(unmet(object, &object.parts[part].pattern, all));
+        return Err(unmet(object, &object.parts[part], all));
     }
-    if undefined > 0 {
+    if !undefined.is_empty() {
         let file = object.file.display();
-        warnings.push(format!(
-            "{file}: albedo {DEFAULT_ALBEDO} for want of a defined material: {}",
-            if undefined == 1 { "1 mesh".to_owned() } else { format!("{undefined} meshes") }
-        ));
+        let meshes =
+            if undefined.len() == 1 { "1 mesh".to_owned() } else { format!("{} meshes", undefined.len()) };
+        undefined.retain(|name| !name.is_empty());
+        undefined.sort_unstable();
+        undefined.dedup();
+        let more = if undefined.len() > 5 { ", …" } else { "" };
+        undefined.truncate(5);
+        let names = undefined.join(", ");
+        let named = if names.is_empty() { String::new() } else { format!(" ({names}{more})") };
+        warnings
+            .push(format!("{file}: albedo {DEFAULT_ALBEDO} for want of a defined material{named}: {meshes}"));
     }
     if !white.is_empty() {
         let list: Vec<&str> = white.iter().map(|&m| model.materials[m].name.as_str()).collect();

@@ -3,7 +3,7 @@
 use super::Material;
 use super::model::FileMaterial;
 use super::texture::TextureStore;
-use crate::scene::{Look, Object};
+use crate::scene::{Look, Object, Part};
 use dataset::{Error, Result};
 use std::collections::BTreeMap;
 
@@ -51,7 +51,7 @@ pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look
 }
 
 /// An error about a part that fits no mesh; `names` are those it could have fitted.
-pub(super) fn unmet(object: &Object, pattern: &str, mut names: Vec<&str>) -> Error {
+pub(super) fn unmet(object: &Object, part: &Part, mut names: Vec<&str>) -> Error {
     names.retain(|n| !n.is_empty());
     names.sort_unstable();
     names.dedup();
@@ -59,10 +59,11 @@ pub(super) fn unmet(object: &Object, pattern: &str, mut names: Vec<&str>) -> Err
     names.truncate(20);
     let have = if names.is_empty() { "it names nothing".to_owned() } else { names.join(", ") };
     let what = format!(
-        "part name = {pattern:?}: fits no node, mesh or material of {}: {have}{more}",
+        "part name = {:?}: fits no node, mesh or material of {}: {have}{more}",
+        part.pattern,
         object.file.display()
     );
-    Error::invalid(&object.place, what)
+    Error::invalid(&part.place, what)
 }
 
 /// Materials of the scene; equal ones are held once.

@@ -50,7 +50,13 @@ pub fn parse_hours(text: &str) -> Result<Hours, String> {
             };
             let (from, to) = (parse_time(from, item)?, parse_time(to, item)?);
             if from >= to {
-                return Err(format!("`{item}`: expected a range a..b with a < b (half-open, within 0..24)"));
+                let across = match from > to && from < DAY && to > 0 {
+                    true => format!("; across midnight: {}..24,0..{}", hours(from), hours(to)),
+                    false => String::new(),
+                };
+                return Err(format!(
+                    "`{item}`: expected a range a..b with a < b (half-open, within 0..24){across}"
+                ));
             }
             whole_day |= from == 0 && to == DAY;
             list.extend((from..to).step_by(step as usize));

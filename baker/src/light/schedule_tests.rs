@@ -106,6 +106,13 @@ fn hours_parse() {
 }
 
 #[test]
+fn a_range_across_midnight_is_told_as_a_list() {
+    let told = parse_hours("22:30..2").unwrap_err();
+    assert!(told.ends_with("across midnight: 22.5..24,0..2"), "{told}");
+    assert_eq!(parse_hours("22.5..24,0..2").unwrap().list, [0.0, 1.0, 22.5, 23.5]);
+}
+
+#[test]
 fn bad_hours_say_what_was_expected() {
     for text in [
         "",

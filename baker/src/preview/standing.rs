@@ -6,7 +6,7 @@ use crate::geometry::Geometry;
 use crate::scene::{Lightmap, Scene};
 use crate::{Error, Result};
 use dataset::console::Console;
-use dataset::store::{Dataset, MANIFEST};
+use dataset::store::{Dataset, MANIFEST, UNFINISHED, WORK};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
@@ -15,6 +15,9 @@ use std::path::Path;
 pub fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<()> {
     if folder.join(MANIFEST).is_file() {
         return Ok(());
+    }
+    if folder.join(WORK).is_dir() {
+        return Err(Error::invalid(folder.display(), UNFINISHED));
     }
     let what = format!(
         "no finished dataset; expected one of the scene {scene:?}: `bake {}` makes it, --dataset DIR names another folder",

@@ -183,6 +183,9 @@ pub struct Part {
     pub pattern: String,
     /// What it overrides.
     pub look: Look,
+    /// Where it stands in the scene file, for messages.
+    #[serde(skip)]
+    pub place: String,
 }
 
 /// Overridable properties; `None` leaves what the file (or the object) says.

@@ -93,7 +93,7 @@ fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<Str
         if pattern.is_empty() {
             return Err(value.error(format!("expected {expected}")));
         }
-        parts.push(Part { pattern, look: self::look(&part, groups, warnings)? });
+        parts.push(Part { pattern, look: self::look(&part, groups, warnings)?, place: value.place() });
     }
     Ok(Object { file, place: value.place(), world_from_file, look, parts, vt_is_lightmap })
 }

@@ -123,10 +123,14 @@ impl<'a> Table<'a> {
     /// The tables `[[key]]`, none if the key is absent.
     pub fn tables(&self, key: &str, keys: &[&str]) -> Result<Vec<Table<'a>>> {
         let Some(value) = self.get(key) else { return Ok(Vec::new()) };
+        let heading = match self.name.strip_prefix("[[").and_then(|name| name.strip_suffix("]]")) {
+            Some(outer) => format!("[[{outer}.{key}]]"),
+            None => format!("[[{key}]]"),
+        };
         value
-            .array(&format!("a list of tables, each under a heading [[{key}]]"))?
+            .array(&format!("a list of tables, each under a heading {heading}"))?
             .into_iter()
-            .map(|v| v.table(format!("[[{key}]]"), keys))
+            .map(|v| v.table(heading.clone(), keys))
             .collect()
     }
 }

@@ -162,6 +162,11 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
     case.stage.write("case.toml", format!("{}{SAMPLES}", case.text).as_bytes());
     let message = case.stage.refusal(Options::new(8.0));
     assert!(message.contains("no finished dataset; expected one of the scene \"case\""), "{message}");
+    let work = case.stage.path(SET).join(".bake");
+    std::fs::create_dir_all(&work).unwrap();
+    let message = case.stage.refusal(Options::new(8.0));
+    assert!(message.contains("not finished; the same `bake` command continues it"), "{message}");
+    std::fs::remove_dir(&work).unwrap();
     let jpeg = Options { out: Some("a.jpg".into()), ..Options::new(8.0) };
     let message = preview(&case.stage.path("case.toml"), &jpeg, &Console::silent()).unwrap_err().to_string();
     assert!(message.contains("a.jpg: expected a name that ends in .png"), "{message}");

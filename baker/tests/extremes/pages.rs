@@ -138,8 +138,12 @@ fn unusable_layouts_are_replaced_and_that_is_said() {
     ];
     for (right, note) in cases {
         let baked = layout(&both(right)).bake("12", 16, &format!("{SKY}{OBJECT}"));
-        let notes: Vec<&String> =
-            baked.outcome.facts.iter().filter(|f| f.contains("not used as lightmap layout")).collect();
+        let notes: Vec<&String> = baked
+            .outcome
+            .warnings
+            .iter()
+            .filter(|f| f.contains("lightmap layout in the file is not used"))
+            .collect();
         match note {
             None => assert!(notes.is_empty(), "{notes:?}"),
             Some(why) => assert!(notes.len() == 1 && notes[0].contains(why), "{notes:?}, expected {why}"),

@@ -52,7 +52,7 @@ impl<'a> Transfer<'a> {
         let scene = &dataset.config.scene;
         let Some(basis) = &transfer.config.transfer else {
             return Err(wrong(format!(
-                "holds no transfer; expected what `bake scenes/{scene}.toml --transfer` makes"
+                "holds no transfer; expected what the `bake` of the scene {scene} makes with --transfer"
             )));
         };
         if basis.scene != *scene {

@@ -41,7 +41,7 @@ pub struct Import {
     /// The folder holds EXR files of this name; {hour} stands for 6, 06 or 5.9 (24 is 0).
     #[arg(long, value_name = "NAME")]
     pattern: Option<String>,
-    /// A picture (PNG, JPEG, EXR), light where texels are valid [default: all are].
+    /// A picture (PNG, JPEG, EXR), light where texels are valid; its path, not only a name in the folder [default: all are].
     #[arg(long, value_name = "FILE", requires = "pattern")]
     mask: Option<PathBuf>,
     /// The layer of EXR files that have several, such as ViewLayer.Combined.
@@ -103,7 +103,9 @@ impl Import {
             .any(|map| [&map.sun, &map.sky, &map.local].into_iter().any(Option::is_some));
         let out = self.out.display();
         let (pages, sets) = (count(config.pages.len(), "page"), count(config.sets.len(), "set"));
+        let hours: Vec<f64> = config.sets.iter().map(|set| set.hour).collect();
         console.say(format!("{out}: {pages}, {sets}, layers {}", if layers { "kept" } else { "not known" }));
+        console.say(format!("hours: {}", spacing(&hours)));
         match &*config.groups {
             [] => console.say("no light group: light goes evenly from set to set"),
             groups => groups.iter().for_each(|group| {
@@ -115,13 +117,33 @@ impl Import {
             "layout": source.map(|source| source.layout.name()),
             "scene": config.scene,
             "pages": config.pages.len(),
-            "hours": config.sets.iter().map(|set| set.hour).collect::<Vec<_>>(),
+            "hours": hours,
             "groups": config.groups.iter().map(|group| &group.name).collect::<Vec<_>>(),
             "layers": layers,
             "replaced_values": replaced,
             "seconds": start.elapsed().as_secs_f64(),
         }))
     }
+}
+
+/// How far ascending hours lie apart on the day's circle, in words.
+fn spacing(hours: &[f64]) -> String {
+    let (Some(&first), Some(&last)) = (hours.first(), hours.last()) else { return "none".to_owned() };
+    let next = hours.iter().skip(1).copied().chain([first + 24.0]);
+    let gaps: Vec<(f64, f64)> = hours.iter().zip(next).map(|(&hour, next)| (next - hour, hour)).collect();
+    let widest = gaps.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+    let narrowest = gaps.iter().map(|gap| gap.0).fold(24.0, f64::min);
+    let rounded = |hours: f64| (hours * 1000.0).round() / 1000.0;
+    let apart = |hours: f64| (hours - widest.0).abs() < 1e-6;
+    if hours.len() == 1 {
+        return format!("{first} alone, so that light never changes");
+    }
+    if apart(narrowest) {
+        return format!("{first} to {last}, {} h apart", rounded(widest.0));
+    }
+    let alone = gaps.iter().filter(|gap| apart(gap.0)).count() == 1;
+    let begins = if alone { format!(", the widest gap after {} h", widest.1) } else { String::new() };
+    format!("{first} to {last}, {} to {} h apart{begins}", rounded(narrowest), rounded(widest.0))
 }
 
 impl Export {
@@ -146,5 +168,25 @@ impl Export {
             "bytes": exported.bytes,
             "seconds": start.elapsed().as_secs_f64(),
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spacing;
+
+    #[test]
+    fn gaps_between_hours_are_told() {
+        let day: Vec<f64> = (0..24).map(f64::from).collect();
+        assert_eq!(spacing(&day), "0 to 23, 1 h apart");
+        assert_eq!(spacing(&[6.0]), "6 alone, so that light never changes");
+        let gap: Vec<f64> = day.iter().copied().filter(|&hour| hour != 6.0).collect();
+        assert_eq!(spacing(&gap), "0 to 23, 1 to 2 h apart, the widest gap after 5 h");
+        assert_eq!(spacing(&[6.0, 18.1, 18.3]), "6 to 18.3, 0.2 to 12.1 h apart, the widest gap after 6 h");
+        assert_eq!(
+            spacing(&[0.0, 1.0, 12.5, 13.5]),
+            "0 to 13.5, 1 to 11.5 h apart, the widest gap after 1 h"
+        );
+        assert_eq!(spacing(&[0.0, 1.0, 12.0, 13.0]), "0 to 13, 1 to 11 h apart");
     }
 }

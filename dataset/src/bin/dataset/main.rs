@@ -25,7 +25,7 @@ Examples:
   dataset check dataset/yard           every checksum, every texel; names each fault
   dataset check dataset/yard --json    the same for a program; exit code 1 with faults
   dataset import contest --layout hprc2 --out dataset/contest
-  dataset import renders --pattern 'light_{hour}.exr' --mask mask.png --out dataset/hall
+  dataset import renders --pattern 'light_{hour}.exr' --mask renders/mask.png --out dataset/hall
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
   dataset release dataset/yard dataset/city --cc0 --out release
   dataset verify release               every checksum, and what the archives hold"
@@ -86,7 +86,7 @@ enum Command {
         after_help = "\
 Examples:
   dataset import contest --layout hprc2 --out dataset/contest
-  dataset import renders --pattern 'light_{hour}.exr' --mask mask.png --out dataset/hall
+  dataset import renders --pattern 'light_{hour}.exr' --mask renders/mask.png --out dataset/hall
   dataset import renders/hall.toml --out dataset/hall"
     )]
     Import(exchange::Import),
