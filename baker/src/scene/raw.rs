@@ -40,7 +40,9 @@ pub(super) fn parse<T>(
 ) -> Result<T> {
     let root = DeTable::parse(source.text).map_err(|e| {
         let place = source.place(e.span().map_or(0, |s| s.start));
-        Error::invalid(place, format!("not TOML: {}", e.message()))
+        let quotes = ["date", "time", "float"].iter().any(|kind| e.message().contains(kind));
+        let hint = if quotes { " (dates and times of day stand in quotes)" } else { "" };
+        Error::invalid(place, format!("not TOML: {}{hint}", e.message()))
     })?;
     read(Table::new(source, "the scene file", 0, root.get_ref(), keys)?)
 }
