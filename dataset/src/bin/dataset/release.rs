@@ -65,7 +65,7 @@ pub fn verify_release(console: &Console, folder: &Path) -> Result<ExitCode> {
     let found = match ok {
         true => {
             let (scenes, files) = (count(verified.scenes.len(), "scene"), count(verified.files, "file"));
-            format!("{scenes}, {files}: no fault")
+            format!("{scenes}, {files} of SHA256SUMS: no fault")
         }
         false => count(faults.len(), "fault"),
     };
