@@ -19,6 +19,9 @@ const STAND_INS: &str = "\u{1}stand-ins";
 /// Bytes of a line that an error quotes.
 const MOST_QUOTED: usize = 80;
 
+/// What the lines of a material library that are used look like.
+const STATEMENTS: &str = "`newmtl` with a name, `Kd` with one number or three, `d` with a number, `map_Kd` and `map_d` with a file";
+
 /// Reads an OBJ. With `vt_is_lightmap` its `vt` are lightmap coordinates too.
 pub(super) fn load(
     path: &Path,
@@ -50,14 +53,16 @@ pub(super) fn load(
         }
         let path = resolve(folder, &library.to_string_lossy());
         match std::fs::read(&path) {
-            Ok(bytes) => {
-                let bytes = statements_used(&bytes);
-                let mut reader = LineCounter { inner: &bytes[..], lines: Cell::new(0) };
+            Ok(written) => {
+                let used = statements_used(&written);
+                let mut reader = LineCounter { inner: &used[..], lines: Cell::new(0) };
                 tobj::load_mtl_buf(&mut reader)
                     .map(|(materials, map)| (materials.into_iter().map(marked).collect(), map))
-                    .inspect_err(|e| {
+                    .inspect_err(|_| {
                         let place = format!("{}:{}", path.display(), reader.lines.get());
-                        failed.borrow_mut().get_or_insert(Error::invalid(place, e));
+                        let what =
+                            format!("{}: expected {STATEMENTS}", excerpt(&written, reader.lines.get()));
+                        failed.borrow_mut().get_or_insert(Error::invalid(place, what));
                     })
             }
             Err(e) => {
@@ -72,10 +77,8 @@ pub(super) fn load(
     // The first line was ours.
     let line = reader.lines.get().saturating_sub(1);
     let (models, materials) = loaded.map_err(|e| {
-        let at_fault = text.split(|&b| b == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
-        let at_fault = String::from_utf8_lossy(&at_fault[..at_fault.len().min(MOST_QUOTED)]);
         let place = format!("{file}:{line}");
-        Error::invalid(place, format!("`{}`: {e}, here or in the faces above", at_fault.trim()))
+        Error::invalid(place, format!("{}: {e}, here or in the faces above", excerpt(&text, line)))
     })?;
     warnings.append(&mut missing.into_inner());
     let short =
@@ -113,6 +116,12 @@ pub(super) fn load(
         model.meshes.push(mesh);
     }
     Ok(model)
+}
+
+/// A line, by its number from 1 on, as an error quotes it.
+fn excerpt(text: &[u8], line: usize) -> String {
+    let line = text.split(|&b| b == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
+    format!("`{}`", String::from_utf8_lossy(&line[..line.len().min(MOST_QUOTED)]).trim())
 }
 
 /// The name a `usemtl` line gives.
@@ -364,7 +373,8 @@ mod tests {
         );
         for wrong in ["Kd 0.1 0.2", "Kd", "Kd red", "Kd 0.1 0.2 z"] {
             let error = albedo(format!("newmtl m\n{wrong}\nd 1\n").as_bytes()).unwrap_err().to_string();
-            assert!(error.contains("a.mtl:2: "), "{error}");
+            let told = format!("a.mtl:2: `{wrong}`: expected `newmtl` with a name");
+            assert!(error.contains(&told), "{error}");
         }
     }
 
