@@ -150,7 +150,10 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     light(|transfer| transfer.inputs.replace_range(..1, "1"));
     refused(with, &["transfer: goes with another bake than set", "the same `bake` command"]);
     write(folder.path());
-    refused(&["--transfer", "set"], &["set: holds no transfer", "bake scenes/isles.toml --transfer"]);
+    refused(
+        &["--transfer", "set"],
+        &["set: holds no transfer", "the `bake` of the scene isles makes with --transfer"],
+    );
     refused(&["--transfer", "transfer", "--ablations"], &["--ablations"]);
     change(&set, |config, _| config.groups[0].layers.clear());
     refused(with, &["set: keeps no layer of the light group \"lamp\""]);

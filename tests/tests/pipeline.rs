@@ -95,7 +95,7 @@ fn a_day_in_the_court() {
     // Night is dark, but no set is negative or not finite (checked on reading).
     assert!(mean(&at_hour(&dataset, 1.0), &mask) < 1e-2 * mean(&noon, &mask));
     // The ground beneath the crate lies inside it: invalid, not black-but-valid.
-    assert!(outcome.facts.iter().any(|f| f.contains("inside solids") && !f.starts_with("0 ")));
+    assert!(outcome.facts.iter().any(|f| f.contains("lying in solids") && !f.starts_with("0 ")));
 }
 
 #[test]
