@@ -1,11 +1,13 @@
 //! What the three binaries share at the terminal: messages, progress, the JSON line, and the exit code.
 
+use crate::signals;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+pub use crate::signals::{INTERRUPTED, interrupted, stop_if_interrupted};
 
 /// Options every command takes.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
@@ -183,34 +185,17 @@ impl Drop for Progress {
     }
 }
 
-/// True once the user pressed Ctrl-C: long loops look at it and return [`crate::Error::Interrupted`].
-pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Whether the user pressed Ctrl-C.
-pub fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
-}
-
-/// [`crate::Error::Interrupted`] once the user pressed Ctrl-C: `stop_if_interrupted()?` in long loops.
-pub fn stop_if_interrupted() -> crate::Result<()> {
-    if interrupted() { Err(crate::Error::Interrupted) } else { Ok(()) }
-}
-
-/// Makes Ctrl-C and a termination request set [`INTERRUPTED`]; the second one ends the process at once with exit
-/// code 130. For binaries, once, at the start of `main`.
+/// Makes Ctrl-C, a termination request and a closing terminal end the process within a fifth of a second, with exit code 130, 143 or 129.
+/// For binaries, once, at the start of `main`.
 pub fn catch_interrupts() {
-    // Fails only where a handler exists already; that one stays.
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            #[expect(clippy::disallowed_methods, reason = "the user asked twice: stop at once")]
-            std::process::exit(130);
-        }
-        line("stopping; press Ctrl-C again to stop at once");
-    });
+    signals::catch(|error| line(&format!("error: {error}")));
 }
 
-/// Prints an error with its causes and gives the exit code of a failed command (130 when interrupted, else 1).
+/// Prints an error with its causes and gives the exit code of a failed command ([`signals::exit_code`] when interrupted, else 1).
 pub fn fail(error: &crate::Error) -> ExitCode {
+    if matches!(error, crate::Error::Interrupted) && !signals::is_first_to_say() {
+        return ExitCode::from(signals::exit_code());
+    }
     line(&format!("error: {error}"));
     // The message of an I/O error already ends with what the system said; deeper causes follow.
     let mut cause = std::error::Error::source(error).and_then(std::error::Error::source);
@@ -219,7 +204,7 @@ pub fn fail(error: &crate::Error) -> ExitCode {
         cause = deeper.source();
     }
     match error {
-        crate::Error::Interrupted => ExitCode::from(130),
+        crate::Error::Interrupted => ExitCode::from(signals::exit_code()),
         _ => ExitCode::FAILURE,
     }
 }

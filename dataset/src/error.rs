@@ -32,7 +32,7 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The user asked to stop (Ctrl-C). Bakes and compressions keep what was finished.
+    /// The process was asked to stop (Ctrl-C, a termination request). Bakes and compressions keep what was finished.
     #[error("interrupted; run the same command again to go on")]
     Interrupted,
 }

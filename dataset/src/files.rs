@@ -1,12 +1,14 @@
 //! Files that are whole or absent: written under a temporary name, synced, renamed.
 
+use crate::process::{self, Process};
+use crate::signals::RemovedAtSignal;
 use crate::{Error, Result};
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What stands between a file's name and its writer's process id in the name of a temporary.
+/// What stands between a file's name and its writer in the name of a temporary.
 const MARK: &str = ".tmp-";
 
 /// Writes `bytes` to `path` so that a reader sees the old content or the new, never a part.
@@ -17,25 +19,32 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// [`write_atomically`] for content that is produced piece by piece.
 pub fn write_atomically_with(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<()> {
-    let temporary = temporary_beside(path)?;
-    let written = (|| {
-        let mut file = File::create(&temporary)?;
-        write(&mut file)?;
-        file.sync_all()?;
-        drop(file);
-        fs::rename(&temporary, path)
-    })();
-    if let Err(source) = written {
-        let _ = fs::remove_file(&temporary);
-        expect_folder(path)?;
-        return Err(Error::Io { path: path.to_owned(), source });
-    }
+    write_unsynced_with(path, |file| {
+        write(file)?;
+        file.sync_all()
+    })?;
     sync_folder_of(path);
     Ok(())
 }
 
+/// [`write_atomically_with`], but only a killed process leaves the old content or the new: after a power failure any may be there, or
+/// none, unless the file and its folder are synced afterwards.
+pub fn write_unsynced_with(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<()> {
+    let temporary = temporary_beside(path)?;
+    let written = (|| {
+        let mut file = File::create(&temporary)?;
+        write(&mut file)?;
+        drop(file);
+        fs::rename(&temporary, path)
+    })();
+    written.map_err(|source| {
+        let _ = fs::remove_file(&temporary);
+        expect_folder(path).err().unwrap_or(Error::Io { path: path.to_owned(), source })
+    })
+}
+
 /// A rename itself reaches the disk with the folder; not every system lets a folder be synced.
-pub(crate) fn sync_folder_of(path: &Path) {
+pub fn sync_folder_of(path: &Path) {
     if let Some(folder) = folder_of(path)
         && let Ok(folder) = File::open(folder)
     {
@@ -94,6 +103,7 @@ pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
 pub struct NewFolder {
     temporary: PathBuf,
     path: PathBuf,
+    _at_signal: RemovedAtSignal,
 }
 
 impl NewFolder {
@@ -119,14 +129,13 @@ impl NewFolder {
         for entry in fs::read_dir(beside).map_err(Error::io(beside))?.flatten() {
             let found = entry.file_name();
             let found = found.to_str().filter(|found| found.starts_with(&format!(".{name}{MARK}")));
-            if let Some(pid) = found.and_then(writer_of)
-                && !runs(pid)
-            {
+            if found.is_some_and(is_stale) {
                 remove_folder(&entry.path())?;
             }
         }
         fs::create_dir(&temporary).map_err(Error::io(path))?;
-        Ok(NewFolder { temporary, path: path.to_owned() })
+        let at_signal = RemovedAtSignal::new(&temporary);
+        Ok(NewFolder { temporary, path: path.to_owned(), _at_signal: at_signal })
     }
 
     /// The folder's place until it is finished.
@@ -149,23 +158,6 @@ impl Drop for NewFolder {
     }
 }
 
-/// Name of the file that [`lock`] locks.
-pub const LOCK: &str = ".lock";
-
-/// Keeps other processes that ask for it out of a folder until the file is dropped or the process ends.
-///
-/// # Errors
-/// [`Error::Invalid`] with `busy` for the folder where another process has it.
-pub fn lock(folder: &Path, busy: &str) -> Result<File> {
-    let path = folder.join(LOCK);
-    let file = File::create(&path).map_err(Error::io(&path))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(fs::TryLockError::WouldBlock) => Err(Error::invalid(folder.display(), busy)),
-        Err(fs::TryLockError::Error(e)) => Err(Error::io(&path)(e)),
-    }
-}
-
 /// Removes a folder with all that is in it; none is fine.
 ///
 /// # Errors
@@ -177,41 +169,69 @@ pub fn remove_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// Removes the temporaries that processes which no longer run left in `folder`.
+/// Removes the temporaries that processes of this machine which no longer run left in `folder`. Those of other machines stay, for nobody
+/// here can tell whether their writers run.
 pub fn remove_stale_temporaries(folder: &Path) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(Error::io(folder))? {
-        let entry = entry.map_err(Error::io(folder))?;
-        let name = entry.file_name();
-        let Some(pid) = name.to_str().and_then(writer_of) else { continue };
-        if pid != std::process::id() && !runs(pid) {
-            let _ = fs::remove_file(entry.path());
+    for path in temporaries(folder)? {
+        let is_stale = path.file_name().and_then(|name| name.to_str()).is_some_and(is_stale);
+        if is_stale {
+            let _ = fs::remove_file(path);
         }
     }
     Ok(())
 }
 
-/// A name for a temporary in the folder of `path` that no other writer uses.
-pub(crate) fn temporary_beside(path: &Path) -> Result<PathBuf> {
+/// The temporaries in `folder`, whoever left them or writes them now; none where there is no folder.
+pub fn temporaries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(e) => return Err(Error::io(folder)(e)),
+    };
+    let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<_>>>();
+    let mut paths = paths.map_err(Error::io(folder))?;
+    paths.retain(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(|n| writer_of(n).is_some()));
+    paths.sort();
+    Ok(paths)
+}
+
+/// A name for a temporary in the folder of `path` that no other writer uses, on this machine or another:
+/// `.<name>.tmp-<machine>-<process>-<random>-<number>`.
+pub fn temporary_beside(path: &Path) -> Result<PathBuf> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
         return Err(Error::invalid(path.display(), "not the name of a file"));
     };
-    let count = COUNT.fetch_add(1, Ordering::Relaxed);
-    Ok(path.with_file_name(format!(".{name}{MARK}{}-{count}", std::process::id())))
+    let (this, count) = (Process::this(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let writer = format!("{}-{}-{:08x}-{count}", this.machine, this.pid, process::random());
+    Ok(path.with_file_name(format!(".{name}{MARK}{writer}")))
 }
 
-/// The process id in the name of a temporary; `None` for every other name.
-fn writer_of(name: &str) -> Option<u32> {
+/// Who made a temporary.
+struct Writer<'a> {
+    machine: &'a str,
+    pid: u32,
+    random: u32,
+}
+
+/// The writer in the name of a temporary; `None` for every other name.
+fn writer_of(name: &str) -> Option<Writer<'_>> {
     let (_, writer) = name.strip_prefix('.')?.rsplit_once(MARK)?;
-    let (pid, count) = writer.split_once('-')?;
+    let mut words = writer.split('-');
+    let (machine, pid, random, count) = (words.next()?, words.next()?, words.next()?, words.next()?);
     count.parse::<u64>().ok()?;
-    pid.parse().ok()
+    let writer = Writer { machine, pid: pid.parse().ok()?, random: u32::from_str_radix(random, 16).ok()? };
+    (words.next().is_none() && machine.len() == 8).then_some(writer)
 }
 
-/// Whether a process runs, where the system tells; elsewhere temporaries are left alone.
-fn runs(pid: u32) -> bool {
-    let processes = Path::new("/proc");
-    !processes.join("self").exists() || processes.join(pid.to_string()).exists()
+/// Whether the writer of a temporary surely runs no more.
+fn is_stale(name: &str) -> bool {
+    let this = Process::this();
+    writer_of(name).is_some_and(|writer| {
+        let is_own = writer.pid == this.pid && writer.random == process::random();
+        let is_free = writer.pid == this.pid || !process::runs(writer.pid);
+        writer.machine == this.machine && !is_own && is_free
+    })
 }
 
 fn folder_of(path: &Path) -> Option<&Path> {
@@ -224,6 +244,11 @@ fn folder_of(path: &Path) -> Option<&Path> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A temporary's name that a process of this machine left which no longer runs: no process has the largest id.
+    fn stale_name(name: &str) -> String {
+        format!(".{name}{MARK}{}-{}-0123abcd-0", Process::this().machine, u32::MAX)
+    }
 
     #[test]
     fn the_new_content_replaces_the_old_and_nothing_else_stays() {
@@ -269,15 +294,20 @@ mod tests {
     fn temporaries_of_dead_processes_go_and_other_files_stay() {
         let folder = tempfile::tempdir().unwrap();
         // No process has the largest id.
-        let stale = folder.path().join(format!(".a.exr{MARK}{}-0", u32::MAX));
-        let own = folder.path().join(format!(".a.exr{MARK}{}-0", std::process::id()));
+        let stale = folder.path().join(stale_name("a.exr"));
+        let own = temporary_beside(&folder.path().join("a.exr")).unwrap();
+        // Of an earlier process with this one's id; of another machine; no temporary.
+        let earlier = folder.path().join(format!(".a.exr{MARK}{}-{}-0-0", Process::this().machine, std::process::id()));
+        let elsewhere = folder.path().join(format!(".a.exr{MARK}01234567-{}-0-0", u32::MAX));
         let foreign = folder.path().join(".a.tmp-notes");
-        for path in [&stale, &own, &foreign] {
+        for path in [&stale, &own, &earlier, &elsewhere, &foreign] {
             fs::write(path, b"x").unwrap();
         }
+        assert_eq!(temporaries(folder.path()).unwrap().len(), 4);
         remove_stale_temporaries(folder.path()).unwrap();
         assert_eq!(stale.exists(), !Path::new("/proc/self").exists());
-        assert!(own.exists() && foreign.exists());
+        assert!(own.exists() && !earlier.exists() && elsewhere.exists() && foreign.exists());
+        assert!(temporaries(&folder.path().join("none")).unwrap().is_empty());
     }
 
     #[test]
@@ -289,7 +319,7 @@ mod tests {
             entries.map(|entry| entry.file_name().into_string().unwrap()).collect::<Vec<_>>()
         };
         // Left by a killed writer of this folder, and by one of another.
-        let (stale, other) = (format!(".set{MARK}{}-0", u32::MAX), format!(".other{MARK}{}-0", u32::MAX));
+        let (stale, other) = (stale_name("set"), stale_name("other"));
         fs::create_dir_all(around.path().join(&stale).join("data")).unwrap();
         fs::create_dir(around.path().join(&other)).unwrap();
         let begun = NewFolder::create(&path).unwrap();

@@ -4,11 +4,14 @@
 //! Modules in the order the data passes them; a module imports only what stands above it.
 
 pub mod error;
+pub mod signals;
 pub mod console;
+pub mod process;
 pub mod typed;
 pub mod config;
 pub mod image;
 pub mod files;
+pub mod lock;
 pub mod tiles;
 pub mod store;
 pub mod exchange;

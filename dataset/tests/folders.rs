@@ -101,7 +101,8 @@ fn a_killed_writer_leaves_the_old_set_and_the_next_one_cleans_up() {
     let mut killed = Writer::create(root).unwrap();
     let orphan = killed.add("orphan", "exr", &noise_image(4, 4, 9).to_exr()).unwrap();
     drop(killed);
-    let temporary = root.join("data").join(format!(".set-1.exr.tmp-{}-3", u32::MAX));
+    let this = &dataset::process::Process::this().machine;
+    let temporary = root.join("data").join(format!(".set-1.exr.tmp-{this}-{}-0-3", u32::MAX));
     fs::write(&temporary, b"half").unwrap();
     fs::write(root.join("data/notes.txt"), b"mine").unwrap();
     fs::write(root.join("run.json"), b"{}").unwrap();

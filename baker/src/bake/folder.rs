@@ -1,7 +1,8 @@
 //! The folder a bake writes to: usable, and its own while it works.
 
 use crate::{Error, Result};
-use dataset::files;
+use dataset::{files, lock, store};
+use std::ffi::OsStr;
 use std::path::Path;
 
 const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
@@ -22,20 +23,34 @@ pub fn create(out: &Path) -> Result<()> {
         Error::invalid(out.display(), format!("{what} ({error}); {EXPECTED} that this user may write to"))
     };
     std::fs::create_dir_all(out).map_err(|e| refused("cannot be created", e))?;
-    let probe = out.join(format!(".probe-{}", std::process::id()));
+    files::remove_stale_temporaries(out)?;
+    let probe = files::temporary_beside(&out.join("probe"))?;
     let probed = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
     probed.map_err(|e| refused("cannot be written to", e))
 }
 
+/// Begins the work in the dataset's folder. The folder of the work comes first: by it a later run knows the folder for a bake's own.
+pub fn begin(out: &Path) -> Result<()> {
+    let work = out.join(store::WORK);
+    std::fs::create_dir_all(&work).map_err(Error::io(&work))
+}
+
+/// Ends it: the dataset stands. (What remains is no reason to fail.)
+pub fn end(out: &Path) {
+    let _ = std::fs::remove_dir(out.join(store::WORK));
+}
+
 /// Removes the folder if nothing but the lock is in it. (What remains is no reason to fail.)
 pub fn leave(out: &Path) {
-    if std::fs::read_dir(out).is_ok_and(|entries| entries.count() == 1) {
-        let _ = std::fs::remove_file(out.join(files::LOCK));
+    let is_lock = |name: &OsStr| name == lock::LOCK || name == lock::CLAIM;
+    let entries = std::fs::read_dir(out).map(|entries| entries.flatten().collect::<Vec<_>>());
+    if entries.is_ok_and(|entries| entries.iter().all(|entry| is_lock(&entry.file_name()))) {
+        [lock::CLAIM, lock::LOCK].iter().for_each(|name| _ = std::fs::remove_file(out.join(name)));
         let _ = std::fs::remove_dir(out);
     }
 }
 
 /// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
-pub fn lock(out: &Path) -> Result<std::fs::File> {
-    files::lock(out, "another bake is writing here; wait for it, or choose another --out")
+pub fn lock(out: &Path) -> Result<lock::Lock> {
+    lock::lock(out, "another bake is writing here", "wait for it, or choose another --out")
 }

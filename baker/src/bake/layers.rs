@@ -5,22 +5,26 @@
 //! half the difference of the two halves (3 × bf16), which is an independent estimate of the standard error; both ÷ the scale of
 //! the layer's group. One file per page layout says which texels these are. Byte order: the machine's.
 
-use super::block::Worker;
 use super::json;
 use super::rounds::Traced;
-use super::work::WorkFolder;
+use super::tracer::{Tracer, Way};
+use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::Console;
 use half::bf16;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Name of the folder inside a dataset.
 pub const FOLDER: &str = ".layers";
+
+/// Name of the file that says which changes of the folder are being made.
+const CHANGES: &str = "changes.json";
 
 /// A covered texel of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -87,18 +91,18 @@ impl Layers {
 
     /// Whether a layer is there, whatever its texels.
     pub fn holds(&self, digest: &str) -> bool {
-        self.path(digest).exists()
+        self.changes().place(&self.path(digest)).exists()
     }
 
     /// Whether a layer is there, for `texels` texels.
     pub fn has(&self, digest: &str, texels: usize) -> bool {
         let length = (texels * size_of::<Stored>()) as u64;
-        std::fs::metadata(self.path(digest)).is_ok_and(|m| m.len() == length)
+        std::fs::metadata(self.changes().place(&self.path(digest))).is_ok_and(|m| m.len() == length)
     }
 
     /// The covered texels of the page that `base` describes, if a bake left them.
     pub fn texels(&self, base: &str) -> Option<Vec<Texel>> {
-        let bytes = std::fs::read(self.texels_path(base)).ok()?;
+        let bytes = std::fs::read(self.changes().place(&self.texels_path(base))).ok()?;
         bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
     }
 
@@ -129,29 +133,31 @@ impl Layers {
         places.iter().map(read).collect()
     }
 
-    /// Writes the layers a worker traced, `digests` in their order, and the page's texels.
+    /// Writes the layers that were traced, `digests` in their order, and the page's texels. Gives the rays of blocks that had to be
+    /// traced again.
     pub fn write(
         &self,
-        worker: &Worker,
-        folder: &WorkFolder,
+        tracer: &Tracer,
+        way: &Way,
         base: &str,
         digests: &[String],
         traced: &Traced,
         console: &Console,
-    ) -> Result<()> {
+    ) -> Result<RayCounts> {
         std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))?;
         dataset::files::remove_stale_temporaries(&self.root)?;
+        let worker = &tracer.worker;
         let lights = worker.transport.lights;
         let blocks = worker.blocks();
+        let mut rays = RayCounts::default();
         let progress = console.progress("keeping layers", blocks.len() as u64);
         let mut files = digests.iter().map(|d| Partial::create(self.path(d))).collect::<Result<Vec<_>>>()?;
         let mut texels: Vec<Texel> = Vec::new();
         let (mut a, mut b) = (vec![Rgb::ZERO; lights.layers()], vec![Rgb::ZERO; lights.layers()]);
         for block in blocks {
-            stop_if_interrupted()?;
             let surface = worker.surface(block);
             let covered: Vec<usize> = surface.covered().collect();
-            let state = folder.read_block(block, covered.len())?;
+            let state = tracer.standing(block, &surface, way, &mut rays)?;
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); digests.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;
@@ -168,17 +174,58 @@ impl Layers {
             }
             progress.advance(1);
         }
-        dataset::files::write_atomically(&self.texels_path(base), bytemuck::cast_slice(&texels))?;
-        dataset::files::write_atomically(&self.rounds_path(base), &json::bytes(traced, "rounds")?)?;
-        files.into_iter().try_for_each(Partial::finish)
+        way.tell(console);
+        let mut whole = |path: PathBuf, bytes: &[u8]| {
+            let mut file = Partial::create(path)?;
+            file.write(bytes)?;
+            files.push(file);
+            Ok(())
+        };
+        whole(self.texels_path(base), bytemuck::cast_slice(&texels))?;
+        whole(self.rounds_path(base), &json::bytes(traced, "rounds")?)?;
+        let name = files.into_iter().map(Partial::finish).collect::<Result<_>>()?;
+        self.change(&Changes { name, ..Changes::default() })?;
+        Ok(rays)
     }
 
-    /// Forgets some layers: a bake that is to trace them again, and is killed, finds them missing and goes on.
+    /// Forgets some layers, all at once: a bake that is to trace them again, and is killed, finds them missing and goes on.
     pub fn forget<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
-        for path in digests.map(|digest| self.path(digest)) {
-            std::fs::remove_file(&path).map_err(Error::io(&path))?;
+        let remove = digests.map(|digest| file_name(&self.path(digest))).collect();
+        self.change(&Changes { remove, ..Changes::default() })
+    }
+
+    /// The changes that were begun, of which some may be made.
+    fn changes(&self) -> Changes {
+        let bytes = std::fs::read(self.root.join(CHANGES)).unwrap_or_default();
+        serde_json::from_slice(&bytes).unwrap_or_default()
+    }
+
+    /// Makes changes as one: a run that is killed amid them finds them written down, and the next makes the rest.
+    fn change(&self, changes: &Changes) -> Result<()> {
+        dataset::files::write_atomically(&self.root.join(CHANGES), &json::bytes(changes, CHANGES)?)?;
+        self.settle()
+    }
+
+    /// Makes what is left of the changes that a killed run began.
+    pub fn settle(&self) -> Result<()> {
+        let journal = self.root.join(CHANGES);
+        if !journal.exists() {
+            return Ok(());
         }
-        Ok(())
+        let changes = self.changes();
+        let fine_if_gone = |path: &Path, done: std::io::Result<()>| match done {
+            Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(path)(e)),
+            _ => Ok(()),
+        };
+        for (temporary, name) in &changes.name {
+            let path = self.root.join(name);
+            fine_if_gone(&path, std::fs::rename(self.root.join(temporary), &path))?;
+        }
+        for path in changes.remove.iter().map(|name| self.root.join(name)) {
+            fine_if_gone(&path, std::fs::remove_file(&path))?;
+        }
+        dataset::files::sync_folder_of(&journal);
+        fine_if_gone(&journal, std::fs::remove_file(&journal))
     }
 
     /// Removes all files but those of these layers and this page, and tells how many layers that were.
@@ -197,7 +244,34 @@ impl Layers {
     }
 }
 
-/// A file that gets its name when it is whole.
+/// What becomes of files of the folder, by their names, all at once.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Changes {
+    /// Whole files under temporary names, and the names they get.
+    #[serde(default)]
+    name: Vec<(String, String)>,
+    /// Files that go.
+    #[serde(default)]
+    remove: Vec<String>,
+}
+
+impl Changes {
+    /// Where the content is that `path` has after the changes.
+    fn place(&self, path: &Path) -> PathBuf {
+        let name = file_name(path);
+        if self.remove.contains(&name) {
+            return path.with_extension("removed");
+        }
+        let temporary = self.name.iter().find(|(_, to)| *to == name).map(|(from, _)| path.with_file_name(from));
+        temporary.filter(|temporary| temporary.exists()).unwrap_or_else(|| path.to_owned())
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A file that is written under a temporary name.
 struct Partial {
     path: PathBuf,
     temporary: PathBuf,
@@ -206,7 +280,7 @@ struct Partial {
 
 impl Partial {
     fn create(path: PathBuf) -> Result<Self> {
-        let temporary = path.with_extension("partial");
+        let temporary = dataset::files::temporary_beside(&path)?;
         let file = File::create(&temporary).map_err(Error::io(&path))?;
         Ok(Partial { path, temporary, file: std::io::BufWriter::new(file) })
     }
@@ -215,10 +289,11 @@ impl Partial {
         self.file.write_all(bytes).map_err(Error::io(&self.path))
     }
 
-    fn finish(self) -> Result<()> {
+    /// Makes it durable; its temporary name, and the one it is to get.
+    fn finish(self) -> Result<(String, String)> {
         let file = self.file.into_inner().map_err(|e| Error::io(&self.path)(e.into_error()))?;
         file.sync_all().map_err(Error::io(&self.path))?;
-        std::fs::rename(&self.temporary, &self.path).map_err(Error::io(&self.path))
+        Ok((file_name(&self.temporary), file_name(&self.path)))
     }
 }
 
@@ -243,5 +318,35 @@ mod tests {
         assert_eq!(layers.read_at(digest, &places).unwrap(), places.map(|place| all[place]));
         let error = layers.read_at(digest, &[100]).unwrap_err().to_string();
         assert!(error.contains(layers.path(digest).to_str().unwrap()), "{error}");
+    }
+
+    #[test]
+    fn changes_are_made_as_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let layers = Layers::new(dir.path());
+        std::fs::create_dir(&layers.root).unwrap();
+        let digests = ["a", "b", "c"].map(|digest| digest.repeat(32));
+        let bytes = |values: usize| vec![0; values * size_of::<Stored>()];
+        let held = || digests.iter().map(|digest| layers.has(digest, 2)).collect::<Vec<_>>();
+        let partial = digests[..2].iter().map(|digest| {
+            let mut file = Partial::create(layers.path(digest)).unwrap();
+            file.write(&bytes(2)).unwrap();
+            file.finish().unwrap()
+        });
+        let name: Vec<_> = partial.collect();
+        std::fs::write(layers.path(&digests[2]), bytes(2)).unwrap();
+        assert_eq!(held(), [false, false, true]);
+        // As a run leaves it that was killed after the first of its renames.
+        let changes = Changes { name: name.clone(), remove: vec![file_name(&layers.path(&digests[2]))] };
+        std::fs::write(layers.root.join(CHANGES), json::bytes(&changes, "").unwrap()).unwrap();
+        std::fs::rename(layers.root.join(&name[0].0), layers.path(&digests[0])).unwrap();
+        let after = [true, true, false];
+        assert_eq!(held(), after);
+        assert!(layers.path(&digests[2]).exists() && !layers.path(&digests[1]).exists());
+        layers.settle().unwrap();
+        assert_eq!(held(), after);
+        assert_eq!(std::fs::read_dir(&layers.root).unwrap().count(), 2);
+        layers.forget(digests[..1].iter()).unwrap();
+        assert_eq!(held(), [false, true, false]);
     }
 }

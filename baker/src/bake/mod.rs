@@ -2,6 +2,7 @@
 
 pub mod json;
 pub mod plan;
+pub mod sealed;
 pub mod state;
 pub mod work;
 pub mod errors;
@@ -14,6 +15,7 @@ pub mod balance;
 pub mod pilot;
 pub mod solve;
 pub mod rounds;
+pub mod step;
 pub mod tracer;
 pub mod layers;
 pub mod kept;

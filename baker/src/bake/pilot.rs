@@ -83,7 +83,7 @@ fn trace_block(
 ) -> Result<Vec<TracedEntry>> {
     let surface = worker.surface(block);
     let covered: Vec<usize> = surface.covered().collect();
-    let state = folder.read_block(block, covered.len())?;
+    let state = folder.expect_block(block, covered.len())?;
     let lights = worker.transport.lights;
     // The exposed texels of each entry, as (entry, texel of the block's file).
     let mut texels: Vec<(u32, usize)> = covered

@@ -66,11 +66,13 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
     console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
     atlas.warnings.iter().for_each(|w| console.warn(w));
+    folder::begin(&out)?;
     let mut writer = Writer::create(&out)?;
     if options.force {
         WorkFolder::clear(&out)?;
         layers.clear()?;
     }
+    layers.settle()?;
     let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {
@@ -109,6 +111,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     if forgotten > 0 {
         console.say(format!("no longer kept, as this bake does not use them: {}", count(forgotten, "layer")));
     }
+
+    folder::end(&out);
 
     let outcome = Outcome {
         scene: scene.name.clone(),
@@ -240,11 +244,11 @@ fn trace(
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(chosen);
         let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };
-        let mut traced = tracer.run(&prepared.limits, console)?;
+        let (mut traced, way) = tracer.run(&prepared.limits, console)?;
         if let Some(kept) = layers.traced(&base).filter(|_| chosen.len() < digests.len()) {
             traced.keep(&kept);
         }
-        layers.write(&tracer.worker, &folder, &base, &wanted, &traced, console)?;
+        traced.rays += layers.write(&tracer, &way, &base, &wanted, &traced, console)?;
         folder.remove();
         Ok(traced)
     })?;

@@ -8,17 +8,14 @@ use super::block::{Worker, sum};
 use super::indirect::Cache;
 use super::pilot::trace;
 use super::state::{ALL_PROBES, is_exposed};
-use super::work::WorkFolder;
+use super::work::{CACHE, WorkFolder};
 use crate::Result;
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::space::Receiver;
 use dataset::console::Console;
-use dataset::files::write_atomically_with;
 use rayon::prelude::*;
-use std::io::Write;
-use std::path::Path;
 
 /// Memory that the cache and its solution may take, about.
 const MEMORY: u64 = 4 << 30;
@@ -56,7 +53,7 @@ pub fn map<'a>(
     let of_block = |&block: &usize| -> Result<Covered> {
         let surface = worker.surface(block);
         let texels: Vec<usize> = surface.covered().collect();
-        let probes = folder.read_block(block, texels.len())?.probes;
+        let probes = folder.expect_block(block, texels.len())?.probes;
         let place = |t: usize| surface.page_index(worker.atlas, t);
         let mut found = Covered { texels: texels.iter().map(|&t| place(t)).collect(), ..Covered::default() };
         for (&texel, &probes) in texels.iter().zip(&probes).filter(|(_, o)| **o != ALL_PROBES) {
@@ -101,33 +98,26 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-const MAGIC: &[u8; 8] = b"TLMCACH1";
-
 /// Keeps a filled cache beside the work, for a run that continues it.
-pub fn store(path: &Path, halves: &[CacheHalf; 2]) -> Result<()> {
-    write_atomically_with(path, |file| {
-        let mut file = std::io::BufWriter::new(file);
-        file.write_all(MAGIC)?;
-        for half in halves {
-            file.write_all(bytemuck::cast_slice(half.scales()))?;
-            file.write_all(half.bytes())?;
-        }
-        file.flush()
-    })
+pub fn store(folder: &WorkFolder, halves: &[CacheHalf; 2]) -> Result<()> {
+    let [a, b] = halves;
+    folder.write_sealed(
+        CACHE,
+        &[bytemuck::cast_slice(a.scales()), a.bytes(), bytemuck::cast_slice(b.scales()), b.bytes()],
+    )
 }
 
-/// What [`store`] kept; `None` where there is nothing fitting.
-pub fn load(path: &Path, entries: usize, layers: usize) -> Option<[CacheHalf; 2]> {
-    let bytes = std::fs::read(path).ok()?;
-    let rest = bytes.strip_prefix(MAGIC)?;
+/// What [`store`] kept; `None` where there is nothing whole and fitting.
+pub fn load(folder: &WorkFolder, entries: usize, layers: usize) -> Result<Option<[CacheHalf; 2]>> {
+    let Some(bytes) = folder.read_sealed(CACHE)? else { return Ok(None) };
     let values = entries * CacheHalf::bytes_per_entry(layers);
     let scales = CacheHalf::bytes_per_entry(layers) * 2;
-    if rest.len() != 2 * (values + scales) {
-        return None;
+    if bytes.len() != 2 * (values + scales) {
+        return Ok(None);
     }
     let half = |bytes: &[u8]| {
         CacheHalf::from_parts(layers, bytemuck::pod_collect_to_vec(&bytes[..scales]), &bytes[scales..])
     };
-    let (a, b) = rest.split_at(values + scales);
-    Some([half(a)?, half(b)?])
+    let (a, b) = bytes.split_at(values + scales);
+    Ok(half(a).zip(half(b)).map(|(a, b)| [a, b]))
 }

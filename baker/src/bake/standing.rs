@@ -14,7 +14,7 @@ use dataset::config::Config;
 use dataset::console::{Console, count};
 use dataset::store::{self, Dataset};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The outcome of a run, beside the manifest.
@@ -47,7 +47,10 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
 pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let is_own = [store::MANIFEST, store::WORK, layers::FOLDER].iter().any(|name| out.join(name).exists());
     let written = [GLB, RUN, REPORT, store::DATA];
-    let foreign: Vec<&str> = written.into_iter().filter(|name| !is_own && out.join(name).exists()).collect();
+    // (An empty folder is nobody's loss.)
+    let is_empty = |path: &Path| std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
+    let is_foreign = |path: PathBuf| !is_own && path.exists() && !is_empty(&path);
+    let foreign: Vec<&str> = written.into_iter().filter(|name| is_foreign(out.join(name))).collect();
     if !foreign.is_empty() {
         return Err(Error::invalid(
             out.display(),

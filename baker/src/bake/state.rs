@@ -151,7 +151,7 @@ impl BlockState {
     }
 }
 
-const MAGIC: &[u8; 8] = b"TLMBLK06";
+const MAGIC: &[u8; 8] = b"TLMBLK07";
 /// Magic, round, texels, layers, sampled lights, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
 const HEADER: usize = 8 + 5 * 4;
 

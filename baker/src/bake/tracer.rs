@@ -1,4 +1,7 @@
 //! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
+//!
+//! A run that continues trusts no block that is missing, damaged, or behind the finished rounds: such a block is brought through the
+//! same steps again, which gives the same sums. Where something else that later work was decided by is lost, all of it starts over.
 
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
@@ -8,15 +11,14 @@ use super::open::{Block, OpenCells};
 use super::rounds::{Limits, Round, Traced, endless, note, schedule, total_of};
 use super::solve;
 use super::state::{BlockState, CELLS};
-use super::work::{CACHE, DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
+use super::step::Step;
+use super::work::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
-use crate::{Error, Result};
+use crate::Result;
 use dataset::console::{Console, count, stop_if_interrupted};
-use dataset::files::write_atomically;
 use rayon::prelude::*;
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// What rounds are traced with.
@@ -33,9 +35,63 @@ pub struct Tracer<'a> {
     pub layers: usize,
 }
 
+/// All that decided what the blocks hold, by which one that is lost is traced again.
+pub struct Way<'t> {
+    /// The mean of each light over the trial samples.
+    direct_means: Vec<f32>,
+    /// The samples whose direct light was drawn before the rounds, to solve the cache from.
+    certain: Option<u32>,
+    cache: Option<Cache<'t>>,
+    /// The rounds that every block was brought through.
+    steps: Vec<Step>,
+    /// Blocks that were traced again.
+    again: AtomicUsize,
+}
+
+/// What came of the steps before the rounds.
+struct Begun {
+    direct_means: Vec<f32>,
+    /// Blocks that were missing, damaged, or behind the finished rounds.
+    lost: Vec<usize>,
+    /// The last round that some block was brought through.
+    furthest: u32,
+    rays: RayCounts,
+}
+
+/// The cache of a run.
+struct Solved<'t> {
+    /// `None` where it did not settle.
+    cache: Option<Cache<'t>>,
+    /// Whether an earlier run solved it.
+    is_kept: bool,
+}
+
+/// A block as a run finds it.
+struct Standing {
+    trial_sums: Vec<f64>,
+    exposed: f64,
+    is_lost: bool,
+    /// Whether it was decided how many direct samples its texels get.
+    is_decided: bool,
+    round: u32,
+    rays: RayCounts,
+}
+
 impl Tracer<'_> {
     /// Traces until a limit is reached.
-    pub fn run(&self, limits: &Limits, console: &Console) -> Result<Traced> {
+    pub fn run(&self, limits: &Limits, console: &Console) -> Result<(Traced, Way<'_>)> {
+        if let Some(done) = self.go_on(limits, console)? {
+            return Ok(done);
+        }
+        console.warn(
+            "the unfinished work here cannot be continued, because files that its later steps depend on were lost or damaged: it starts over",
+        );
+        self.folder.restart()?;
+        self.go_on(limits, console)?.ok_or_else(|| self.folder.changed())
+    }
+
+    /// Begins the work, or goes on with it; `None` where what is there does not allow that.
+    fn go_on(&self, limits: &Limits, console: &Console) -> Result<Option<(Traced, Way<'_>)>> {
         let blocks = self.worker.blocks();
         let rounds: Vec<Round> = self.folder.read(ROUNDS).unwrap_or_default();
         let before = rounds.last().map_or(0.0, |r| r.seconds);
@@ -44,17 +100,41 @@ impl Tracer<'_> {
         let schedule = schedule(limits);
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
         let is_open = limits.target_error.is_some() || limits.deadline.is_some();
-        let (direct_means, rays) = self.before_rounds(&blocks, console)?;
-        traced.rays += rays;
-        // What the cache is solved from is what its light rests on: as much as is known to be drawn anyway.
-        let certain = if is_open { schedule[0] } else { total_of(&schedule) };
-        let cache = self.cache(&blocks, certain, &direct_means, console, &mut traced)?;
-        let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
-        let mut progress =
-            console.progress("tracing", work(if is_open { schedule[0] } else { total_of(&schedule) }));
+        let first_or_all = if is_open { schedule[0] } else { total_of(&schedule) };
+        let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, console)? else {
+            return Ok(None);
+        };
+        traced.rays += begun.rays;
+        let mut way = Way {
+            direct_means: begun.direct_means,
+            certain: None,
+            cache: None,
+            steps: Vec::new(),
+            again: AtomicUsize::new(0),
+        };
+        let is_begun = begun.furthest > 0 || traced.resumed > 0;
+        let is_beyond_first = begun.furthest > 1 || traced.resumed > 1;
+        let mut is_solved = false;
+        if self.cached && self.worker.transport.lights.layers() > 0 {
+            // What the cache is solved from is what its light rests on: as much as is known to be drawn anyway.
+            way.certain = Some(first_or_all);
+            let Some(solved) = self.cache(&blocks, &way, is_begun, console, &mut traced)? else {
+                return Ok(None);
+            };
+            (way.cache, is_solved) = (solved.cache, solved.is_kept);
+        }
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
         }
+        let Some(steps) = self.steps(&traced.rounds, &schedule, limits, &blocks, console)? else {
+            return Ok(None);
+        };
+        way.steps = steps;
+        if traced.resumed > 0 || is_solved {
+            traced.rays += self.retrace(&begun.lost, &way, console)?;
+        }
+        let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
+        let mut progress = console.progress("tracing", work(first_or_all));
         for (round, &target) in schedule.iter().enumerate() {
             let previous = if round == 0 { 0 } else { schedule[round - 1] };
             if round < traced.resumed {
@@ -74,11 +154,14 @@ impl Tracer<'_> {
                     progress.note(&note(last, limits));
                 }
             }
-            let step = self.step(target, limits, &traced.rounds, &direct_means, &blocks, console)?;
+            let Some(step) = self.step(target, limits, &traced.rounds, &blocks, is_beyond_first, console)?
+            else {
+                return Ok(None);
+            };
             let late = AtomicBool::new(false);
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
             let of_block = |&block: &usize| {
-                let done = self.block(block, &step, cache.as_ref(), &late)?;
+                let done = self.block(block, &step, &way, &late)?;
                 progress.advance(u64::from(target - previous));
                 Ok(done)
             };
@@ -92,38 +175,60 @@ impl Tracer<'_> {
                 let open =
                     OpenCells::find(self.page(), target, &reached.set_means, done.iter().map(Done::cells));
                 reached.open_cells = open.count();
-                write_atomically(&self.open_path(step.round), &open.bytes())?;
+                self.folder.write_sealed(&open_name(step.round), &[&open.bytes()])?;
             }
             progress.note(&note(&reached, limits));
             traced.rounds.push(reached);
+            // A round that is told to be finished must be found finished, after a power failure too.
+            self.folder.sync_blocks(&blocks)?;
             self.folder.write(ROUNDS, &traced.rounds)?;
             if late.into_inner() {
                 traced.out_of_time = true;
                 break;
             }
+            way.steps.push(step);
         }
-        Ok(traced)
+        Ok(Some((traced, way)))
     }
 
-    /// The round that comes after `rounds`, which goes for `target` samples.
-    fn step<'a>(
+    /// The round that comes after `rounds`, which goes for `target` samples; `None` where what decides it is lost.
+    /// `is_beyond_first`: blocks were brought beyond the first round before this run.
+    fn step(
         &self,
         target: u32,
         limits: &Limits,
-        rounds: &'a [Round],
-        direct_means: &'a [f32],
+        rounds: &[Round],
         blocks: &[usize],
+        is_beyond_first: bool,
         console: &Console,
-    ) -> Result<Step<'a>> {
-        let (finished, first, last) = (rounds.len(), rounds.first(), rounds.last());
+    ) -> Result<Option<Step>> {
+        let (finished, first) = (rounds.len() as u32, rounds.first());
         let is_aimed = limits.target_error.is_some();
         let pivot = match first {
-            Some(first) if !is_aimed => Pivot::OfPage(self.pivot(blocks, &first.set_means, console)?),
+            Some(first) if !is_aimed => match self.folder.read(PIVOT) {
+                Some(kept) => Pivot::OfPage(kept),
+                // Decided by the first round's samples: later there are others.
+                None if is_beyond_first => return Ok(None),
+                None => Pivot::OfPage(self.pivot(blocks, &first.set_means, console)?),
+            },
             _ => Pivot::OfCell,
         };
-        let open = last.filter(|_| is_aimed).map(|_| self.open_after(finished as u32)).transpose()?;
-        let deadline = limits.deadline.filter(|_| finished > 0);
-        Ok(Step { round: finished as u32 + 1, target, deadline, direct_means, pivot, first, last, open })
+        let open = match is_aimed && finished > 0 {
+            true => match self.open_after(finished)? {
+                Some(open) => Some(open),
+                None => return Ok(None),
+            },
+            false => None,
+        };
+        Ok(Some(Step {
+            round: finished + 1,
+            before: rounds.last().map_or(0, |round| round.samples),
+            target,
+            deadline: limits.deadline.filter(|_| finished > 0),
+            pivot,
+            first_means: first.map(|first| first.set_means.clone()),
+            open,
+        }))
     }
 
     /// Width and height in texels.
@@ -131,85 +236,104 @@ impl Tracer<'_> {
         (self.worker.atlas.width as usize, self.worker.atlas.height as usize)
     }
 
-    /// Where the open cells of a round are kept, for a run that continues after it.
-    fn open_path(&self, round: u32) -> PathBuf {
-        self.folder.path(&format!("open-{round}.bin"))
-    }
-
-    /// The cells that were open after a round.
-    fn open_after(&self, round: u32) -> Result<OpenCells> {
-        let (path, (width, height)) = (self.open_path(round), self.page());
-        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
-        let wrong = || {
-            Error::invalid(path.display().to_string(), "it does not fit the page; start anew with --force")
-        };
-        OpenCells::from_bytes(width, height, &bytes).ok_or_else(wrong)
+    /// The cells that were open after a round; `None` where that is not known.
+    fn open_after(&self, round: u32) -> Result<Option<OpenCells>> {
+        let (width, height) = self.page();
+        let bytes = self.folder.read_sealed(&open_name(round))?;
+        Ok(bytes.and_then(|bytes| OpenCells::from_bytes(width, height, &bytes)))
     }
 
     /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
-    /// count. The mean of each light over the trials of exposed texels, in the sum of its channels.
-    fn before_rounds(&self, blocks: &[usize], console: &Console) -> Result<(Vec<f32>, RayCounts)> {
+    /// count. `None` where the blocks hold more than what is kept of the decisions about them.
+    fn before_rounds(&self, blocks: &[usize], finished: u32, console: &Console) -> Result<Option<Begun>> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
         let of_block = |&block: &usize| {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
-            let mut state = self.folder.read_block(block, surface.covered().count())?;
-            let mut counts = RayCounts::default();
-            if state.probes.is_empty() && !state.taken.is_empty() {
-                counts += self.worker.probe(&surface, &mut state);
-                counts += self.worker.first_direct(&surface, &mut state);
+            let texels = surface.covered().count();
+            let found = self.folder.read_block(block, texels)?;
+            let is_lost = found.as_ref().is_none_or(|state| state.round < finished);
+            let mut state = found.unwrap_or_else(|| self.folder.empty_block(texels));
+            let mut rays = RayCounts::default();
+            if self.first_light(&surface, &mut state, &mut rays) {
                 stop_if_interrupted()?;
                 self.folder.write_block(block, &state)?;
             }
             progress.advance(1);
-            Ok((state.trial_sums(lights), counts))
+            let (trial_sums, exposed) = state.trial_sums(lights);
+            let (is_decided, round) = (!state.wants.is_empty(), state.round);
+            Ok(Standing { trial_sums, exposed, is_lost, is_decided, round, rays })
         };
-        let (mut means, mut values, mut counts) = (vec![0.0; lights], 0.0, RayCounts::default());
-        for ((sums, n), c) in blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()? {
-            means.iter_mut().zip(sums).for_each(|(m, s)| *m += s);
-            (values, counts) = (values + n, counts + c);
+        let found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
+        let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
+        // A block goes one round further than the last finished one, at most. A run that continues finds no trials in blocks that were
+        // decided: what is decided by stays what it was.
+        let kept = self.folder.read(DIRECT);
+        if furthest > finished + 1 || kept.is_none() && found.iter().any(|block| block.is_decided) {
+            return Ok(None);
         }
-        // A run that continues finds no trials in blocks that were decided: what is decided by stays what it was.
+        let (mut means, mut values) = (vec![0.0; lights], 0.0);
+        for block in &found {
+            means.iter_mut().zip(&block.trial_sums).for_each(|(mean, sum)| *mean += sum);
+            values += block.exposed;
+        }
         let mean = |sum: &f64| (sum / f64::max(values, 1.0)) as f32;
-        let means = self.folder.kept(DIRECT, || Ok(means.iter().map(mean).collect()))?;
-        Ok((means, counts))
+        let direct_means = match kept {
+            Some(kept) => kept,
+            None => self.folder.kept(DIRECT, || Ok(means.iter().map(mean).collect()))?,
+        };
+        let lost = blocks.iter().zip(&found).filter(|(_, block)| block.is_lost).map(|(&block, _)| block);
+        let lost = lost.collect();
+        Ok(Some(Begun { direct_means, lost, furthest, rays: sum(found.iter().map(|block| block.rays)) }))
     }
 
-    /// The cache, solved from the direct samples that go with `samples` of indirect light.
+    /// Probes a block's texels and draws its trial samples and its first ones; whether there was anything to do.
+    fn first_light(&self, surface: &BlockSurface, state: &mut BlockState, rays: &mut RayCounts) -> bool {
+        let is_new = state.probes.is_empty() && !state.taken.is_empty();
+        if is_new {
+            *rays += self.worker.probe(surface, state);
+            *rays += self.worker.first_direct(surface, state);
+        }
+        is_new
+    }
+
+    /// The cache. `None` where it is lost and cannot be made as it was, because rounds came after it (`is_begun`).
     fn cache(
         &self,
         blocks: &[usize],
-        samples: u32,
-        direct_means: &[f32],
+        way: &Way,
+        is_begun: bool,
         console: &Console,
         traced: &mut Traced,
-    ) -> Result<Option<Cache<'_>>> {
-        if !self.cached || self.worker.transport.lights.layers() == 0 {
-            return Ok(None);
-        }
+    ) -> Result<Option<Solved<'_>>> {
         // A run that continues finds more direct light than the solver did: it must not try again.
         if let Some(passes) = self.folder.read(UNSETTLED) {
             traced.without_cache(passes);
-            return Ok(None);
+            return Ok(Some(Solved { cache: None, is_kept: true }));
         }
-        let path = self.folder.path(CACHE);
         let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
         traced.rays += counts;
-        if let Some(halves) = solve::load(&path, map.entries(), self.worker.transport.lights.layers()) {
-            return Ok(Some(Cache::new(&self.worker, map, halves)));
+        let layers = self.worker.transport.lights.layers();
+        if let Some(halves) = solve::load(self.folder, map.entries(), layers)? {
+            let cache = Some(Cache::new(&self.worker, map, halves));
+            return Ok(Some(Solved { cache, is_kept: true }));
         }
-        traced.rays += self.refine_direct(blocks, samples, direct_means, console)?;
+        if is_begun {
+            return Ok(None);
+        }
+        let samples = way.certain.unwrap_or(0);
+        traced.rays += self.refine_direct(blocks, samples, &way.direct_means, console)?;
         let (cache, solution, counts) =
             solve::fill(&self.worker, self.folder, map, blocks, samples, console)?;
         traced.rays += counts;
         if !solution.settled {
             self.folder.write(UNSETTLED, &solution.passes)?;
             traced.without_cache(solution.passes);
-            return Ok(None);
+            return Ok(Some(Solved { cache: None, is_kept: false }));
         }
-        solve::store(&path, &cache.halves)?;
-        Ok(Some(cache))
+        solve::store(self.folder, &cache.halves)?;
+        Ok(Some(Solved { cache: Some(cache), is_kept: false }))
     }
 
     /// Brings the direct light of all blocks to the samples that go with `samples` of indirect light.
@@ -224,7 +348,7 @@ impl Tracer<'_> {
         let of_block = |&block: &usize| {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
-            let mut state = self.folder.read_block(block, surface.covered().count())?;
+            let mut state = self.folder.expect_block(block, surface.covered().count())?;
             let counts = self.worker.more_direct(&surface, &mut state, &[true; CELLS], samples, means);
             stop_if_interrupted()?;
             self.folder.write_block(block, &state)?;
@@ -234,39 +358,115 @@ impl Tracer<'_> {
         Ok(sum(blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?))
     }
 
-    /// Brings one block through one round and gives its error sums.
-    fn block(&self, block: usize, step: &Step, cache: Option<&Cache>, late: &AtomicBool) -> Result<Done> {
+    /// The steps of the finished `rounds`; `None` where what decided one of them is lost.
+    fn steps(
+        &self,
+        rounds: &[Round],
+        schedule: &[u32],
+        limits: &Limits,
+        blocks: &[usize],
+        console: &Console,
+    ) -> Result<Option<Vec<Step>>> {
+        let limits = Limits { deadline: None, ..*limits };
+        let mut steps = Vec::new();
+        for (round, &target) in schedule.iter().enumerate().take(rounds.len()) {
+            match self.step(target, &limits, &rounds[..round], blocks, rounds.len() > 1, console)? {
+                Some(step) => steps.push(step),
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(steps))
+    }
+
+    /// Brings blocks that were lost through the way of all others.
+    fn retrace(&self, lost: &[usize], way: &Way, console: &Console) -> Result<RayCounts> {
+        let progress = console.progress("tracing again", lost.len() as u64);
+        let of_block = |&block: &usize| {
+            let mut rays = RayCounts::default();
+            self.standing(block, &self.worker.surface(block), way, &mut rays)?;
+            progress.advance(1);
+            Ok(rays)
+        };
+        let rays = sum(lost.par_iter().map(of_block).collect::<Result<Vec<_>>>()?);
+        way.tell(console);
+        Ok(rays)
+    }
+
+    /// A block as the steps of the way left it. One that is missing, damaged, or behind them is traced again.
+    pub fn standing(
+        &self,
+        block: usize,
+        surface: &BlockSurface,
+        way: &Way,
+        rays: &mut RayCounts,
+    ) -> Result<BlockState> {
         stop_if_interrupted()?;
+        let texels = surface.covered().count();
+        let found = self.folder.read_block(block, texels)?;
+        let is_whole = |state: &BlockState| {
+            // (Of a block that has no round yet, the direct light may be less than what the cache was solved from.)
+            let is_refined = way.certain.is_none() || !state.wants.is_empty() || state.direct.is_empty();
+            state.round as usize >= way.steps.len() && is_refined
+        };
+        let mut state = match found {
+            Some(state) if is_whole(&state) => return Ok(state),
+            Some(state) => state,
+            None => self.folder.empty_block(texels),
+        };
+        way.again.fetch_add(1, Ordering::Relaxed);
+        self.first_light(surface, &mut state, rays);
+        if let Some(samples) = way.certain {
+            *rays += self.worker.more_direct(surface, &mut state, &[true; CELLS], samples, &way.direct_means);
+        }
+        for step in way.steps.iter().skip(state.round as usize) {
+            self.bring(block, surface, &mut state, step, way, rays);
+        }
+        stop_if_interrupted()?;
+        self.folder.write_block(block, &state)?;
+        Ok(state)
+    }
+
+    /// Brings one block through one round; whether its time ran out on the way.
+    fn bring(
+        &self,
+        block: usize,
+        surface: &BlockSurface,
+        state: &mut BlockState,
+        step: &Step,
+        way: &Way,
+        rays: &mut RayCounts,
+    ) -> bool {
+        if let (Some(means), true) = (&step.first_means, state.log2_shares.is_empty()) {
+            let classes = self.classes(surface, state, means);
+            state.log2_shares = log2_shares(&classes, surface, step.pivot);
+        }
+        let active = step.open.as_ref().map_or([true; CELLS], |open| open.of_block(surface.x0, surface.y0));
+        let mut is_late = false;
+        for samples in step.slices().filter(|_| active.contains(&true)) {
+            *rays += self.worker.more_direct(surface, state, &active, samples, &way.direct_means);
+            *rays += self.worker.indirect(block, surface, state, &active, samples / 2, way.cache.as_ref());
+            if samples < step.target && step.is_late() {
+                is_late = true;
+                break;
+            }
+        }
+        state.round = step.round;
+        is_late
+    }
+
+    /// Brings one block through one round and gives its error sums.
+    fn block(&self, block: usize, step: &Step, way: &Way, late: &AtomicBool) -> Result<Done> {
         let surface = self.worker.surface(block);
-        let mut state = self.folder.read_block(block, surface.covered().count())?;
         let mut rays = RayCounts::default();
+        let mut state = self.standing(block, &surface, way, &mut rays)?;
         if state.round < step.round {
-            if step.deadline.is_some_and(|d| Instant::now() >= d) {
+            if step.is_late() {
                 late.store(true, Ordering::Relaxed);
             } else {
-                let mut bring_to = |state: &mut BlockState, active: &[bool; CELLS], samples: u32| {
-                    rays += self.worker.more_direct(&surface, state, active, samples, step.direct_means);
-                    rays += self.worker.indirect(block, &surface, state, active, samples / 2, cache);
-                };
-                if let (Some(first), true) = (step.first, state.log2_shares.is_empty()) {
-                    // (A block whose file was lost begins anew.)
-                    if state.round == 0 {
-                        bring_to(&mut state, &[true; CELLS], first.samples);
-                    }
-                    let classes = self.classes(&surface, &state, &first.set_means);
-                    state.log2_shares = log2_shares(&classes, &surface, step.pivot);
-                }
-                let all = [true; CELLS];
-                let active = step.open.as_ref().map_or(all, |open| open.of_block(surface.x0, surface.y0));
-                for samples in step.slices().filter(|_| active.contains(&true)) {
-                    bring_to(&mut state, &active, samples);
-                    if samples < step.target && step.deadline.is_some_and(|d| Instant::now() >= d) {
-                        late.store(true, Ordering::Relaxed);
-                        break;
-                    }
+                if self.bring(block, &surface, &mut state, step, way, &mut rays) {
+                    late.store(true, Ordering::Relaxed);
                 }
                 stop_if_interrupted()?;
-                state.round = step.round;
                 self.folder.write_block(block, &state)?;
             }
         }
@@ -287,23 +487,23 @@ impl Tracer<'_> {
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
     fn pivot(&self, blocks: &[usize], means: &[f64], console: &Console) -> Result<Option<i16>> {
-        self.folder.kept(PIVOT, || {
-            let progress = console.progress("allocating samples", blocks.len() as u64);
-            let of_block = |&block: &usize| -> Result<Histogram> {
-                stop_if_interrupted()?;
-                let surface = self.worker.surface(block);
-                let state = self.folder.read_block(block, surface.covered().count())?;
-                let mut histogram = Histogram::default();
-                histogram.add(self.classes(&surface, &state, means));
-                progress.advance(1);
-                Ok(histogram)
-            };
-            let merged = |mut all: Histogram, other: Histogram| {
-                all.merge(&other);
-                Ok(all)
-            };
-            Ok(blocks.par_iter().map(of_block).try_reduce(Histogram::default, merged)?.pivot())
-        })
+        let progress = console.progress("allocating samples", blocks.len() as u64);
+        let of_block = |&block: &usize| -> Result<Histogram> {
+            stop_if_interrupted()?;
+            let surface = self.worker.surface(block);
+            let state = self.folder.expect_block(block, surface.covered().count())?;
+            let mut histogram = Histogram::default();
+            histogram.add(self.classes(&surface, &state, means));
+            progress.advance(1);
+            Ok(histogram)
+        };
+        let merged = |mut all: Histogram, other: Histogram| {
+            all.merge(&other);
+            Ok(all)
+        };
+        let pivot = blocks.par_iter().map(of_block).try_reduce(Histogram::default, merged)?.pivot();
+        self.folder.write(PIVOT, &pivot)?;
+        Ok(pivot)
     }
 
     /// What the blocks reached, all together.
@@ -337,38 +537,23 @@ impl Tracer<'_> {
     }
 }
 
-/// One round, as a block sees it.
-struct Step<'a> {
-    /// Counted from 1.
-    round: u32,
-    /// Samples per texel, both halves together.
-    target: u32,
-    deadline: Option<Instant>,
-    /// The mean direct light of each light.
-    direct_means: &'a [f32],
-    /// Whose texels get as many samples as the target says, after the first round.
-    pivot: Pivot,
-    /// The first round, if it is done.
-    first: Option<&'a Round>,
-    /// The round before.
-    last: Option<&'a Round>,
-    /// The cells that miss a target; without one, and in the first round, all get samples.
-    open: Option<OpenCells>,
+impl Way<'_> {
+    /// Says how many blocks were traced again since it was last asked.
+    pub fn tell(&self, console: &Console) {
+        let again = self.again.swap(0, Ordering::Relaxed);
+        if again > 0 {
+            console.warn(format!(
+                "{} of the unfinished work here {} missing, damaged, or older than its finished rounds: traced again",
+                count(again, "block"),
+                if again == 1 { "was" } else { "were" }
+            ));
+        }
+    }
 }
 
-impl Step<'_> {
-    /// Samples per texel at which a block looks at the clock. A round takes as long as all before it, and on a small page that is
-    /// the time of one block: under a time limit it is traced in sixteen slices, which draw the same samples as the whole.
-    fn slices(&self) -> impl Iterator<Item = u32> {
-        const SLICES: u32 = 16;
-        let before = self.last.map_or(0, |round| round.samples);
-        let is_cut = self.deadline.is_some() && self.target >= before + 2 * SLICES;
-        let slices = if is_cut { SLICES } else { 1 };
-        // (Even numbers, for both halves draw as many.)
-        let step = (self.target - before) / slices / 2 * 2;
-        let target = self.target;
-        (1..=slices).map(move |slice| if slice == slices { target } else { before + slice * step })
-    }
+/// The name under which the open cells of a round are kept, for a run that continues after it.
+fn open_name(round: u32) -> String {
+    format!("open-{round}.bin")
 }
 
 /// A block after a round.
@@ -388,36 +573,5 @@ struct Done {
 impl Done {
     fn cells(&self) -> Block<'_> {
         Block { x0: self.x0, y0: self.y0, exposed: self.exposed, sums: &self.cells }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn slices_end_at_the_target_and_there_is_one_without_a_deadline() {
-        let slices = |before: Option<u32>, target: u32, deadline| {
-            let last = before.map(|samples| Round { samples, ..Round::default() });
-            let step = Step {
-                round: 2,
-                target,
-                deadline,
-                direct_means: &[],
-                pivot: Pivot::OfCell,
-                first: None,
-                last: last.as_ref(),
-                open: None,
-            };
-            step.slices().collect::<Vec<u32>>()
-        };
-        assert_eq!(slices(Some(1 << 15), 1 << 16, None), [1 << 16]);
-        let now = Some(Instant::now());
-        let many = slices(Some(1 << 15), 1 << 16, now);
-        assert_eq!((many.len(), many[0], many[15]), (16, (1 << 15) + (1 << 11), 1 << 16));
-        assert!(many.windows(2).all(|pair| pair[0] < pair[1]) && many.iter().all(|n| n % 2 == 0));
-        // A power of two need not lie between: what was asked for may be less than twice what was drawn.
-        assert_eq!(slices(Some(16), 32, now), [32]);
-        assert_eq!(slices(None, 2, now), [2]);
     }
 }

@@ -17,11 +17,14 @@
 //! decided, and would decide otherwise.
 
 use super::json;
+use super::sealed;
 use super::state::BlockState;
 use crate::{Error, Result};
 use dataset::files::write_atomically;
+use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Name of the folder of work in progress inside a dataset.
@@ -44,6 +47,8 @@ pub const ROUNDS: &str = "rounds.json";
 #[derive(Debug)]
 pub struct WorkFolder {
     root: PathBuf,
+    /// Digest of the work.
+    digest: String,
     layers: usize,
     sampled: usize,
 }
@@ -57,7 +62,8 @@ impl WorkFolder {
         }
         let root = dataset.join(FOLDER).join(&digest[..16]);
         std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
-        let folder = WorkFolder { root, layers: layers.len(), sampled };
+        dataset::files::remove_stale_temporaries(&root)?;
+        let folder = WorkFolder { root, digest: digest.to_owned(), layers: layers.len(), sampled };
         folder.write(LAYERS, &layers)?;
         Ok(folder)
     }
@@ -65,7 +71,7 @@ impl WorkFolder {
     /// The work of other bakes, which [`WorkFolder::open`] forgets.
     fn others(dataset: &Path, digest: &str) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(dataset.join(FOLDER)).into_iter().flatten().flatten();
-        entries.map(|e| e.path()).filter(|path| !path.ends_with(&digest[..16])).collect()
+        entries.map(|e| e.path()).filter(|path| digest.is_empty() || !path.ends_with(&digest[..16])).collect()
     }
 
     /// The unfinished work of other bakes, each with whether it has a finished round. What was left behind when all of its layers were
@@ -86,13 +92,11 @@ impl WorkFolder {
     /// Removes it, for all that was traced is kept; what cannot be removed is found to be finished by a later bake.
     pub fn remove(self) {
         let _ = std::fs::remove_dir_all(&self.root);
-        // (The last one takes the folder of all work with it.)
-        let _ = self.root.parent().map(std::fs::remove_dir);
     }
 
-    /// Forgets all work below `dataset`.
+    /// Forgets all work below `dataset`. The folder of it stays, by which a later run knows the dataset's folder for a bake's own.
     pub fn clear(dataset: &Path) -> Result<()> {
-        dataset::files::remove_folder(&dataset.join(FOLDER))
+        Self::others(dataset, "").iter().try_for_each(|path| dataset::files::remove_folder(path))
     }
 
     /// The path of a file of the folder.
@@ -100,30 +104,80 @@ impl WorkFolder {
         self.root.join(name)
     }
 
-    /// Reads a block, or gives an empty one if nothing fitting was written yet.
-    pub fn read_block(&self, block: usize, texels: usize) -> Result<BlockState> {
-        let path = self.block_path(block);
-        let empty = || BlockState::empty(texels, self.layers, self.sampled);
+    /// Forgets all that was done, so that the work begins anew.
+    pub fn restart(&self) -> Result<()> {
+        let entries = std::fs::read_dir(&self.root).map_err(Error::io(&self.root))?;
+        let paths = entries.flatten().map(|entry| entry.path());
+        // What is believed without a look at the blocks goes first: a run that is killed here finds blocks that went too far, and
+        // begins anew too.
+        let (mut files, blocks): (Vec<PathBuf>, Vec<PathBuf>) =
+            paths.filter(|path| !path.ends_with(LAYERS)).partition(|path| path.ends_with(ROUNDS));
+        files.extend(blocks);
+        files.iter().try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))
+    }
+
+    /// The error of a folder that somebody changes while it is worked in.
+    pub fn changed(&self) -> Error {
+        Error::invalid(
+            self.root.display(),
+            "files of the unfinished work disappear or change while it is traced; expected no other program to write there (the same \
+             command continues)",
+        )
+    }
+
+    /// A block of so many texels without samples.
+    pub fn empty_block(&self, texels: usize) -> BlockState {
+        BlockState::empty(texels, self.layers, self.sampled)
+    }
+
+    /// Reads a block; `None` where it was not written yet, or what is there is not whole or not of this work.
+    pub fn read_block(&self, block: usize, texels: usize) -> Result<Option<BlockState>> {
+        let bytes = self.read_sealed(&block_name(block))?;
+        Ok(bytes.and_then(|bytes| BlockState::from_bytes(&bytes, texels, self.layers, self.sampled)))
+    }
+
+    /// A block that this run has read or written before.
+    pub fn expect_block(&self, block: usize, texels: usize) -> Result<BlockState> {
+        self.read_block(block, texels)?.ok_or_else(|| self.changed())
+    }
+
+    /// Writes a block, replacing what was there: whole or absent for a run that is killed, and durable after [`Self::sync_blocks`].
+    pub fn write_block(&self, block: usize, state: &BlockState) -> Result<()> {
+        let (name, bytes) = (block_name(block), state.to_bytes(self.layers, self.sampled));
+        sealed::write_unsynced(&self.path(&name), &self.label(&name), &[&bytes])
+    }
+
+    /// Makes blocks durable. Once for all of a round: most of them have reached the disk by then.
+    pub fn sync_blocks(&self, blocks: &[usize]) -> Result<()> {
+        let sync = |&block: &usize| {
+            let path = self.path(&block_name(block));
+            let synced = std::fs::File::open(&path).and_then(|file| file.sync_all());
+            // (A block that disappeared is found to be missing by who reads it.)
+            synced.or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(Error::io(&path)(e)) })
+        };
+        blocks.par_iter().try_for_each(sync)?;
+        dataset::files::sync_folder_of(&self.path(ROUNDS));
+        Ok(())
+    }
+
+    /// The content of a file that [`Self::write_sealed`] wrote; `None` where there is none, or it is not whole.
+    pub fn read_sealed(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        let path = self.path(name);
         match std::fs::read(&path) {
-            Ok(bytes) => {
-                Ok(BlockState::from_bytes(&bytes, texels, self.layers, self.sampled).unwrap_or_else(empty))
-            }
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(empty()),
+            Ok(bytes) => Ok(sealed::payload(&self.label(name), &bytes).map(<[u8]>::to_vec)),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
             Err(e) => Err(Error::io(&path)(e)),
         }
     }
 
-    /// Writes a block, replacing what was there.
-    pub fn write_block(&self, block: usize, state: &BlockState) -> Result<()> {
-        // Whole or absent for a run that is killed; not synced, since after a power failure the work may start again.
-        let path = self.block_path(block);
-        let temporary = path.with_extension("partial");
-        std::fs::write(&temporary, state.to_bytes(self.layers, self.sampled)).map_err(Error::io(&path))?;
-        std::fs::rename(&temporary, &path).map_err(Error::io(&path))
+    /// Writes the parts of a file's content one after the other, with a checksum.
+    pub fn write_sealed(&self, name: &str, parts: &[&[u8]]) -> Result<()> {
+        sealed::write(&self.path(name), &self.label(name), parts)
     }
 
-    fn block_path(&self, block: usize) -> PathBuf {
-        self.root.join(format!("block-{block:07}.bin"))
+    /// What a checksum is of, beside the content: a file of other work, or of another block, does not pass for this one.
+    fn label(&self, name: &str) -> String {
+        format!("{}/{name}", self.digest)
     }
 
     /// The value that was kept under a name; `None` where none was, or no such.
@@ -151,6 +205,10 @@ impl WorkFolder {
     }
 }
 
+fn block_name(block: usize) -> String {
+    format!("block-{block:07}.bin")
+}
+
 /// Whether all layers that a folder's work is of are kept.
 fn is_finished(folder: &Path, is_kept: impl Fn(&str) -> bool) -> bool {
     let layers =
@@ -168,15 +226,23 @@ mod tests {
         let digest = "0123456789abcdef0123";
         let names = |names: [&str; 3]| names.map(str::to_owned);
         let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), 2).unwrap();
-        assert_eq!(folder.read_block(5, 4).unwrap(), BlockState::empty(4, 3, 2));
+        assert_eq!(folder.read_block(5, 4).unwrap(), None);
         let state = BlockState { round: 2, wants: vec![1; 8], ..BlockState::empty(4, 3, 2) };
         folder.write_block(5, &state).unwrap();
-        assert_eq!(folder.read_block(5, 4).unwrap(), state);
-        assert_eq!(folder.read_block(5, 3).unwrap(), BlockState::empty(3, 3, 2));
-        let path = folder.block_path(5);
+        folder.sync_blocks(&[5, 6]).unwrap();
+        assert_eq!(folder.expect_block(5, 4).unwrap(), state);
+        assert_eq!(folder.read_block(5, 3).unwrap(), None);
+        let path = folder.path(&block_name(5));
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
-        assert_eq!(folder.read_block(5, 4).unwrap(), BlockState::empty(4, 3, 2));
+        assert_eq!(folder.read_block(5, 4).unwrap(), None);
+        // Of another block, or of other work.
+        std::fs::write(folder.path(&block_name(6)), &bytes).unwrap();
+        assert_eq!(folder.read_block(6, 4).unwrap(), None);
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(folder.read_block(5, 4).unwrap(), Some(state));
+        folder.restart().unwrap();
+        assert!(folder.read_block(5, 4).unwrap().is_none() && folder.path(LAYERS).exists());
         // Its work is unfinished, whatever is kept of its layers, until all of them are.
         let other = "fedcba9876543210fedc";
         let unfinished = |of: &str, missing: &[&str]| {
@@ -196,7 +262,10 @@ mod tests {
         let new = WorkFolder::open(dir.path(), other, &[], 2).unwrap();
         assert!(!folder.root.exists() && new.root.exists());
         new.remove();
-        assert!(!dir.path().join(FOLDER).exists());
+        assert_eq!(std::fs::read_dir(dir.path().join(FOLDER)).unwrap().count(), 0);
+        WorkFolder::open(dir.path(), other, &[], 2).unwrap();
+        WorkFolder::clear(dir.path()).unwrap();
+        assert_eq!(std::fs::read_dir(dir.path().join(FOLDER)).unwrap().count(), 0);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The binary `bake` as a user meets it: killed and continued, its flags, bad input, one JSON object.
 
+mod lost;
 mod standing;
 
 use std::path::{Path, PathBuf};

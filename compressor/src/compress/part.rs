@@ -3,11 +3,12 @@
 use super::beside;
 use crate::bundle::{self, Payload};
 use crate::{Error, Result};
-use dataset::files::{LOCK, lock, remove_stale_temporaries, write_atomically};
+use dataset::files::{remove_stale_temporaries, write_atomically};
+use dataset::lock::{LOCK, Lock, lock};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -18,7 +19,7 @@ const EXTENSION: &str = "tile";
 pub(super) struct Part {
     folder: PathBuf,
     /// Keeps other runs out.
-    _lock: File,
+    _lock: Lock,
     /// The files that this run asked for or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
@@ -33,7 +34,7 @@ impl Part {
             Err(error) if !folder.is_dir() => return Err(Error::io(&folder)(error)),
             _ => {}
         }
-        let lock = lock(&folder, "another run is making this bundle; wait for it, or choose another --out")?;
+        let lock = lock(&folder, "another run is making this bundle", "wait for it, or choose another --out")?;
         remove_stale_temporaries(&folder)?;
         let part = Part { folder, _lock: lock, own: Mutex::default(), written: Mutex::default() };
         if fresh {

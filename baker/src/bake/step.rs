@@ -1,0 +1,65 @@
+//! One round, as a block sees it: what it goes for, and by what its samples are handed out.
+
+use super::allocate::Pivot;
+use super::open::OpenCells;
+use std::time::Instant;
+
+/// One round. It depends on nothing but the rounds before, so a block that was lost is brought through the same steps again.
+pub struct Step {
+    /// Counted from 1.
+    pub round: u32,
+    /// Samples per texel before it, both halves together.
+    pub before: u32,
+    /// Samples per texel, both halves together.
+    pub target: u32,
+    /// When to stop amid the round; none for a round that is traced again.
+    pub deadline: Option<Instant>,
+    /// Whose texels get as many samples as the target says, after the first round.
+    pub pivot: Pivot,
+    /// The mean light of every set in the first round, if that is done.
+    pub first_means: Option<Vec<f64>>,
+    /// The cells that miss a target; without one, and in the first round, all get samples.
+    pub open: Option<OpenCells>,
+}
+
+impl Step {
+    /// Samples per texel at which a block looks at the clock. A round takes as long as all before it, and on a small page that is
+    /// the time of one block: under a time limit it is traced in sixteen slices, which draw the same samples as the whole.
+    pub fn slices(&self) -> impl Iterator<Item = u32> + use<> {
+        const SLICES: u32 = 16;
+        let before = self.before;
+        let is_cut = self.deadline.is_some() && self.target >= before + 2 * SLICES;
+        let slices = if is_cut { SLICES } else { 1 };
+        // (Even numbers, for both halves draw as many.)
+        let step = (self.target - before) / slices / 2 * 2;
+        let target = self.target;
+        (1..=slices).map(move |slice| if slice == slices { target } else { before + slice * step })
+    }
+
+    /// Whether the time of the round is over.
+    pub fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_end_at_the_target_and_there_is_one_without_a_deadline() {
+        let slices = |before: u32, target: u32, deadline| {
+            let pivot = Pivot::OfCell;
+            let step = Step { round: 2, before, target, deadline, pivot, first_means: None, open: None };
+            step.slices().collect::<Vec<u32>>()
+        };
+        assert_eq!(slices(1 << 15, 1 << 16, None), [1 << 16]);
+        let now = Some(Instant::now());
+        let many = slices(1 << 15, 1 << 16, now);
+        assert_eq!((many.len(), many[0], many[15]), (16, (1 << 15) + (1 << 11), 1 << 16));
+        assert!(many.windows(2).all(|pair| pair[0] < pair[1]) && many.iter().all(|n| n % 2 == 0));
+        // A power of two need not lie between: what was asked for may be less than twice what was drawn.
+        assert_eq!(slices(16, 32, now), [32]);
+        assert_eq!(slices(0, 2, now), [2]);
+    }
+}

@@ -1,0 +1,170 @@
+//! Keeps other processes out of a folder.
+//!
+//! On a local disk `flock` does it: the system frees the lock when a process ends, however it ends. On file systems of a network it may
+//! be missing, or hold on one machine only. There the folder also holds a *claim*, a file that only one process can create and that says
+//! which. A claim of a process that ended on this machine is taken over. One of another machine is not, for nobody here can tell
+//! whether that process runs: the error says which file to remove.
+
+use crate::process::Process;
+use crate::signals::RemovedAtSignal;
+use crate::{Error, Result};
+use rustix::fs::statfs;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, ErrorKind, Read, Seek, Write};
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::fs::MetadataExt;
+use std::os::unix::net::{SocketAddr, UnixListener};
+use std::path::{Path, PathBuf};
+
+/// Name of the file that is locked, and says by whom.
+pub const LOCK: &str = ".lock";
+/// Name of the claim.
+pub const CLAIM: &str = ".lock-claim";
+
+/// A folder that is this process's own until this is dropped, or the process ends.
+#[derive(Debug)]
+pub struct Lock {
+    _file: File,
+    _claim: Option<Claim>,
+}
+
+/// The file that says whose a folder is, and what keeps this machine's other processes from taking it over at the same time.
+#[derive(Debug)]
+struct Claim {
+    path: PathBuf,
+    _at_signal: RemovedAtSignal,
+    _socket: Option<UnixListener>,
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// What the system gives to lock with; tests give less.
+struct System<'a> {
+    /// `flock`, without waiting.
+    flock: &'a dyn Fn(&File) -> Result<(), TryLockError>,
+    /// Whether a folder is known to be on a disk of this machine alone.
+    is_local: &'a dyn Fn(&Path) -> bool,
+    process: &'a Process,
+}
+
+/// Locks a folder. `who` says in an error what the other process does there, `advice` what else can be done.
+///
+/// # Errors
+/// [`Error::Invalid`] for the folder where another process has it, or may have it.
+pub fn lock(folder: &Path, who: &str, advice: &str) -> Result<Lock> {
+    let system = System { flock: &File::try_lock, is_local: &is_local, process: Process::this() };
+    system.lock(folder, who, advice)
+}
+
+impl System<'_> {
+    fn lock(&self, folder: &Path, who: &str, advice: &str) -> Result<Lock> {
+        let path = folder.join(LOCK);
+        let open = || File::options().read(true).write(true).create(true).truncate(false).open(&path);
+        let mut file = open().map_err(Error::io(&path))?;
+        let busy = |by: String| Error::invalid(folder.display(), format!("{who}{by}; {advice}"));
+        let is_locked = match (self.flock)(&file) {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => {
+                let by = holder(&mut file).map_or(String::new(), |by| format!(" ({})", told(&by)));
+                return Err(busy(by));
+            }
+            // Not on this file system.
+            Err(TryLockError::Error(_)) => false,
+        };
+        // A lock that a second opening of the file can have too is none.
+        let second = open().map_err(Error::io(&path))?;
+        let is_exclusive = is_locked && matches!((self.flock)(&second), Err(TryLockError::WouldBlock));
+        drop(second);
+        let claim = match is_exclusive && (self.is_local)(folder) {
+            true => None,
+            false => Some(self.claim(folder, who, advice)?),
+        };
+        // Only for people, and for the error of who comes next.
+        let written = file.set_len(0).and_then(|()| file.rewind()).and_then(|()| self.write(&mut file));
+        written.map_err(Error::io(&path))?;
+        Ok(Lock { _file: file, _claim: claim })
+    }
+
+    fn write(&self, file: &mut File) -> io::Result<()> {
+        serde_json::to_writer(&mut *file, self.process)?;
+        file.write_all(b"\n")?;
+        file.sync_all()
+    }
+
+    fn claim(&self, folder: &Path, who: &str, advice: &str) -> Result<Claim> {
+        let path = folder.join(CLAIM);
+        let busy = |by: &str| Error::invalid(folder.display(), format!("{who}{by}; {advice}"));
+        // Of this machine's processes one at a time gets beyond this line, whatever the file system does.
+        let socket = match guard(folder) {
+            Err(e) if e.kind() == ErrorKind::AddrInUse => return Err(busy("")),
+            socket => socket.ok(),
+        };
+        loop {
+            match File::options().write(true).create_new(true).open(&path) {
+                Ok(mut file) => {
+                    let at_signal = RemovedAtSignal::new(&path);
+                    let claim = Claim { path: path.clone(), _at_signal: at_signal, _socket: socket };
+                    self.write(&mut file).map_err(Error::io(&path))?;
+                    return Ok(claim);
+                }
+                Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(Error::io(&path)(e)),
+            }
+            let by = match File::open(&path) {
+                Ok(mut file) => holder(&mut file),
+                Err(e) if e.kind() == ErrorKind::NotFound => continue,
+                Err(e) => return Err(Error::io(&path)(e)),
+            };
+            match by {
+                Some(by) if by.is_gone() => fs::remove_file(&path).map_err(Error::io(&path))?,
+                Some(by) if by.machine == self.process.machine => {
+                    return Err(busy(&format!(" ({})", told(&by))));
+                }
+                by => {
+                    let by = by.map_or("a process that cannot be told".to_owned(), |by| told(&by));
+                    let what = format!(
+                        " ({by}; whether it still runs is not seen from here: if it does not, remove {})",
+                        path.display()
+                    );
+                    return Err(busy(&what));
+                }
+            }
+        }
+    }
+}
+
+/// Who wrote a lock file or a claim.
+fn holder(file: &mut File) -> Option<Process> {
+    let mut text = String::new();
+    file.read_to_string(&mut text).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+fn told(process: &Process) -> String {
+    format!("process {} on {}", process.pid, process.host)
+}
+
+/// A name that one process of this machine at a time can have; the system frees it when the process ends.
+fn guard(folder: &Path) -> io::Result<UnixListener> {
+    let metadata = fs::metadata(folder)?;
+    let name = format!("temporal-lightmaps/{}/{}", metadata.dev(), metadata.ino());
+    UnixListener::bind_addr(&SocketAddr::from_abstract_name(name)?)
+}
+
+/// Whether a folder lies on one of the file systems that are known to be this machine's alone.
+fn is_local(folder: &Path) -> bool {
+    /// ext2 to ext4, xfs, btrfs, tmpfs, ramfs, overlayfs, zfs, f2fs, bcachefs, as `statfs` has them.
+    const LOCAL: [u64; 9] = [
+        0xef53, 0x5846_5342, 0x9123_683e, 0x0102_1994, 0x8584_58f6, 0x794c_7630, 0x2fc1_2fc1, 0xf2f5_2010,
+        0xca45_1a4e,
+    ];
+    statfs(folder).is_ok_and(|found| LOCAL.contains(&((found.f_type as u64) & 0xffff_ffff)))
+}
+
+#[cfg(test)]
+#[path = "lock_tests.rs"]
+mod tests;
