@@ -190,7 +190,9 @@ pub fn temporaries(folder: &Path) -> Result<Vec<PathBuf>> {
     };
     let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<_>>>();
     let mut paths = paths.map_err(Error::io(folder))?;
-    paths.retain(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(|n| writer_of(n).is_some()));
+    paths.retain(|path| {
+        path.file_name().and_then(|name| name.to_str()).is_some_and(|n| writer_of(n).is_some())
+    });
     paths.sort();
     Ok(paths)
 }
@@ -297,7 +299,8 @@ mod tests {
         let stale = folder.path().join(stale_name("a.exr"));
         let own = temporary_beside(&folder.path().join("a.exr")).unwrap();
         // Of an earlier process with this one's id; of another machine; no temporary.
-        let earlier = folder.path().join(format!(".a.exr{MARK}{}-{}-0-0", Process::this().machine, std::process::id()));
+        let earlier =
+            folder.path().join(format!(".a.exr{MARK}{}-{}-0-0", Process::this().machine, std::process::id()));
         let elsewhere = folder.path().join(format!(".a.exr{MARK}01234567-{}-0-0", u32::MAX));
         let foreign = folder.path().join(".a.tmp-notes");
         for path in [&stale, &own, &earlier, &elsewhere, &foreign] {

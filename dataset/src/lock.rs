@@ -159,7 +159,14 @@ fn guard(folder: &Path) -> io::Result<UnixListener> {
 fn is_local(folder: &Path) -> bool {
     /// ext2 to ext4, xfs, btrfs, tmpfs, ramfs, overlayfs, zfs, f2fs, bcachefs, as `statfs` has them.
     const LOCAL: [u64; 9] = [
-        0xef53, 0x5846_5342, 0x9123_683e, 0x0102_1994, 0x8584_58f6, 0x794c_7630, 0x2fc1_2fc1, 0xf2f5_2010,
+        0xef53,
+        0x5846_5342,
+        0x9123_683e,
+        0x0102_1994,
+        0x8584_58f6,
+        0x794c_7630,
+        0x2fc1_2fc1,
+        0xf2f5_2010,
         0xca45_1a4e,
     ];
     statfs(folder).is_ok_and(|found| LOCAL.contains(&((found.f_type as u64) & 0xffff_ffff)))

@@ -38,7 +38,7 @@ fn what_is_written_is_read() {
         assert_eq!(dataset.map_rows(set, 0, 10, 30).unwrap(), map.texels[10 * 129..30 * 129]);
     }
     assert_eq!(dataset.noise().unwrap().unwrap().mse[2], [vec![1e-6; 2], vec![1e-6]]);
-    assert_eq!(fs::read(folder.path().join("scene.glb")).unwrap(), b"not really");
+    assert_eq!(fs::read(folder.path().join("scene.glb")).unwrap(), common::empty_glb());
     // The midnight set has neither sun nor sky: it is the porch's layer, stored once.
     assert_eq!(config.sets[0].maps[0].file, config.groups[0].layers[0]);
     let verification = dataset.verify(|| {});
@@ -387,4 +387,45 @@ fn a_report_shows_every_set() {
     }
     // Two masks, three sets of two pages, and those again that are much darker, if any.
     assert!(html.matches("<img").count() >= 8);
+}
+
+#[test]
+fn a_corrupt_geometry_file_is_a_named_fault_though_its_checksum_is_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
+    let whole = common::empty_glb();
+    let check = |bytes: &[u8]| {
+        let mut writer = Writer::create(folder.path()).unwrap();
+        let geometry = writer.add("scene", "glb", bytes).unwrap();
+        writer.commit(&Config { geometry: Some(geometry), ..config.clone() }).unwrap();
+        let found = Dataset::open(folder.path()).unwrap().verify(|| {});
+        found.faults.iter().map(|fault| format!("{fault}\n")).collect::<String>()
+    };
+    assert_eq!(check(&whole), "");
+    let torn = check(&whole[..whole.len() - 4]);
+    assert!(torn.contains(".glb: ") && torn.contains("expected a whole GLB file"), "{torn}");
+    let mut flipped = whole.clone();
+    flipped[20] = b'[';
+    let flipped = check(&flipped);
+    assert!(flipped.contains(".glb: its JSON is no glTF"), "{flipped}");
+}
+
+#[test]
+fn leftovers_of_killed_writers_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_set(root, &[(20, 20)], 1).unwrap();
+    let warnings = || {
+        let found = Dataset::open(root).unwrap().verify(|| {});
+        assert!(found.faults.is_empty(), "{:?}", found.faults);
+        found.warnings.into_iter().filter(|warning| warning.contains("removed")).collect::<Vec<_>>()
+    };
+    assert_eq!(warnings(), Vec::<String>::new());
+    let left = dataset::files::temporary_beside(&root.join("data/set.exr")).unwrap();
+    fs::write(&left, b"half").unwrap();
+    fs::create_dir(root.join(".bake")).unwrap();
+    let warnings = warnings();
+    assert_eq!(warnings.len(), 2);
+    assert!(warnings[0].contains(left.to_str().unwrap()), "{warnings:?}");
+    assert!(warnings[1].contains("the same `bake` command continues it"), "{warnings:?}");
 }

@@ -262,7 +262,8 @@ impl Changes {
         if self.remove.contains(&name) {
             return path.with_extension("removed");
         }
-        let temporary = self.name.iter().find(|(_, to)| *to == name).map(|(from, _)| path.with_file_name(from));
+        let temporary =
+            self.name.iter().find(|(_, to)| *to == name).map(|(from, _)| path.with_file_name(from));
         temporary.filter(|temporary| temporary.exists()).unwrap_or_else(|| path.to_owned())
     }
 }

@@ -153,7 +153,8 @@ impl WorkFolder {
             let path = self.path(&block_name(block));
             let synced = std::fs::File::open(&path).and_then(|file| file.sync_all());
             // (A block that disappeared is found to be missing by who reads it.)
-            synced.or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(Error::io(&path)(e)) })
+            synced
+                .or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(Error::io(&path)(e)) })
         };
         blocks.par_iter().try_for_each(sync)?;
         dataset::files::sync_folder_of(&self.path(ROUNDS));

@@ -2,6 +2,7 @@
 
 mod lost;
 mod standing;
+mod stopped;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -34,7 +34,8 @@ impl Part {
             Err(error) if !folder.is_dir() => return Err(Error::io(&folder)(error)),
             _ => {}
         }
-        let lock = lock(&folder, "another run is making this bundle", "wait for it, or choose another --out")?;
+        let lock =
+            lock(&folder, "another run is making this bundle", "wait for it, or choose another --out")?;
         remove_stale_temporaries(&folder)?;
         let part = Part { folder, _lock: lock, own: Mutex::default(), written: Mutex::default() };
         if fresh {

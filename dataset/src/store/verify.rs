@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+mod geometry;
 mod sums;
 
 pub(crate) use sums::about_equal;
@@ -45,13 +46,15 @@ impl Dataset {
         self.distinct_files().len() + self.images().len() + sums
     }
 
-    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, that images are finite and not
+    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, that images are finite and not
     /// negative, that sets show the lamps as the schedules have them, and where layers are kept that each lightmap is
     /// (sun + sky) + local: bit for bit, about so in imported sets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
         let (faults, broken) = self.verify_files(&step);
         let mut broken: BTreeSet<String> = broken;
-        let mut found = Verification { faults, warnings: self.unseen_switches(), dead_texels: Vec::new() };
+        let mut warnings = self.unseen_switches();
+        warnings.extend(self.leftovers());
+        let mut found = Verification { faults, warnings, dead_texels: Vec::new() };
         found.faults.extend(self.wrong_states());
 
         // Content, of files that are what the manifest says; the others are reported already.
@@ -59,6 +62,15 @@ impl Dataset {
             && !broken.contains(&noise.path)
         {
             found.faults.extend(self.noise().err());
+        }
+        if let Some(file) = &self.config.geometry
+            && !broken.contains(&file.path)
+        {
+            let path = self.path(file);
+            match super::read(&path) {
+                Ok(bytes) => found.faults.extend(geometry::faults(&path, &bytes, &self.config)),
+                Err(fault) => found.faults.push(fault),
+            }
         }
         let images = self.images();
         for page in 0..self.config.pages.len() {
@@ -159,6 +171,25 @@ impl Dataset {
             }
         }
         faults
+    }
+
+    /// What killed writers left beside the set, or what writers that run now are about to replace.
+    fn leftovers(&self) -> Vec<String> {
+        let mut left = Vec::new();
+        for folder in [self.root.clone(), self.root.join(super::DATA)] {
+            // (A folder that cannot be listed is told by who opens its files.)
+            for path in crate::files::temporaries(&folder).unwrap_or_default() {
+                left.push(format!(
+                    "{}: a temporary file; if nothing writes here now, a writer was killed, and the file can be removed",
+                    path.display()
+                ));
+            }
+        }
+        if self.root.join(super::WORK).is_dir() {
+            let path = self.root.join(super::WORK);
+            left.push(format!("{}: {}, or the folder can be removed", path.display(), super::UNFINISHED));
+        }
+        left
     }
 
     /// Switches between the first and the last set of which a side is shown by no set close to it.

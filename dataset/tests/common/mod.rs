@@ -102,7 +102,7 @@ pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f6
     });
     let noise = Noise { tile: TILE as u32, mse: mse.collect() };
     let noise = writer.add("noise", "json", &serde_json::to_vec(&noise).unwrap())?;
-    let geometry = writer.add("scene", "glb", b"not really")?;
+    let geometry = writer.add("scene", "glb", &empty_glb())?;
     writer.alias(&geometry, "scene.glb");
     let config = Config {
         format: FORMAT.into(),
@@ -125,4 +125,12 @@ pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f6
     };
     writer.commit(&config)?;
     Ok(config)
+}
+
+/// A geometry file without geometry.
+pub fn empty_glb() -> Vec<u8> {
+    let json = b"{\"asset\":{\"version\":\"2.0\"}} ";
+    let word = |n: usize| (n as u32).to_le_bytes();
+    let header = [word(2), word(20 + json.len()), word(json.len())].concat();
+    [&b"glTF"[..], &header, b"JSON", json].concat()
 }
