@@ -118,7 +118,8 @@ against seconds), check (with --check; as in run.json), facts, left_out, warning
 forecast (size, pages, texels covered, texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), warnings.
 
-A run that is interrupted or killed continues when started again with the same arguments. A finished bake keeps its layers of
+A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
+0.2 s, with exit code 130, 143 or 129. A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
 traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels,
 or another scene) only with --force, and so is unfinished work of other settings dropped, once it has finished a round.";

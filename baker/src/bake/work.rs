@@ -1,6 +1,7 @@
 //! The work folder: what a bake has done so far, inside the dataset's folder, until the dataset stands.
 //!
-//! While tracing, memory holds the blocks being worked on, never the page; a killed bake continues with what was written. It holds
+//! While tracing, memory holds the blocks being worked on, never the page; a killed bake continues with what was written. Blocks, cells
+//! and cache carry a checksum ([`sealed`]). It holds
 //!
 //! | file | what | written |
 //! |---|---|---|

@@ -52,9 +52,10 @@ enum Command {
     },
     /// Verifies everything a consumer relies on, and names each fault.
     ///
-    /// Checks the manifest, each file's length and checksum, masks, the noise file, that all texels are finite and not
-    /// negative, that sets show each group as its schedule has it, and, where layers are kept, that each lightmap is
-    /// (sun + sky) + local: bit for bit, in imported sets to 1/1024 on surfaces. Warns of switches that no set stands close to.
+    /// Checks the manifest, each file's length and checksum, masks, the noise file, the geometry (a whole GLB, indices and
+    /// lightmap coordinates in range, pages that exist), that all texels are finite and not negative, that sets show each group as its schedule has it, and, where layers are kept, that each lightmap is
+    /// (sun + sky) + local: bit for bit, in imported sets to 1/1024 on surfaces. Warns of switches that no set stands close to, and of
+    /// what killed writers left.
     /// With --json, one object: ok, faults [text], warnings [text], files, bytes, sets, dead_texels [per page; null where
     /// unknown], seconds.
     #[command(after_help = "Example:\n  dataset check dataset/yard")]
