@@ -3,6 +3,9 @@ use super::*;
 const WHO: &str = "another bake is writing here";
 const ADVICE: &str = "wait for it";
 
+/// A `flock` that does not wait.
+type Flock = fn(&File) -> Result<(), TryLockError>;
+
 fn unsupported(_: &File) -> Result<(), TryLockError> {
     Err(TryLockError::Error(ErrorKind::Unsupported.into()))
 }
@@ -22,7 +25,7 @@ fn locked(
 }
 
 /// The flocks of this world: one that works, one that is not there, one that does nothing.
-const FLOCKS: [fn(&File) -> Result<(), TryLockError>; 3] = [File::try_lock, unsupported, without_effect];
+const FLOCKS: [Flock; 3] = [File::try_lock, unsupported, without_effect];
 
 #[test]
 fn one_at_a_time_whatever_flock_does() {

@@ -23,7 +23,7 @@ use crate::trace::walk::Transport;
 use crate::{Error, Result};
 use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
 use dataset::console::{Console, count};
-use dataset::files::write_atomically;
+use dataset::files::{remove_stale_temporaries, write_atomically};
 use dataset::store::Writer;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -44,6 +44,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let (settings, inputs) = prepared.manifest(options)?;
     let layers = Layers::new(&out);
     if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
+        // (Of a run that was killed while it wrote its report.)
+        remove_stale_temporaries(&out)?;
         return Ok(outcome);
     }
     standing::refuse_foreign(&out, scene.objects.iter().map(|object| object.file.as_path()))?;

@@ -40,8 +40,11 @@ fn goes_on(command: &mut Command, whole: &Path, out: &Path, what: &str) -> Strin
     said
 }
 
+/// What happens to the blocks of a work.
+type Loss = fn(&[PathBuf]);
+
 /// Ways in which a block can be lost.
-const LOSSES: [(&str, fn(&[PathBuf])); 4] = [
+const LOSSES: [(&str, Loss); 4] = [
     ("removed", |blocks| std::fs::remove_file(&blocks[0]).unwrap()),
     ("cut short", |blocks| {
         let file = std::fs::OpenOptions::new().write(true).open(&blocks[1]).unwrap();

@@ -65,9 +65,12 @@ fn a_whole_file_has_no_fault() {
     assert_eq!(told(&glb(triangle())), "");
 }
 
+/// What is done to a file's JSON and its binary part.
+type Spoil = fn(&mut Value, &mut Vec<u8>);
+
 #[test]
 fn what_is_wrong_is_named() {
-    let cases: [(fn(&mut Value, &mut Vec<u8>), &str); 17] = [
+    let cases: [(Spoil, &str); 17] = [
         (|r, _| r["accessors"] = json!([]), "mesh 0: POSITION names accessor 0; expected one of 0"),
         (|_, b| b[60..64].copy_from_slice(&3u32.to_le_bytes()), "index 0 is 3; expected one of 3"),
         (|_, b| b[36..40].copy_from_slice(&f32::NAN.to_le_bytes()), "TEXCOORD_1 of vertex 0 is NaN"),
