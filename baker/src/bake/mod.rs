@@ -24,6 +24,7 @@ pub mod assemble;
 pub mod scene_glb;
 pub mod options;
 pub mod transfer;
+pub mod hidden;
 pub mod prepare;
 pub mod forecast;
 pub mod folder;
