@@ -112,6 +112,7 @@ fn page(width: u32, height: u32, corners: &[[Vec2; 3]]) -> Atlas {
         faces: corners.iter().enumerate().map(face).collect(),
         charts: corners.len() as u32,
         degenerate: 0,
+        skipped: Default::default(),
         utilisation: 1.0,
         notes: Vec::new(),
         warnings: Vec::new(),

@@ -130,9 +130,9 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     if nowhere > 0 {
         notes.push(format!("{} no texels in their files, and get none", of_meshes(nowhere, "has", "have")));
     }
+    notes.extend(flat.told(geometry, "triangle", "without area on the page: no texels"));
     let warnings = [
         outside.told(geometry, "triangle", "outside the page, [0, 1] each way: no texels"),
-        flat.told(geometry, "triangle", "without area on the page: no texels"),
         covering.told(
             geometry,
             "triangle",

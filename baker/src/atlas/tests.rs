@@ -9,6 +9,7 @@ use crate::scene::{Lightmap, LightmapSize};
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 
 mod instances;
+mod keep;
 mod pages;
 
 /// Deterministic noise in [0, 1).

@@ -117,3 +117,7 @@ fn area(geometry: &Geometry, triangle: usize) -> f64 {
 fn length(geometry: &Geometry) -> f64 {
     2.0 * geometry.positions.iter().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+#[path = "hidden_tests.rs"]
+mod tests;
