@@ -142,8 +142,9 @@ fn sheets_are_hidden_by_what_they_face_and_not_by_what_they_turn_their_backs_on(
     // Face to face; and with a gap.
     assert_eq!(pair((0.0, true), (5e-5, false)), [0, 1, 2, 3]);
     assert_eq!(pair((0.0, true), (0.05, false)), NONE);
-    // One over the other, both looking up: the lower one sees the other's absorbing back.
-    assert_eq!(pair((0.0, true), (1e-5, true)), NONE);
+    // One close over the other, both looking up, as a poster on a wall; and with a gap.
+    assert_eq!(pair((0.0, true), (1e-5, true)), [0, 1]);
+    assert_eq!(pair((0.0, true), (0.05, true)), NONE);
     // Duplicates.
     assert_eq!(pair((0.0, true), (0.0, true)), NONE);
     // A thin plate of two one-sided sides and a rim.
