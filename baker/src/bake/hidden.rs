@@ -92,7 +92,7 @@ fn lattice(along: u32) -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// About the length of a texel at density 1 in metres: no less than it will be.
+/// The length of a texel at density 1 in metres: no longer than it will be.
 fn texel_length(geometry: &Geometry, lightmap: &Lightmap) -> f64 {
     match lightmap.size {
         LightmapSize::TexelsPerMetre(density) => density.recip(),
