@@ -189,11 +189,13 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
         return Err(Error::invalid(
             "lightmap",
             format!(
-                "nothing to bake: no lightmapped instance has a triangle of nonzero area that can be seen ({}, {}, {} of them hidden: \
-                 `hidden = \"keep\"` gives them texels)",
+                "nothing to bake: no lightmapped instance has a triangle of nonzero area{} ({}, {})",
+                match hidden.len() {
+                    0 => String::new(),
+                    n => format!(" that can be seen; {n} cannot, and `hidden = \"keep\"` gives them texels"),
+                },
                 count(geometry.instances.len(), "instance"),
-                count(triangles, "triangle"),
-                hidden.len(),
+                count(triangles - hidden.len(), "degenerate triangle"),
             ),
         ));
     }

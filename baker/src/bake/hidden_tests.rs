@@ -201,6 +201,31 @@ fn a_face_has_texels_if_one_instance_that_shares_them_shows_it() {
 }
 
 #[test]
+fn a_scene_that_nobody_can_see_is_told() {
+    let lightmap = Lightmap::default();
+    let obj = Obj::default().mesh("shell").block([-2.0; 3], [3.0; 3]).mesh("inner").block(UNIT[0], UNIT[1]);
+    // More of it than not; then all of it.
+    let mut large = Obj::default();
+    for i in 0..9 {
+        let low = -2.0 + 0.1 * f64::from(i);
+        large = large.block([low; 3], [-low + 1.0; 3]);
+    }
+    let large = large.with("");
+    let atlas = atlas::build_without(&large, &lightmap, &find(&large, &lightmap).triangles).unwrap();
+    assert!(atlas.skipped.triangles == 96 && atlas.skipped.area > 0.5, "{:?}", atlas.skipped);
+    assert!(atlas.warnings.iter().any(|w| w.contains("nobody can see it") && w.contains("inside out")));
+    let all = obj.with("[[object.part]]\nname = \"shell\"\nlightmap = false");
+    let error =
+        atlas::build_without(&all, &lightmap, &find(&all, &lightmap).triangles).unwrap_err().to_string();
+    assert!(
+        error.contains("nothing to bake")
+            && error.contains("12 cannot")
+            && error.contains("hidden = \"keep\""),
+        "{error}"
+    );
+}
+
+#[test]
 fn what_is_asked_to_be_kept_is() {
     let geometry = Obj::default().floor().block(UNIT[0], UNIT[1]).with("");
     for lightmap in [
