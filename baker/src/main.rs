@@ -1,5 +1,6 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
+use baker::bake::facts::skipped;
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
@@ -115,7 +116,8 @@ With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, in
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, layers, left_out, standing,
-forecast (size, pages, texels covered, texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
+forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
+texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
@@ -233,10 +235,12 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             Integrator::Path => "path",
         }
     ));
-    let atlas = prepared.atlas()?;
+    let (atlas, looking) = prepared.atlas()?;
     atlas.warnings.iter().for_each(|w| console.warn(w));
-    let forecast = forecast(&prepared, &atlas)?;
+    let forecast = forecast(&prepared, &atlas, &looking)?;
     say_forecast(&forecast, console);
+    let layout = skipped(&atlas).into_iter().chain(atlas.notes.iter().cloned());
+    layout.for_each(|what| console.print(format!("  {what}")));
     layers.iter().for_each(|name| console.print(format!("  trace {name}")));
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
     let standing = foretold(&prepared, options)?;

@@ -42,6 +42,7 @@ fn geometry(meshes: &[(Mesh, bool)]) -> Geometry {
             vertices: first_vertex..g.positions.len(),
             lightmap: *lightmap,
             has_lightmap_uvs: false,
+            lightmap_place: Default::default(),
             density: 1.0,
         });
     }
@@ -95,7 +96,7 @@ fn sphere(around: usize) -> Mesh {
 
 fn unwrap(g: &Geometry, side: u32) -> Atlas {
     let size = LightmapSize::Fixed { width: side, height: side };
-    atlas::build(g, &Lightmap { size, pages: 1, padding: 2 }).unwrap()
+    atlas::build(g, &Lightmap { size, pages: 1, padding: 2, ..Lightmap::default() }).unwrap()
 }
 
 /// An atlas of given corners.
@@ -111,6 +112,7 @@ fn page(width: u32, height: u32, corners: &[[Vec2; 3]]) -> Atlas {
         faces: corners.iter().enumerate().map(face).collect(),
         charts: corners.len() as u32,
         degenerate: 0,
+        skipped: Default::default(),
         utilisation: 1.0,
         notes: Vec::new(),
         warnings: Vec::new(),

@@ -2,6 +2,7 @@
 //! one shape are flattened once.
 
 use super::ffi;
+use super::islands::islands;
 use super::raster::{Bits, bounds};
 use super::sharing::{Member, groups};
 use crate::geometry::{Geometry, Instance};
@@ -76,15 +77,16 @@ enum Layout {
     Unwrapped(Option<String>),
 }
 
-/// Flattens all lightmapped instances; one task per shape, joined in order.
-pub fn flatten(geometry: &Geometry) -> Result<Flat> {
+/// Flattens all lightmapped instances; one task per shape, joined in order. `hidden`, ascending, get no texels where they are hidden in
+/// every instance of a shape.
+pub fn flatten(geometry: &Geometry, hidden: &[u32]) -> Result<Flat> {
     geometry
         .instances
         .par_iter()
         .filter(|instance| instance.lightmap)
         .try_for_each(|i| check(geometry, i))?;
     let parts: Vec<(FlatMesh, Layout)> =
-        groups(geometry).into_par_iter().map(|group| flatten_group(geometry, group)).collect();
+        groups(geometry).into_par_iter().map(|group| flatten_group(geometry, hidden, group)).collect();
     let mut all = Flat::default();
     for (mesh, layout) in parts {
         match layout {
@@ -115,11 +117,17 @@ fn check(geometry: &Geometry, instance: &Instance) -> Result<()> {
 }
 
 /// Flattens the first member, at the density of the smallest. Gives the charts, and where they come from.
-fn flatten_group(geometry: &Geometry, group: super::sharing::Group) -> (FlatMesh, Layout) {
+fn flatten_group(geometry: &Geometry, hidden: &[u32], group: super::sharing::Group) -> (FlatMesh, Layout) {
     let mut mesh = FlatMesh { charts: Vec::new(), members: group.members };
     let instance = &geometry.instances[mesh.members[0].instance];
+    let is_hidden = |triangle: usize| {
+        let of = |member: &Member| {
+            geometry.instances[member.instance].triangles.start + triangle - instance.triangles.start
+        };
+        mesh.members.iter().all(|member| hidden.binary_search(&(of(member) as u32)).is_ok())
+    };
     let mut sources = Vec::with_capacity(instance.triangles.len());
-    for triangle in instance.triangles.clone() {
+    for triangle in instance.triangles.clone().filter(|&triangle| !is_hidden(triangle)) {
         let corners = geometry.corners(triangle).map(|p| p.as_dvec3());
         if let Some(area) = area(corners) {
             sources.push(Source { triangle: triangle as u32, corners, area });
@@ -188,30 +196,8 @@ fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>
     let faces = sources.iter().zip(&corners);
     let faces: Vec<FlatFace> =
         faces.map(|(s, c)| FlatFace { triangle: s.triangle, corners: c.map(|uv| uv * scale) }).collect();
-    // Islands: triangles joined by an edge, that is, by two corners alike in place and coordinates.
-    let key = |v: u32| {
-        let (p, uv) = (geometry.positions[v as usize], geometry.lightmap_uvs[v as usize]);
-        [p.x, p.y, p.z, uv.x, uv.y].map(|x| (x + 0.0).to_bits())
-    };
-    let mut edges = Vec::with_capacity(3 * sources.len());
-    for (i, source) in sources.iter().enumerate() {
-        let v = vertices(source).map(key);
-        edges.extend([(0, 1), (1, 2), (2, 0)].map(|(a, b)| (v[a].min(v[b]), v[a].max(v[b]), i)));
-    }
-    edges.sort_unstable();
-    let mut island: Vec<usize> = (0..sources.len()).collect();
-    fn root(island: &mut [usize], mut i: usize) -> usize {
-        while island[i] != i {
-            island[i] = island[island[i]];
-            i = island[i];
-        }
-        i
-    }
-    for pair in edges.windows(2).filter(|pair| pair[0].0 == pair[1].0 && pair[0].1 == pair[1].1) {
-        let (a, b) = (root(&mut island, pair[0].2), root(&mut island, pair[1].2));
-        island[a.max(b)] = a.min(b);
-    }
-    let labels: Vec<usize> = (0..sources.len()).map(|i| root(&mut island, i)).collect();
+    let triangles: Vec<u32> = sources.iter().map(|s| s.triangle).collect();
+    let labels = islands(geometry, &triangles);
     Ok(grouped(faces, &labels))
 }
 

@@ -10,10 +10,10 @@ use dataset::console::count;
 use dataset::tiles::TILE;
 
 /// Longest side of a page in texels.
-const LARGEST: u32 = 16384;
+pub const LARGEST: u32 = 16384;
 
 /// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than 1/256 of a texel.
-const MOST_ROWS: u32 = 131_072;
+pub const MOST_ROWS: u32 = 131_072;
 
 /// Charts closer than this many empty texels would share a texel under bilinear filtering.
 const LEAST_PADDING: u32 = 2;

@@ -3,11 +3,12 @@
 //! `sharing` says which instances share a layout, `charts` flattens each shape once (authored layout, or xatlas through `ffi`),
 //! `raster` says which texels a triangle covers, `footprint` which a chart does where it may lie, `page` keeps the free texels, `fill`
 //! fills one page with them, `spread` several, `layout` packs the charts of a shared layout, `pack` places charts and layouts at a given
-//! density, `density` searches for the density or the pages.
+//! density, `density` searches for the density or the pages. `keep` takes the files' coordinates as places on the page instead.
 
 mod sharing;
 mod ffi;
 mod raster;
+mod islands;
 mod charts;
 mod footprint;
 mod page;
@@ -16,11 +17,12 @@ mod spread;
 mod layout;
 mod pack;
 mod density;
+mod keep;
 #[cfg(test)]
 mod tests;
 
 use crate::geometry::Geometry;
-use crate::scene::{Lightmap, LightmapSize};
+use crate::scene::{Lightmap, LightmapSize, UvSource};
 use crate::{Error, Result};
 use dataset::console::count;
 use glam::{DVec2, Vec2};
@@ -53,6 +55,8 @@ pub struct Atlas {
     pub charts: u32,
     /// Triangles that got no texels though their instance is lightmapped (zero area), for the report.
     pub degenerate: usize,
+    /// What was left out because nobody can see it.
+    pub skipped: Skipped,
     /// Fraction of the pages' texels that a chart touches, padding excluded.
     pub utilisation: f64,
     /// What was done otherwise than asked, one sentence each, for the report.
@@ -78,6 +82,17 @@ pub struct Placement {
     pub offset: [f32; 2],
     /// Index into `Atlas::layouts`; `None` where no other instance shares the layout.
     pub layout: Option<u32>,
+}
+
+/// Triangles of lightmapped instances that got no texels because nobody can see them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Skipped {
+    /// How many.
+    pub triangles: usize,
+    /// How many triangles the lightmapped instances have.
+    pub of: usize,
+    /// Their fraction of the area of all those.
+    pub area: f64,
 }
 
 /// A layout that several instances of a mesh share.
@@ -110,6 +125,7 @@ impl Atlas {
             faces,
             charts: 1,
             degenerate: 0,
+            skipped: Skipped::default(),
             utilisation: 1.0,
             notes: Vec::new(),
             warnings: Vec::new(),
@@ -120,7 +136,7 @@ impl Atlas {
 
     /// The page a face lies on; no face lies on two.
     pub fn page_of(&self, face: &Face) -> u32 {
-        face.corners[0].y as u32 / self.stride
+        (face.corners[0].y as u32 / self.stride).min(self.pages - 1)
     }
 }
 
@@ -133,6 +149,14 @@ pub struct Face {
     pub corners: [Vec2; 3],
     /// Its chart.
     pub chart: u32,
+}
+
+/// Lays out all faces: [`build_without`] none.
+///
+/// # Errors
+/// As [`build_without`].
+pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
+    build_without(geometry, lightmap, &[])
 }
 
 /// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread count.
@@ -149,20 +173,29 @@ pub struct Face {
 /// that it would fill the emptiest page by a tenth more than its share: then its charts lie on several. Pages that would be
 /// empty are left out.
 ///
+/// Triangles of `hidden`, ascending, get no texels where they are hidden in every instance that shares their layout.
+///
 /// # Errors
 /// `Invalid` when no triangle is to be lightmapped; `Unsupported` when the charts do not fit the pages at any density, the
 /// density asked for needs pages larger than 16384 texels, or all pages together have more than 131072 rows.
-pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
-    let flat = charts::flatten(geometry)?;
+pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -> Result<Atlas> {
+    if lightmap.uv == UvSource::Keep {
+        return keep::build(geometry, lightmap);
+    }
+    let flat = charts::flatten(geometry, hidden)?;
     let lightmapped = || geometry.instances.iter().filter(|instance| instance.lightmap);
     let triangles: usize = lightmapped().map(|instance| instance.triangles.len()).sum();
     if flat.meshes.is_empty() {
         return Err(Error::invalid(
             "lightmap",
             format!(
-                "nothing to bake: no lightmapped instance has a triangle of nonzero area ({}, {})",
+                "nothing to bake: no lightmapped instance has a triangle of nonzero area{} ({}, {})",
+                match hidden.len() {
+                    0 => String::new(),
+                    n => format!(" that can be seen; {n} cannot, and `hidden = \"keep\"` gives them texels"),
+                },
                 count(geometry.instances.len(), "instance"),
-                count(triangles, "degenerate triangle"),
+                count(triangles - hidden.len(), "degenerate triangle"),
             ),
         ));
     }
@@ -237,6 +270,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         }
     }
     faces.sort_unstable_by_key(|face| face.triangle);
+    let skipped = skipped(geometry, &faces, hidden);
     Ok(Atlas {
         width: page.width,
         height: stride * (page.pages - 1) + page.height,
@@ -244,19 +278,45 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         page_height: page.height,
         stride,
         texels_per_metre: page.texels_per_metre,
-        degenerate: triangles - faces.len(),
+        degenerate: triangles - faces.len() - skipped.triangles,
+        skipped,
         faces,
         charts,
         utilisation: page.utilisation,
         notes,
-        warnings: warnings(&flat.refused, page.texels_per_metre, lightmap),
+        warnings: warnings(&flat.refused, page.texels_per_metre, lightmap, &skipped),
         placements,
         layouts,
     })
 }
 
-/// What the user may not have meant: layouts of files that are not used, and texels so wide that the model may not be in metres.
-fn warnings(refused: &[String], texels_per_metre: f64, lightmap: &Lightmap) -> Vec<String> {
+/// Which of the hidden triangles have no texels.
+fn skipped(geometry: &Geometry, faces: &[Face], hidden: &[u32]) -> Skipped {
+    let corners = |triangle: usize| geometry.corners(triangle).map(|p| p.as_dvec3());
+    let area = |triangle: usize| {
+        let [a, b, c] = corners(triangle);
+        0.5 * (b - a).cross(c - a).length()
+    };
+    let is_skipped = |triangle: &usize| {
+        faces.binary_search_by_key(&(*triangle as u32), |face| face.triangle).is_err()
+            && !charts::is_degenerate(corners(*triangle))
+    };
+    let lightmapped = || geometry.instances.iter().filter(|i| i.lightmap).flat_map(|i| i.triangles.clone());
+    let skipped = || hidden.iter().map(|&triangle| triangle as usize).filter(is_skipped);
+    let part: f64 = skipped().map(area).sum();
+    let triangles = skipped().count();
+    let share = if triangles == 0 { 0.0 } else { part / lightmapped().map(area).sum::<f64>() };
+    Skipped { triangles, of: lightmapped().count(), area: share }
+}
+
+/// What the user may not have meant: layouts of files that are not used, more hidden than not, and texels so wide that the model may not
+/// be in metres.
+fn warnings(
+    refused: &[String],
+    texels_per_metre: f64,
+    lightmap: &Lightmap,
+    skipped: &Skipped,
+) -> Vec<String> {
     let mut warnings = Vec::new();
     if let [first, others @ ..] = refused {
         let others = match others.len() {
@@ -265,6 +325,13 @@ fn warnings(refused: &[String], texels_per_metre: f64, lightmap: &Lightmap) -> V
         };
         warnings.push(format!(
             "a lightmap layout in the file is not used, {first}; the mesh is unwrapped{others}"
+        ));
+    }
+    if skipped.area > 0.5 {
+        warnings.push(format!(
+            "{:.0} % of the lightmapped area gets no texels because nobody can see it: it lies in bodies of one-sided faces that look \
+             outwards. Are faces turned inside out? [lightmap] hidden = \"keep\" gives it texels",
+            100.0 * skipped.area
         ));
     }
     if texels_per_metre < 1.0 && matches!(lightmap.size, LightmapSize::Fixed { .. }) {

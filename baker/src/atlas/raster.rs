@@ -1,6 +1,7 @@
 //! Which texels a triangle touches (conservative) and which texel centres it covers, as bit rows.
 
 use glam::DVec2;
+use std::ops::Range;
 
 /// Texels: everything nearer to a triangle than this counts as touched, so that rounding corners to `f32` on pages up to
 /// 16384 texels (half an ulp is 2⁻¹¹) never touches a texel that was not counted. Taller virtual pages need more.
@@ -63,40 +64,66 @@ impl Bits {
 
     /// Sets every texel whose closed square comes within `tolerance` of the triangle; what lies outside is clipped.
     pub fn touch(&mut self, triangle: [DVec2; 3], tolerance: f64) {
-        let (low, high) = bounds(triangle);
-        let rows = span(low.y - tolerance, high.y + tolerance, self.height);
-        for y in rows {
-            // The triangle within the row's band is convex, so the texels it touches are those its x-interval touches.
-            let band = (y as f64 - tolerance, (y + 1) as f64 + tolerance);
-            if let Some((x0, x1)) = x_interval(triangle, band) {
-                let columns = span(x0 - tolerance, x1 + tolerance, self.width);
-                if !columns.is_empty() {
-                    self.set_span(y, columns.start, columns.end);
-                }
-            }
+        for (y, columns) in touched(triangle, tolerance, self.width, self.height) {
+            self.set_span(y, columns.start, columns.end);
         }
     }
 
     /// Sets every texel whose centre lies inside the triangle by more than a thousandth of a texel along both axes; returns
     /// whether one was set already, that is, whether the triangle overlaps one drawn before.
     pub fn cover(&mut self, triangle: [DVec2; 3]) -> bool {
-        const INSET: f64 = 1e-3;
-        let (low, high) = bounds(triangle);
-        let mut overlaps = false;
-        for y in span(low.y - 0.5, high.y + 0.5, self.height) {
-            // What is inside just above and just below the row of centres is inside on it.
-            let at = |y: f64| x_interval(triangle, (y, y));
-            let centre = y as f64 + 0.5;
-            if let (Some(above), Some(below)) = (at(centre - INSET), at(centre + INSET)) {
-                let from = (above.0.max(below.0) + INSET - 0.5).ceil().max(0.0);
-                let to = (above.1.min(below.1) - INSET - 0.5).floor().min(self.width as f64 - 1.0);
-                if from <= to {
-                    overlaps |= self.set_span(y, from as usize, to as usize + 1);
-                }
-            }
-        }
-        overlaps
+        let rows = covered(triangle, self.width, self.height);
+        rows.fold(false, |overlaps, (y, columns)| self.set_span(y, columns.start, columns.end) || overlaps)
     }
+
+    /// Number of ones among texels `from..to` of row `y`.
+    pub fn count_span(&self, y: usize, from: usize, to: usize) -> usize {
+        let row = &self.words[y * self.stride..][..self.stride];
+        let in_word = |word: usize| {
+            let low = from.saturating_sub(word * 64);
+            let high = (to - word * 64).min(64);
+            let mask = (u64::MAX >> (64 - (high - low))) << low;
+            (row[word] & mask).count_ones() as usize
+        };
+        (from / 64..to.div_ceil(64)).map(in_word).sum()
+    }
+}
+
+/// The rows of a page and their columns, none empty, whose texels' closed squares come within `tolerance` of the triangle.
+pub fn touched(
+    triangle: [DVec2; 3],
+    tolerance: f64,
+    width: usize,
+    height: usize,
+) -> impl Iterator<Item = (usize, Range<usize>)> {
+    let (low, high) = bounds(triangle);
+    span(low.y - tolerance, high.y + tolerance, height).filter_map(move |y| {
+        // The triangle within the row's band is convex, so the texels it touches are those its x-interval touches.
+        let band = (y as f64 - tolerance, (y + 1) as f64 + tolerance);
+        let (x0, x1) = x_interval(triangle, band)?;
+        let columns = span(x0 - tolerance, x1 + tolerance, width);
+        (!columns.is_empty()).then_some((y, columns))
+    })
+}
+
+/// The rows of a page and their columns, none empty, whose texels' centres lie inside the triangle by more than a thousandth of a texel
+/// along both axes.
+pub fn covered(
+    triangle: [DVec2; 3],
+    width: usize,
+    height: usize,
+) -> impl Iterator<Item = (usize, Range<usize>)> {
+    const INSET: f64 = 1e-3;
+    let (low, high) = bounds(triangle);
+    span(low.y - 0.5, high.y + 0.5, height).filter_map(move |y| {
+        // What is inside just above and just below the row of centres is inside on it.
+        let at = |y: f64| x_interval(triangle, (y, y));
+        let centre = y as f64 + 0.5;
+        let (above, below) = (at(centre - INSET)?, at(centre + INSET)?);
+        let from = (above.0.max(below.0) + INSET - 0.5).ceil().max(0.0);
+        let to = (above.1.min(below.1) - INSET - 0.5).floor().min(width as f64 - 1.0);
+        (from <= to).then_some((y, from as usize..to as usize + 1))
+    })
 }
 
 /// Corner-wise minimum and maximum.
@@ -106,7 +133,7 @@ pub fn bounds(triangle: [DVec2; 3]) -> (DVec2, DVec2) {
 }
 
 /// Cells of `0..n` that the closed interval meets.
-fn span(low: f64, high: f64, n: usize) -> std::ops::Range<usize> {
+fn span(low: f64, high: f64, n: usize) -> Range<usize> {
     let from = low.floor().clamp(0.0, n as f64) as usize;
     let to = (high.floor() + 1.0).clamp(0.0, n as f64) as usize;
     from..to.max(from)

@@ -9,6 +9,7 @@ use crate::scene::{Lightmap, LightmapSize};
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 
 mod instances;
+mod keep;
 mod pages;
 
 /// Deterministic noise in [0, 1).
@@ -48,6 +49,7 @@ fn add(geometry: &mut Geometry, triangles: &[[DVec3; 3]]) {
         vertices: first_vertex..geometry.positions.len(),
         lightmap: true,
         has_lightmap_uvs: false,
+        lightmap_place: Default::default(),
         density: 1.0,
     });
 }
@@ -86,7 +88,7 @@ fn boxes(count: usize, scale: f64) -> Geometry {
 }
 
 fn fixed(width: u32, height: u32) -> Lightmap {
-    Lightmap { size: LightmapSize::Fixed { width, height }, pages: 1, padding: 2 }
+    Lightmap { size: LightmapSize::Fixed { width, height }, pages: 1, padding: 2, ..Lightmap::default() }
 }
 
 /// Checks every promise by drawing the faces again at sub-texel accuracy, and returns the fraction of texels touched.
@@ -254,13 +256,17 @@ fn any_page_shape_and_padding() {
     let geometry = boxes(20, 1.0);
     for (width, height, padding) in [(129, 200, 2), (200, 129, 3), (512, 64, 5), (61, 300, 2)] {
         let size = LightmapSize::Fixed { width, height };
-        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding }).unwrap();
+        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding, ..Lightmap::default() }).unwrap();
         assert_eq!((atlas.width, atlas.height), (width, height));
         check(&geometry, &atlas, padding.into());
     }
     // Less than 2 texels of padding would let bilinear taps mix charts.
     let size = LightmapSize::Fixed { width: 128, height: 128 };
-    check(&geometry, &build(&geometry, &Lightmap { size, pages: 1, padding: 0 }).unwrap(), 2);
+    check(
+        &geometry,
+        &build(&geometry, &Lightmap { size, pages: 1, padding: 0, ..Lightmap::default() }).unwrap(),
+        2,
+    );
 }
 
 #[test]
@@ -306,7 +312,8 @@ fn a_density_gets_the_page_it_needs() {
         let mut geometry = Geometry::default();
         add(&mut geometry, &cuboid(DVec3::splat(-0.5 * metres), DVec3::new(metres, metres, 4.0 * metres)));
         let size = LightmapSize::TexelsPerMetre(texels_per_metre);
-        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding: 4 }).unwrap();
+        let atlas =
+            build(&geometry, &Lightmap { size, pages: 1, padding: 4, ..Lightmap::default() }).unwrap();
         assert_eq!((atlas.width % 4, atlas.height % 4), (0, 0));
         assert_eq!(atlas.texels_per_metre, texels_per_metre);
         check(&geometry, &atlas, 4);
@@ -327,7 +334,8 @@ fn what_cannot_fit_is_an_error() {
     check(&geometry, &build(&geometry, &fixed(3, 3)).unwrap(), 2);
     assert!(build(&boxes(500, 1.0), &fixed(32, 32)).is_err());
     // The density the message names fits.
-    let size = |d| Lightmap { size: LightmapSize::TexelsPerMetre(d), pages: 1, padding: 2 };
+    let size =
+        |d| Lightmap { size: LightmapSize::TexelsPerMetre(d), pages: 1, padding: 2, ..Lightmap::default() };
     let what = build(&geometry, &size(1e6)).unwrap_err().to_string();
     let named = what.split("about ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!(build(&geometry, &size(named)).is_ok(), "{what}");

@@ -38,6 +38,7 @@ impl Builder {
             vertices: first..g.positions.len(),
             lightmap,
             has_lightmap_uvs: false,
+            lightmap_place: Default::default(),
             density: 1.0,
         });
         self

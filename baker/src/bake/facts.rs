@@ -5,7 +5,7 @@ use super::forecast::density;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
 use super::rounds::Traced;
-use crate::atlas::Atlas;
+use crate::atlas::{Atlas, Skipped};
 use crate::geometry::Geometry;
 use crate::scene::Scene;
 use dataset::console::count;
@@ -66,6 +66,18 @@ fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
     ))
 }
 
+/// The triangles that got no texels because nobody can see them.
+pub fn skipped(atlas: &Atlas) -> Option<String> {
+    let Skipped { triangles, of, area } = atlas.skipped;
+    (triangles > 0).then(|| {
+        format!(
+            "skipped: {triangles} of {} that nobody can see, {:.1} % of the area (hidden = \"keep\" gives them texels)",
+            count(of, "lightmapped triangle"),
+            100.0 * area
+        )
+    })
+}
+
 /// Facts about a finished bake.
 pub fn of_bake(
     geometry: &Geometry,
@@ -118,6 +130,7 @@ pub fn of_bake(
         let sharing = atlas.placements.iter().flatten().filter(|p| p.layout.is_some()).count();
         facts.push(format!("{sharing} instances share {}", count(atlas.layouts.len(), "chart layout")));
     }
+    facts.extend(skipped(atlas));
     facts.extend(atlas.notes.iter().cloned());
     if atlas.degenerate > 0 {
         facts.push(format!("{} without area got no texels", count(atlas.degenerate, "triangle")));

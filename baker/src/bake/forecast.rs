@@ -31,6 +31,12 @@ pub struct Forecast {
     pub pages: u32,
     /// Texels that surface covers.
     pub texels: usize,
+    /// Triangles that get no texels because nobody can see them.
+    pub skipped_triangles: usize,
+    /// Their fraction of the lightmapped area.
+    pub skipped_area: f64,
+    /// Rays that it takes to find them.
+    pub skipped_rays: u64,
     /// Texels per metre at density 1.
     pub texels_per_metre: f64,
     /// Length of the scene along x, y and z, in metres.
@@ -57,8 +63,8 @@ const PROGRAM: u64 = 10 << 20;
 /// Bytes per triangle of geometry, hierarchy and charts, as measured at ten million of them.
 const TRIANGLE: u64 = 500;
 
-/// Estimates for the layers of a plan, none of them traced yet.
-pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
+/// Estimates for the layers of a plan, none of them traced yet. `looking`: the rays that the layout took.
+pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Result<Forecast> {
     let plan = &prepared.plan;
     let bins = FaceBins::new(atlas);
     let blocks = bins.occupied();
@@ -86,6 +92,9 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas) -> Result<Forecast> {
         size: [atlas.width, atlas.page_height],
         pages: atlas.pages,
         texels,
+        skipped_triangles: atlas.skipped.triangles,
+        skipped_area: atlas.skipped.area,
+        skipped_rays: looking.rays(),
         texels_per_metre: atlas.texels_per_metre,
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),

@@ -26,6 +26,7 @@ pub mod assemble;
 pub mod scene_glb;
 pub mod options;
 pub mod transfer;
+pub mod hidden;
 pub mod prepare;
 pub mod forecast;
 pub mod folder;

@@ -1,6 +1,7 @@
 //! A scene read and planned, and the digests by which its layers and its dataset are known again.
 
 use super::errors::Parts;
+use super::hidden;
 use super::json;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
@@ -11,6 +12,7 @@ use crate::geometry::{self, Geometry};
 use crate::light::schedule::Hours;
 use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
+use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
 use dataset::config::Transfer;
 use dataset::console::Console;
@@ -64,15 +66,18 @@ impl Prepared {
         options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&self.scene.name))
     }
 
-    /// Lays out the texels.
+    /// Lays out the texels, none of them on faces that nobody can see; gives also the rays that it took to find those.
     ///
     /// # Errors
-    /// As [`atlas::build`]; what does not fit names the line that asks for it.
-    pub fn atlas(&self) -> Result<Atlas> {
-        atlas::build(&self.geometry, &self.scene.lightmap).map_err(|error| match error {
+    /// As [`atlas::build_without`]; what does not fit names the line that asks for it.
+    pub fn atlas(&self) -> Result<(Atlas, RayCounts)> {
+        let hidden = hidden::find(&self.geometry, &self.scene.lightmap);
+        let atlas = atlas::build_without(&self.geometry, &self.scene.lightmap, &hidden.triangles);
+        let atlas = atlas.map_err(|error| match error {
             Error::Unsupported { what, .. } => Error::unsupported(&self.scene.size_as_written, what),
             other => other,
-        })
+        })?;
+        Ok((atlas, hidden.rays))
     }
 
     /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each is multiplied by.

@@ -60,13 +60,14 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         count(plan.layers(), "layer")
     ));
 
-    let atlas = {
+    let (atlas, looking) = {
         let progress = console.progress("unwrapping", 1);
         let atlas = prepared.atlas().inspect_err(|_| folder::leave(&out))?;
         progress.advance(1);
         atlas
     };
     console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
+    facts::skipped(&atlas).into_iter().for_each(|what| console.say(format!("  {what}")));
     atlas.warnings.iter().for_each(|w| console.warn(w));
     folder::begin(&out)?;
     let mut writer = Writer::create(&out)?;
@@ -133,7 +134,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         relative_error: median(&relative),
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
-        rays: traced.rays,
+        rays: if origin.traced > 0 { traced.rays + looking } else { traced.rays },
         facts,
         rounds: traced.rounds,
         check,

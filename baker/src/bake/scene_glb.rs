@@ -306,7 +306,8 @@ mod tests {
              [[object.part]]\nname = \"plate\"\nlightmap = false\n",
         );
         let size = scene::LightmapSize::Fixed { width: 256, height: 200 };
-        let atlas = atlas::build(&geometry, &Lightmap { size, pages: 1, padding: 2 }).unwrap();
+        let atlas =
+            atlas::build(&geometry, &Lightmap { size, pages: 1, padding: 2, ..Lightmap::default() }).unwrap();
         let glb = gltf::Gltf::from_slice(&to_glb(&geometry, &atlas).unwrap()).unwrap();
         let blob = glb.blob.as_deref().unwrap();
         // The cubes and the plates: one shape four times, one stretched otherwise.
@@ -367,7 +368,8 @@ mod tests {
              [[object]]\nfile = \"things.obj\"\ntranslate = [9, 0, 0]\nlightmap = false\n",
         );
         let size = scene::LightmapSize::Fixed { width: 60, height: 50 };
-        let atlas = atlas::build(&geometry, &Lightmap { size, pages: 2, padding: 2 }).unwrap();
+        let atlas =
+            atlas::build(&geometry, &Lightmap { size, pages: 2, padding: 2, ..Lightmap::default() }).unwrap();
         assert_eq!((atlas.pages, atlas.page_height, atlas.stride, atlas.height), (2, 50, 128, 178));
         let pages: Vec<Vec<u32>> =
             atlas.placements.iter().map(|p| p.iter().map(|p| p.page).collect()).collect();

@@ -1,6 +1,6 @@
 //! What of a geometry decides the light on it.
 
-use super::{Geometry, Wrap};
+use super::{Geometry, LightmapPlace, Wrap};
 
 impl Geometry {
     /// Feeds everything but light that a bake depends on into a hash. Neither names nor what materials emit count.
@@ -17,6 +17,13 @@ impl Geometry {
             hash.update(bytemuck::cast_slice(&numbers.map(|n| n as u64)));
             hash.update(&[u8::from(i.lightmap), u8::from(i.has_lightmap_uvs)]);
             hash.update(&i.density.to_le_bytes());
+            let (kind, page, [a, b], [c, d]) = match i.lightmap_place {
+                LightmapPlace::Unsaid => (0, 0, [0.0; 2], [0.0; 2]),
+                LightmapPlace::Nowhere => (1, 0, [0.0; 2], [0.0; 2]),
+                LightmapPlace::At { page, scale, offset } => (2, page, scale, offset),
+            };
+            hash.update(bytemuck::cast_slice(&[kind, page]));
+            hash.update(bytemuck::cast_slice(&[a, b, c, d]));
             // What shares a layout: the number of the mesh, and how each instance lies to the others.
             hash.update(&i.mesh.to_le_bytes());
             hash.update(bytemuck::cast_slice(&i.world_from_mesh.to_cols_array()));

@@ -3,7 +3,7 @@
 use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
 use super::texture::TextureStore;
-use super::{Geometry, Instance, gltf, obj};
+use super::{Geometry, Instance, LightmapPlace, gltf, obj};
 use crate::scene::{Object, Scene, WHITE};
 use dataset::{Error, Result};
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
@@ -75,6 +75,7 @@ struct Placed<'a> {
     material: u32,
     name: String,
     lightmap: bool,
+    lightmap_place: LightmapPlace,
     density: f64,
 }
 
@@ -152,6 +153,7 @@ fn place<'a>(
             material: *material,
             name: format!("{name}{number}"),
             lightmap: look.lightmap.unwrap_or(true),
+            lightmap_place: placement.lightmap_place,
             density: look.density.unwrap_or(1.0),
         }));
     }
@@ -280,6 +282,7 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
         vertices: first_vertex..geometry.positions.len(),
         lightmap: p.lightmap,
         has_lightmap_uvs: !mesh.lightmap_uvs.is_empty(),
+        lightmap_place: p.lightmap_place,
         density: p.density,
     });
 }

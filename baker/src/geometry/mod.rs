@@ -61,8 +61,29 @@ pub struct Instance {
     pub lightmap: bool,
     /// Whether `lightmap_uvs` hold an authored layout for it.
     pub has_lightmap_uvs: bool,
+    /// Where its file says that its lightmap lies.
+    pub lightmap_place: LightmapPlace,
     /// Texel density relative to the scene's.
     pub density: f64,
+}
+
+/// Where a file says that the lightmap of an instance lies: a glTF by the `extras` of its nodes, as the baker's own `scene.glb` does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum LightmapPlace {
+    /// The file tells of no mesh where its lightmap lies.
+    #[default]
+    Unsaid,
+    /// It tells of others, and not of this one.
+    Nowhere,
+    /// Page coordinates = `scale` × lightmap coordinates + `offset`.
+    At {
+        /// The page.
+        page: u32,
+        /// Per axis.
+        scale: [f32; 2],
+        /// Per axis.
+        offset: [f32; 2],
+    },
 }
 
 /// A diffuse material.

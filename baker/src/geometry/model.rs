@@ -1,5 +1,6 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
+use super::LightmapPlace;
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3};
 
@@ -22,6 +23,8 @@ pub(super) struct NodeMesh {
     /// The node's name, or empty.
     pub node: String,
     pub file_from_mesh: DMat4,
+    /// Where the node says that its lightmap lies.
+    pub lightmap_place: LightmapPlace,
 }
 
 /// Indexed triangles of one material.

@@ -1,9 +1,9 @@
 //! Wavefront OBJ with its MTL libraries.
 
-use super::Wrap;
 use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo};
 use super::polygon::triangulate;
 use super::texture::TextureStore;
+use super::{LightmapPlace, Wrap};
 use dataset::console::count;
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3};
@@ -112,7 +112,12 @@ pub(super) fn load(
         let place = format!("{file}: {name}");
         let mesh = convert(mesh, name, material, vt_is_lightmap, &place, warnings)?;
         let node = String::new();
-        model.placements.push(NodeMesh { mesh: model.meshes.len(), node, file_from_mesh: DMat4::IDENTITY });
+        model.placements.push(NodeMesh {
+            mesh: model.meshes.len(),
+            node,
+            file_from_mesh: DMat4::IDENTITY,
+            lightmap_place: LightmapPlace::Unsaid,
+        });
         model.meshes.push(mesh);
     }
     Ok(model)

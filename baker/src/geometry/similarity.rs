@@ -63,6 +63,7 @@ mod tests {
             vertices: 0..3,
             lightmap: true,
             has_lightmap_uvs: false,
+            lightmap_place: Default::default(),
             density: 1.0,
         }
     }

@@ -1,6 +1,7 @@
 //! The finished dataset to look at, and whether it is of this scene.
 
 use crate::atlas::{self, Atlas};
+use crate::bake::hidden;
 use crate::bake::scene_glb::to_glb;
 use crate::geometry::Geometry;
 use crate::scene::{Lightmap, Scene};
@@ -50,7 +51,8 @@ pub fn open(
     let lightmap = lightmap.map_err(|_| other("its settings do not say how its texels were laid out"))?;
     let atlas = {
         let progress = console.progress("unwrapping", 1);
-        let atlas = atlas::build(geometry, &lightmap)?;
+        let hidden = hidden::find(geometry, &lightmap).triangles;
+        let atlas = atlas::build_without(geometry, &lightmap, &hidden)?;
         progress.advance(1);
         atlas
     };

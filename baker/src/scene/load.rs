@@ -2,8 +2,8 @@
 
 use super::raw::{Source, Table, parse};
 use super::{
-    Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey, SunTrack, camera,
-    lamp, object, sky,
+    HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey,
+    SunTrack, UvSource, camera, lamp, object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
@@ -26,7 +26,7 @@ const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"]
 const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
 const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
-const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding"];
+const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding", "hidden", "uv"];
 const BAKE: &[&str] = &["samples", "bounces", "seed"];
 
 /// Full angle of the solar disc in degrees, mean over the year.
@@ -255,7 +255,28 @@ fn lightmap(table: &Table) -> Result<Lightmap> {
     let pages = table.get("pages").map_or(Ok(i64::from(Lightmap::default().pages)), |v| {
         v.integer("a number of pages from 1 to 64", |x| (1..=64).contains(&x))
     })?;
-    Ok(Lightmap { size, pages: pages as u32, padding: padding as u32 })
+    let expected = r#""skip" or "keep""#;
+    let hidden = match table.get("hidden") {
+        None => Lightmap::default().hidden,
+        Some(value) => match value.text(expected)? {
+            "skip" => HiddenFaces::Skip,
+            "keep" => HiddenFaces::Keep,
+            _ => return Err(value.error(format!("expected {expected}"))),
+        },
+    };
+    let expected = r#""auto" or "keep""#;
+    let uv = match table.get("uv") {
+        None => Lightmap::default().uv,
+        Some(value) => match value.text(expected)? {
+            "auto" => UvSource::Auto,
+            "keep" if matches!(size, LightmapSize::TexelsPerMetre(_)) => {
+                return Err(value.error("expected `size`, the page's size in texels, not `texels_per_metre`"));
+            }
+            "keep" => UvSource::Keep,
+            _ => return Err(value.error(format!("expected {expected}"))),
+        },
+    };
+    Ok(Lightmap { size, pages: pages as u32, padding: padding as u32, hidden, uv })
 }
 
 fn bake(table: &Table) -> Result<Sampling> {

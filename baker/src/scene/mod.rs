@@ -304,12 +304,42 @@ pub struct Lightmap {
     pub pages: u32,
     /// Texels between charts that are filled by dilation; at least 2 are left.
     pub padding: u32,
+    /// What becomes of faces that nobody can see.
+    pub hidden: HiddenFaces,
+    /// Where lightmap coordinates come from.
+    pub uv: UvSource,
 }
 
 impl Default for Lightmap {
     fn default() -> Self {
-        Self { size: LightmapSize::Fixed { width: 512, height: 512 }, pages: 1, padding: 4 }
+        Self {
+            size: LightmapSize::Fixed { width: 512, height: 512 },
+            pages: 1,
+            padding: 4,
+            hidden: HiddenFaces::Skip,
+            uv: UvSource::Auto,
+        }
     }
+}
+
+/// What becomes of faces that nobody can see: those inside solids, and those pressed against another surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HiddenFaces {
+    /// They get no texels; they block and reflect light all the same.
+    Skip,
+    /// They get texels as all others do.
+    Keep,
+}
+
+/// Where lightmap coordinates come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UvSource {
+    /// Charts of the file's own layout where it is valid, else charts of the unwrapper; all are packed.
+    Auto,
+    /// The file's own coordinates as they are: each is a place on the page.
+    Keep,
 }
 
 /// Page size, or texel density.

@@ -19,6 +19,7 @@ fn floor() -> (Geometry, Atlas) {
         vertices: 0..4,
         lightmap: true,
         has_lightmap_uvs: false,
+        lightmap_place: Default::default(),
         density: 1.0,
     };
     let material = Material {
@@ -41,7 +42,7 @@ fn floor() -> (Geometry, Atlas) {
         ..Geometry::default()
     };
     let size = LightmapSize::Fixed { width: 64, height: 64 };
-    let atlas = build(&geometry, &Lightmap { size, pages: 1, padding: 1 }).unwrap();
+    let atlas = build(&geometry, &Lightmap { size, pages: 1, padding: 1, ..Lightmap::default() }).unwrap();
     (geometry, atlas)
 }
 

@@ -131,15 +131,58 @@ impl<'a> Space<'a> {
     /// Whether a point lies in a body that may be open a little: along the normal and in four directions close to the surface, the back
     /// of a one-sided triangle is met.
     pub fn is_enclosed(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
+        self.meets_backs(at, |_| true, counts)
+    }
+
+    /// Whether along the normal and in four directions close to the surface an absorbing back is met, of a material that counts.
+    fn meets_backs(&self, at: &Receiver, counting: fn(&Material) -> bool, counts: &mut RayCounts) -> bool {
+        let is_back = |hit: &Hit, direction: Vec3| {
+            self.is_absorbing_back(hit, direction) && counting(self.material(hit.triangle))
+        };
         [at.face_normal].into_iter().chain(Self::around(at)).all(|direction| {
             counts.inside += 1;
             let hit = self.rays.nearest(at.origin, direction, at.triangle);
             hit.is_some_and(|hit| {
-                self.is_absorbing_back(&hit, direction) || {
+                is_back(&hit, direction) || {
                     let other = self.met_at_once(at, direction, &hit, counts);
-                    other.is_some_and(|other| self.is_absorbing_back(&other, direction))
+                    other.is_some_and(|other| is_back(&other, direction))
                 }
             })
+        })
+    }
+
+    /// Whether nobody can see a point of a surface: it lies in a body, or another surface is pressed against it. `behind` is the same
+    /// point on the other side of its surface; `gap` is the widest gap, in metres, across which surfaces count as pressed together.
+    ///
+    /// Cut-outs hide nothing.
+    pub fn is_hidden(&self, at: &Receiver, behind: &Receiver, gap: f32, counts: &mut RayCounts) -> bool {
+        counts.inside += 1;
+        let Some(hit) = self.rays.nearest(at.origin, at.face_normal, at.triangle) else {
+            return self.is_in_contact(at, behind, counts);
+        };
+        let is_seen_side = !self.is_absorbing_back(&hit, at.face_normal);
+        if is_seen_side && hit.t <= gap && is_opaque(self.material(hit.triangle)) {
+            return true;
+        }
+        self.is_in_solid(at, counts)
+            || self.meets_backs(at, is_opaque, counts)
+            || self.is_in_contact(at, behind, counts)
+    }
+
+    /// Whether a body stands on a surface with this point: a one-sided surface lies in the same plane and faces the point's own, behind
+    /// which is the inside of a body. (Without a body these may be the two sides of a leaf.)
+    fn is_in_contact(&self, at: &Receiver, behind: &Receiver, counts: &mut RayCounts) -> bool {
+        // From three times rounding behind the surface to as far in front of it.
+        let step = at.origin - behind.origin;
+        counts.inside += 1;
+        let hit = self.rays.nearest(behind.origin - step, at.face_normal, at.triangle);
+        hit.is_some_and(|hit| {
+            let material = self.material(hit.triangle);
+            hit.t <= 3.0 * step.length()
+                && self.front(hit.triangle).dot(at.face_normal) < 0.0
+                && !material.two_sided
+                && is_opaque(material)
+                && self.is_inside(behind, counts)
         })
     }
 
@@ -195,4 +238,9 @@ impl<'a> Space<'a> {
     pub fn material(&self, triangle: u32) -> &Material {
         &self.geometry.materials[self.geometry.material_of[triangle as usize] as usize]
     }
+}
+
+/// Whether nothing of a surface is cut out.
+fn is_opaque(material: &Material) -> bool {
+    material.alpha_cutoff.is_none()
 }

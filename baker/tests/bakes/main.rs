@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod golden;
+mod keep;
 mod pages;
 mod preview;
 mod relight;

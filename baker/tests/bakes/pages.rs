@@ -5,7 +5,7 @@ use crate::{Stage, assert_same};
 use baker::bake::run::Integrator;
 
 /// Blocks that one page of this size is too small for, at the density of two.
-fn case() -> (Stage, String) {
+pub fn case() -> (Stage, String) {
     let block = Obj::default().mesh("block").block([-0.5, 0.0, -0.5], [1.0, 1.0, 1.0]).bytes();
     let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 6.0, 4.0).bytes();
     let text = "[sun]\ntrack = [{ hour = 12, direction = [0.3, 1, 0.2], irradiance = [50, 48, 45] }]\n\

@@ -101,8 +101,8 @@ fn a_plan_tells_what_the_bake_will_take_and_whether_the_scene_is_open() {
             Options { integrator: Integrator::Path, ..Options::new(parse_hours("6,12,22").expect("hours")) };
         let prepared =
             prepare(&stage.path("case.toml"), &options, &Console::silent()).expect("what was baked");
-        let atlas = baker::atlas::build(&prepared.geometry, &prepared.scene.lightmap).expect("an atlas");
-        let forecast = forecast(&prepared, &atlas).expect("a forecast");
+        let (atlas, looking) = prepared.atlas().expect("an atlas");
+        let forecast = forecast(&prepared, &atlas, &looking).expect("a forecast");
         assert_eq!((forecast.size, forecast.pages), (baked.outcome.size, baked.outcome.pages));
         assert_eq!(forecast.open.map(|n| n > 0), Some(is_open), "{forecast:?}");
         let bytes = |folder: &str, extension: &str| -> u64 {

@@ -84,7 +84,7 @@ fn chairs_share_a_layout() {
     let geometry = room();
     let sizes = [fixed(512, 512).size, fixed(900, 300).size, LightmapSize::TexelsPerMetre(60.0)];
     for (size, padding) in sizes.into_iter().flat_map(|s| [(s, 2), (s, 5)]) {
-        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding }).unwrap();
+        let atlas = build(&geometry, &Lightmap { size, pages: 1, padding, ..Lightmap::default() }).unwrap();
         check(&geometry, &atlas, padding.into());
         check_placements(&geometry, &atlas);
         // The wide one has a layout of its own, that is, none that it shares.

@@ -4,6 +4,7 @@ mod accessor;
 mod container;
 mod material;
 
+use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
 use super::texture::TextureStore;
 use accessor::{Buffers, read_floats, read_indices};
@@ -137,6 +138,10 @@ impl Reader<'_> {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
             }
             if let Some(mesh) = node.mesh() {
+                let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {
+                    self.warnings.push(format!("{place}: {what}"));
+                    LightmapPlace::Unsaid
+                });
                 if node.skin().is_some() {
                     self.warnings
                         .push(format!("{place}: its skin is not applied: the mesh stays in its bind pose"));
@@ -156,10 +161,16 @@ impl Reader<'_> {
                     mesh,
                     node: node.name().unwrap_or("").to_owned(),
                     file_from_mesh: file_from_node,
+                    lightmap_place,
                 }));
             }
             let children: Vec<_> = node.children().collect();
             stack.extend(children.into_iter().rev().map(|c| (c, file_from_node)));
+        }
+        let placements = &mut self.model.placements;
+        if placements.iter().any(|p| p.lightmap_place != LightmapPlace::Unsaid) {
+            let unsaid = placements.iter_mut().filter(|p| p.lightmap_place == LightmapPlace::Unsaid);
+            unsaid.for_each(|p| p.lightmap_place = LightmapPlace::Nowhere);
         }
         if self.skipped > 0 {
             let what =
@@ -236,6 +247,30 @@ impl Reader<'_> {
         let known = (self.model.materials.len() - 1, uv);
         self.materials.insert(material.index(), known);
         Ok(known)
+    }
+}
+
+/// Where a node's `extras` say that its lightmap lies; an error says what is wrong with them.
+fn lightmap_place(node: &gltf::Node) -> std::result::Result<LightmapPlace, String> {
+    let Some(extras) = node.extras() else { return Ok(LightmapPlace::Unsaid) };
+    let Ok(extras) = serde_json::from_str::<serde_json::Value>(extras.get()) else {
+        return Ok(LightmapPlace::Unsaid);
+    };
+    let (scale, offset) = (extras.get("lightmapScale"), extras.get("lightmapOffset"));
+    if scale.is_none() && offset.is_none() {
+        return Ok(LightmapPlace::Unsaid);
+    }
+    let pair = |value: Option<&serde_json::Value>, default: [f32; 2]| {
+        let Some(value) = value else { return Some(default) };
+        let pair = serde_json::from_value::<[f32; 2]>(value.clone()).ok()?;
+        pair.iter().all(|x| x.is_finite()).then_some(pair)
+    };
+    let page = extras.get("lightmapPage").map_or(Some(0), |page| u32::try_from(page.as_u64()?).ok());
+    match (page, pair(scale, [1.0; 2]), pair(offset, [0.0; 2])) {
+        (Some(page), Some(scale), Some(offset)) => Ok(LightmapPlace::At { page, scale, offset }),
+        _ => Err("its extras lightmapScale, lightmapOffset and lightmapPage are not used: expected two numbers, two numbers and a \
+                  page from 0 on"
+            .to_owned()),
     }
 }
 

@@ -1,0 +1,123 @@
+//! Which faces nobody can see: found before texels are laid out, so that none are spent on them.
+//!
+//! A face is hidden if every point of a lattice on it is, on the side that its texels show and, where it is two-sided, on the other
+//! one too: inside a body, or pressed against another surface ([`Space::is_hidden`]). One point that can be seen is enough for all of
+//! its texels. The same scene has the same hidden faces, whatever the seed, the backend and the number of threads.
+
+use super::block::sum;
+use crate::geometry::{Geometry, Solids};
+use crate::scene::{HiddenFaces, Lightmap, LightmapSize, UvSource};
+use crate::surface::SurfacePoint;
+use crate::trace::counts::RayCounts;
+use crate::trace::rays::Rays;
+use crate::trace::space::Space;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Fewest intervals between lattice points along a side of a face: 15 points.
+const FEWEST: f64 = 4.0;
+/// Most of them: 2145 points.
+const MOST: f64 = 64.0;
+/// How far lattice points stay off the edges, as a fraction of the face.
+const INSET: f32 = 1e-3;
+/// Widest gap between surfaces that are pressed together, as a fraction of a face's height.
+const GAP_OF_FACE: f64 = 0.01;
+/// The same as a fraction of the scene's length.
+const GAP_OF_SCENE: f64 = 1e-4;
+
+/// Faces that nobody can see.
+#[derive(Clone, Debug, Default)]
+pub struct Hidden {
+    /// Triangles of lightmapped instances, ascending.
+    pub triangles: Vec<u32>,
+    /// The rays that it took to find them.
+    pub rays: RayCounts,
+}
+
+/// Finds the hidden faces of lightmapped instances; none if they are to have texels anyway.
+pub fn find(geometry: &Geometry, lightmap: &Lightmap) -> Hidden {
+    if lightmap.hidden == HiddenFaces::Keep || lightmap.uv == UvSource::Keep {
+        return Hidden::default();
+    }
+    let rays = Rays::new(geometry);
+    let space = Space::new(geometry, &rays).with_solids(Solids::new(geometry));
+    let texel = texel_length(geometry, lightmap);
+    let gap = GAP_OF_SCENE * length(geometry);
+    let lightmapped = geometry.instances.iter().filter(|instance| instance.lightmap);
+    let faces: Vec<(u32, f64)> =
+        lightmapped.flat_map(|i| i.triangles.clone().map(|t| (t as u32, texel / i.density))).collect();
+    let looked_at: Vec<(bool, RayCounts)> = faces
+        .par_iter()
+        .with_min_len(64)
+        .map(|&(triangle, texel)| {
+            let mut counts = RayCounts::default();
+            (is_hidden(&space, triangle, texel, gap, &mut counts), counts)
+        })
+        .collect();
+    let hidden = faces.iter().zip(&looked_at).filter(|(_, (hidden, _))| *hidden);
+    Hidden {
+        triangles: hidden.map(|((triangle, _), _)| *triangle).collect(),
+        rays: sum(looked_at.iter().map(|(_, counts)| *counts)),
+    }
+}
+
+/// Whether a face is hidden; `texel` is the length of its texels, `gap` the widest gap of any face.
+fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut RayCounts) -> bool {
+    let geometry = space.geometry;
+    let longest = geometry.longest_edge(triangle as usize);
+    let height = 2.0 * area(geometry, triangle as usize) / longest;
+    let gap = gap.min(GAP_OF_FACE * height) as f32;
+    let two_sided = space.material(triangle).two_sided;
+    let along = (longest / texel).ceil().clamp(FEWEST, MOST) as u32;
+    lattice(along).all(|barycentric| {
+        let point = SurfacePoint { triangle, barycentric };
+        let sides = (space.receiver_on(&point, false), space.receiver_on(&point, true));
+        let (Some(front), Some(back)) = sides else { return false };
+        space.is_hidden(&front, &back, gap, counts)
+            && (!two_sided || space.is_hidden(&back, &front, gap, counts))
+    })
+}
+
+/// The points of a triangular lattice with so many intervals along a side, in barycentric coordinates: in an order that soon
+/// comes to all parts.
+fn lattice(along: u32) -> impl Iterator<Item = Vec3> {
+    // A prime larger than any side: every place of the square is met once.
+    const STEP: u32 = 7919;
+    let side = along + 1;
+    let places = (0..side * side).map(move |k| k * STEP % (side * side));
+    let inside = places.map(move |place| (place / side, place % side)).filter(move |(i, j)| i + j <= along);
+    inside.map(move |(i, j)| {
+        let node = Vec3::new((along - i - j) as f32, i as f32, j as f32) / along as f32;
+        node * (1.0 - 3.0 * INSET) + INSET
+    })
+}
+
+/// The length of a texel at density 1 in metres: no longer than it will be.
+fn texel_length(geometry: &Geometry, lightmap: &Lightmap) -> f64 {
+    match lightmap.size {
+        LightmapSize::TexelsPerMetre(density) => density.recip(),
+        LightmapSize::Fixed { width, height } => {
+            let lightmapped = geometry.instances.iter().filter(|instance| instance.lightmap);
+            let weighed = lightmapped.map(|instance| {
+                let area: f64 = instance.triangles.clone().map(|t| area(geometry, t)).sum();
+                area * instance.density.powi(2)
+            });
+            let texels = f64::from(width) * f64::from(height) * f64::from(lightmap.pages);
+            (weighed.sum::<f64>() / texels).sqrt()
+        }
+    }
+}
+
+fn area(geometry: &Geometry, triangle: usize) -> f64 {
+    let [a, b, c] = geometry.corners(triangle).map(|p| p.as_dvec3());
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// The length of the longest side of the box around all positions, which are relative to its centre.
+fn length(geometry: &Geometry) -> f64 {
+    2.0 * geometry.positions.iter().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+#[path = "hidden_tests.rs"]
+mod tests;
