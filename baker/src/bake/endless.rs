@@ -25,8 +25,8 @@ pub fn error(geometry: &Geometry) -> Error {
     Error::invalid(
         "scene",
         format!(
-            "light grows without end: surfaces of a closed space reflect all of it, or nearly; expected an albedo below \
-             {NEARLY_ALL} at some of {shown}{more}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]"
+            "light grows without end: surfaces of a closed space reflect all of it (albedo 1), or nearly: {shown}{more}; \
+             expected less than {NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]"
         ),
     )
 }
