@@ -50,6 +50,7 @@ fn terrain(n: usize) -> Geometry {
     g.material_of = vec![0; g.triangles.len()];
     g.materials.push(Material {
         albedo: Vec3::splat(0.5),
+        albedo_max: 1.0,
         alpha: 1.0,
         texture: None,
         alpha_cutoff: None,

@@ -1,7 +1,7 @@
 //! Texels as pieces of surface: which parts of which triangles a texel covers, and points on them.
 
 use crate::atlas::Atlas;
-use glam::{DVec2, DVec3, Vec2, Vec3, dvec3, vec2};
+use glam::{DVec2, DVec3, Vec2, Vec3, dvec2, dvec3};
 
 /// Side of the square blocks of texels that are worked on at a time; divides the metric tiles' side.
 pub const BLOCK: usize = 64;
@@ -100,8 +100,9 @@ pub struct SurfacePoint {
     pub barycentric: Vec3,
 }
 
-/// Less covered area than this (in texels) is rounding, not surface.
-const LEAST_AREA: f32 = 1e-5;
+/// Less covered area than this (in texels) is no surface. It is measured in double precision, where a face without area has
+/// less than 1e-9 at any place of a page: whatever has a fragment has an area to divide by.
+const LEAST_AREA: f64 = 1e-5;
 
 impl BlockSurface {
     /// Clips the faces of a block to its texels.
@@ -120,13 +121,14 @@ impl BlockSurface {
             };
             for y in range(low.y, high.y, y0, height) {
                 for x in range(low.x, high.x, x0, width) {
-                    let polygon = clip(&corners, vec2(x as f32, y as f32));
+                    let polygon = clip(&corners.map(DVec2::from), dvec2(x as f64, y as f64));
                     for i in 2..polygon.len {
                         let corners = [polygon.points[0], polygon.points[i - 1], polygon.points[i]];
                         let area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs() * 0.5;
                         if area > LEAST_AREA {
                             let texel = ((y - y0) * width + x - x0) as u32;
-                            pieces.push((texel, Fragment { face, corners, cumulative: area }));
+                            let corners = corners.map(|corner| corner.as_vec2());
+                            pieces.push((texel, Fragment { face, corners, cumulative: area as f32 }));
                         }
                     }
                 }
@@ -175,7 +177,9 @@ impl BlockSurface {
         let i = fragments.partition_point(|f| f.cumulative <= target).min(fragments.len() - 1);
         let below = if i == 0 { 0.0 } else { fragments[i - 1].cumulative };
         let fragment = &fragments[i];
-        let ux = ((target - below) / (fragment.cumulative - below)).clamp(0.0, 1.0);
+        // (Among very many fragments the sum may swallow one.)
+        let area = (fragment.cumulative - below).max(f32::MIN_POSITIVE);
+        let ux = ((target - below) / area).clamp(0.0, 1.0);
         // A uniform point of the triangle.
         let r = ux.sqrt();
         let [a, b, c] = fragment.corners;
@@ -248,20 +252,20 @@ fn barycentric(corners: &[Vec2; 3], point: Vec2) -> DVec3 {
 
 /// A convex polygon of at most seven corners: a triangle cut by four lines.
 struct Polygon {
-    points: [Vec2; 7],
+    points: [DVec2; 7],
     len: usize,
 }
 
 /// A triangle clipped to the unit square at `corner` (Sutherland & Hodgman).
-fn clip(triangle: &[Vec2; 3], corner: Vec2) -> Polygon {
-    let mut polygon = Polygon { points: [Vec2::ZERO; 7], len: 3 };
+fn clip(triangle: &[DVec2; 3], corner: DVec2) -> Polygon {
+    let mut polygon = Polygon { points: [DVec2::ZERO; 7], len: 3 };
     polygon.points[..3].copy_from_slice(triangle);
     for side in 0..4 {
         let axis = side / 2;
         // Signed distance into the square from one of its sides.
         let inside =
-            |p: Vec2| if side % 2 == 0 { p[axis] - corner[axis] } else { corner[axis] + 1.0 - p[axis] };
-        let mut out = Polygon { points: [Vec2::ZERO; 7], len: 0 };
+            |p: DVec2| if side % 2 == 0 { p[axis] - corner[axis] } else { corner[axis] + 1.0 - p[axis] };
+        let mut out = Polygon { points: [DVec2::ZERO; 7], len: 0 };
         for i in 0..polygon.len {
             let (p, q) = (polygon.points[i], polygon.points[(i + 1) % polygon.len]);
             let (dp, dq) = (inside(p), inside(q));
@@ -284,6 +288,7 @@ mod tests {
     use super::*;
     use crate::atlas::Face;
     use crate::trace::sampler::{Kind, Sequence};
+    use glam::vec2;
 
     fn atlas(width: u32, height: u32, corners: &[[Vec2; 3]]) -> Atlas {
         let faces = corners
@@ -401,5 +406,46 @@ mod tests {
         // χ² with 15 degrees of freedom; low-discrepancy points stay far below the 0.1 % limit of 37.7.
         let chi2: f64 = count.iter().map(|&c| (f64::from(c) - 1000.0).powi(2) / 1000.0).sum();
         assert!(chi2 < 37.7, "{chi2}");
+    }
+
+    #[test]
+    fn faces_without_area_give_no_fragments() {
+        // Two faces of an interior as they came onto its page of 1024². Their corners lie on one line, exactly; cut to a texel
+        // in single precision they seemed to have some area, and weights of their corners were 0 ÷ 0.
+        let line = |x: [u32; 3], y: u32| x.map(|x| vec2(f32::from_bits(x), f32::from_bits(y)));
+        for corners in [
+            line([1147740160, 1147741114, 1147857618], 1138376704),
+            line([1120885699, 1120878060, 1119944704], 1138507776),
+            [vec2(7.5, 7.5); 3],
+            [vec2(1000.1, 3.3), vec2(1000.1, 3.3), vec2(1003.7, 9.1)],
+        ] {
+            let a = atlas(1024, 1024, &[corners]);
+            let bins = FaceBins::new(&a);
+            for block in bins.occupied() {
+                assert_eq!(BlockSurface::new(&a, &bins, block).covered().count(), 0, "{corners:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn thin_faces_far_along_a_large_page_keep_their_area() {
+        // A face 200 texels long and a few thousandths wide: its area is that of its exact corners.
+        for width in [0.05, 0.01, 0.003] {
+            let a =
+                atlas(16384, 64, &[[vec2(16100.3, 30.5), vec2(16300.7, 30.5), vec2(16200.0, 30.5 + width)]]);
+            let [p, q, r] = a.faces[0].corners.map(DVec2::from);
+            let bins = FaceBins::new(&a);
+            let mut total = 0.0;
+            for block in bins.occupied() {
+                let s = BlockSurface::new(&a, &bins, block);
+                for texel in s.covered() {
+                    total += f64::from(s.fragments[s.starts[texel + 1] as usize - 1].cumulative);
+                    let point = s.sample(&a, texel, vec2(0.3, 0.6)).barycentric;
+                    assert!(point.is_finite() && point.min_element() > 0.0, "{point}");
+                }
+            }
+            let area = (q - p).perp_dot(r - p).abs() / 2.0;
+            assert!((total / area - 1.0).abs() < 0.01, "{total} of {area}");
+        }
     }
 }

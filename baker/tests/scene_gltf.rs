@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 
-const TEXT: &str = "[[object]]\nfile = \"a.gltf\"\n";
+const TEXT: &str = "[bake]\nalbedo_max = 1\n[[object]]\nfile = \"a.gltf\"\n";
 
 fn load(folder: &Path, asset: &Value) -> dataset::Result<(Geometry, Vec<String>)> {
     fs::write(folder.join("a.gltf"), asset.to_string()).unwrap();
@@ -267,7 +267,7 @@ fn what_cannot_be_baked_is_warned_about() {
     let (g, warnings) = load(folder.path(), &asset).unwrap();
     assert_eq!(g.albedo_at(0, Vec3::X), Vec3::splat(0.5));
     for expected in [
-        "1 primitives of points or lines",
+        "1 primitive: points and lines have no surface",
         "vertex colours",
         "albedo 0.5 for want of a defined material: 1 mesh",
     ] {
@@ -277,6 +277,105 @@ fn what_cannot_be_baked_is_warned_about() {
         load(folder.path(), &with(square(), &[("/materials/0/alphaMode", json!("BLEND"))])).unwrap();
     assert_eq!(g.materials[0].alpha_cutoff, Some(0.5));
     assert!(warnings[0].contains("BLEND is taken as MASK"), "{warnings:?}");
+}
+
+#[test]
+fn a_texture_that_cannot_be_read_is_warned_about_and_grey_stands_in_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    for (pointer, value, reason) in [
+        ("/images/0", json!({}), "expected a uri or a bufferView"),
+        ("/images/0", json!({ "uri": "lost.png" }), "uri lost.png"),
+        ("/images/0", json!({ "bufferView": 0 }), "the texture is neither PNG nor JPEG"),
+        ("/bufferViews/3/byteLength", json!(60), "the texture cannot be decoded"),
+        ("/bufferViews/3/byteLength", json!(1 << 30), "it ends outside its buffer"),
+    ] {
+        let (g, warnings) = load(folder.path(), &with(square(), &[(pointer, value)])).unwrap();
+        let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(warning.contains("a.gltf: material leaf (") && warning.contains(reason), "{warning}");
+        assert!(warning.contains("add the file"), "{warning}");
+        // The factor [1, ½, 1] times ½.
+        assert_eq!(g.albedo_at(0, Vec3::X), Vec3::new(0.5, 0.25, 0.5));
+    }
+}
+
+#[test]
+fn whites_of_files_are_limited_and_those_of_the_scene_file_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.gltf"), square().to_string()).unwrap();
+    let write = |text: &str| {
+        fs::write(folder.path().join("scene.toml"), text).unwrap();
+        let (scene, _) = scene::load(&folder.path().join("scene.toml")).unwrap();
+        geometry::load(&scene).unwrap()
+    };
+    // A corner whose texel is pure red; the factor is 1 there.
+    let red = |g: &Geometry| {
+        let places = [[0.0, 1.0, 0.0], [0.0, 0.9, 0.1], [0.0, 0.5, 0.5], [0.1, 0.1, 0.8], [0.0, 0.0, 1.0]];
+        let of = |t: usize| places.map(|weights| g.albedo_at(t, Vec3::from(weights)).x);
+        [of(0), of(1)].concat().into_iter().fold(0.0, f32::max)
+    };
+    let object = "[[object]]\nfile = \"a.gltf\"\n";
+    let (g, warnings) = write(object);
+    assert_eq!(red(&g), 0.95);
+    let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+    assert!(warning.contains("1 material of files (a.gltf: leaf): albedo above 0.95"), "{warning}");
+    assert!(warning.contains("albedo_max = 1"), "{warning}");
+    let (g, warnings) = write(&format!("[bake]\nalbedo_max = 0.25\n{object}"));
+    assert!(red(&g) == 0.25 && warnings.len() == 1);
+    let (g, warnings) = write(&format!("[bake]\nalbedo_max = 1\n{object}"));
+    assert!(red(&g) > 0.99 && warnings.is_empty(), "{warnings:?}");
+    let (g, warnings) = write(&format!("{object}albedo = 0.97\n"));
+    assert!(red(&g) > 0.969 && warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn warnings_of_one_kind_are_one_line_and_come_with_errors_too() {
+    let folder = tempfile::tempdir().unwrap();
+    // Five problems: a texture lost by each of 500 materials, BLEND, vertex colours, a white material, lines.
+    let asset = square();
+    let lost = json!({ "name": "m", "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } });
+    let materials: Vec<Value> = (0..500).map(|_| lost.clone()).chain([json!({ "name": "white" })]).collect();
+    let part = |material: usize| {
+        json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1, "COLOR_0": 0 },
+        "indices": 2, "material": material })
+    };
+    let parts: Vec<Value> =
+        (0..501).map(part).chain([json!({ "attributes": { "POSITION": 0 }, "mode": 1 })]).collect();
+    let asset = with(
+        asset,
+        &[
+            ("/images/0", json!({ "uri": "lost.png" })),
+            ("/materials", json!(materials)),
+            ("/meshes/0/primitives", json!(parts)),
+        ],
+    );
+    fs::write(folder.path().join("a.gltf"), asset.to_string()).unwrap();
+    let text = "[[object]]\nfile = \"a.gltf\"\n";
+    let tell = |text: &str| {
+        fs::write(folder.path().join("scene.toml"), text).unwrap();
+        let (scene, _) = scene::load(&folder.path().join("scene.toml")).unwrap();
+        let mut warnings = Vec::new();
+        let loaded = geometry::load_with(&scene, &mut warnings);
+        (loaded, warnings)
+    };
+    let (loaded, warnings) = tell(text);
+    assert!(loaded.is_ok());
+    assert_eq!(warnings.len(), 5, "{warnings:#?}");
+    for expected in [
+        "500 materials (m (uri lost.png",
+        "500 materials (m, m, m, m, m, …): alphaMode BLEND",
+        "501 primitives (",
+        "1 primitive: points and lines",
+        "1 material of files (a.gltf: white)",
+    ] {
+        assert!(warnings.iter().any(|w| w.contains(expected)), "{expected}: {warnings:#?}");
+    }
+    // Errors of two objects are told together, and the warnings with them.
+    fs::write(folder.path().join("b.gltf"), "{}").unwrap();
+    let wrong = "[[object.part]]\nname = \"nobody\"\nalbedo = 0.5\n[[object]]\nfile = \"b.gltf\"\n";
+    let (loaded, warnings) = tell(&format!("{text}{wrong}"));
+    assert_eq!(warnings.len(), 5, "{warnings:#?}");
+    let error = loaded.unwrap_err().to_string();
+    assert!(error.contains("2 errors") && error.contains("nobody") && error.contains("b.gltf"), "{error}");
 }
 
 #[test]
@@ -311,10 +410,6 @@ fn hostile_assets_give_errors_that_say_where() {
         ("/nodes", json!([{ "children": [1] }, { "children": [0], "mesh": 0 }]), "the node has two parents"),
         ("/nodes/0/translation", json!([1e39, 0, 0]), ""),
         ("/nodes/0/rotation", json!([0, 0, 0, 0]), "sheet: its transform: expected finite numbers"),
-        ("/images/0", json!({}), "image 0: expected a uri or a bufferView"),
-        ("/images/0", json!({ "bufferView": 0 }), "image 0: the texture is neither PNG nor JPEG"),
-        ("/bufferViews/3/byteLength", json!(60), "material leaf: image 0: the texture cannot be decoded"),
-        ("/bufferViews/3/byteLength", json!(1 << 30), "image 0: it ends outside its buffer"),
         (
             "/materials/0/pbrMetallicRoughness/baseColorFactor",
             json!([2, 0, 0, 1]),

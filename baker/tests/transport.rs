@@ -27,6 +27,7 @@ const SCRAMBLES: u32 = 32;
 fn material(albedo: f32) -> Material {
     Material {
         albedo: Vec3::splat(albedo),
+        albedo_max: 1.0,
         alpha: 1.0,
         texture: None,
         alpha_cutoff: None,

@@ -28,6 +28,11 @@ const RUN: usize = 4096;
 /// absorb nothing.
 const ENDLESS_GROWTH: f64 = 1e4;
 
+/// Part of a run's entries that, gaining a four-hundredth of their light by the last pass, keep it from settling.
+const ENDLESS_PART: f64 = 0.2;
+/// Bounces after which walks that kept half of their weight are without end.
+const ROUNDS: usize = 400;
+
 /// How the passes went.
 #[derive(Clone, Copy, Debug)]
 pub struct Solution {
@@ -82,8 +87,12 @@ impl System {
         size_of::<Rgb>() * layers + LEAST_WALKS * size_of::<Landing>()
     }
 
-    /// Passes until nothing changes; `note` is told of each.
-    pub fn solve(&self, mut note: impl FnMut(usize)) -> Result<(CacheHalf, Solution)> {
+    /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows without end.
+    pub fn solve(
+        &self,
+        mut note: impl FnMut(usize),
+        endless: impl Fn() -> Error,
+    ) -> Result<(CacheHalf, Solution)> {
         let values = 3 * self.layers;
         let n = self.share.len();
         let mut most = vec![0f32; self.layers];
@@ -98,6 +107,9 @@ impl System {
         // The most that any surface reflects: only where it is all can light grow without end.
         let brightest = self.landings.iter().flat_map(|l| l.weight).fold(0.0, f32::max).min(1.0);
         let brightest = f64::from(brightest);
+        if brightest > 1.0 - 1e-6 && self.is_endless() {
+            return Err(endless());
+        }
         // A layer is taken as soon as it settles, whatever the others do: it does not depend on what it is traced with.
         let mut result = CacheHalf::new(n, &vec![0.0; self.layers]);
         let mut taken = vec![false; self.layers];
@@ -128,10 +140,7 @@ impl System {
                 // (In the first passes chance may bring back more than was sent out; a sum without end goes on growing.)
                 let r = (again[i] - source[i]) / total[i];
                 if brightest > 1.0 - 1e-6 && total[i] > ENDLESS_GROWTH * source[i] {
-                    return Err(Error::invalid(
-                        "scene",
-                        "light grows without end: nothing absorbs it (albedo 1 in a closed space, with light inside)",
-                    ));
+                    return Err(endless());
                 }
                 let mut factor =
                     if r < 1.0 { (source[i] / (1.0 - r) / stored[i]).clamp(0.25, 8.0) } else { 8.0 };
@@ -159,6 +168,40 @@ impl System {
                 return Ok((result, Solution { passes, settled }));
             }
         }
+    }
+
+    /// Whether light goes round without end in so many entries that they would never settle: found without any light, by what
+    /// part of the weight of walks is left after [`ROUNDS`] of them.
+    fn is_endless(&self) -> bool {
+        let n = self.share.len();
+        let mut left = vec![1f32; n];
+        // Entries that lost half are given up, and what comes from there with them.
+        let mut going: Vec<u32> = (0..n as u32).collect();
+        for _ in 0..ROUNDS {
+            let of = |&entry: &u32| {
+                let e = entry as usize;
+                let landings = self.landings[e * self.walks..][..self.walks].iter();
+                let landed = landings.filter(|l| l.entry != NOWHERE.entry);
+                let most = |l: &Landing| l.weight.into_iter().fold(0.0, f32::max);
+                let sum: f32 = landed.map(|l| most(l) * left[l.entry as usize]).sum();
+                (entry, sum * self.share[e])
+            };
+            let next: Vec<(u32, f32)> = going.par_iter().map(of).collect();
+            going.clear();
+            for (entry, part) in next {
+                left[entry as usize] = if part < 0.5 { 0.0 } else { part };
+                if part >= 0.5 {
+                    going.push(entry);
+                }
+            }
+        }
+        let is_lit = |e: u32| {
+            let source = &self.source[e as usize * self.layers..][..self.layers];
+            source.iter().any(|light| *light != Rgb::ZERO)
+        };
+        let runs = going.chunk_by(|a, b| *a as usize / RUN == *b as usize / RUN);
+        let mut many = runs.filter(|run| run.len() as f64 > ENDLESS_PART * n.min(RUN) as f64);
+        many.any(|run| run.iter().any(|&entry| is_lit(entry)))
     }
 
     /// source + T light, at one entry.
@@ -210,5 +253,41 @@ impl System {
                 (sums, n.min((run + 1) * RUN) - run * RUN)
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `pocket` entries that pass all their light round, `albedo` of it each time, and as many that lose half.
+    fn system(pocket: usize, albedo: f32, light: Rgb) -> System {
+        let landing = |entry: usize| {
+            let (next, weight) = if entry < pocket {
+                ((entry + 1) % pocket, albedo)
+            } else {
+                (pocket + (entry + 1 - pocket) % pocket, 0.5)
+            };
+            Landing { entry: next as u32, weight: [weight; 3] }
+        };
+        // One white surface elsewhere: whether there are such does not decide.
+        let mut landings: Vec<Landing> = (0..2 * pocket).map(landing).collect();
+        landings[pocket].weight = [1.0; 3];
+        let source = (0..2 * pocket).map(|e| if e < pocket { light } else { Rgb::ONE }).collect();
+        System { layers: 1, source, walks: 1, landings, share: vec![1.0; 2 * pocket] }
+    }
+
+    #[test]
+    fn light_that_goes_round_without_end_is_found_before_the_first_pass() {
+        let solve = |system: System| {
+            let mut passes = 0;
+            let solved = system.solve(|pass| passes = pass, || Error::invalid("scene", "endless"));
+            (solved.map(|(_, solution)| solution.settled).map_err(|e| e.to_string()), passes)
+        };
+        let (refused, passes) = solve(system(1000, 1.0, Rgb::ONE));
+        assert!(refused.unwrap_err().contains("endless") && passes == 0);
+        // Absorption of one part in a hundred, and a pocket without light, are none.
+        assert_eq!(solve(system(1000, 0.99, Rgb::ONE)).0, Ok(true));
+        assert_eq!(solve(system(1000, 1.0, Rgb::ZERO)).0, Ok(true));
     }
 }

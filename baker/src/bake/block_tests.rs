@@ -10,7 +10,15 @@ use crate::trace::space::Space;
 use glam::{DAffine3, Vec3, vec3};
 
 fn material(two_sided: bool) -> Material {
-    Material { albedo: Vec3::ONE, alpha: 1.0, texture: None, alpha_cutoff: None, two_sided, emission: None }
+    Material {
+        albedo: Vec3::ONE,
+        albedo_max: 1.0,
+        alpha: 1.0,
+        texture: None,
+        alpha_cutoff: None,
+        two_sided,
+        emission: None,
+    }
 }
 
 /// Triangles, those of the first `lightmapped` with texels.

@@ -7,9 +7,9 @@
 //! therefore also measured by each texel's own light, and summed over eighths of the texels from the darkest to the brightest.
 
 use super::block::{Stream, Worker};
+use super::endless;
 use super::errors::{Parts, median};
 use super::layers::Value;
-use super::rounds::endless;
 use crate::Rgb;
 use crate::trace::counts::RayCounts;
 use dataset::console::{Console, stop_if_interrupted};
@@ -291,7 +291,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);
         sums
     });
-    if counts.endless > 0 { Err(endless()) } else { Ok(halves) }
+    if counts.endless > 0 { Err(endless::error(worker.transport.space.geometry)) } else { Ok(halves) }
 }
 
 #[cfg(test)]

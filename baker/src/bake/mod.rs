@@ -11,6 +11,7 @@ pub mod allocate;
 pub mod block;
 pub mod direct;
 pub mod indirect;
+pub mod endless;
 pub mod balance;
 pub mod pilot;
 pub mod solve;

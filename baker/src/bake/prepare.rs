@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-16";
+const METHOD: &str = "walks-17";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
@@ -131,9 +131,11 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         (scene, options.hours.clone(), None)
     };
     warnings.iter().for_each(|w| console.warn(w));
-    let (geometry, geometry_warnings) = geometry::load(&scene)?;
-    geometry_warnings.iter().for_each(|w| console.warn(w));
-    warnings.extend(geometry_warnings);
+    // Warnings are told whether or not there are errors, too.
+    let before = warnings.len();
+    let loaded = geometry::load_with(&scene, &mut warnings);
+    warnings[before..].iter().for_each(|w| console.warn(w));
+    let geometry = loaded?;
     let mut plan = Plan::new(&scene, &geometry, &hours);
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {

@@ -1,7 +1,6 @@
 //! Rounds of tracing: each doubles the samples where more are wanted, so that an estimate with its error exists early and improves
 //! to the end. Here: when to stop, and what a round and all of them reached.
 
-use crate::Error;
 use crate::trace::counts::RayCounts;
 use dataset::console::count;
 use serde::{Deserialize, Serialize};
@@ -113,15 +112,6 @@ pub fn note(round: &Round, limits: &Limits) -> String {
         None => String::new(),
     };
     format!("median error {:.2} % at {} samples{open}", round.median_error * 100.0, round.samples)
-}
-
-/// The error of light that nothing absorbs.
-pub fn endless() -> Error {
-    Error::invalid(
-        "scene",
-        "light grows without end: walks go on for thousands of bounces with hardly any absorption (albedo 1, or nearly, in a closed \
-         space)",
-    )
 }
 
 #[cfg(test)]

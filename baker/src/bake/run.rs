@@ -3,6 +3,7 @@
 use super::assemble::{Assembler, Stored};
 use super::block::Worker;
 use super::check::{Check, Chosen, check, choose};
+use super::endless;
 use super::errors::median;
 use super::facts;
 use super::folder;
@@ -243,6 +244,7 @@ fn trace(
         warnings.push(dropped.to_owned());
     }
     let traced = with_worker(prepared, atlas, chosen, |worker| {
+        endless::refuse(&worker.transport, atlas, worker.seed)?;
         let folder = WorkFolder::open(out, &work, &wanted, worker.transport.lights.sampled())?;
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(chosen);

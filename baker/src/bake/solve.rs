@@ -5,6 +5,7 @@
 
 use super::balance::{Solution, System, walks};
 use super::block::{Worker, sum};
+use super::endless;
 use super::indirect::Cache;
 use super::pilot::trace;
 use super::state::{ALL_PROBES, is_exposed};
@@ -87,10 +88,11 @@ pub fn fill<'a>(
     let progress = console.progress("first bounces", 2 * blocks.len() as u64);
     let (walks, mut counts) = (walks(map.entries(), samples), RayCounts::default());
     let mut solution = Solution { passes: 0, settled: true };
+    let endless = || endless::error(worker.transport.space.geometry);
     let mut solved = |half| -> Result<CacheHalf> {
         let (system, c) = trace(worker, folder, &map, blocks, walks, half, || progress.advance(1))?;
         counts += c;
-        let (values, s) = system.solve(|pass| progress.note(&format!("pass {pass}")))?;
+        let (values, s) = system.solve(|pass| progress.note(&format!("pass {pass}")), endless)?;
         solution = Solution { passes: solution.passes.max(s.passes), settled: solution.settled && s.settled };
         Ok(values)
     };

@@ -5,10 +5,11 @@
 
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
+use super::endless;
 use super::errors::{Errors, Parts, Sums, cell_of, median, of_block};
 use super::indirect::Cache;
 use super::open::{Block, OpenCells};
-use super::rounds::{Limits, Round, Traced, endless, note, schedule, total_of};
+use super::rounds::{Limits, Round, Traced, note, schedule, total_of};
 use super::solve;
 use super::state::{BlockState, CELLS};
 use super::step::Step;
@@ -168,7 +169,7 @@ impl Tracer<'_> {
             let done: Vec<Done> = blocks.par_iter().map(of_block).collect::<Result<_>>()?;
             done.iter().for_each(|block| traced.rays += block.rays);
             if traced.rays.endless > 0 {
-                return Err(endless());
+                return Err(endless::error(self.worker.transport.space.geometry));
             }
             let mut reached = self.summarise(&done, target, before + start.elapsed().as_secs_f64());
             if let Some(target) = limits.target_error {

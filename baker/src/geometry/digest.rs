@@ -30,6 +30,7 @@ impl Geometry {
         }
         for m in &self.materials {
             hash.update(bytemuck::bytes_of(&m.albedo));
+            hash.update(&m.albedo_max.to_le_bytes());
             hash.update(&m.alpha.to_le_bytes());
             hash.update(&m.texture.map_or(u32::MAX, |t| t).to_le_bytes());
             hash.update(&m.alpha_cutoff.unwrap_or(-1.0).to_le_bytes());

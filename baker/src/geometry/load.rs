@@ -2,9 +2,10 @@
 
 use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
+use super::notes::{self, Notes};
 use super::texture::TextureStore;
 use super::{Geometry, Instance, LightmapPlace, gltf, obj};
-use crate::scene::{Object, Scene, WHITE};
+use crate::scene::{Object, Scene};
 use dataset::{Error, Result};
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,27 +22,81 @@ const MAX_OFFSET: f64 = 1e12;
 /// [`Error::Invalid`] and [`Error::Unsupported`] name the file, mesh and vertex; [`Error::Io`] the file.
 pub fn load(scene: &Scene) -> Result<(Geometry, Vec<String>)> {
     let mut warnings = Vec::new();
-    let mut textures = TextureStore::default();
-    let (models, model_of) = read_files(scene, &mut textures, &mut warnings)?;
-    let groups: Vec<&str> = scene.groups.iter().map(|g| g.name.as_str()).collect();
-    let mut materials = MaterialStore::default();
-    let mut placed = Vec::new();
-    for (object, &model) in scene.objects.iter().zip(&model_of) {
-        place(object, &models[model], &groups, &mut materials, &mut textures, &mut placed, &mut warnings)?;
-    }
-    let mut geometry = write_out(&placed)?;
-    geometry.materials = materials.materials;
-    geometry.textures = textures.textures;
+    let geometry = load_with(scene, &mut warnings)?;
     Ok((geometry, warnings))
 }
 
-/// Reads every file once. Gives the models, and per object the index of its.
+/// [`load`] that gives the warnings also where it fails. It goes on after an error, to tell of all objects.
+///
+/// # Errors
+/// As [`load`]; several are told as one.
+pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> {
+    let mut errors = Vec::new();
+    let mut notes = Notes::default();
+    let mut textures = TextureStore::default();
+    let (models, model_of) = read_files(scene, &mut textures, &mut notes, &mut errors);
+    let groups: Vec<&str> = scene.groups.iter().map(|g| g.name.as_str()).collect();
+    let materials = MaterialStore::default();
+    let mut store = Store { materials, textures, undefined: Vec::new(), limited: Vec::new() };
+    let mut placed = Vec::new();
+    for (object, model) in scene.objects.iter().zip(&model_of) {
+        let Some(model) = model.map(|index| &models[index]) else { continue };
+        let albedo_max = scene.bake.albedo_max;
+        place(object, model, &groups, albedo_max, &mut store, &mut placed, &mut errors);
+    }
+    warnings.extend(notes.lines());
+    warnings.append(&mut store.undefined);
+    warnings.extend(store.warning(scene.bake.albedo_max));
+    if let Some(error) = all_of(errors) {
+        return Err(error);
+    }
+    let mut geometry = write_out(&placed)?;
+    geometry.materials = store.materials.materials;
+    geometry.textures = store.textures.textures;
+    Ok(geometry)
+}
+
+/// Several errors as one; a single one as it is.
+fn all_of(mut errors: Vec<Error>) -> Option<Error> {
+    if errors.len() < 2 {
+        return errors.pop();
+    }
+    let list: String = errors.iter().map(|error| format!("\n  {error}")).collect();
+    Some(Error::invalid("the scene's geometry", format!("{} errors:{list}", errors.len())))
+}
+
+/// What surfaces are made of, as it is gathered.
+struct Store {
+    materials: MaterialStore,
+    textures: TextureStore,
+    /// Warnings about surfaces without a material.
+    undefined: Vec<String>,
+    /// File and name of the materials that reflect more than the limit.
+    limited: Vec<String>,
+}
+
+impl Store {
+    /// The warning about materials that were limited, if there are any.
+    fn warning(&self, albedo_max: f64) -> Option<String> {
+        let n = self.limited.len();
+        (n > 0).then(|| {
+            let (those, names) = (notes::plural(n, "material"), notes::list(&self.limited, n));
+            format!(
+                "{those} of files ({names}): albedo above {albedo_max} is limited to that, since light would hardly fade \
+                 between bounces; `albedo_max = 1` in [bake] keeps it, and so does an `albedo` of the object or part"
+            )
+        })
+    }
+}
+
+/// Reads every file once. Gives the models, and per object the index of its, if it could be read.
 fn read_files(
     scene: &Scene,
     textures: &mut TextureStore,
-    warnings: &mut Vec<String>,
-) -> Result<(Vec<Model>, Vec<usize>)> {
-    let mut known: BTreeMap<(PathBuf, bool), usize> = BTreeMap::new();
+    notes: &mut Notes,
+    errors: &mut Vec<Error>,
+) -> (Vec<Model>, Vec<Option<usize>>) {
+    let mut known: BTreeMap<(PathBuf, bool), Option<usize>> = BTreeMap::new();
     let (mut models, mut model_of) = (Vec::new(), Vec::new());
     for object in &scene.objects {
         let key = (object.file.clone(), object.vt_is_lightmap);
@@ -49,23 +104,37 @@ fn read_files(
             model_of.push(model);
             continue;
         }
-        let extension = object.file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-        let model = match extension.as_str() {
-            "obj" => obj::load(&object.file, object.vt_is_lightmap, textures, warnings)?,
-            "gltf" | "glb" => gltf::load(&object.file, textures, warnings)?,
-            _ => {
-                let what = format!("{}: expected an .obj, .gltf or .glb file", object.file.display());
-                return Err(Error::unsupported(&object.place, what));
+        let index = match read_file(object, textures, notes) {
+            Ok(model) => {
+                models.push(model);
+                Some(models.len() - 1)
+            }
+            Err(error) => {
+                errors.push(error);
+                None
             }
         };
-        if model.placements.iter().all(|p| model.meshes[p.mesh].triangles.is_empty()) {
-            return Err(Error::invalid(object.file.display(), "expected at least one triangle"));
-        }
-        model_of.push(models.len());
-        known.insert(key, models.len());
-        models.push(model);
+        model_of.push(index);
+        known.insert(key, index);
     }
-    Ok((models, model_of))
+    (models, model_of)
+}
+
+/// Reads an object's file.
+fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) -> Result<Model> {
+    let extension = object.file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let model = match extension.as_str() {
+        "obj" => obj::load(&object.file, object.vt_is_lightmap, textures, notes)?,
+        "gltf" | "glb" => gltf::load(&object.file, textures, notes)?,
+        _ => {
+            let what = format!("{}: expected an .obj, .gltf or .glb file", object.file.display());
+            return Err(Error::unsupported(&object.place, what));
+        }
+    };
+    if model.placements.iter().all(|p| model.meshes[p.mesh].triangles.is_empty()) {
+        return Err(Error::invalid(object.file.display(), "expected at least one triangle"));
+    }
+    Ok(model)
 }
 
 /// A mesh at a place in the world.
@@ -84,11 +153,11 @@ fn place<'a>(
     object: &Object,
     model: &'a Model,
     groups: &[&str],
-    materials: &mut MaterialStore,
-    textures: &mut TextureStore,
+    albedo_max: f64,
+    store: &mut Store,
     placed: &mut Vec<Placed<'a>>,
-    warnings: &mut Vec<String>,
-) -> Result<()> {
+    errors: &mut Vec<Error>,
+) {
     let file = object.file.file_name().unwrap_or_default().to_string_lossy();
     let names = |placement: &'a super::model::NodeMesh| {
         let mesh = &model.meshes[placement.mesh];
@@ -96,7 +165,7 @@ fn place<'a>(
     };
     // What holds for each mesh does not depend on the instance.
     let mut met = vec![false; object.parts.len()];
-    let (mut white, mut undefined) = (BTreeSet::new(), Vec::new());
+    let (mut limited, mut undefined) = (BTreeSet::new(), Vec::new());
     let mut list = Vec::new();
     for placement in &model.placements {
         let mesh = &model.meshes[placement.mesh];
@@ -106,12 +175,20 @@ fn place<'a>(
         let mut named: Vec<&str> = names(placement).into_iter().filter(|n| !n.is_empty()).collect();
         let look = resolve(object, &named, &mut met);
         let material = &model.materials[mesh.material];
-        let index = materials.add(material, &look, groups, &object.place, textures)?;
-        if look.albedo.is_none()
-            && material.texture.is_none()
-            && f64::from(material.albedo.max_element()) > WHITE
-        {
-            white.insert(mesh.material);
+        let added = store.materials.add(
+            material,
+            &look,
+            groups,
+            albedo_max as f32,
+            &object.place,
+            &mut store.textures,
+        );
+        let (index, is_limited) = match added {
+            Ok(added) => added,
+            Err(error) => return errors.push(error),
+        };
+        if is_limited {
+            limited.insert(mesh.material);
         }
         if look.albedo.is_none() && material.undefined {
             undefined.push(material.name.as_str());
@@ -119,31 +196,31 @@ fn place<'a>(
         named.dedup();
         list.push((placement, index, format!("{file}: {}", named.join("/")), look));
     }
-    if let Some(part) = met.iter().position(|met| !met) {
-        let all = model.placements.iter().flat_map(names).collect();
-        return Err(unmet(object, &object.parts[part], all));
-    }
+    let all: Vec<&str> = model.placements.iter().flat_map(names).collect();
+    let unmet_parts = object.parts.iter().zip(&met).filter(|(_, met)| !**met);
+    errors.extend(unmet_parts.map(|(part, _)| unmet(object, part, &all)));
     if !undefined.is_empty() {
-        let file = object.file.display();
-        let meshes =
-            if undefined.len() == 1 { "1 mesh".to_owned() } else { format!("{} meshes", undefined.len()) };
+        let meshes = notes::plural(undefined.len(), "mesh");
         undefined.retain(|name| !name.is_empty());
         undefined.sort_unstable();
         undefined.dedup();
-        let more = if undefined.len() > 5 { ", …" } else { "" };
-        undefined.truncate(5);
-        let names = undefined.join(", ");
-        let named = if names.is_empty() { String::new() } else { format!(" ({names}{more})") };
-        warnings
-            .push(format!("{file}: albedo {DEFAULT_ALBEDO} for want of a defined material{named}: {meshes}"));
+        let names = notes::list(&undefined, undefined.len());
+        let named = if names.is_empty() { names } else { format!(" ({names})") };
+        let file = object.file.display();
+        let line = format!("{file}: albedo {DEFAULT_ALBEDO} for want of a defined material{named}: {meshes}");
+        if !store.undefined.contains(&line) {
+            store.undefined.push(line);
+        }
     }
-    if !white.is_empty() {
-        let list: Vec<&str> = white.iter().map(|&m| model.materials[m].name.as_str()).collect();
-        warnings.push(format!(
-            "{}: materials {}: albedo above {WHITE}: light hardly fades between bounces",
-            object.file.display(),
-            list.join(", "),
-        ));
+    for index in limited {
+        let name = match model.materials[index].name.as_str() {
+            "" => "unnamed",
+            name => name,
+        };
+        let name = format!("{file}: {name}");
+        if !store.limited.contains(&name) {
+            store.limited.push(name);
+        }
     }
     for (i, &world_from_file) in object.world_from_file.iter().enumerate() {
         let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
@@ -157,7 +234,6 @@ fn place<'a>(
             density: look.density.unwrap_or(1.0),
         }));
     }
-    Ok(())
 }
 
 /// Writes all placed meshes in world space, around the centre of their bounding box.

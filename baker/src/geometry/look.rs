@@ -5,6 +5,7 @@ use super::model::FileMaterial;
 use super::texture::TextureStore;
 use crate::scene::{Look, Object, Part};
 use dataset::{Error, Result};
+use glam::Vec3;
 use std::collections::BTreeMap;
 
 /// Whether a name fits a pattern, `*` standing for any run of characters.
@@ -51,8 +52,8 @@ pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look
 }
 
 /// An error about a part that fits no mesh; `names` are those it could have fitted.
-pub(super) fn unmet(object: &Object, part: &Part, mut names: Vec<&str>) -> Error {
-    names.retain(|n| !n.is_empty());
+pub(super) fn unmet(object: &Object, part: &Part, names: &[&str]) -> Error {
+    let mut names: Vec<&str> = names.iter().copied().filter(|n| !n.is_empty()).collect();
     names.sort_unstable();
     names.dedup();
     let more = if names.len() > 20 { ", …" } else { "" };
@@ -71,21 +72,24 @@ pub(super) fn unmet(object: &Object, part: &Part, mut names: Vec<&str>) -> Error
 pub(super) struct MaterialStore {
     /// In the order first met.
     pub materials: Vec<Material>,
-    index: BTreeMap<[u32; 13], u32>,
+    index: BTreeMap<[u32; 14], u32>,
 }
 
 impl MaterialStore {
-    /// The index of a file's material under a look. `groups` are the names of the scene's light groups.
+    /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does not limit the
+    /// look's own albedo). `groups` are the names of the scene's light groups.
     pub fn add(
         &mut self,
         file: &FileMaterial,
         look: &Look,
         groups: &[&str],
+        albedo_max: f32,
         place: &str,
         textures: &mut TextureStore,
-    ) -> Result<u32> {
+    ) -> Result<(u32, bool)> {
         let mut material = Material {
             albedo: file.albedo,
+            albedo_max: 1.0,
             alpha: file.alpha,
             texture: file.texture,
             alpha_cutoff: file.alpha_cutoff,
@@ -98,6 +102,13 @@ impl MaterialStore {
             material.texture =
                 if file.alpha_cutoff.is_some() { file.texture.map(|t| textures.white(t)) } else { None };
         }
+        let brightest = file.albedo * file.texture.map_or(Vec3::ONE, |t| textures.brightest(t));
+        let limited = look.albedo.is_none() && brightest.max_element() > albedo_max;
+        match limited {
+            true if file.texture.is_some() => material.albedo_max = albedo_max,
+            true => material.albedo = file.albedo.min(Vec3::splat(albedo_max)),
+            false => {}
+        }
         if let (Some(emission), Some(name)) = (look.emission, &look.group) {
             let group = groups.iter().position(|g| g == name);
             let group =
@@ -108,19 +119,20 @@ impl MaterialStore {
         if index as usize == self.materials.len() {
             self.materials.push(material);
         }
-        Ok(index)
+        Ok((index, limited))
     }
 }
 
 /// Every bit of a material.
-fn key(m: &Material) -> [u32; 13] {
+fn key(m: &Material) -> [u32; 14] {
     let option = |x: Option<u32>| x.map_or([0, 0], |x| [1, x]);
     let [has_texture, texture] = option(m.texture);
     let [has_cutoff, cutoff] = option(m.alpha_cutoff.map(f32::to_bits));
     let [r, g, b] = m.albedo.to_array().map(f32::to_bits);
     let (e, group) = m.emission.map_or(([0; 3], u32::MAX), |(e, g)| (e.to_array().map(f32::to_bits), g));
-    let alpha = m.alpha.to_bits();
-    [r, g, b, alpha, has_texture, texture, has_cutoff, cutoff, m.two_sided.into(), e[0], e[1], e[2], group]
+    let [most, alpha] = [m.albedo_max, m.alpha].map(f32::to_bits);
+    let sides = m.two_sided.into();
+    [r, g, b, most, alpha, has_texture, texture, has_cutoff, cutoff, sides, e[0], e[1], e[2], group]
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Triangles in world space, flattened from files and instances, and what they are made of.
 
+mod notes;
 mod model;
 mod texture;
 mod polygon;
@@ -8,11 +9,12 @@ mod gltf;
 mod look;
 mod load;
 mod point;
+mod bright;
 mod digest;
 mod similarity;
 mod solids;
 
-pub use load::load;
+pub use load::{load, load_with};
 pub use similarity::Similarity;
 pub use solids::Solids;
 
@@ -91,6 +93,8 @@ pub enum LightmapPlace {
 pub struct Material {
     /// Linear albedo factor in [0, 1].
     pub albedo: Vec3,
+    /// The most that a channel reflects, factor times texture.
+    pub albedo_max: f32,
     /// Alpha factor.
     pub alpha: f32,
     /// Index into textures: multiplies albedo and alpha.

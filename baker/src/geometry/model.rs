@@ -129,3 +129,11 @@ pub(super) fn check_albedo(albedo: [f32; 3], place: &str, key: &str) -> Result<V
         Err(Error::invalid(place, format!("{key} = {albedo:?}: expected numbers from 0 to 1")))
     }
 }
+
+/// What an error says, without the place.
+pub(super) fn reason(error: &Error) -> String {
+    match error {
+        Error::Invalid { what, .. } | Error::Unsupported { what, .. } => what.clone(),
+        other => other.to_string(),
+    }
+}

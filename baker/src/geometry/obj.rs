@@ -1,10 +1,10 @@
 //! Wavefront OBJ with its MTL libraries.
 
-use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo};
+use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo, reason};
+use super::notes::{Notes, plural};
 use super::polygon::triangulate;
 use super::texture::TextureStore;
 use super::{LightmapPlace, Wrap};
-use dataset::console::count;
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3};
 use std::cell::{Cell, RefCell};
@@ -27,7 +27,7 @@ pub(super) fn load(
     path: &Path,
     vt_is_lightmap: bool,
     textures: &mut TextureStore,
-    warnings: &mut Vec<String>,
+    notes: &mut Notes,
 ) -> Result<Model> {
     let file = path.display().to_string();
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -66,7 +66,7 @@ pub(super) fn load(
                     })
             }
             Err(e) => {
-                missing.borrow_mut().push(format!("{file}: mtllib {}: {e}", path.display()));
+                missing.borrow_mut().push(format!("{} ({e})", path.display()));
                 Ok((Vec::new(), Default::default()))
             }
         }
@@ -80,16 +80,18 @@ pub(super) fn load(
         let place = format!("{file}:{line}");
         Error::invalid(place, format!("{}: {e}, here or in the faces above", excerpt(&text, line)))
     })?;
-    warnings.append(&mut missing.into_inner());
+    for library in missing.into_inner() {
+        notes.add(&file, "library", library, "mtllib cannot be read: its materials are not defined");
+    }
     let short =
         text.split(|&b| b == b'\n').enumerate().filter(|(_, line)| is_short_face(line)).map(|(i, _)| i + 1);
     let mut short = short.peekable();
     if let Some(&first) = short.peek() {
-        let rest = match short.count() - 1 {
-            0 => String::new(),
-            n => format!(", and {n} more like it"),
+        let name = match short.count() - 1 {
+            0 => first.to_string(),
+            n => format!("{first} (and {n} more like it)"),
         };
-        warnings.push(format!("{file}:{first}: a face of fewer than three vertices is left out{rest}"));
+        notes.add(&file, "line", name, "a face of fewer than three vertices is left out");
     }
     // Whatever is wrong with the libraries has been said.
     let materials = materials.unwrap_or_default();
@@ -104,13 +106,12 @@ pub(super) fn load(
             Some(&index) => index,
             None => {
                 let defined = mesh.material_id.and_then(|id| materials.get(id));
-                model.materials.push(self::material(defined, &file, folder, textures, warnings)?);
+                model.materials.push(self::material(defined, &file, folder, textures, notes)?);
                 new_from_old.insert(mesh.material_id, model.materials.len() - 1);
                 model.materials.len() - 1
             }
         };
-        let place = format!("{file}: {name}");
-        let mesh = convert(mesh, name, material, vt_is_lightmap, &place, warnings)?;
+        let mesh = convert(mesh, name, material, vt_is_lightmap, &file, notes)?;
         let node = String::new();
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),
@@ -187,7 +188,7 @@ fn material(
     file: &str,
     folder: &Path,
     textures: &mut TextureStore,
-    warnings: &mut Vec<String>,
+    notes: &mut Notes,
 ) -> Result<FileMaterial> {
     let mut result = FileMaterial {
         name: material.map_or(String::new(), |m| m.name.clone()),
@@ -206,15 +207,24 @@ fn material(
     if let Some(map) = &material.diffuse_texture {
         let (name, wrap) = map_options(map);
         let path = resolve(folder, name);
-        match std::fs::read(&path) {
-            Ok(bytes) => {
-                result.texture = Some(textures.add(&bytes, wrap, wrap, &path.display().to_string())?);
+        let bytes = std::fs::read(&path).map_err(Error::io(&path));
+        match bytes.and_then(|bytes| textures.add(&bytes, wrap, wrap, &place)) {
+            Ok(texture) => {
+                result.texture = Some(texture);
                 // Exporters write Kd 0 beside a texture that is meant to be seen.
                 if material.diffuse.is_none() || result.albedo == Vec3::ZERO {
                     result.albedo = Vec3::ONE;
                 }
             }
-            Err(e) => warnings.push(format!("{place}: map_Kd {}: {e}; Kd alone is used", path.display())),
+            Err(error) => {
+                let error = match error {
+                    Error::Io { .. } => error.to_string(),
+                    _ => format!("{}: {}", path.display(), reason(&error)),
+                };
+                let what =
+                    "map_Kd cannot be read: Kd alone is used; add the file, or give the part an `albedo`";
+                notes.add(file, "material", format!("{} ({error})", material.name), what);
+            }
         }
     }
     if let Some(map) = &material.dissolve_texture {
@@ -223,11 +233,12 @@ fn material(
         if same {
             result.alpha_cutoff = Some(0.5);
         } else {
-            warnings.push(format!("{place}: map_d {map} is not used: put the cut-out into map_Kd's alpha"));
+            let what = "map_d is not used: put the cut-out into map_Kd's alpha";
+            notes.add(file, "material", format!("{} ({map})", material.name), what);
         }
     }
     if material.dissolve.is_some_and(|d| d < 1.0) {
-        warnings.push(format!("{place}: d below 1 is not used: the surface is opaque"));
+        notes.add(file, "material", &material.name, "d below 1 is not used: the surface is opaque");
     }
     Ok(result)
 }
@@ -263,35 +274,37 @@ fn convert(
     name: String,
     material: usize,
     vt_is_lightmap: bool,
-    place: &str,
-    warnings: &mut Vec<String>,
+    file: &str,
+    notes: &mut Notes,
 ) -> Result<Mesh> {
+    let place = format!("{file}: {name}");
+    let mut note = |what: &str| notes.add(file, "mesh", &name, what);
     let corners: Vec<DVec3> = mesh.positions.chunks_exact(3).map(DVec3::from_slice).collect();
     if let Some(bad) = mesh.indices.iter().map(|&v| corners[v as usize]).find(|p| !p.is_finite()) {
         let what = format!("v {} {} {}: expected finite numbers", bad.x, bad.y, bad.z);
-        return Err(Error::invalid(place, what));
+        return Err(Error::invalid(&place, what));
     }
     // A finite place near the vertices (those that no face uses may be none).
     let origin = corners.iter().copied().find(|p| p.is_finite()).unwrap_or_default();
-    let mut result = Mesh { name, material, origin, ..Default::default() };
+    let mut result = Mesh { name: name.clone(), material, origin, ..Default::default() };
     result.positions = corners.iter().map(|p| (p - origin).as_vec3()).collect();
     let all = |length: usize, per: usize| length == corners.len() * per;
     if all(mesh.normals.len(), 3) {
         let normal = |n: &[f64]| DVec3::from_slice(n).as_vec3();
         result.normals = mesh.normals.chunks_exact(3).map(normal).collect();
     } else if !mesh.normals.is_empty() {
-        warnings.push(format!("{place}: some faces have no vn: all are shaded flat"));
+        note("some faces have no vn: all are shaded flat");
     }
     if all(mesh.texcoords.len(), 2) {
         // v runs up in OBJ.
         result.uvs =
             mesh.texcoords.chunks_exact(2).map(|t| Vec2::new(t[0] as f32, (1.0 - t[1]) as f32)).collect();
     } else if !mesh.texcoords.is_empty() {
-        warnings.push(format!("{place}: some faces have no vt: none are used"));
+        note("some faces have no vt: none are used");
     }
     if vt_is_lightmap {
         if result.uvs.is_empty() {
-            warnings.push(format!("{place}: vt = \"lightmap\", but there are no vt: it is unwrapped"));
+            note("vt = \"lightmap\", but there are no vt: it is unwrapped");
         }
         result.lightmap_uvs = result.uvs.clone();
     }
@@ -310,10 +323,10 @@ fn convert(
             result.triangles.extend(cut.iter().map(|t| t.map(|i| face[i])));
         }
     }
-    let dropped = result.finish(place)?;
+    let dropped = result.finish(&place)?;
     if dropped > 0 {
-        let those = count(dropped, "triangle");
-        warnings.push(format!("{place}: {those} of faces that name a vertex twice: without area, left out"));
+        let what = "faces that name a vertex twice have no area and are left out";
+        notes.add(file, "mesh", format!("{name} ({})", plural(dropped, "triangle")), what);
     }
     Ok(result)
 }
@@ -366,7 +379,7 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let albedo = |library: &[u8]| {
             std::fs::write(folder.path().join("a.mtl"), library).unwrap();
-            let model = load(&path, false, &mut TextureStore::default(), &mut Vec::new())?;
+            let model = load(&path, false, &mut TextureStore::default(), &mut Notes::default())?;
             Ok::<_, Error>(model.materials[0].albedo)
         };
         assert_eq!(albedo(b"newmtl m\n Kd 0.1 0.2 0.3\n").unwrap(), Vec3::new(0.1, 0.2, 0.3));
@@ -388,11 +401,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 2 2 3\nf 3 1 1\n").unwrap();
-        let mut warnings = Vec::new();
-        let model = load(&path, false, &mut TextureStore::default(), &mut warnings).unwrap();
+        let mut notes = Notes::default();
+        let model = load(&path, false, &mut TextureStore::default(), &mut notes).unwrap();
+        let warnings: Vec<String> = notes.lines().collect();
         assert_eq!(model.meshes[0].triangles.len(), 1);
         let [warning] = &warnings[..] else { panic!("{warnings:?}") };
-        assert!(warning.contains("a.obj") && warning.contains("2 triangles of faces"), "{warning}");
+        assert!(warning.contains("a.obj") && warning.contains("(2 triangles): faces that name"), "{warning}");
     }
 
     #[test]
@@ -400,10 +414,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n f 1 2\nl 1 2\nf 3\n").unwrap();
-        let mut warnings = Vec::new();
-        let model = load(&path, false, &mut TextureStore::default(), &mut warnings).unwrap();
+        let mut notes = Notes::default();
+        let model = load(&path, false, &mut TextureStore::default(), &mut notes).unwrap();
+        let warnings: Vec<String> = notes.lines().collect();
         assert_eq!(model.meshes.len(), 1);
         let [warning] = &warnings[..] else { panic!("{warnings:?}") };
-        assert!(warning.contains("a.obj:5: ") && warning.contains("and 1 more"), "{warning}");
+        assert!(warning.contains("a.obj: line 5 ") && warning.contains("and 1 more"), "{warning}");
     }
 }

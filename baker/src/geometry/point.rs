@@ -48,14 +48,15 @@ impl Geometry {
         a * barycentrics.x + b * barycentrics.y + c * barycentrics.z
     }
 
-    /// Linear diffuse albedo, factor times texture, in [0, 1].
+    /// Linear diffuse albedo, factor times texture, from 0 to the material's limit.
     pub fn albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = &self.materials[self.material_of[triangle] as usize];
         match material.texture {
             None => material.albedo,
             Some(index) => {
                 let texture = &self.textures[index as usize];
-                material.albedo * texture.sample(self.uv_at(triangle, barycentrics)).0
+                let albedo = material.albedo * texture.sample(self.uv_at(triangle, barycentrics)).0;
+                albedo.min(Rgb::splat(material.albedo_max))
             }
         }
     }

@@ -162,6 +162,7 @@ mod tests {
     fn scene() -> Geometry {
         let material = |two_sided, alpha_cutoff| Material {
             albedo: Vec3::ONE,
+            albedo_max: 1.0,
             alpha: 1.0,
             texture: None,
             alpha_cutoff,

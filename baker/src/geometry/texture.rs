@@ -46,6 +46,16 @@ impl Texture {
         self.bilinear(uv, |[_, _, _, a]| (Vec3::ZERO, f32::from(a) / 255.0)).1
     }
 
+    /// The greatest linear value of each channel over all texels that are not fully transparent.
+    pub fn brightest(&self) -> Vec3 {
+        let most = self
+            .rgba
+            .iter()
+            .filter(|texel| texel[3] > 0)
+            .fold([0u8; 3], |most, texel| [0, 1, 2].map(|channel| most[channel].max(texel[channel])));
+        Vec3::from(most.map(|code| LINEAR_FROM_SRGB[code as usize]))
+    }
+
     fn bilinear(&self, uv: Vec2, decode: impl Fn([u8; 4]) -> (Vec3, f32)) -> (Vec3, f32) {
         // Texel centres stand at (i + ½) / size; f64, so that far tiles keep the place within a texel.
         let x = f64::from(uv.x) * f64::from(self.width) - 0.5;
@@ -73,6 +83,7 @@ pub(super) struct TextureStore {
     pub textures: Vec<Texture>,
     index: BTreeMap<([u8; 32], Wrap, Wrap), u32>,
     white: BTreeMap<u32, u32>,
+    brightest: BTreeMap<u32, Vec3>,
 }
 
 impl TextureStore {
@@ -111,6 +122,11 @@ impl TextureStore {
         let index = self.push(texture);
         self.white.insert(of, index);
         index
+    }
+
+    /// The greatest value of each channel of a texture, [`Texture::brightest`].
+    pub fn brightest(&mut self, of: u32) -> Vec3 {
+        *self.brightest.entry(of).or_insert_with(|| self.textures[of as usize].brightest())
     }
 
     fn push(&mut self, texture: Texture) -> u32 {

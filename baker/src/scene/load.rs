@@ -27,7 +27,7 @@ const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
 const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
 const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding", "hidden", "uv"];
-const BAKE: &[&str] = &["samples", "bounces", "seed"];
+const BAKE: &[&str] = &["samples", "bounces", "seed", "albedo_max"];
 
 /// Full angle of the solar disc in degrees, mean over the year.
 const DISC_ANGLE: f64 = 0.533;
@@ -313,5 +313,8 @@ fn bake(table: &Table) -> Result<Sampling> {
         .map(|v| v.integer("an integer, 0 or more", |x| x >= 0))
         .transpose()?
         .map_or(defaults.seed, |x| x as u64);
-    Ok(Sampling { samples, bounces, seed })
+    let albedo_max = table.get("albedo_max").map_or(Ok(defaults.albedo_max), |v| {
+        v.number("a number above 0 and at most 1, such as 0.95", |x| x > 0.0 && x <= 1.0)
+    })?;
+    Ok(Sampling { samples, bounces, seed, albedo_max })
 }

@@ -365,10 +365,13 @@ pub struct Sampling {
     pub bounces: Option<u32>,
     /// Seed of all randomness.
     pub seed: u64,
+    /// The most that materials of geometry files reflect in any channel, above 0 and at most 1; an albedo of the scene file is
+    /// taken as it is.
+    pub albedo_max: f64,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { samples: 64, bounces: None, seed: 1 }
+        Self { samples: 64, bounces: None, seed: 1, albedo_max: 0.95 }
     }
 }

@@ -318,6 +318,7 @@ mod tests {
         g.material_of = vec![0; 200];
         g.materials.push(crate::geometry::Material {
             albedo: Vec3::ONE,
+            albedo_max: 1.0,
             alpha: 1.0,
             texture: None,
             alpha_cutoff: None,

@@ -18,6 +18,7 @@ pub mod lights;
 pub mod counts;
 pub mod space;
 pub mod walk;
+pub mod endless;
 pub mod cache;
 pub mod cache_half;
 pub mod facets;

@@ -12,6 +12,7 @@ fn finish(mut g: Geometry) -> Geometry {
     g.material_of = vec![0; g.triangles.len()];
     g.materials = vec![Material {
         albedo: Vec3::splat(0.5),
+        albedo_max: 1.0,
         alpha: 1.0,
         texture: None,
         alpha_cutoff: None,

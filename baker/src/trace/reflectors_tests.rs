@@ -24,6 +24,7 @@ fn floor() -> (Geometry, Atlas) {
     };
     let material = Material {
         albedo: Rgb::ONE,
+        albedo_max: 1.0,
         alpha: 1.0,
         texture: None,
         alpha_cutoff: None,

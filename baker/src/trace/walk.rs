@@ -29,7 +29,7 @@ pub struct Transport<'a> {
     /// What shines.
     pub lights: &'a Lights,
     /// Most reflections, `None` for no limit.
-    bounces: Option<u32>,
+    pub(super) bounces: Option<u32>,
 }
 
 /// A walk arriving at a surface.
@@ -283,7 +283,7 @@ pub fn balance_heuristic(own: f32, other: f32) -> f32 {
 }
 
 /// A unit direction about `normal` with density cos θ ÷ π.
-fn cosine_direction(normal: Vec3, u: Vec2) -> Vec3 {
+pub(super) fn cosine_direction(normal: Vec3, u: Vec2) -> Vec3 {
     // Points uniform on the disc, kept close to where they stood on the square (Shirley & Chiu 1997).
     let p = u * 2.0 - Vec2::ONE;
     let (r, phi) = if p == Vec2::ZERO {

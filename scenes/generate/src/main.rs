@@ -1,24 +1,6 @@
-//! `generate NAME` writes `NAME.glb` beside the scene files and prints what it holds.
-//!
-//! Geometry is authored in code, in metres, +Y up, south towards +Z; the same source writes the same bytes everywhere.
+//! `generate NAME [FILE]` writes a scene's geometry and prints what it holds: to `NAME.glb` beside the scene files, or to FILE.
 
-#[cfg(test)]
-mod checks;
-mod city;
-mod extremes;
-mod farmland;
-mod foliage;
-mod glb;
-mod mesh;
-mod model;
-mod random;
-mod relief;
-mod room;
-mod shapes;
-mod soft;
-mod textures;
-mod yard;
-
+use generate::{SCENES, STRESS};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -27,32 +9,29 @@ fn scenes_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A scene's name, and what builds it.
-type Scene = (&'static str, fn() -> model::Model);
-
 fn main() -> ExitCode {
-    const SCENES: [Scene; 5] = [
-        ("city", city::model),
-        ("extremes", extremes::model),
-        ("farmland", farmland::model),
-        ("room", room::model),
-        ("yard", yard::model),
-    ];
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let known = |name: &str| SCENES.iter().find(|(known, _)| *known == name);
-    let [Some((name, build))] = arguments.iter().map(|name| known(name)).collect::<Vec<_>>()[..] else {
-        let names: Vec<&str> = SCENES.iter().map(|(name, _)| *name).collect();
-        eprintln!("usage: generate {}\nWrites the geometry of a scene to scenes/NAME.glb.", names.join("|"));
-        return ExitCode::from(2);
+    let (name, path) = match &arguments[..] {
+        [name] if SCENES.contains(&&name[..]) => (name, scenes_folder().join(format!("{name}.glb"))),
+        [name, file] => (name, PathBuf::from(file)),
+        _ => return usage(),
     };
-    let model = build();
-    let path = scenes_folder().join(format!("{name}.glb"));
-    let bytes = glb::write(&model);
-    if let Err(error) = std::fs::write(&path, &bytes) {
+    let Some(made) = generate::generate(name) else { return usage() };
+    if let Err(error) = std::fs::write(&path, &made.glb) {
         eprintln!("generate: {}: {error}", path.display());
         return ExitCode::FAILURE;
     }
-    print!("{}", model.table());
-    println!("{}: {} bytes", path.display(), bytes.len());
+    print!("{}", made.table);
+    println!("{}: {} bytes", path.display(), made.glb.len());
     ExitCode::SUCCESS
+}
+
+fn usage() -> ExitCode {
+    eprintln!(
+        "usage: generate {}\n       generate NAME FILE, where NAME may also be {}\n\
+         Writes the geometry of a scene to scenes/NAME.glb, or to FILE.",
+        SCENES.join("|"),
+        STRESS.join(" or ")
+    );
+    ExitCode::from(2)
 }

@@ -3,7 +3,8 @@
 use super::accessor::Buffers;
 use super::container::read_uri;
 use crate::geometry::Wrap;
-use crate::geometry::model::{DEFAULT_ALBEDO, FileMaterial, check_albedo};
+use crate::geometry::model::{DEFAULT_ALBEDO, FileMaterial, check_albedo, reason};
+use crate::geometry::notes::Notes;
 use crate::geometry::texture::TextureStore;
 use dataset::{Error, Result};
 use glam::{Mat2, Vec2, Vec3};
@@ -35,7 +36,7 @@ pub(super) fn material(
     asset: &Asset,
     material: &gltf::Material,
     textures: &mut TextureStore,
-    warnings: &mut Vec<String>,
+    notes: &mut Notes,
 ) -> Result<(FileMaterial, UvSource)> {
     let mut uv = UvSource { set: 0, matrix: Mat2::IDENTITY, offset: Vec2::ZERO };
     let name = material.name().unwrap_or("").to_owned();
@@ -52,10 +53,8 @@ pub(super) fn material(
         };
         return Ok((plain, uv));
     };
-    let place = match name.as_str() {
-        "" => format!("{}: material {number}", asset.file),
-        name => format!("{}: material {name}", asset.file),
-    };
+    let shown = if name.is_empty() { number.to_string() } else { name.clone() };
+    let place = format!("{}: material {shown}", asset.file);
     // Older exports keep the diffuse colour in an extension that goes before the metallic-roughness fallback.
     let (key, [r, g, b, alpha], info) = match material.pbr_specular_glossiness() {
         Some(base) => ("diffuseFactor", base.diffuse_factor(), base.diffuse_texture()),
@@ -64,7 +63,7 @@ pub(super) fn material(
             ("baseColorFactor", base.base_color_factor(), base.base_color_texture())
         }
     };
-    let albedo = check_albedo([r, g, b], &place, key)?;
+    let mut albedo = check_albedo([r, g, b], &place, key)?;
     if !(0.0..=1.0).contains(&alpha) {
         return Err(Error::invalid(place, format!("{key}: alpha = {alpha}: expected a number from 0 to 1")));
     }
@@ -72,7 +71,13 @@ pub(super) fn material(
         None => None,
         Some(info) => {
             uv = uv_source(&info, &place)?;
-            Some(texture(asset, &info.texture(), textures, &place)?)
+            let read = texture(asset, &info.texture(), textures, &place);
+            if let Err(error) = &read {
+                albedo *= DEFAULT_ALBEDO;
+                let what = "the texture cannot be read: grey stands in for it; add the file, or give the part an `albedo`";
+                notes.add(asset.file, "material", format!("{shown} ({})", reason(error)), what);
+            }
+            read.ok()
         }
     };
     let alpha_cutoff = match material.alpha_mode() {
@@ -88,7 +93,7 @@ pub(super) fn material(
             Some(cutoff)
         }
         AlphaMode::Blend => {
-            warnings.push(format!("{place}: alphaMode BLEND is taken as MASK at 0.5"));
+            notes.add(asset.file, "material", &shown, "alphaMode BLEND is taken as MASK at 0.5");
             Some(0.5)
         }
     };

@@ -6,6 +6,7 @@ mod material;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
+use super::notes::{Notes, plural};
 use super::texture::TextureStore;
 use accessor::{Buffers, read_floats, read_indices};
 use dataset::{Error, Result};
@@ -31,7 +32,7 @@ const EXTENSIONS: &[&str] = &[
 ];
 
 /// Reads a glTF asset.
-pub(super) fn load(path: &Path, textures: &mut TextureStore, warnings: &mut Vec<String>) -> Result<Model> {
+pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) -> Result<Model> {
     let file = path.display().to_string();
     let folder = path.parent().unwrap_or(Path::new(""));
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
@@ -39,8 +40,7 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, warnings: &mut Vec<
     let document = document(json, &file)?;
     let buffers = buffers(&document, binary, folder, &file)?;
     let asset = Asset { file: &file, folder, document: &document, buffers: &buffers };
-    Reader { asset, textures, warnings, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }
-        .read()
+    Reader { asset, textures, notes, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }.read()
 }
 
 /// Parses and checks the JSON.
@@ -103,7 +103,7 @@ fn buffers<'a>(
 struct Reader<'a> {
     asset: Asset<'a>,
     textures: &'a mut TextureStore,
-    warnings: &'a mut Vec<String>,
+    notes: &'a mut Notes,
     model: Model,
     /// By the material's index in the asset: its index in the model, and where its coordinates come from.
     materials: BTreeMap<Option<usize>, (usize, UvSource)>,
@@ -139,12 +139,12 @@ impl Reader<'_> {
             }
             if let Some(mesh) = node.mesh() {
                 let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {
-                    self.warnings.push(format!("{place}: {what}"));
+                    self.notes.add(self.asset.file, "node", &name, what);
                     LightmapPlace::Unsaid
                 });
                 if node.skin().is_some() {
-                    self.warnings
-                        .push(format!("{place}: its skin is not applied: the mesh stays in its bind pose"));
+                    let what = "skins are not applied: the mesh stays in its bind pose";
+                    self.notes.add(self.asset.file, "node", &name, what);
                 }
                 let range = match primitives.get(&mesh.index()) {
                     Some(range) => range.clone(),
@@ -173,9 +173,8 @@ impl Reader<'_> {
             unsaid.for_each(|p| p.lightmap_place = LightmapPlace::Nowhere);
         }
         if self.skipped > 0 {
-            let what =
-                format!("{}: {} primitives of points or lines are left out", self.asset.file, self.skipped);
-            self.warnings.push(what);
+            let what = "points and lines have no surface and are left out";
+            self.notes.add(self.asset.file, "file part", plural(self.skipped, "primitive"), what);
         }
         Ok(self.model)
     }
@@ -184,7 +183,8 @@ impl Reader<'_> {
     fn primitive(&mut self, mesh: &gltf::Mesh, primitive: &gltf::Primitive) -> Result<()> {
         let name = mesh.name().unwrap_or("").to_owned();
         let shown = if name.is_empty() { format!("mesh {}", mesh.index()) } else { name.clone() };
-        let place = format!("{}: {shown}, primitive {}", self.asset.file, primitive.index());
+        let part = || format!("{shown}, primitive {}", primitive.index());
+        let place = format!("{}: {}", self.asset.file, part());
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.skipped += 1;
             return Ok(());
@@ -193,10 +193,10 @@ impl Reader<'_> {
             return Err(Error::invalid(place, "it has no POSITION"));
         };
         if primitive.morph_targets().next().is_some() {
-            self.warnings.push(format!("{place}: its morph targets are not applied"));
+            self.notes.add(self.asset.file, "primitive", part(), "morph targets are not applied");
         }
         if primitive.get(&Semantic::Colors(0)).is_some() {
-            self.warnings.push(format!("{place}: its vertex colours are not used"));
+            self.notes.add(self.asset.file, "primitive", part(), "vertex colours are not used");
         }
         let (material, uv) = self.material(&primitive.material())?;
         let buffers = self.asset.buffers;
@@ -218,8 +218,11 @@ impl Reader<'_> {
             result.uvs = read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(transform).collect();
             expect("texture coordinates", result.uvs.len())?;
         } else if self.model.materials[material].texture.is_some() {
-            self.warnings
-                .push(format!("{place}: its material has a texture, but it has no TEXCOORD_{}", uv.set));
+            let what = format!(
+                "the material has a texture, but there is no TEXCOORD_{}: the texture's corner is used all over",
+                uv.set
+            );
+            self.notes.add(self.asset.file, "primitive", part(), what);
         }
         if let Some(uvs) = primitive.get(&Semantic::TexCoords(1)) {
             result.lightmap_uvs =
@@ -242,7 +245,7 @@ impl Reader<'_> {
         if let Some(&known) = self.materials.get(&material.index()) {
             return Ok(known);
         }
-        let (read, uv) = material::material(&self.asset, material, self.textures, self.warnings)?;
+        let (read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
         self.model.materials.push(read);
         let known = (self.model.materials.len() - 1, uv);
         self.materials.insert(material.index(), known);

@@ -1,0 +1,23 @@
+//! Which surfaces reflect nearly all light.
+
+use super::{Geometry, Material};
+
+impl Geometry {
+    /// The most that a material reflects anywhere, in any channel.
+    pub fn reflects_at_most(&self, material: &Material) -> f32 {
+        let texture = material.texture.map(|index| self.textures[index as usize].brightest());
+        let brightest = material.albedo * texture.unwrap_or(glam::Vec3::ONE);
+        brightest.max_element().min(material.albedo_max)
+    }
+
+    /// Names of the instances that reflect at least `least` somewhere: sorted, each once.
+    pub fn reflecting(&self, least: f32) -> Vec<&str> {
+        let bright: Vec<bool> = self.materials.iter().map(|m| self.reflects_at_most(m) >= least).collect();
+        let of = |triangle: usize| bright.get(self.material_of[triangle] as usize).copied().unwrap_or(false);
+        let named = self.instances.iter().filter(|i| !i.triangles.is_empty() && of(i.triangles.start));
+        let mut names: Vec<&str> = named.map(|instance| instance.name.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+}

@@ -1,0 +1,49 @@
+//! Geometry of the scenes in this folder, authored in code: in metres, +Y up, south towards +Z. The same source writes the
+//! same bytes everywhere.
+
+#[cfg(test)]
+mod checks;
+mod city;
+mod extremes;
+mod farmland;
+mod foliage;
+mod glb;
+mod mesh;
+mod model;
+mod random;
+mod relief;
+mod room;
+mod shapes;
+mod soft;
+mod stress;
+mod textures;
+mod yard;
+
+/// Names of the scenes whose GLB files stand in this folder.
+pub const SCENES: [&str; 5] = ["city", "extremes", "farmland", "room", "yard"];
+/// Names of the stress scenes, which tests generate where they need them.
+pub const STRESS: [&str; 2] = ["slivers", "charts"];
+
+/// What a scene's generator makes.
+#[derive(Clone, Debug)]
+pub struct Generated {
+    /// A binary glTF file.
+    pub glb: Vec<u8>,
+    /// What it holds, as a table.
+    pub table: String,
+}
+
+/// Generates a scene of [`SCENES`] or [`STRESS`] by its name; `None` for another name.
+pub fn generate(name: &str) -> Option<Generated> {
+    let model = match name {
+        "city" => city::model(),
+        "extremes" => extremes::model(),
+        "farmland" => farmland::model(),
+        "room" => room::model(),
+        "yard" => yard::model(),
+        "slivers" => stress::slivers(),
+        "charts" => stress::charts(),
+        _ => return None,
+    };
+    Some(Generated { glb: glb::write(&model), table: model.table() })
+}

@@ -1,0 +1,45 @@
+//! The stress scenes hold what their names say.
+
+use super::*;
+use crate::checks;
+
+#[test]
+fn both_are_valid_gltf_and_the_same_each_time() {
+    for build in [slivers, charts] {
+        let model = build();
+        checks::valid_gltf(&model);
+        assert!(crate::glb::write(&model) == crate::glb::write(&build()));
+    }
+}
+
+#[test]
+fn slivers_reach_from_visible_ones_to_none_at_all() {
+    let model = slivers();
+    // Heights over the longest edge, of what the file holds.
+    let mut heights = Vec::new();
+    for (_, _, mesh) in model.placed() {
+        for corners in mesh.corners() {
+            let [a, b, c] = corners.map(rounded);
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+            heights.push((b - a).cross(c - a).length() / longest);
+        }
+    }
+    assert!(heights.iter().all(|height| height.is_finite()));
+    let count = |low: f64, high: f64| heights.iter().filter(|&&h| h > low && h <= high).count();
+    assert!(heights.iter().filter(|&&height| height == 0.0).count() >= SLIVERS, "exactly collinear");
+    assert!(count(0.0, 1e-7) > 100 && count(1e-7, 1e-4) > 100 && count(1e-4, 1e-2) > 50);
+}
+
+#[test]
+fn charts_share_no_vertex() {
+    let model = charts();
+    let placed = model.placed();
+    let (_, _, bits) = placed.iter().find(|(name, ..)| *name == "bits").expect("a mesh");
+    assert_eq!(bits.positions.len(), BITS * BITS * 7 / 2);
+    assert_eq!(bits.triangles.len(), BITS * BITS * 3 / 2);
+    let mut places: Vec<[u64; 3]> =
+        bits.positions.iter().map(|p| rounded(*p).to_array().map(f64::to_bits)).collect();
+    places.sort_unstable();
+    places.dedup();
+    assert_eq!(places.len(), bits.positions.len());
+}
