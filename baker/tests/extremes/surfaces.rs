@@ -162,7 +162,7 @@ fn a_texture_colours_the_light_below_it() {
     let row: Vec<[u8; 4]> =
         (0..256).map(|i| if i < 128 { [255, 0, 0, 255] } else { [0, 188, 0, 255] }).collect();
     stage.write("red-green.png", &png(&row));
-    let scene = std::fs::read_to_string(stage.path("scene.txt")).unwrap() + "[bake]\nalbedo_max = 1\n";
+    let scene = std::fs::read_to_string(stage.path("scene.txt")).unwrap() + "albedo_max = 1\n";
     let half = f64::from(188u8) / 255.0;
     let green_albedo = ((half + 0.055) / 1.055).powf(2.4);
     let (left, right) =
