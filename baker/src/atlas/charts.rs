@@ -2,7 +2,7 @@
 //! one shape are flattened once.
 
 use super::ffi;
-use super::islands::islands;
+use super::islands::{islands, surfaces};
 use super::raster::{Bits, bounds};
 use super::sharing::{Member, groups};
 use crate::geometry::{Geometry, Instance};
@@ -17,6 +17,15 @@ pub struct Chart {
     pub faces: Vec<FlatFace>,
     /// Upper corner of the bounding box in metres × density; the lower one is (0, 0).
     pub size: DVec2,
+    /// Where it is in space: the mean of its surface, of the first member, in metres.
+    pub centre: DVec3,
+}
+
+impl Chart {
+    /// Its area in m² × density².
+    pub fn area(&self) -> f64 {
+        self.faces.iter().map(|face| signed_area(face.corners).abs()).sum()
+    }
 }
 
 /// A triangle of a chart.
@@ -45,8 +54,7 @@ impl FlatMesh {
 
     /// The area of all charts of all members in m² × density².
     pub fn area(&self) -> f64 {
-        let faces = self.charts.iter().flat_map(|chart| &chart.faces);
-        let one: f64 = faces.map(|face| signed_area(face.corners).abs()).sum();
+        let one: f64 = self.charts.iter().map(Chart::area).sum();
         self.members.iter().map(|member| one * member.scale * member.scale).sum()
     }
 }
@@ -63,6 +71,7 @@ pub struct Flat {
 }
 
 /// A lightmapped triangle that has an area.
+#[derive(Clone, Copy)]
 struct Source {
     triangle: u32,
     corners: [DVec3; 3],
@@ -146,7 +155,12 @@ fn flatten_group(geometry: &Geometry, hidden: &[u32], group: super::sharing::Gro
             (unwrapped(geometry, &sources), Layout::Unwrapped((!why.is_empty()).then(refused)))
         }
     };
-    mesh.charts = groups.into_iter().map(|faces| place_upright(faces, group.density)).collect();
+    let chart = |faces: Vec<FlatFace>| {
+        let centre = centre(geometry, &faces);
+        let (faces, size) = place_upright(faces, group.density);
+        Chart { faces, size, centre }
+    };
+    mesh.charts = groups.into_iter().map(chart).collect();
     mesh.charts.sort_by_key(|chart| chart.faces[0].triangle);
     (mesh, layout)
 }
@@ -201,8 +215,58 @@ fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>
     Ok(grouped(faces, &labels))
 }
 
-/// xatlas' charts, each scaled to its area in the world; what it leaves out or gets wrong lies flat triangle by triangle.
+/// Faces that xatlas segments at a time at most: its time grows with their square where the surface is smooth.
+const MOST_FACES: usize = 1 << 12;
+
+/// Charts by xatlas; of a large mesh, piece by piece, the pieces side by side.
 fn unwrapped(geometry: &Geometry, sources: &[Source]) -> Vec<Vec<FlatFace>> {
+    let charts: Vec<Vec<Vec<FlatFace>>> =
+        pieces(geometry, sources).par_iter().map(|piece| unwrap(geometry, piece)).collect();
+    charts.into_iter().flatten().collect()
+}
+
+/// A mesh in pieces of at most [`MOST_FACES`]. Only what is joined to more than that is cut.
+fn pieces(geometry: &Geometry, sources: &[Source]) -> Vec<Vec<Source>> {
+    if sources.len() <= MOST_FACES {
+        return vec![sources.to_vec()];
+    }
+    let triangles: Vec<u32> = sources.iter().map(|s| s.triangle).collect();
+    let surface_of = surfaces(geometry, &triangles);
+    let mut order: Vec<usize> = (0..sources.len()).collect();
+    order.sort_by_key(|&i| (surface_of[i], i));
+    let mut pieces: Vec<Vec<Source>> = vec![Vec::new()];
+    for surface in order.chunk_by(|&a, &b| surface_of[a] == surface_of[b]) {
+        let surface: Vec<Source> = surface.iter().map(|&i| sources[i]).collect();
+        match pieces.last_mut() {
+            Some(last) if last.len() + surface.len() <= MOST_FACES => last.extend(surface),
+            _ => pieces.push(surface),
+        }
+    }
+    while let Some(at) = pieces.iter().position(|piece| piece.len() > MOST_FACES) {
+        let (low, high) = halves(pieces.swap_remove(at));
+        pieces.extend([low, high]);
+    }
+    pieces.retain(|piece| !piece.is_empty());
+    pieces.iter_mut().for_each(|piece| piece.sort_by_key(|source| source.triangle));
+    pieces.sort_by_key(|piece| piece[0].triangle);
+    pieces
+}
+
+/// The two halves of a piece of surface, along the axis on which it is longest.
+fn halves(mut sources: Vec<Source>) -> (Vec<Source>, Vec<Source>) {
+    let middle = |s: &Source| s.corners.iter().sum::<DVec3>();
+    let (low, high) = sources
+        .iter()
+        .map(middle)
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let axis = (high - low).max_position();
+    sources.sort_by(|a, b| middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.triangle.cmp(&b.triangle)));
+    let far = sources.split_off(sources.len() / 2);
+    (sources, far)
+}
+
+/// xatlas' charts, each scaled to its area in the world; what it leaves out or gets wrong lies flat triangle by triangle.
+fn unwrap(geometry: &Geometry, sources: &[Source]) -> Vec<Vec<FlatFace>> {
     // xatlas has absolute tolerances: a face of mean area gets unit area, the instance's centre becomes the origin.
     let low = sources.iter().flat_map(|s| s.corners).fold(DVec3::INFINITY, DVec3::min);
     let high = sources.iter().flat_map(|s| s.corners).fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -300,7 +364,7 @@ fn grouped(faces: Vec<FlatFace>, labels: &[usize]) -> Vec<Vec<FlatFace>> {
 }
 
 /// Turns a chart so that its bounding box is the smallest and lies along the axes, longer side along x, from (0, 0).
-fn place_upright(mut faces: Vec<FlatFace>, density: f64) -> Chart {
+fn place_upright(mut faces: Vec<FlatFace>, density: f64) -> (Vec<FlatFace>, DVec2) {
     let hull = convex_hull(faces.iter().flat_map(|f| f.corners).collect());
     // The smallest box shares a direction with an edge of the hull; a later one must be clearly smaller.
     let mut best = (f64::INFINITY, DVec2::X);
@@ -320,7 +384,19 @@ fn place_upright(mut faces: Vec<FlatFace>, density: f64) -> Chart {
     faces.iter_mut().for_each(|face| face.corners = face.corners.map(|c| turn * c));
     let (low, high) = extent(faces.iter().map(|face| face.corners));
     faces.iter_mut().for_each(|face| face.corners = face.corners.map(|c| c - low));
-    Chart { faces, size: high - low }
+    (faces, high - low)
+}
+
+/// The mean of faces in space, by area.
+fn centre(geometry: &Geometry, faces: &[FlatFace]) -> DVec3 {
+    let (mut centre, mut area) = (DVec3::ZERO, 0.0);
+    for face in faces {
+        let [a, b, c] = geometry.corners(face.triangle as usize).map(|p| p.as_dvec3());
+        let weight = (b - a).cross(c - a).length();
+        centre += weight * (a + b + c) / 3.0;
+        area += weight;
+    }
+    centre / area
 }
 
 /// Andrew's monotone chain: the hull counter-clockwise, without collinear points.

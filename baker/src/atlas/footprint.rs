@@ -1,11 +1,11 @@
-//! Where a chart may lie: the pages, its places and turns on them, and the texels it touches there.
+//! Where a chart may lie, and what it owns there: the blocks of 4×4 texels that filtering reads for it.
 
 use super::charts::Chart;
 use super::raster::{Bits, TOLERANCE};
 use dataset::tiles::TILE;
 use glam::{DVec2, Vec2Swizzles};
 
-/// Charts start on multiples of this many texels, the block of the GPU formats, so that few blocks see two charts.
+/// Side in texels of the blocks that pages are packed by: the block of the GPU formats, and a texel of the second mip.
 pub const BLOCK: usize = 4;
 
 /// The pages to pack, all alike.
@@ -17,7 +17,7 @@ pub struct Pages {
     pub height: usize,
     /// How many there are.
     pub count: usize,
-    /// Empty texels between charts.
+    /// Width in texels of the filter that never mixes two charts: 2 for bilinear filtering, 4 for bicubic.
     pub padding: usize,
 }
 
@@ -28,23 +28,37 @@ impl Pages {
         if self.count > 1 { (height + self.padding).next_multiple_of(TILE) } else { height }
     }
 
+    /// Blocks across and down; the last ones may reach past the page.
+    pub fn blocks(&self) -> (usize, usize) {
+        (self.width.div_ceil(BLOCK), self.height.div_ceil(BLOCK))
+    }
+
     /// Texels: what is nearer to a triangle than this counts as touched. Twice the rounding of a corner to `f32` on the virtual
     /// page of all pages.
     pub fn tolerance(&self) -> f64 {
         let rows = self.stride(self.height) * (self.count - 1) + self.height;
         TOLERANCE.max(rows.max(self.width).next_power_of_two() as f64 / f64::from(1 << 24))
     }
+
+    /// Texels from a block's corner to the lower corner of a chart that starts there: as far as the filter reads, and a little, so that
+    /// rounding the chart's corners to `f32` does not make it read the texel before.
+    pub fn start(&self) -> f64 {
+        self.padding as f64 / 2.0 - 0.5 + 1.0 / 64.0
+    }
+
+    /// Texels around a chart's surface whose squares the filter reads: those whose centres lie within half of its width.
+    pub fn reach(&self) -> f64 {
+        self.padding as f64 / 2.0 - 0.5 + self.tolerance()
+    }
 }
 
 /// Where a chart lies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
     /// The page.
     pub page: usize,
-    /// The texel that holds the lower corner of the chart's bounding box, at its centre.
-    pub x: usize,
-    /// See `x`.
-    pub y: usize,
+    /// The lower corner of the chart's bounding box, in texels of the page.
+    pub at: DVec2,
     /// How it is turned.
     pub turn: Turn,
 }
@@ -52,9 +66,12 @@ pub struct Place {
 /// A symmetry of the square: swap the axes, then mirror them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Turn {
-    swap: bool,
-    mirror_x: bool,
-    mirror_y: bool,
+    /// Whether x and y change places.
+    pub swap: bool,
+    /// Whether x runs the other way.
+    pub mirror_x: bool,
+    /// Whether y runs the other way.
+    pub mirror_y: bool,
 }
 
 impl Turn {
@@ -67,79 +84,98 @@ impl Turn {
         }
         all
     };
+
+    /// A size after the turn.
+    pub fn size(self, size: DVec2) -> DVec2 {
+        if self.swap { size.yx() } else { size }
+    }
 }
 
 impl Place {
-    /// From a chart's metres to texels of its page. The chart's lower corner lies on a texel centre.
+    /// The place of what starts in this block.
+    pub fn in_block((column, row): (usize, usize), turn: Turn, start: f64) -> Self {
+        let at = DVec2::new(column as f64, row as f64) * BLOCK as f64 + start;
+        Place { page: 0, at, turn }
+    }
+
+    /// From a chart's metres to texels of its page.
     pub fn texel(&self, chart: &Chart, corner: DVec2, texels_per_metre: f64) -> DVec2 {
-        let (mut p, mut size) = (corner, chart.size);
-        if self.turn.swap {
-            (p, size) = (p.yx(), size.yx());
-        }
+        let (mut p, size) = (self.turn.size(corner), self.turn.size(chart.size));
         if self.turn.mirror_x {
             p.x = size.x - p.x;
         }
         if self.turn.mirror_y {
             p.y = size.y - p.y;
         }
-        p * texels_per_metre + DVec2::new(self.x as f64, self.y as f64) + 0.5
+        p * texels_per_metre + self.at
     }
 }
 
-/// The texels a turned chart touches.
+/// The blocks that something owns when it is turned in one way.
+#[derive(Clone, Debug)]
 pub struct Footprint {
-    /// How the chart is turned.
+    /// How it is turned.
     pub turn: Turn,
-    /// The texels.
+    /// The blocks.
     pub bits: Bits,
     /// Maximal runs of ones, the longest first.
     pub runs: Vec<Run>,
-    /// Rows from its offset to half a texel past the chart.
-    pub rows: usize,
-    /// Largest offset, column and row, at which it stays half a texel inside the page.
+    /// Largest offset, column and row of blocks, at which it stays inside the page.
     pub last: (usize, usize),
 }
 
-/// Touched texels side by side.
+/// Owned blocks side by side.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
     /// From the footprint's offset.
     pub row: usize,
     /// First column, from the footprint's offset.
     pub start: usize,
-    /// Texels.
+    /// Blocks.
     pub length: usize,
 }
 
-/// The largest offsets for a chart of this size in texels, so that it ends half a texel inside the page.
-pub fn last_offset(size: DVec2, width: usize, height: usize) -> Option<(usize, usize)> {
-    let room = DVec2::new(width as f64, height as f64) - 1.0 - size;
-    (room.min_element() >= 0.0).then(|| (room.x as usize / BLOCK * BLOCK, room.y as usize / BLOCK * BLOCK))
+/// The largest offsets in blocks of what ends here in texels, so that all that filtering reads for it lies inside the page.
+pub fn last_offset(end: DVec2, pages: &Pages) -> Option<(usize, usize)> {
+    let room = DVec2::new(pages.width as f64, pages.height as f64) - 1.0 / 64.0 - pages.reach() - end;
+    (room.min_element() >= 0.0).then(|| (room.x as usize / BLOCK, room.y as usize / BLOCK))
 }
 
 /// The distinct footprints of a chart's turns that fit a page.
 pub fn footprints(chart: &Chart, texels_per_metre: f64, pages: &Pages) -> Vec<Footprint> {
-    let tolerance = pages.tolerance();
     let mut all: Vec<Footprint> = Vec::new();
     for turn in Turn::ALL {
-        let size = if turn.swap { chart.size.yx() } else { chart.size } * texels_per_metre;
-        let Some(last) = last_offset(size, pages.width, pages.height) else { continue };
-        let cells = |length: f64| (length + 0.5 + tolerance) as usize + 1;
-        let mut bits = Bits::new(cells(size.x), cells(size.y));
-        let place = Place { turn, ..Place::default() };
-        for face in &chart.faces {
-            bits.touch(face.corners.map(|c| place.texel(chart, c, texels_per_metre)), tolerance);
-        }
+        let size = turn.size(chart.size) * texels_per_metre;
+        let Some(last) = last_offset(pages.start() + size, pages) else { continue };
+        let place = Place::in_block((0, 0), turn, pages.start());
+        let corners = chart.faces.iter().map(|f| f.corners.map(|c| place.texel(chart, c, texels_per_metre)));
+        let bits = owned(corners, pages.start() + size, pages);
         if all.iter().all(|other| other.bits != bits) {
-            let runs = runs(&bits);
-            all.push(Footprint { turn, bits, runs, rows: (size.y + 1.0).ceil() as usize, last });
+            all.push(Footprint::new(turn, bits, last));
         }
     }
     all
 }
 
-/// The maximal runs of touched texels, the longest first.
-pub fn runs(bits: &Bits) -> Vec<Run> {
+/// The blocks in which filtering reads texels for one of these triangles, which end at `end`.
+pub fn owned(triangles: impl Iterator<Item = [DVec2; 3]>, end: DVec2, pages: &Pages) -> Bits {
+    let (block, reach) = (BLOCK as f64, pages.reach());
+    let cells = |end: f64| ((end + reach) / block) as usize + 1;
+    let mut bits = Bits::new(cells(end.x), cells(end.y));
+    triangles.for_each(|corners| bits.touch(corners.map(|c| c / block), reach / block));
+    bits
+}
+
+impl Footprint {
+    /// Of these blocks.
+    pub fn new(turn: Turn, bits: Bits, last: (usize, usize)) -> Self {
+        let runs = runs(&bits);
+        Footprint { turn, bits, runs, last }
+    }
+}
+
+/// The maximal runs of owned blocks, the longest first.
+fn runs(bits: &Bits) -> Vec<Run> {
     let mut runs = Vec::new();
     for row in 0..bits.height {
         let mut end = 0;

@@ -1,17 +1,31 @@
-//! The islands of an authored layout.
+//! Connected pieces: of an authored layout, and of a surface.
 
 use crate::geometry::Geometry;
 
 /// Per triangle, the lowest place in the list of a triangle of its island. Triangles of one island are joined by edges, that is, by two
 /// corners alike in position and lightmap coordinates.
 pub fn islands(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
-    let key = |v: u32| {
+    joined(geometry, triangles, |v| {
         let (p, uv) = (geometry.positions[v as usize], geometry.lightmap_uvs[v as usize]);
-        [p.x, p.y, p.z, uv.x, uv.y].map(|x| (x + 0.0).to_bits())
-    };
+        [p.x, p.y, p.z, uv.x, uv.y]
+    })
+}
+
+/// Per triangle, the lowest place in the list of a triangle of its piece of surface: joined by edges in space.
+pub fn surfaces(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
+    joined(geometry, triangles, |v| geometry.positions[v as usize].to_array())
+}
+
+/// Per triangle, the lowest place of one that edges join it to. Corners are one where their keys are equal.
+fn joined<const N: usize>(
+    geometry: &Geometry,
+    triangles: &[u32],
+    key: impl Fn(u32) -> [f32; N],
+) -> Vec<usize> {
+    let bits = |v: u32| key(v).map(|x| (x + 0.0).to_bits());
     let mut edges = Vec::with_capacity(3 * triangles.len());
     for (i, &triangle) in triangles.iter().enumerate() {
-        let v = geometry.triangles[triangle as usize].map(key);
+        let v = geometry.triangles[triangle as usize].map(bits);
         edges.extend([(0, 1), (1, 2), (2, 0)].map(|(a, b)| (v[a].min(v[b]), v[a].max(v[b]), i)));
     }
     edges.sort_unstable();

@@ -2,49 +2,54 @@
 //! moved but not turned.
 
 use super::charts::FlatMesh;
-use super::fill::first_fit;
-use super::footprint::{BLOCK, Footprint, Pages, Place, Turn, footprints, last_offset, runs};
-use super::raster::Bits;
+use super::fill::{Filler, Filling};
+use super::footprint::{BLOCK, Footprint, Pages, Place, Turn, last_offset, owned};
+use super::outline::outlines;
 use glam::DVec2;
-use rayon::prelude::*;
 
 /// The scale of the largest member.
 pub fn largest_scale(mesh: &FlatMesh) -> f64 {
     mesh.members.iter().map(|m| m.scale).fold(1.0, f64::max)
 }
 
-/// Empty texels between the charts of a layout, so that `padding` are left at every member's scale. Where nothing scales, the
-/// texels are the same for all. Else they fall differently on the charts, and a gap of n texels between what two charts touch,
-/// wider than n between the charts themselves, is only sure to hold n − 1 whole ones.
-fn gap(mesh: &FlatMesh, padding: usize) -> usize {
-    if largest_scale(mesh) == 1.0 { padding } else { padding + 1 }
+/// The filter width to keep charts of a layout apart by, so that the page's is kept at every member's scale. Where nothing scales, the
+/// texels are the same for all. Else they fall differently on the charts: with 2 texels more, charts are further apart than the page's
+/// filter is wide, wherever they lie.
+fn padding(mesh: &FlatMesh, pages: &Pages) -> usize {
+    if largest_scale(mesh) == 1.0 { pages.padding } else { pages.padding + 2 }
 }
 
 /// The width of a layout that comes out about square, in texels of the smallest member.
-pub fn width(mesh: &FlatMesh, texels_per_metre: f64, padding: usize) -> f64 {
-    let cells = |length: f64| length * texels_per_metre + 1.0;
-    let gap = gap(mesh, padding) as f64;
-    let longest = mesh.charts.iter().map(|c| cells(c.size.x)).fold(0.0, f64::max);
-    let boxes: f64 = mesh.charts.iter().map(|c| (cells(c.size.x) + gap) * (cells(c.size.y) + gap)).sum();
+pub fn width(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> f64 {
+    let pages = Pages { padding: padding(mesh, pages), ..*pages };
+    let margins = pages.start() + pages.reach();
+    let sides = mesh.charts.iter().map(|chart| (chart.size * texels_per_metre + margins).ceil());
+    let (longest, boxes) =
+        sides.fold((0.0f64, 0.0), |(longest, boxes), side| (longest.max(side.x), boxes + side.x * side.y));
     boxes.sqrt().max(longest)
 }
 
 /// Packs a mesh's charts into a layout that at the largest member's scale fits a page; `None` if none is found.
-pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> Option<Vec<Place>> {
-    let padding = pages.padding;
+pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages, stack: usize) -> Option<Vec<Place>> {
     let largest = largest_scale(mesh);
     let most = |texels: usize| (texels as f64 / largest) as usize;
     let (widest, height) = (most(pages.width), most(pages.height));
-    let square = (width(mesh, texels_per_metre, padding).ceil() as usize).next_multiple_of(BLOCK).min(widest);
+    let square = (width(mesh, texels_per_metre, pages) as usize).next_multiple_of(BLOCK).min(widest);
+    let ranks: Vec<u32> = (0..mesh.charts.len() as u32).collect();
     let attempt = |width: usize| {
-        let charts = mesh.charts.par_iter();
-        let turns: Vec<_> =
-            charts.map(|c| footprints(c, texels_per_metre, &Pages { width, height, ..*pages })).collect();
-        if turns.iter().any(|t| t.is_empty()) {
+        let pages = Pages { width, height, padding: padding(mesh, pages), ..*pages };
+        let outlines = outlines(&mesh.charts, &ranks, texels_per_metre, &pages);
+        let items: Vec<&[Footprint]> = outlines.iter().map(|outline| &outline.turns[..]).collect();
+        if items.iter().any(|turns| turns.is_empty()) {
             return None;
         }
-        let items: Vec<&[Footprint]> = turns.iter().map(|t| &t[..]).collect();
-        first_fit(&items, width, height, gap(mesh, padding)).map(|(places, _)| places)
+        let mut places = vec![Place::default(); mesh.charts.len()];
+        let order: Vec<usize> = (0..items.len()).collect();
+        let mut filler = Filler::new(pages.blocks(), Filling { stack, start: pages.start(), windows: None });
+        let refused = filler.place_all(&items, &order, |item, place| {
+            outlines[item].places(place).for_each(|(chart, place)| places[chart] = place);
+        });
+        refused.is_empty().then_some(places)
     };
     // About square, so that it goes well beside others; else as wide as the page allows.
     attempt(square).or_else(|| if square < widest { attempt(widest) } else { None })
@@ -53,14 +58,12 @@ pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> Option<Vec
 /// The highest coordinates of a layout in texels of the smallest member.
 pub fn end(mesh: &FlatMesh, layout: &[Place], texels_per_metre: f64) -> DVec2 {
     let charts = mesh.charts.iter().zip(layout);
-    let corners = charts.flat_map(|(chart, place)| {
-        let faces = chart.faces.iter().flat_map(|f| f.corners);
-        faces.map(move |corner| place.texel(chart, corner, texels_per_metre))
-    });
-    corners.fold(DVec2::ZERO, DVec2::max)
+    charts
+        .map(|(chart, place)| place.at + place.turn.size(chart.size) * texels_per_metre)
+        .fold(DVec2::ZERO, DVec2::max)
 }
 
-/// The texels a layout touches at a scale; `None` if it is larger than the page.
+/// The blocks a layout owns at a scale; `None` if it is larger than the page.
 pub fn footprint(
     mesh: &FlatMesh,
     layout: &[Place],
@@ -68,17 +71,10 @@ pub fn footprint(
     scale: f64,
     pages: &Pages,
 ) -> Option<Footprint> {
-    let tolerance = pages.tolerance();
     let end = end(mesh, layout, texels_per_metre) * scale;
-    // Half a texel lies before the layout; `last_offset` leaves that and another half at the far side.
-    let last = last_offset(end - 0.5, pages.width, pages.height)?;
-    let cells = |length: f64| (length + tolerance) as usize + 1;
-    let mut bits = Bits::new(cells(end.x), cells(end.y));
-    for (chart, place) in mesh.charts.iter().zip(layout) {
-        for face in &chart.faces {
-            bits.touch(face.corners.map(|c| place.texel(chart, c, texels_per_metre) * scale), tolerance);
-        }
-    }
-    let runs = runs(&bits);
-    Some(Footprint { turn: Turn::default(), bits, runs, rows: (end.y + 0.5).ceil() as usize, last })
+    let last = last_offset(end, pages)?;
+    let corners = mesh.charts.iter().zip(layout).flat_map(|(chart, place)| {
+        chart.faces.iter().map(move |f| f.corners.map(|c| place.texel(chart, c, texels_per_metre) * scale))
+    });
+    Some(Footprint::new(Turn::default(), owned(corners, end, pages), last))
 }

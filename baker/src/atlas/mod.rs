@@ -11,12 +11,15 @@ mod raster;
 mod islands;
 mod charts;
 mod footprint;
+mod outline;
+mod locality;
 mod page;
 mod fill;
 mod spread;
 mod layout;
 mod pack;
 mod density;
+pub mod owners;
 mod keep;
 #[cfg(test)]
 mod tests;
@@ -161,13 +164,18 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
 
 /// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread count.
 ///
-/// Charts keep their shape (one scale, quarter turns and mirror images only), start on 4-texel boundaries, stay half a texel
-/// inside their page, and the texels that two charts touch are at least `padding` (and never less than 2) empty texels apart, so
-/// that bilinear taps never mix charts.
+/// Charts keep their shape (one scale, quarter turns and mirror images only) and stay half a texel inside their page. No texel is read
+/// for two charts by a filter `padding` texels wide (2, the least, is bilinear, 4 bicubic), and no block of 4×4 texels on a 4-texel
+/// boundary holds texels that are read for two, except charts less than a texel wide, of which up to four share a block. So the GPU's
+/// block formats and the first two mips mix no charts either. On a page with more charts than blocks for them, several of the smallest
+/// lie on each other, with a warning.
+///
+/// What is near in space lies near on the pages where that costs no more than 3 % of their texels.
 ///
 /// Instances of one mesh share one layout, which lies on the page once for each, scaled to its density and moved: see
 /// [`Placement`]. They do when they are of the same shape ([`crate::geometry::Similarity`]) and differ in texels per metre of the
-/// mesh by a factor of 4 at most. Shared layouts start on 4-texel boundaries, their charts too where nothing scales them.
+/// mesh by a factor of 4 at most. Shared layouts start on 4-texel boundaries, their charts too where nothing scales them. (Charts of one that
+/// is scaled are further apart, but may share blocks with each other.)
 ///
 /// A mesh's charts lie on one page, and so does every member of a shared layout, unless a mesh that shares with none is so large
 /// that it would fill the emptiest page by a tenth more than its share: then its charts lie on several. Pages that would be
@@ -176,8 +184,8 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
 /// Triangles of `hidden`, ascending, get no texels where they are hidden in every instance that shares their layout.
 ///
 /// # Errors
-/// `Invalid` when no triangle is to be lightmapped; `Unsupported` when the charts do not fit the pages at any density, the
-/// density asked for needs pages larger than 16384 texels, or all pages together have more than 131072 rows.
+/// `Invalid` when no triangle is to be lightmapped; `Unsupported` when a page has less than 2×2 texels, the density asked for needs
+/// pages larger than 16384 texels, or all pages together have more than 131072 rows.
 pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -> Result<Atlas> {
     if lightmap.uv == UvSource::Keep {
         return keep::build(geometry, lightmap);
@@ -226,7 +234,7 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
         let first = &geometry.instances[mesh.members[0].instance];
         let page_of =
             |chart: usize, origin: Origin| if mesh.is_shared() { origin.page } else { packed.places[chart].page } as u32;
-        // The layout's unit square in texels of the smallest member: whole texels, half a one past the last chart.
+        // The layout's unit square in texels of the smallest member: whole texels, half a one at least past the last chart.
         let layout_size = (packed.end + 0.5).ceil();
         for (member, &origin) in mesh.members.iter().zip(&packed.origins) {
             let instance = &geometry.instances[member.instance];
@@ -270,6 +278,7 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
         }
     }
     faces.sort_unstable_by_key(|face| face.triangle);
+    let utilisation = touched(&faces, &page) as f64 / (page_size.element_product() * f64::from(page.pages));
     let skipped = skipped(geometry, &faces, hidden);
     Ok(Atlas {
         width: page.width,
@@ -282,9 +291,9 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
         skipped,
         faces,
         charts,
-        utilisation: page.utilisation,
+        utilisation,
         notes,
-        warnings: warnings(&flat.refused, page.texels_per_metre, lightmap, &skipped),
+        warnings: warnings(geometry, &flat, &page, lightmap, &skipped),
         placements,
         layouts,
     })
@@ -309,14 +318,35 @@ fn skipped(geometry: &Geometry, faces: &[Face], hidden: &[u32]) -> Skipped {
     Skipped { triangles, of: lightmapped().count(), area: share }
 }
 
-/// What the user may not have meant: layouts of files that are not used, more hidden than not, and texels so wide that the model may not
-/// be in metres.
+/// The texels that faces touch, page by page.
+fn touched(faces: &[Face], page: &density::Filled) -> usize {
+    let of_page = |number: u32| {
+        let mut bits = raster::Bits::new(page.width as usize, page.height as usize);
+        let top = f64::from(number * page.stride);
+        for face in faces.iter().filter(|face| face.corners[0].y as u32 / page.stride == number) {
+            bits.touch(face.corners.map(|c| c.as_dvec2() - DVec2::Y * top), 0.0);
+        }
+        bits.count()
+    };
+    (0..page.pages).map(of_page).sum()
+}
+
+/// Texels of the pages per texel of surface above which small charts cost more than what they show.
+const COSTLY: f64 = 3.0;
+
+/// How many parts such a warning names.
+const MOST_COSTLY: usize = 10;
+
+/// What the user may not have meant: layouts of files that are not used, more hidden than not, texels so wide that the model may not be
+/// in metres, and parts in so many pieces that little of the page is surface.
 fn warnings(
-    refused: &[String],
-    texels_per_metre: f64,
+    geometry: &Geometry,
+    flat: &charts::Flat,
+    page: &density::Filled,
     lightmap: &Lightmap,
     skipped: &Skipped,
 ) -> Vec<String> {
+    let (refused, texels_per_metre) = (&flat.refused[..], page.texels_per_metre);
     let mut warnings = Vec::new();
     if let [first, others @ ..] = refused {
         let others = match others.len() {
@@ -341,5 +371,51 @@ fn warnings(
             1.0 / texels_per_metre
         ));
     }
+    warnings.extend(costly(geometry, flat, page));
     warnings
+}
+
+/// Tells of parts whose charts are so small that the page is mostly what keeps them apart.
+fn costly(geometry: &Geometry, flat: &charts::Flat, page: &density::Filled) -> Option<String> {
+    let texels = |blocks: usize| (blocks * footprint::BLOCK * footprint::BLOCK) as f64;
+    let surface: f64 =
+        flat.meshes.iter().map(charts::FlatMesh::area).sum::<f64>() * page.texels_per_metre.powi(2);
+    let owned: usize = page.meshes.iter().map(|mesh| mesh.blocks).sum();
+    if page.stack == 1 && texels(owned) < COSTLY * surface {
+        return None;
+    }
+    let mut parts: Vec<(f64, &str)> = Vec::new();
+    for (mesh, packed) in flat.meshes.iter().zip(&page.meshes) {
+        let name = &geometry.instances[mesh.members[0].instance].name;
+        parts.push((texels(packed.blocks) / mesh.area(), name));
+    }
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    parts.dedup_by(|a, b| a.1 == b.1);
+    let named: Vec<String> = parts
+        .iter()
+        .take(MOST_COSTLY)
+        .map(|(cost, name)| format!("{name} ({} texels per m²)", digits(*cost)))
+        .collect();
+    let shared = match page.stack {
+        1 => String::new(),
+        n => format!(
+            "; there are more charts than the page has room for, so that up to {n} of the smallest lie on each other"
+        ),
+    };
+    Some(format!(
+        "small charts take {:.0} % of the texels in use and leave {} texels per metre{shared}. A larger [lightmap] size helps, and \
+         `lightmap = false` for small parts; most texels per square metre go to {}",
+        100.0 * (1.0 - (surface / texels(owned)).min(1.0)),
+        digits(page.texels_per_metre),
+        named.join(", ")
+    ))
+}
+
+/// A positive number to two or three digits.
+fn digits(value: f64) -> String {
+    match value {
+        9.95..1e6 => format!("{value:.0}"),
+        0.095..9.95 => format!("{value:.1}"),
+        _ => format!("{value:.1e}"),
+    }
 }

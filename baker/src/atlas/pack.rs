@@ -1,8 +1,10 @@
 //! Places charts and shared layouts on pages at a given density.
 
 use super::charts::FlatMesh;
-use super::footprint::{Footprint, Pages, Place, footprints, last_offset};
+use super::fill::Filling;
+use super::footprint::{Footprint, Pages, Place, last_offset};
 use super::layout;
+use super::outline::{Outline, outlines};
 use super::spread::spread;
 use glam::{DVec2, Vec2Swizzles};
 use rayon::prelude::*;
@@ -16,8 +18,6 @@ pub struct Packed {
     pub height: usize,
     /// Pages used.
     pub pages: usize,
-    /// Texels touched.
-    pub touched: usize,
 }
 
 /// Where a mesh's charts lie. A point at texel p of the layout lies at texel `p × member.scale + origin` of the page.
@@ -29,6 +29,8 @@ pub struct PackedMesh {
     pub origins: Vec<Origin>,
     /// The highest coordinates of the layout in texels.
     pub end: DVec2,
+    /// Blocks that its charts own, of all members together.
+    pub blocks: usize,
 }
 
 /// Where a member's layout lies.
@@ -40,86 +42,135 @@ pub struct Origin {
     pub texel: DVec2,
 }
 
-/// Packs all charts and shared layouts on pages; `None` if they do not fit.
-pub fn pack(meshes: &[FlatMesh], texels_per_metre: f64, pages: &Pages) -> Option<Packed> {
-    // Quick exits: a chart larger than a page, or more area than the pages have.
-    let most = pages.width * pages.height * pages.count;
-    let fits = |size: DVec2| last_offset(size * texels_per_metre, pages.width, pages.height).is_some();
-    let texels = meshes.iter().map(FlatMesh::area).sum::<f64>() * texels_per_metre.powi(2);
-    let mut charts = meshes.iter().flat_map(|m| &m.charts);
-    if texels > most as f64 || !charts.all(|c| fits(c.size) || fits(c.size.yx())) {
-        return None;
-    }
-    let layout = |mesh: &FlatMesh| match mesh.is_shared() {
-        true => layout::pack(mesh, texels_per_metre, pages),
-        false => Some(Vec::new()),
-    };
-    let layouts: Vec<Vec<Place>> = meshes.par_iter().map(layout).collect::<Option<_>>()?;
-
-    // What has one outline: a chart, or a layout at one scale. Members of equal scale share theirs.
-    let mut outlines: Vec<(usize, Outline)> = Vec::new();
-    // What is to be placed: an outline, for a chart or a member.
-    let mut items: Vec<(usize, usize)> = Vec::new();
-    for (m, mesh) in meshes.iter().enumerate() {
-        let first = outlines.len();
-        if mesh.is_shared() {
-            for (i, member) in mesh.members.iter().enumerate() {
-                let same = |(_, o): &(usize, Outline)| matches!(o, Outline::Layout(s) if *s == member.scale);
-                let known = outlines[first..].iter().position(same).map(|at| first + at);
-                items.push((known.unwrap_or(outlines.len()), i));
-                if known.is_none() {
-                    outlines.push((m, Outline::Layout(member.scale)));
-                }
-            }
-        } else {
-            items.extend((0..mesh.charts.len()).map(|c| (first + c, c)));
-            outlines.extend((0..mesh.charts.len()).map(|c| (m, Outline::Chart(c))));
-        }
-    }
-    let draw = |&(m, outline): &(usize, Outline)| match outline {
-        Outline::Chart(c) => footprints(&meshes[m].charts[c], texels_per_metre, pages),
-        Outline::Layout(scale) => {
-            layout::footprint(&meshes[m], &layouts[m], texels_per_metre, scale, pages).into_iter().collect()
-        }
-    };
-    let footprints: Vec<Vec<Footprint>> = outlines.par_iter().map(draw).collect();
-    if footprints.iter().any(|turns| turns.is_empty()) {
-        return None;
-    }
-    let touched = items.iter().map(|&(outline, _)| footprints[outline][0].bits.count()).sum();
-    if touched > most {
-        return None;
-    }
-    let wanted: Vec<&[Footprint]> = items.iter().map(|&(outline, _)| &footprints[outline][..]).collect();
-    // The charts of a mesh belong together; every layout stands for itself.
-    let mut units = Vec::with_capacity(items.len());
-    for (i, &(outline, index)) in items.iter().enumerate() {
-        let joins = matches!(outlines[outline].1, Outline::Chart(_)) && index > 0;
-        units.push(if joins { units[i - 1] } else { i });
-    }
-    let (placed, height, pages) = spread(&wanted, &units, pages)?;
-    let packed = |(mesh, layout): (&FlatMesh, Vec<Place>)| PackedMesh {
-        end: layout::end(mesh, &layout, texels_per_metre),
-        places: layout,
-        origins: vec![Origin::default(); mesh.members.len()],
-    };
-    let mut result: Vec<PackedMesh> = meshes.iter().zip(layouts).map(packed).collect();
-    for (&(outline, index), place) in items.iter().zip(placed) {
-        let (m, kind) = outlines[outline];
-        match kind {
-            Outline::Chart(_) => result[m].places.push(place),
-            Outline::Layout(_) => {
-                let texel = DVec2::new(place.x as f64, place.y as f64);
-                result[m].origins[index] = Origin { page: place.page, texel };
-            }
-        }
-    }
-    Some(Packed { meshes: result, height, pages, touched })
+/// What is placed at one density: outlines of charts and of layouts.
+pub struct Items {
+    /// Per mesh that is shared, its layout.
+    layouts: Vec<Vec<Place>>,
+    /// Per mesh, what has one outline: charts, or a layout at one scale.
+    kinds: Vec<(usize, Kind)>,
+    /// What is to be placed: an index into `kinds`, for charts or a member.
+    placed: Vec<(usize, usize)>,
 }
 
-/// What is placed as one: a chart of a mesh, or its layout at a scale.
-#[derive(Clone, Copy)]
-enum Outline {
-    Chart(usize),
-    Layout(f64),
+/// What is placed as one: charts of a mesh, or its layout at a scale. Members of equal scale share theirs.
+enum Kind {
+    Charts(Outline),
+    Layout(f64, Vec<Footprint>),
+}
+
+impl Kind {
+    fn turns(&self) -> &[Footprint] {
+        match self {
+            Kind::Charts(outline) => &outline.turns,
+            Kind::Layout(_, turns) => turns,
+        }
+    }
+}
+
+impl Items {
+    /// Draws all outlines; `None` if one does not fit a page. `ranks` as given by [`super::locality::ranks`].
+    pub fn new(
+        meshes: &[FlatMesh],
+        ranks: &[Vec<u32>],
+        texels_per_metre: f64,
+        pages: &Pages,
+        stack: usize,
+    ) -> Option<Self> {
+        // A quick exit: a chart larger than a page.
+        let fits = |size: DVec2| last_offset(size * texels_per_metre, pages).is_some();
+        if !meshes.iter().flat_map(|m| &m.charts).all(|c| fits(c.size) || fits(c.size.yx())) {
+            return None;
+        }
+        let layout = |mesh: &FlatMesh| match mesh.is_shared() {
+            true => layout::pack(mesh, texels_per_metre, pages, stack),
+            false => Some(Vec::new()),
+        };
+        let layouts: Vec<Vec<Place>> = meshes.par_iter().map(layout).collect::<Option<_>>()?;
+        let draw = |(m, mesh): (usize, &FlatMesh)| -> Vec<Kind> {
+            if !mesh.is_shared() {
+                let outlines = outlines(&mesh.charts, &ranks[m], texels_per_metre, pages);
+                return outlines.into_iter().map(Kind::Charts).collect();
+            }
+            let mut scales: Vec<f64> = Vec::new();
+            for member in &mesh.members {
+                if !scales.contains(&member.scale) {
+                    scales.push(member.scale);
+                }
+            }
+            let footprint = |scale| {
+                layout::footprint(mesh, &layouts[m], texels_per_metre, scale, pages).into_iter().collect()
+            };
+            scales.into_iter().map(|scale| Kind::Layout(scale, footprint(scale))).collect()
+        };
+        let drawn: Vec<Vec<Kind>> = meshes.par_iter().enumerate().map(draw).collect();
+        let (mut kinds, mut placed) = (Vec::new(), Vec::new());
+        for (m, of_mesh) in drawn.into_iter().enumerate() {
+            let first = kinds.len();
+            if of_mesh.iter().any(|kind| kind.turns().is_empty()) {
+                return None;
+            }
+            if meshes[m].is_shared() {
+                for (i, member) in meshes[m].members.iter().enumerate() {
+                    let same = |kind: &Kind| matches!(kind, Kind::Layout(scale, _) if *scale == member.scale);
+                    placed.extend(of_mesh.iter().position(same).map(|kind| (first + kind, i)));
+                }
+            } else {
+                placed.extend((0..of_mesh.len()).map(|k| (first + k, k)));
+            }
+            kinds.extend(of_mesh.into_iter().map(|kind| (m, kind)));
+        }
+        Some(Items { layouts, kinds, placed })
+    }
+
+    /// The blocks that all of them own.
+    pub fn blocks(&self) -> usize {
+        self.placed.iter().map(|&(kind, _)| self.kinds[kind].1.turns()[0].bits.count()).sum()
+    }
+
+    /// Puts them on pages; `None` if they do not fit.
+    pub fn pack(
+        &self,
+        meshes: &[FlatMesh],
+        ranks: &[Vec<u32>],
+        texels_per_metre: f64,
+        pages: &Pages,
+        filling: Filling,
+    ) -> Option<Packed> {
+        let footprints: Vec<&[Footprint]> =
+            self.placed.iter().map(|&(kind, _)| self.kinds[kind].1.turns()).collect();
+        // The charts of a mesh belong together; every layout stands for itself.
+        let mut units = Vec::with_capacity(self.placed.len());
+        let mut rank = Vec::with_capacity(self.placed.len());
+        for (i, &(kind, index)) in self.placed.iter().enumerate() {
+            let (m, kind) = &self.kinds[kind];
+            let joins = matches!(kind, Kind::Charts(_)) && index > 0;
+            units.push(if joins { units[i - 1] } else { i });
+            rank.push(match kind {
+                Kind::Charts(outline) => ranks[*m][outline.parts[0].0],
+                Kind::Layout(..) => ranks[*m][index],
+            });
+        }
+        let (places, height, pages) = spread(&footprints, &units, &rank, pages, filling)?;
+        let packed = |(mesh, layout): (&FlatMesh, Vec<Place>)| PackedMesh {
+            end: layout::end(mesh, &layout, texels_per_metre),
+            places: if mesh.is_shared() { layout } else { vec![Place::default(); mesh.charts.len()] },
+            origins: vec![Origin::default(); mesh.members.len()],
+            blocks: 0,
+        };
+        let mut result: Vec<PackedMesh> = meshes.iter().zip(self.layouts.clone()).map(packed).collect();
+        for (&(kind, index), place) in self.placed.iter().zip(places) {
+            let (m, kind) = &self.kinds[kind];
+            result[*m].blocks += kind.turns()[0].bits.count();
+            match kind {
+                Kind::Charts(outline) => {
+                    outline.places(place).for_each(|(chart, place)| result[*m].places[chart] = place);
+                }
+                Kind::Layout(..) => {
+                    let texel = (place.at - filling.start).round();
+                    result[*m].origins[index] = Origin { page: place.page, texel };
+                }
+            }
+        }
+        Some(Packed { meshes: result, height, pages })
+    }
 }

@@ -1,11 +1,11 @@
-//! The free texels of a page while it is being packed, as sorted gaps per row.
+//! The free blocks of a page while it is being packed, as sorted gaps per row.
 
-use super::footprint::{BLOCK, Footprint};
+use super::footprint::Footprint;
+use std::ops::Range;
 
-/// The texels further charts may touch.
+/// The blocks that nothing owns yet.
 #[derive(Clone)]
 pub struct Page {
-    width: usize,
     /// Per row, its free intervals `from..to`, ascending.
     free: Vec<Vec<(usize, usize)>>,
     /// Per row, the length of its longest free interval.
@@ -20,31 +20,47 @@ impl Page {
     /// All free.
     pub fn new(width: usize, height: usize) -> Self {
         let free = vec![vec![(0, width)]; height];
-        Page { width, free, longest: vec![width; height], used: 0, columns: Vec::new(), narrowed: Vec::new() }
+        Page { free, longest: vec![width; height], used: 0, columns: Vec::new(), narrowed: Vec::new() }
     }
 
-    /// Rows down to half a texel past the lowest chart.
+    /// Rows down to the lowest owned block.
     pub fn used(&self) -> usize {
         self.used
     }
 
-    /// The first row from `from` to `limit` with a place for the footprint, and the leftmost column there; if there is none,
-    /// the first row not searched.
-    pub fn find(&mut self, footprint: &Footprint, from: usize, limit: usize) -> (usize, Option<usize>) {
+    /// Free blocks in a window.
+    pub fn free(&self, columns: &Range<usize>, rows: Range<usize>) -> usize {
+        let inside = |gap: &(usize, usize)| gap.1.min(columns.end).saturating_sub(gap.0.max(columns.start));
+        self.free[rows].iter().flatten().map(inside).sum()
+    }
+
+    /// The first row from `from` to `limit` with a place for the footprint that starts in one of the columns, and the leftmost column
+    /// there; if there is none, the first row not searched.
+    pub fn find(
+        &mut self,
+        footprint: &Footprint,
+        columns: &Range<usize>,
+        from: usize,
+        limit: usize,
+    ) -> (usize, Option<usize>) {
         let mut y = from;
         while y <= limit {
-            if let Some(x) = self.first_column(footprint, y) {
+            if let Some(x) = self.first_column(footprint, columns, y) {
                 return (y, Some(x));
             }
-            y += BLOCK;
+            y += 1;
         }
         (y, None)
     }
 
-    /// The first column on the block grid at which the footprint, starting in row `y`, meets only free texels.
-    fn first_column(&mut self, footprint: &Footprint, y: usize) -> Option<usize> {
+    /// The first of the columns at which the footprint, starting in row `y`, meets only free blocks.
+    fn first_column(&mut self, footprint: &Footprint, columns: &Range<usize>, y: usize) -> Option<usize> {
+        let last = footprint.last.0.min(columns.end.checked_sub(1)?);
+        if columns.start > last {
+            return None;
+        }
         self.columns.clear();
-        self.columns.push((0, footprint.last.0));
+        self.columns.push((columns.start, last));
         for run in &footprint.runs {
             let row = y + run.row;
             if self.longest[row] < run.length {
@@ -57,7 +73,7 @@ impl Page {
                 let first = gaps.partition_point(|gap| gap.1 < low + run.start + run.length);
                 for gap in gaps[first..].iter().take_while(|gap| gap.0 <= high + run.start) {
                     if gap.1 - gap.0 >= run.length && gap.1 >= run.start + run.length {
-                        let from = low.max(gap.0.saturating_sub(run.start)).next_multiple_of(BLOCK);
+                        let from = low.max(gap.0.saturating_sub(run.start));
                         let to = high.min(gap.1 - run.start - run.length);
                         if from <= to {
                             self.narrowed.push((from, to));
@@ -73,21 +89,16 @@ impl Page {
         self.columns.first().map(|c| c.0)
     }
 
-    /// Takes the footprint's texels at column `x`, row `y` and all within `padding` of them.
-    pub fn take(&mut self, footprint: &Footprint, x: usize, y: usize, padding: usize) {
+    /// Takes the footprint's blocks at column `x`, row `y`.
+    pub fn take(&mut self, footprint: &Footprint, x: usize, y: usize) {
         for run in &footprint.runs {
-            let from = (x + run.start).saturating_sub(padding);
-            let to = (x + run.start + run.length + padding).min(self.width);
-            let row = y + run.row;
-            for row in row.saturating_sub(padding)..(row + padding + 1).min(self.free.len()) {
-                cut(&mut self.free[row], from, to);
-            }
+            cut(&mut self.free[y + run.row], x + run.start, x + run.start + run.length);
         }
-        let height = footprint.runs.iter().map(|run| run.row + 1).max().unwrap_or(0);
-        for row in y.saturating_sub(padding)..(y + height + padding).min(self.free.len()) {
+        let bottom = y + footprint.bits.height;
+        for row in y..bottom {
             self.longest[row] = self.free[row].iter().map(|gap| gap.1 - gap.0).max().unwrap_or(0);
         }
-        self.used = self.used.max(y + footprint.rows.max(height));
+        self.used = self.used.max(bottom);
     }
 }
 

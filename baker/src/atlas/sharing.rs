@@ -4,7 +4,8 @@
 //! scale (within 10⁻³) and their texels per metre of the mesh by no more than a factor of 4. Other stretches would stretch
 //! texels with them, and the padding between charts, kept by the smallest member, grows with the scale.
 
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Instance};
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// The largest ratio of scales in a group.
@@ -31,6 +32,8 @@ pub struct Member {
     pub scale: f64,
     /// Whether its triangles run the other way round than the first one's: the last two corners are swapped.
     pub mirrored: bool,
+    /// The middle of its corners, in metres.
+    pub centre: DVec3,
 }
 
 /// Groups all lightmapped instances, in the order of their first members: each joins the first group that takes it.
@@ -53,13 +56,15 @@ pub fn groups(geometry: &Geometry) -> Vec<Group> {
             let joins = high <= low * LARGEST_RATIO * (1.0 + SAME)
                 && first.has_lightmap_uvs == instance.has_lightmap_uvs;
             if joins {
-                members.push(Member { instance: index, scale, mirrored: similarity.mirrored });
+                let mirrored = similarity.mirrored;
+                members.push(Member { instance: index, scale, mirrored, centre: centre(geometry, instance) });
             }
             joins
         });
         if !joined {
             candidates.push(groups.len());
-            let first = Member { instance: index, scale: instance.density, mirrored: false };
+            let centre = centre(geometry, instance);
+            let first = Member { instance: index, scale: instance.density, mirrored: false, centre };
             groups.push(Group { members: vec![first], density: 1.0 });
         }
     }
@@ -68,4 +73,10 @@ pub fn groups(geometry: &Geometry) -> Vec<Group> {
         group.members.iter_mut().for_each(|m| m.scale /= group.density);
     }
     groups
+}
+
+/// The middle of an instance's corners.
+fn centre(geometry: &Geometry, instance: &Instance) -> DVec3 {
+    let corners = &geometry.positions[instance.vertices.clone()];
+    corners.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / corners.len().max(1) as f64
 }

@@ -1,7 +1,7 @@
 //! Spreads charts and shared layouts over several pages, so that a mesh stays on one page wherever that costs little.
 
-use super::fill::{Filler, first_fit, order};
-use super::footprint::{Footprint, Pages, Place};
+use super::fill::{Filler, Filling};
+use super::footprint::{BLOCK, Footprint, Pages, Place};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -12,31 +12,26 @@ const OVERFULL: f64 = 1.1;
 /// Pages with their items, as indices, in the order of placing.
 type Lists = Vec<Vec<usize>>;
 
-/// Places one of the turns of every item; `unit_of` says, per item, which others it should share a page with (the charts of a
-/// mesh; equal ones stand side by side). Gives the places, the most rows used of a page and the number of pages used, numbered
-/// from 0, or `None` if the items do not fit.
+/// Places one of the turns of every item. `unit_of` says, per item, which others it should share a page with (the charts of a
+/// mesh; equal ones stand side by side); `rank` is the order in which items lie in space. Gives the
+/// places, the most rows used of a page and the number of pages used, numbered from 0, or `None` if the items do not fit.
 pub fn spread(
     items: &[&[Footprint]],
     unit_of: &[usize],
+    rank: &[u32],
     pages: &Pages,
+    filling: Filling,
 ) -> Option<(Vec<Place>, usize, usize)> {
-    if pages.count == 1 {
-        let (places, rows) = first_fit(items, pages.width, pages.height, pages.padding)?;
-        return Some((places, rows, 1));
-    }
-    // What an item takes: the texels it touches, and half of the padding around it.
-    let load = |i: &usize| {
-        let bits = &items[*i][0].bits;
-        (bits.count() + (bits.width + bits.height) * pages.padding) as f64
-    };
-    let loads: Vec<f64> = (0..items.len()).map(|i| load(&i)).collect();
-    let (page_of, parts) = assign(&loads, unit_of, pages.count);
+    let loads: Vec<f64> = items.iter().map(|turns| turns[0].bits.count() as f64).collect();
+    let (page_of, parts) = assign(&loads, unit_of, rank, pages.count);
 
     // Every page by itself.
+    let mut order: Vec<usize> = (0..items.len()).collect();
+    order.sort_by_key(|&i| (rank[i], i));
     let mut lists: Lists = vec![Vec::new(); pages.count];
-    order(items).into_iter().for_each(|i| lists[page_of[i]].push(i));
-    let allowance = (OVERFULL - 1.0) * loads.iter().sum::<f64>();
-    let filled = lists.par_iter().map(|list| fill(items, &loads, list, &parts, pages, allowance));
+    order.into_iter().for_each(|i| lists[page_of[i]].push(i));
+    let allowance = if pages.count > 1 { (OVERFULL - 1.0) * loads.iter().sum::<f64>() } else { 0.0 };
+    let filled = lists.par_iter().map(|list| fill(items, &loads, list, &parts, (pages, filling), allowance));
     let filled: Vec<Filled> = filled.collect::<Option<_>>()?;
 
     // What found no place there goes to any page that takes the whole part of the mesh.
@@ -70,11 +65,10 @@ pub fn spread(
     }
 
     // Pages that hold nothing are left out.
-    let rows = fillers.iter().map(Filler::used).max().unwrap_or(0);
+    let rows = fillers.iter().map(Filler::used).max().unwrap_or(0) * BLOCK;
     let mut number = vec![0; pages.count];
     let mut used = 0;
-    for (page, filler) in fillers.iter().enumerate().filter(|(_, filler)| filler.used() > 0) {
-        debug_assert!(filler.used() <= pages.height);
+    for (page, _) in fillers.iter().enumerate().filter(|(_, filler)| filler.used() > 0) {
         (number[page], used) = (used, used + 1);
     }
     let places: Option<Vec<Place>> = places.into_iter().collect();
@@ -83,28 +77,39 @@ pub fn spread(
 }
 
 /// The page of every item by its load, and its part: the items of a unit that are to share a page.
-fn assign(loads: &[f64], unit_of: &[usize], pages: usize) -> (Vec<usize>, Vec<usize>) {
-    // Units as ranges of items, the largest first.
-    let mut units: Vec<(f64, std::ops::Range<usize>)> = Vec::new();
+fn assign(loads: &[f64], unit_of: &[usize], rank: &[u32], pages: usize) -> (Vec<usize>, Vec<usize>) {
+    // Units as ranges of items, in the order of space: by the rank of the middle one of their items.
+    let mut units: Vec<(u32, f64, std::ops::Range<usize>)> = Vec::new();
     let mut start = 0;
     for chunk in unit_of.chunk_by(|a, b| a == b) {
         let range = start..start + chunk.len();
         start = range.end;
-        units.push((loads[range.clone()].iter().sum(), range));
+        let mut ranks = rank[range.clone()].to_vec();
+        let middle = ranks.len() / 2;
+        let middle = *ranks.select_nth_unstable(middle).1;
+        units.push((middle, loads[range.clone()].iter().sum(), range));
     }
-    units.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.start.cmp(&b.1.start)));
+    units.sort_by_key(|unit| (unit.0, unit.2.start));
 
-    // Each to the emptiest page; one that would overfill it is poured over the pages, each up to its fair share.
+    // Each to the page where it lies when pages take equal shares in that order, or else to the emptiest one. One that would overfill
+    // that too is poured over the pages, each up to its fair share.
     let fair_share = loads.iter().sum::<f64>() / pages as f64;
     let mut fill = vec![0.0; pages];
     let emptiest = |fill: &[f64]| (0..pages).min_by(|&a, &b| fill[a].total_cmp(&fill[b])).unwrap_or_default();
     let mut page_of = vec![0; loads.len()];
     let mut part_of = vec![0; loads.len()];
-    let mut parts = 0;
-    for (load, range) in units {
-        let mut page = emptiest(&fill);
-        let whole = fill[page] + load <= OVERFULL * fair_share;
-        for i in range {
+    let (mut parts, mut before) = (0, 0.0);
+    for (_, load, range) in units {
+        let mut page = (((before + 0.5 * load) / fair_share) as usize).min(pages - 1);
+        before += load;
+        let fits = |page: usize| fill[page] + load <= OVERFULL * fair_share;
+        if !fits(page) {
+            page = emptiest(&fill);
+        }
+        let whole = fits(page);
+        let mut items: Vec<usize> = range.collect();
+        items.sort_by_key(|&i| rank[i]);
+        for i in items {
             if !whole && fill[page] + 0.5 * loads[i] > fair_share {
                 (page, parts) = (emptiest(&fill), parts + 1);
             }
@@ -130,22 +135,18 @@ fn fill<'a>(
     loads: &[f64],
     list: &[usize],
     parts: &[usize],
-    pages: &Pages,
+    (pages, filling): (&Pages, Filling),
     allowance: f64,
 ) -> Option<Filled<'a>> {
     let mut refused: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     loop {
-        let mut filler = Filler::new(pages.width, pages.height, pages.padding);
+        let mut filler = Filler::new(pages.blocks(), filling);
         let mut placed: Vec<(usize, Place)> = Vec::new();
-        let mut homeless = 0.0;
-        for &i in list.iter().filter(|&&i| !refused.contains_key(&parts[i])) {
-            match filler.place(items[i]) {
-                Some(place) => placed.push((i, place)),
-                None => homeless += loads[i],
-            }
-            if homeless > allowance {
-                return None;
-            }
+        let wanted: Vec<usize> = list.iter().copied().filter(|&i| !refused.contains_key(&parts[i])).collect();
+        let homeless = filler.place_all(items, &wanted, |i, place| placed.push((i, place)));
+        let homeless: f64 = homeless.iter().chain(refused.values().flatten()).map(|&i| loads[i]).sum();
+        if homeless > allowance {
+            return None;
         }
         // A part of which anything is refused is refused as a whole; all over again if the rest of it was placed.
         let mut is_placed = vec![false; items.len()];
@@ -174,16 +175,17 @@ mod tests {
     #[test]
     fn units_stay_whole_unless_they_overfill_a_page() {
         // Three equal units on two pages: the last is cut in halves; on three pages none is.
+        let rank: Vec<u32> = (0..12).collect();
         let (loads, unit_of) = ([1.0; 12], [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2]);
-        let (page_of, parts) = assign(&loads, &unit_of, 2);
+        let (page_of, parts) = assign(&loads, &unit_of, &rank, 2);
         assert_eq!(page_of, [0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 1, 1]);
         assert_eq!(parts, [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 3, 3]);
-        let (page_of, parts) = assign(&loads, &unit_of, 3);
+        let (page_of, parts) = assign(&loads, &unit_of, &rank, 3);
         assert_eq!((page_of, parts), (unit_of.to_vec(), unit_of.to_vec()));
         // A giant is poured over all pages, in order; what is small evens them out.
-        let (page_of, _) = assign(&[6.0, 6.0, 6.0, 1.0, 1.0], &[0, 0, 0, 1, 2], 3);
+        let (page_of, _) = assign(&[6.0, 6.0, 6.0, 1.0, 1.0], &[0, 0, 0, 1, 2], &rank[..5], 3);
         assert_eq!(page_of[..3], [0, 1, 2]);
         // More pages than items.
-        assert_eq!(assign(&[1.0], &[0], 4).0, [0]);
+        assert_eq!(assign(&[1.0], &[0], &[0], 4).0, [0]);
     }
 }

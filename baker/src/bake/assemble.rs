@@ -7,6 +7,7 @@ use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};
 use crate::atlas::Atlas;
+use crate::atlas::owners::Owners;
 use crate::geometry::Geometry;
 use crate::{Result, Rgb};
 use dataset::config::{FileRef, Map, Noise, Page, Set};
@@ -14,6 +15,9 @@ use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
 use std::ops::Range;
+
+/// Texels around valid ones that are filled at least: a whole block of those a chart owns.
+const LEAST_FILLED: u32 = 4;
 
 /// Puts the layers of a plan together.
 pub struct Assembler<'a> {
@@ -87,7 +91,7 @@ impl<'a> Assembler<'a> {
         let unlit_texels = dark.len() - valid.len();
         valid.iter().for_each(|&i| mask.valid[i] = true);
         let buried_texels = texels.len() - exposed.len();
-        let dilation = Dilation::new(&mask, padding);
+        let dilation = Dilation::new(&mask, &Owners::new(atlas), padding.max(LEAST_FILLED));
         let seams = Seams::new(geometry, atlas, &mask);
         Ok(Assembler {
             plan,

@@ -1,49 +1,32 @@
 //! After tracing, per layer: light is carried from valid texels into the gutter between charts.
 
+use crate::atlas::owners::Owners;
 use dataset::image::{Image, Mask};
 
-/// Fills invalid texels within a distance of valid ones (Chebyshev) with the mean of their filled 8-neighbours, ring by ring. Linear
-/// in the layer's values, so layers may be dilated one by one and summed. Which texels are filled from which is found once for all
-/// images of one mask.
+/// Fills invalid texels around valid ones with the mean of their filled 8-neighbours, ring by ring. Linear in the layer's values, so layers
+/// may be dilated one by one and summed. Which texels are filled from which is found once for all images of one mask.
 ///
-/// A texel k steps from a chart and more than k from any other is filled from the first alone: until its turn comes, what the other
-/// has filled does not touch it. Charts are `distance` texels apart, so only texels halfway between two charts mix them, and those
-/// nearest to a chart, which bilinear samples on it read, never do.
+/// First texels that belong to a chart are filled from that chart's alone, then all that is left. So neither what bilinear samples read for
+/// a chart, nor any other texel of its blocks of 4×4, holds light of another one.
 #[derive(Clone, Debug)]
 pub struct Dilation {
     width: usize,
     height: usize,
-    /// The texels to be filled, ring by ring, each with a bit per 8-neighbour that is filled before it.
+    /// The texels to be filled, ring by ring, each with a bit per 8-neighbour that it is filled from.
     fills: Vec<(u32, u8)>,
 }
 
 impl Dilation {
-    /// Finds what is filled from what, in time proportional to the mask.
-    pub fn new(mask: &Mask, distance: u32) -> Self {
+    /// Finds what is filled from what within a distance (Chebyshev), in time proportional to the mask.
+    pub fn new(mask: &Mask, owners: &Owners, distance: u32) -> Self {
         let (width, height) = (mask.width, mask.height);
+        let owner = |texel: usize| owners.of(texel % width, texel / width);
+        let of_one_chart = |a: usize, b: usize| owner(a).is_some_and(|chart| owner(b) == Some(chart));
         let mut fills = Vec::new();
         let mut filled = mask.valid.clone();
-        // The texels that were filled last; at first all valid ones.
-        let mut ring: Vec<u32> = (0..(width * height) as u32).filter(|&i| filled[i as usize]).collect();
-        let mut queued = mask.valid.clone();
-        for _ in 0..distance {
-            let mut next: Vec<u32> = Vec::new();
-            for &texel in &ring {
-                for (_, n) in neighbours(texel as usize, width, height) {
-                    if !queued[n] {
-                        queued[n] = true;
-                        next.push(n as u32);
-                    }
-                }
-            }
-            next.sort_unstable();
-            for &texel in &next {
-                let near = neighbours(texel as usize, width, height).filter(|&(_, n)| filled[n]);
-                fills.push((texel, near.fold(0, |bits, (bit, _)| bits | 1 << bit)));
-            }
-            next.iter().for_each(|&texel| filled[texel as usize] = true);
-            ring = next;
-        }
+        rings(&mut filled, (width, height), distance, of_one_chart, &mut fills);
+        // (By now the rings of charts count as valid: all within the distance of a valid texel is filled, and some beyond.)
+        rings(&mut filled, (width, height), distance, |_, _| true, &mut fills);
         Dilation { width, height, fills }
     }
 
@@ -67,6 +50,38 @@ impl Dilation {
     }
 }
 
+/// Fills rings around what is filled, each texel from those neighbours that `may_fill` it.
+fn rings(
+    filled: &mut [bool],
+    (width, height): (usize, usize),
+    distance: u32,
+    may_fill: impl Fn(usize, usize) -> bool,
+    fills: &mut Vec<(u32, u8)>,
+) {
+    // The texels that were filled last; at first all.
+    let mut ring: Vec<u32> = (0..filled.len() as u32).filter(|&i| filled[i as usize]).collect();
+    let mut queued = filled.to_vec();
+    for _ in 0..distance {
+        let mut next: Vec<u32> = Vec::new();
+        for &texel in &ring {
+            for (_, n) in neighbours(texel as usize, width, height) {
+                if !queued[n] && may_fill(texel as usize, n) {
+                    queued[n] = true;
+                    next.push(n as u32);
+                }
+            }
+        }
+        next.sort_unstable();
+        for &texel in &next {
+            let near = neighbours(texel as usize, width, height)
+                .filter(|&(_, n)| filled[n] && may_fill(n, texel as usize));
+            fills.push((texel, near.fold(0, |bits, (bit, _)| bits | 1 << bit)));
+        }
+        next.iter().for_each(|&texel| filled[texel as usize] = true);
+        ring = next;
+    }
+}
+
 /// The 8-neighbours of a texel on the page, row by row, each with its number from 0 to 7.
 fn neighbours(texel: usize, width: usize, height: usize) -> impl Iterator<Item = (u8, usize)> {
     let (x, y) = (texel % width, texel / width);
@@ -81,8 +96,17 @@ fn neighbours(texel: usize, width: usize, height: usize) -> impl Iterator<Item =
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::atlas::{self, Atlas};
+    use crate::geometry::Geometry;
+    use crate::scene::{Lightmap, LightmapSize};
+    use glam::Vec3;
 
-    /// What [`Dilation`] does, the plain way.
+    /// Blocks of no chart.
+    fn anyone(mask: &Mask) -> Owners {
+        Owners::new(&Atlas::for_tests(mask.width as u32, mask.height as u32, Vec::new()))
+    }
+
+    /// What [`Dilation`] does where blocks are no chart's, the plain way.
     fn dilate(image: &mut Image, mask: &Mask, distance: u32) {
         let (w, h) = (image.width, image.height);
         let mut filled = mask.valid.clone();
@@ -149,7 +173,7 @@ mod tests {
                 }
                 for distance in 0..6 {
                     let (mut once, mut each) = (image.clone(), image.clone());
-                    Dilation::new(&mask, distance).apply(&mut once);
+                    Dilation::new(&mask, &anyone(&mask), distance).apply(&mut once);
                     dilate(&mut each, &mask, distance);
                     assert_eq!(once, each, "{width}x{height}, density {density}, distance {distance}");
                 }
@@ -157,38 +181,114 @@ mod tests {
         }
     }
 
+    /// Square sheets of many sizes, apart in space.
+    fn sheets(count: u32, instances: bool) -> Geometry {
+        let mut geometry = Geometry::default();
+        for i in 0..count {
+            let side = 0.02 + 3.0 * random(7 * i).powi(6) + 0.1 * random(3 * i + 1);
+            let (at, base) = (Vec3::X * 5.0 * i as f32, geometry.positions.len() as u32);
+            let corners = [[0.0, 0.0], [0.0, 1.0], [random(i), 1.0], [1.0, random(i + 9)]];
+            geometry.positions.extend(corners.map(|[x, z]| at + side * Vec3::new(x, 0.0, z)));
+            geometry.triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+            geometry.material_of.extend([0, 0]);
+            if instances || i == 0 {
+                geometry.instances.push(crate::geometry::Instance {
+                    name: format!("sheet {i}"),
+                    mesh: i,
+                    world_from_mesh: glam::DAffine3::IDENTITY,
+                    triangles: 0..0,
+                    vertices: 0..0,
+                    lightmap: true,
+                    has_lightmap_uvs: false,
+                    density: 1.0,
+                    lightmap_place: crate::geometry::LightmapPlace::Unsaid,
+                });
+                let last = geometry.instances.len() - 1;
+                geometry.instances[last].triangles.start = geometry.triangles.len() - 2;
+                geometry.instances[last].vertices.start = geometry.positions.len() - 4;
+            }
+            let instance = geometry.instances.last_mut().unwrap();
+            (instance.triangles.end, instance.vertices.end) =
+                (geometry.triangles.len(), geometry.positions.len());
+        }
+        geometry.normals = vec![Vec3::Y; geometry.positions.len()];
+        geometry.uvs = vec![glam::Vec2::ZERO; geometry.positions.len()];
+        geometry.lightmap_uvs = geometry.uvs.clone();
+        geometry
+    }
+
     #[test]
-    fn charts_do_not_bleed_into_texels_nearer_to_others() {
-        // Two charts with ragged rims, everywhere at least `distance` empty texels apart.
-        for distance in 2..7usize {
-            let (width, height) = (40, 24);
-            let mut mask = Mask { width, height, valid: vec![false; width * height] };
-            let mut image = Image::black(width, height);
-            let rim: Vec<usize> = (0..height).map(|y| 11 + (random(y as u32) * 3.0) as usize).collect();
-            for (y, &rim) in rim.iter().enumerate() {
-                for x in 0..width {
-                    let chart = if x < rim { 0 } else { 1 };
-                    if chart == 0 || x >= 13 + distance {
-                        mask.valid[y * width + x] = true;
-                        image.texels[y * width + x][chart] = 1.0;
+    fn neither_bilinear_samples_nor_blocks_mix_charts() {
+        // Every chart has a light of its own, from 1 to 10⁸: after dilation bilinear samples on a chart give that very light, and every block
+        // of 4×4 with a valid texel holds one light, except where charts less than a texel wide share it.
+        for instances in [true, false] {
+            let geometry = sheets(300, instances);
+            for side in [96, 160, 257] {
+                let size = LightmapSize::Fixed { width: side, height: side };
+                let atlas = atlas::build(&geometry, &Lightmap { size, ..Lightmap::default() }).unwrap();
+                let n = side as usize;
+                let mut mask = Mask { width: n, height: n, valid: vec![false; n * n] };
+                let mut image = Image::black(n, n);
+                let same = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b;
+                let light = |chart: u32| 10f32.powf(8.0 * random(chart));
+                let bins = crate::surface::FaceBins::new(&atlas);
+                let mut tiny = vec![true; atlas.charts as usize];
+                for block in bins.occupied() {
+                    let surface = crate::surface::BlockSurface::new(&atlas, &bins, block);
+                    for texel in surface.covered() {
+                        let (i, point) = (
+                            surface.page_index(&atlas, texel),
+                            surface.sample(&atlas, texel, glam::Vec2::splat(0.5)),
+                        );
+                        let face = atlas.faces.iter().find(|face| face.triangle == point.triangle).unwrap();
+                        let [a, b, c] = face.corners;
+                        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+                        tiny[face.chart as usize] &= (high - low).min_element() < 1.0;
+                        mask.valid[i] = true;
+                        image.texels[i] = [light(face.chart); 3];
                     }
                 }
-            }
-            Dilation::new(&mask, distance as u32).apply(&mut image);
-            let valid_of = |chart: usize| {
-                (0..width * height)
-                    .filter(|&i| mask.valid[i])
-                    .filter(move |i| (i % width < 13) == (chart == 0))
-            };
-            let far = |i: usize, chart: usize| {
-                let steps = |j: usize| (i % width).abs_diff(j % width).max((i / width).abs_diff(j / width));
-                valid_of(chart).map(steps).min().unwrap()
-            };
-            for i in 0..width * height {
-                let [near, other] = [far(i, 0), far(i, 1)];
-                if near != other && near.min(other) <= distance {
-                    let expected = if near < other { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-                    assert_eq!(image.texels[i], expected, "texel {i}, distance {distance}");
+                Dilation::new(&mask, &Owners::new(&atlas), 4).apply(&mut image);
+                let mut blocks = vec![None; n.div_ceil(4) * n.div_ceil(4)];
+                for face in &atlas.faces {
+                    let expected = light(face.chart);
+                    for k in 0..64 {
+                        // Points of the triangle, its corners among them.
+                        let (u, v) = ((k % 8) as f32 / 7.0, (k / 8) as f32 / 7.0);
+                        let [a, b, c] = face.corners;
+                        let point = a + (b - a) * u * (1.0 - v) + (c - a) * u * v - 0.5;
+                        let (low, f) = (point.floor(), point - point.floor());
+                        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                            let weight = [1.0 - f.x, f.x][dx] * [1.0 - f.y, f.y][dy];
+                            let i = (low.y as usize + dy) * n + low.x as usize + dx;
+                            if weight > 1e-3 {
+                                let value = image.texels[i][0];
+                                let chart = face.chart;
+                                assert!(
+                                    same(value, expected),
+                                    "{value}, {expected}: texel {i} of {n}², chart {chart}"
+                                );
+                            }
+                        }
+                    }
+                    let [a, b, c] = face.corners;
+                    let middle = (a + b + c) / 3.0;
+                    let block = middle.y as usize / 4 * n.div_ceil(4) + middle.x as usize / 4;
+                    blocks[block] = Some(face.chart);
+                }
+                for (block, chart) in blocks.iter().enumerate().filter_map(|(b, chart)| Some((b, (*chart)?)))
+                {
+                    if tiny[chart as usize] {
+                        continue;
+                    }
+                    let (x0, y0) = (block % n.div_ceil(4) * 4, block / n.div_ceil(4) * 4);
+                    for (x, y) in (0..16).map(|i| (x0 + i % 4, y0 + i / 4)).filter(|&(x, y)| x < n && y < n) {
+                        let value = image.texels[y * n + x][0];
+                        assert!(
+                            same(value, light(chart)),
+                            "{value} at ({x}, {y}) of {n}² in a block of chart {chart}"
+                        );
+                    }
                 }
             }
         }

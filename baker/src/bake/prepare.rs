@@ -10,7 +10,7 @@ use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry};
 use crate::light::schedule::Hours;
-use crate::scene::{LightmapSize, MAX_SAMPLES, Scene};
+use crate::scene::{Lightmap, LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
@@ -194,6 +194,11 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
         LightmapSize::TexelsPerMetre(d) => LightmapSize::TexelsPerMetre(d * scale),
     };
     scene.size_as_written += note;
+    // A padding that is wider than the default was meant as a part of the page.
+    let least = Lightmap::default().padding;
+    if scene.lightmap.padding > least {
+        scene.lightmap.padding = ((f64::from(scene.lightmap.padding) * scale) as u32).max(least);
+    }
     scene.bake.samples = match options.preset {
         Preset::Draft => (scene.bake.samples / 4).max(2),
         Preset::Default => scene.bake.samples,

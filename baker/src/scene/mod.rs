@@ -302,7 +302,7 @@ pub struct Lightmap {
     pub size: LightmapSize,
     /// Most pages, all of one size, at least 1.
     pub pages: u32,
-    /// Texels between charts that are filled by dilation; at least 2 are left.
+    /// Width in texels of the filter that mixes no two charts, at least 2 (bilinear).
     pub padding: u32,
     /// What becomes of faces that nobody can see.
     pub hidden: HiddenFaces,
@@ -315,7 +315,7 @@ impl Default for Lightmap {
         Self {
             size: LightmapSize::Fixed { width: 512, height: 512 },
             pages: 1,
-            padding: 4,
+            padding: 2,
             hidden: HiddenFaces::Skip,
             uv: UvSource::Auto,
         }

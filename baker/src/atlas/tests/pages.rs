@@ -147,8 +147,7 @@ fn extreme_pages() {
     for (width, height) in [(1, 1), (1, 64), (64, 1)] {
         let what = build(&geometry, &fixed(width, height)).unwrap_err();
         assert!(matches!(what, Error::Unsupported { .. }), "{what}");
-        let fit = format!("(they fit {} x {})", 2 * width, 2 * height);
-        assert!(what.to_string().contains(&fit), "{what}");
+        assert!(what.to_string().contains("at least 2 x 2"), "{what}");
     }
     let atlas = build(&geometry, &fixed(2, 2)).unwrap();
     check(&geometry, &atlas, 2);
