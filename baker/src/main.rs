@@ -4,6 +4,7 @@ use baker::bake::facts::skipped;
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
+use baker::bake::views::in_words;
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};
 use baker::preview::run::preview;
@@ -275,6 +276,9 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
         bytes(forecast.work_bytes),
         bytes(forecast.memory_bytes)
     ));
+    in_words(&forecast.views, forecast.lit_tiles)
+        .into_iter()
+        .for_each(|what| console.print(format!("  {what}")));
     if forecast.open == Some(0) {
         console.print(format!(
             "  closed? none of {OPEN_RAYS} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \

@@ -115,6 +115,22 @@ impl Atlas {
         top..top + self.page_height
     }
 
+    /// The texels of the virtual page that faces touch, row by row: those that surface covers, and a few that it only grazes.
+    pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
+        let width = self.width as usize;
+        (0..self.pages).flat_map(move |number| {
+            let mut bits = raster::Bits::new(width, self.page_height as usize);
+            let rows = self.page_rows(number);
+            for face in self.faces.iter().filter(|face| self.page_of(face) == number) {
+                bits.touch(face.corners.map(|c| c.as_dvec2() - DVec2::Y * f64::from(rows.start)), 0.0);
+            }
+            let first = rows.start as usize * width;
+            (0..bits.height * width)
+                .filter(move |&i| bits.is_set(i % width, i / width))
+                .map(move |i| first + i)
+        })
+    }
+
     /// One page with these faces, one chart, one texel per metre.
     #[cfg(test)]
     pub fn for_tests(width: u32, height: u32, faces: Vec<Face>) -> Self {
@@ -278,9 +294,8 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
         }
     }
     faces.sort_unstable_by_key(|face| face.triangle);
-    let utilisation = touched(&faces, &page) as f64 / (page_size.element_product() * f64::from(page.pages));
     let skipped = skipped(geometry, &faces, hidden);
-    Ok(Atlas {
+    let mut atlas = Atlas {
         width: page.width,
         height: stride * (page.pages - 1) + page.height,
         pages: page.pages,
@@ -291,12 +306,15 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
         skipped,
         faces,
         charts,
-        utilisation,
+        utilisation: 0.0,
         notes,
         warnings: warnings(geometry, &flat, &page, lightmap, &skipped),
         placements,
         layouts,
-    })
+    };
+    let texels = page_size.element_product() * f64::from(page.pages);
+    atlas.utilisation = atlas.touched().count() as f64 / texels;
+    Ok(atlas)
 }
 
 /// Which of the hidden triangles have no texels.
@@ -316,19 +334,6 @@ fn skipped(geometry: &Geometry, faces: &[Face], hidden: &[u32]) -> Skipped {
     let triangles = skipped().count();
     let share = if triangles == 0 { 0.0 } else { part / lightmapped().map(area).sum::<f64>() };
     Skipped { triangles, of: lightmapped().count(), area: share }
-}
-
-/// The texels that faces touch, page by page.
-fn touched(faces: &[Face], page: &density::Filled) -> usize {
-    let of_page = |number: u32| {
-        let mut bits = raster::Bits::new(page.width as usize, page.height as usize);
-        let top = f64::from(number * page.stride);
-        for face in faces.iter().filter(|face| face.corners[0].y as u32 / page.stride == number) {
-            bits.touch(face.corners.map(|c| c.as_dvec2() - DVec2::Y * top), 0.0);
-        }
-        bits.count()
-    };
-    (0..page.pages).map(of_page).sum()
 }
 
 /// Texels of the pages per texel of surface above which small charts cost more than what they show.

@@ -43,6 +43,11 @@ impl Bits {
         None
     }
 
+    /// Whether the texel of this column and row is one.
+    pub fn is_set(&self, x: usize, y: usize) -> bool {
+        self.words[y * self.stride + x / 64] >> (x % 64) & 1 != 0
+    }
+
     /// Number of ones.
     pub fn count(&self) -> usize {
         self.words.iter().map(|w| w.count_ones() as usize).sum()

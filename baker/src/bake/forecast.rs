@@ -5,6 +5,7 @@ use super::options::Integrator;
 use super::prepare::Prepared;
 use super::solve;
 use super::state::Direct;
+use super::views::{View, lit_tiles, views};
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::scene::Sky;
@@ -29,7 +30,7 @@ pub struct Forecast {
     pub size: [u32; 2],
     /// Pages.
     pub pages: u32,
-    /// Texels that surface covers.
+    /// Texels that surface touches: those it covers, and a few that it only grazes.
     pub texels: usize,
     /// Triangles that get no texels because nobody can see them.
     pub skipped_triangles: usize,
@@ -49,12 +50,19 @@ pub struct Forecast {
     pub work_bytes: u64,
     /// About the most memory that is held at once, in bytes.
     pub memory_bytes: u64,
+    /// What the scene's cameras see.
+    pub views: Vec<View>,
+    /// Tiles that hold surface.
+    pub lit_tiles: usize,
     /// Of [`OPEN_RAYS`] rays from covered texels, those that leave the scene; `None` where there is neither sun nor sky.
     pub open: Option<usize>,
 }
 
 /// Rays that are sent out to see whether a scene is open.
-pub const OPEN_RAYS: usize = 4096;
+pub const OPEN_RAYS: usize = OPEN_BLOCKS * PER_BLOCK;
+/// Blocks of texels they start from, and rays from each.
+const OPEN_BLOCKS: usize = 256;
+const PER_BLOCK: usize = 16;
 
 /// Bytes of a texel of an image.
 const IMAGE: u64 = 12;
@@ -68,13 +76,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let plan = &prepared.plan;
     let bins = FaceBins::new(atlas);
     let blocks = bins.occupied();
-    let of_block = |&block: &usize| {
-        let surface = BlockSurface::new(atlas, &bins, block);
-        surface.covered().map(|texel| surface.page_index(atlas, texel)).collect()
-    };
-    let places: Vec<Vec<usize>> = blocks.par_iter().map(of_block).collect();
-    let covered: Vec<usize> = places.iter().map(Vec::len).collect();
-    let texels: usize = covered.iter().sum();
+    let texels = atlas.touched().count();
     let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
     let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
@@ -82,11 +84,12 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     // While sets are put together: five images, a layer as it is read, the sums of light and error.
     let assembling = 5 * IMAGE * virtual_page + 2 * 20 * n + 24 * n + 32 * n;
     let entries = match prepared.integrator {
-        Integrator::Cached => cache_entries(prepared, atlas, places.into_iter().flatten(), texels),
+        Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
         Integrator::Path => 0,
     };
     let cache = solve::bytes(entries, plan.layers());
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
+    let rays = Rays::with_backend(&prepared.geometry, prepared.backend)?;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
         size: [atlas.width, atlas.page_height],
@@ -101,7 +104,9 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         layers_bytes: n * (8 + 20 * layers),
         work_bytes: n * (15 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled) + stored_cache,
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
-        open: has_sky.then(|| open(prepared, atlas, &bins, &blocks, &covered)).transpose()?,
+        views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
+        lit_tiles: lit_tiles(atlas),
+        open: has_sky.then(|| open(prepared, atlas, &rays, &bins, &blocks)),
     })
 }
 
@@ -130,35 +135,22 @@ fn cache_entries(
     CacheMap::new(atlas, &prepared.geometry, shift, places).entries()
 }
 
-/// How many of [`OPEN_RAYS`] rays from points spread over the covered texels leave the scene.
-fn open(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    bins: &FaceBins,
-    blocks: &[usize],
-    covered: &[usize],
-) -> Result<usize> {
+/// How many of [`OPEN_RAYS`] rays from points spread over the pages leave the scene.
+fn open(prepared: &Prepared, atlas: &Atlas, rays: &Rays, bins: &FaceBins, blocks: &[usize]) -> usize {
     let geometry = &prepared.geometry;
-    let rays = Rays::with_backend(geometry, prepared.backend)?;
     // A white sky: what sees it, sees out.
     let white = Sky::Constant { radiance: DVec3::ONE };
     let lights = Lights { sky: SkyTable::new(Some(&white), None, &[12.0]), ..Lights::none() };
-    let transport = Transport::new(Space::new(geometry, &rays), &lights, Some(0));
-    let starts: Vec<usize> = std::iter::once(0)
-        .chain(covered.iter().scan(0, |sum, n| {
-            *sum += n;
-            Some(*sum)
-        }))
-        .collect();
-    let texels = starts[covered.len()];
-    let of_block = |(i, &block): (usize, &usize)| {
+    let transport = Transport::new(Space::new(geometry, rays), &lights, Some(0));
+    // A few blocks, evenly spread, and as many rays from each.
+    let of_group = |group: usize| {
+        let block = blocks[group * blocks.len() / OPEN_BLOCKS];
         let surface = BlockSurface::new(atlas, bins, block);
         let places: Vec<usize> = surface.covered().collect();
-        // The rays that begin at the first, second … texel of all, evenly spread.
-        let first = |texel: usize| (texel * OPEN_RAYS).div_ceil(texels.max(1));
-        let leaves = |probe: &usize| {
-            let sample = Sequence::new(prepared.scene.bake.seed, Kind::PlanRay, *probe as u32, 0).sample(0);
-            let texel = places[probe * texels / OPEN_RAYS - starts[i]];
+        let leaves = |ray: &usize| {
+            let probe = group * PER_BLOCK + ray;
+            let sample = Sequence::new(prepared.scene.bake.seed, Kind::PlanRay, probe as u32, 0).sample(0);
+            let Some(&texel) = places.get(ray * places.len() / PER_BLOCK) else { return false };
             let at = transport.space.receiver(&surface.sample(atlas, texel, point_pair(sample)));
             let mut out = [Rgb::ZERO];
             if let Some(at) = at {
@@ -166,9 +158,9 @@ fn open(
             }
             out[0] != Rgb::ZERO
         };
-        (first(starts[i])..first(starts[i + 1])).filter(leaves).count()
+        (0..PER_BLOCK).filter(leaves).count()
     };
-    Ok(blocks.par_iter().enumerate().map(of_block).sum())
+    if blocks.is_empty() { 0 } else { (0..OPEN_BLOCKS).into_par_iter().map(of_group).sum() }
 }
 
 /// Texels per metre to one decimal, or to two digits where that would show few.

@@ -29,6 +29,7 @@ pub mod options;
 pub mod transfer;
 pub mod hidden;
 pub mod prepare;
+pub mod views;
 pub mod forecast;
 pub mod folder;
 pub mod standing;

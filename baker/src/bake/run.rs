@@ -14,6 +14,7 @@ use super::layers::Layers;
 use super::rounds::Traced;
 use super::standing::{self, RUN};
 use super::tracer::Tracer;
+use super::views;
 use super::work::WorkFolder;
 use crate::atlas::{Atlas, Placement};
 use crate::geometry::{Geometry, Solids};
@@ -69,6 +70,12 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
     console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
     facts::skipped(&atlas).into_iter().for_each(|what| console.say(format!("  {what}")));
+    if !scene.cameras.is_empty() {
+        let rays = Rays::with_backend(geometry, prepared.backend)?;
+        let views = views::views(&scene.cameras, geometry, &atlas, &rays);
+        let what = views::in_words(&views, views::lit_tiles(&atlas));
+        what.into_iter().for_each(|what| console.say(format!("  {what}")));
+    }
     atlas.warnings.iter().for_each(|w| console.warn(w));
     folder::begin(&out)?;
     let mut writer = Writer::create(&out)?;

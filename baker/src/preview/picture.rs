@@ -2,7 +2,7 @@
 
 use super::shade::Shader;
 use super::tone::{automatic_exposure, srgb8};
-use super::view::Lens;
+use crate::trace::lens::Lens;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::walk::point_pair;
 use crate::{Result, Rgb};

@@ -2,10 +2,10 @@
 
 use super::baked::Baked;
 use super::light::Light;
-use super::view::NOWHERE;
 use crate::Rgb;
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
+use crate::trace::lens::NOWHERE;
 use crate::trace::rays::offset_point;
 use crate::trace::sampler::Sequence;
 use crate::trace::triangle::Hit;

@@ -14,6 +14,7 @@ pub mod backend;
 #[cfg(feature = "embree")]
 mod embree;
 pub mod rays;
+pub mod lens;
 pub mod lights;
 pub mod counts;
 pub mod space;
