@@ -138,7 +138,7 @@ pub struct Run {
 /// The largest offsets in blocks of what ends here in texels, so that all that filtering reads for it lies inside the page.
 pub fn last_offset(end: DVec2, pages: &Pages) -> Option<(usize, usize)> {
     let room = DVec2::new(pages.width as f64, pages.height as f64) - 1.0 / 64.0 - pages.reach() - end;
-    (room.min_element() >= 0.0).then(|| (room.x as usize / BLOCK, room.y as usize / BLOCK))
+    (room.min_element() >= 0.0).then_some((room.x as usize / BLOCK, room.y as usize / BLOCK))
 }
 
 /// The distinct footprints of a chart's turns that fit a page.

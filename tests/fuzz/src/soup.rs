@@ -29,7 +29,12 @@ pub fn soup(scratch: &Path, bytes: &[u8]) -> bool {
     let options = Options { integrator, out: Some(out.clone()), force: true, ..Options::new(hours) };
     let (scene, console) = (folder.join("soup.toml"), Console::silent());
     let planned = choices.one_in(4).then(|| {
-        prepare(&scene, &options, &console).and_then(|p| Ok(forecast(&p, &p.atlas()?).is_ok())).is_ok()
+        prepare(&scene, &options, &console)
+            .and_then(|p| {
+                let (atlas, rays) = p.atlas()?;
+                Ok(forecast(&p, &atlas, &rays).is_ok())
+            })
+            .is_ok()
     });
     match bake(&scene, &options, &console) {
         Ok(outcome) => {
