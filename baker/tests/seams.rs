@@ -1,5 +1,6 @@
 //! Seams: which edges are some, and what stitching does to light of which the truth is known.
 
+use baker::atlas::owners::Owners;
 use baker::atlas::{self, Atlas, Face};
 use baker::bake::post::Dilation;
 use baker::bake::seams::Seams;
@@ -227,7 +228,7 @@ fn a_sphere_with_noise_and_charts_of_different_brightness_loses_its_jumps() {
         [smooth(p) + NOISE * normal(1, texel) + 0.02 * normal(7, chart), 1.0, 0.0]
     };
     let (mut image, mask) = bake(&g, &atlas, light);
-    Dilation::new(&mask, 2).apply(&mut image);
+    Dilation::new(&mask, &Owners::new(&atlas), 2).apply(&mut image);
     let seams = Seams::new(&g, &atlas, &mask);
     let before = image.clone();
     seams.stitch(&mut image);
@@ -263,7 +264,7 @@ fn hard_edges_keep_their_jump_and_diagonals_lose_it() {
     let g = geometry(&[(cube(), true)]);
     let whole = unwrap(&g, 64);
     let (mut image, mask) = bake(&g, &whole, |_, chart, _| [1.0 + chart as f32; 3]);
-    Dilation::new(&mask, 2).apply(&mut image);
+    Dilation::new(&mask, &Owners::new(&whole), 2).apply(&mut image);
     let seams = Seams::new(&g, &whole, &mask);
     assert_eq!((seams.edges(), seams.jump(&image)), (0, None));
     let before = image.clone();
@@ -281,7 +282,7 @@ fn hard_edges_keep_their_jump_and_diagonals_lose_it() {
     let atlas = page(64, 48, &corners);
     let (mut image, mask) =
         bake(&g, &atlas, |_, chart, _| [1.0 + (chart / 2) as f32 + 0.1 * (chart % 2) as f32; 3]);
-    Dilation::new(&mask, 3).apply(&mut image);
+    Dilation::new(&mask, &Owners::new(&atlas), 3).apply(&mut image);
     let seams = Seams::new(&g, &atlas, &mask);
     assert_eq!(seams.edges(), 6);
     let before = image.clone();
@@ -344,7 +345,7 @@ fn layers_stitched_one_by_one_sum_to_the_stitched_sum() {
             let v = smooth(p) + 0.1 * random(seed, texel) + 0.2 * random(seed + 1, chart);
             [v, 3.0 - v * 0.5, 1.0 + 0.3 * random(seed + 2, texel)]
         });
-        Dilation::new(&mask, 2).apply(&mut image);
+        Dilation::new(&mask, &Owners::new(&atlas), 2).apply(&mut image);
         (image, mask)
     };
     let ((mut a, mask), (mut b, _)) = (layer(3), layer(40));
@@ -388,7 +389,7 @@ fn buried_texels_take_no_part() {
     mask.valid.iter_mut().zip(&low.texels).for_each(|(valid, low)| *valid &= low[0] == 0.0);
     let mut before = image;
     (0..mask.valid.len()).filter(|&i| !mask.valid[i]).for_each(|i| before.texels[i] = [0.0; 3]);
-    Dilation::new(&mask, 2).apply(&mut before);
+    Dilation::new(&mask, &Owners::new(&atlas), 2).apply(&mut before);
     let seams = Seams::new(&g, &atlas, &mask);
     let mut after = before.clone();
     seams.stitch(&mut after);
@@ -438,7 +439,7 @@ fn the_yard_is_stitched_in_seconds() {
             [v, 0.5 * v, 1.0]
         };
         let (mut image, mask) = bake(&g, &atlas, light);
-        Dilation::new(&mask, 2).apply(&mut image);
+        Dilation::new(&mask, &Owners::new(&atlas), 2).apply(&mut image);
         let start = Instant::now();
         let seams = Seams::new(&g, &atlas, &mask);
         let built = start.elapsed().as_secs_f64();
