@@ -114,6 +114,9 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
     let (mut fails, mut probe) = (limit, 0.97 * limit);
     let mut best: Option<(f64, Packed)> = None;
     while best.as_ref().is_none_or(|best| fails > best.0 * 1.005) {
+        if probe < vanishing {
+            return Err(too_small());
+        }
         match attempt(probe, None) {
             Some(packed) => best = Some(packed),
             None => fails = probe,

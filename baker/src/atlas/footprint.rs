@@ -40,10 +40,9 @@ impl Pages {
         TOLERANCE.max(rows.max(self.width).next_power_of_two() as f64 / f64::from(1 << 24))
     }
 
-    /// Texels from a block's corner to the lower corner of a chart that starts there: as far as the filter reads, and a little, so that
-    /// rounding the chart's corners to `f32` does not make it read the texel before.
+    /// Texels from a block's corner to the lower corner of a chart that starts there: as far as the filter reads.
     pub fn start(&self) -> f64 {
-        self.padding as f64 / 2.0 - 0.5 + 1.0 / 64.0
+        self.padding as f64 / 2.0 - 0.5
     }
 
     /// Texels around a chart's surface whose squares the filter reads: those whose centres lie within half of its width.
@@ -137,7 +136,7 @@ pub struct Run {
 
 /// The largest offsets in blocks of what ends here in texels, so that all that filtering reads for it lies inside the page.
 pub fn last_offset(end: DVec2, pages: &Pages) -> Option<(usize, usize)> {
-    let room = DVec2::new(pages.width as f64, pages.height as f64) - 1.0 / 64.0 - pages.reach() - end;
+    let room = DVec2::new(pages.width as f64, pages.height as f64) - pages.tolerance() - pages.reach() - end;
     (room.min_element() >= 0.0).then_some((room.x as usize / BLOCK, room.y as usize / BLOCK))
 }
 

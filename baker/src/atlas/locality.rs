@@ -54,7 +54,10 @@ fn sort(pieces: &[Piece], order: &mut [u32]) {
         sum += pieces[i as usize].weight;
         sum >= 0.5 * total
     });
-    let (low, high) = order.split_at_mut(half.map_or(1, |i| i + 1).min(order.len() - 1));
+    // Not too far from the middle, so that the halves of halves are few whatever the areas.
+    let (least, most) = (order.len().div_ceil(8), order.len() - order.len().div_ceil(8));
+    let half = half.map_or(order.len() / 2, |i| i + 1).clamp(least, most.max(least)).min(order.len() - 1);
+    let (low, high) = order.split_at_mut(half);
     sort(pieces, low);
     sort(pieces, high);
 }

@@ -1,9 +1,10 @@
 //! Lightmap coordinates: unwrapping into charts and packing them on pages.
 //!
-//! `sharing` says which instances share a layout, `charts` flattens each shape once (authored layout, or xatlas through `ffi`),
-//! `raster` says which texels a triangle covers, `footprint` which a chart does where it may lie, `page` keeps the free texels, `fill`
-//! fills one page with them, `spread` several, `layout` packs the charts of a shared layout, `pack` places charts and layouts at a given
-//! density, `density` searches for the density or the pages. `keep` takes the files' coordinates as places on the page instead.
+//! `sharing` says which instances share a layout, `raster` which texels a triangle touches or covers, `islands` what is connected; `charts`
+//! flattens each shape once (authored layout, or xatlas through `ffi`). `footprint` says which blocks of 4×4 texels a chart owns where it
+//! may lie, `outline` which charts share blocks, `locality` the order of space. `page` keeps the free blocks, `fill` fills one page,
+//! `spread` several, `layout` packs the charts of a shared layout, `pack` places charts and layouts at a given density, `density` searches
+//! for the density or the pages. `owners` tells which chart a texel belongs to. `keep` takes the files' own coordinates instead of all this.
 
 mod sharing;
 mod ffi;

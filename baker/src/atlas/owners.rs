@@ -1,7 +1,7 @@
 //! Which chart texels belong to, so that what is filled around charts does not come from another one.
 
 use super::Atlas;
-use super::footprint::{BLOCK, Pages};
+use super::footprint::BLOCK;
 use super::raster::touched;
 
 /// Texels along a cell: what a chart less than a texel wide has of a block it shares.
@@ -25,7 +25,8 @@ impl Owners {
         let (width, height) = (atlas.width as usize, atlas.height as usize);
         // Whole blocks.
         let (columns, rows) = (2 * width.div_ceil(BLOCK), 2 * height.div_ceil(BLOCK));
-        let reach = Pages { width, height, count: 1, padding: 2 }.reach();
+        // Those with centres nearer than a texel: not those at exactly that distance.
+        let reach = 0.5 - 1.0 / 65536.0;
         let mut chart_of = vec![NONE; columns * rows];
         for face in &atlas.faces {
             let corners = face.corners.map(|corner| corner.as_dvec2() / CELL as f64);

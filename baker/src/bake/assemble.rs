@@ -84,14 +84,15 @@ impl<'a> Assembler<'a> {
         let exposed: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].exposed == 1).collect();
         let (lit, dark): (Vec<usize>, Vec<usize>) = exposed.iter().partition(|&&i| lit[i]);
         let place = |&i: &usize| texels[i].index as usize;
+        let owners = Owners::new(atlas);
         let mut mask = Mask { width, height, valid: vec![false; width * height] };
         lit.iter().for_each(|i| mask.valid[place(i)] = true);
         let valid: Vec<usize> =
-            dark.iter().map(place).filter(|&i| lit.is_empty() || is_amid(&mask, i)).collect();
+            dark.iter().map(place).filter(|&i| lit.is_empty() || is_amid(&mask, &owners, i)).collect();
         let unlit_texels = dark.len() - valid.len();
         valid.iter().for_each(|&i| mask.valid[i] = true);
         let buried_texels = texels.len() - exposed.len();
-        let dilation = Dilation::new(&mask, &Owners::new(atlas), padding.max(LEAST_FILLED));
+        let dilation = Dilation::new(&mask, &owners, padding.max(LEAST_FILLED));
         let seams = Seams::new(geometry, atlas, &mask);
         Ok(Assembler {
             plan,
@@ -302,15 +303,19 @@ fn add(to: &mut Image, what: &Image) {
 
 /// Whether valid texels lie in all four quadrants about a texel. Then it got no light by chance: to leave it out, and keep the lucky
 /// ones about it, would make dim places as bright as these. (What is buried in something has its lit neighbours on some sides.)
-fn is_amid(mask: &Mask, texel: usize) -> bool {
+///
+/// Only texels of the same chart count, or of none known.
+fn is_amid(mask: &Mask, owners: &Owners, texel: usize) -> bool {
     /// Texels along the side of a quadrant.
     const SIDE: usize = 4;
     let (x, y) = (texel % mask.width, texel / mask.width);
     let [left, above] = [x, y].map(|c| c.saturating_sub(SIDE)..c);
     let right = x + 1..(x + 1 + SIDE).min(mask.width);
     let below = y + 1..(y + 1 + SIDE).min(mask.height);
+    let own = owners.of(x, y);
+    let counts = |x: usize, y: usize| mask.valid[y * mask.width + x] && owners.of(x, y) == own;
     let holds = |columns: &Range<usize>, rows: &Range<usize>| {
-        rows.clone().any(|y| mask.valid[y * mask.width..][columns.clone()].contains(&true))
+        rows.clone().any(|y| columns.clone().any(|x| counts(x, y)))
     };
     [&left, &right].into_iter().all(|columns| [&above, &below].into_iter().all(|rows| holds(columns, rows)))
 }
@@ -327,14 +332,15 @@ mod tests {
             valid: (0..320).map(|i| valid(i % 20, i / 20)).collect(),
         };
         let at = |x: usize, y: usize| y * 20 + x;
+        let none = Owners::new(&Atlas::for_tests(20, 16, Vec::new()));
         // One in eight is lit; only beyond a line; around a block.
         let few = mask(|x, y| (x + 3 * y) % 8 == 0);
-        assert!((5..15).all(|x| few.valid[at(x, 8)] || is_amid(&few, at(x, 8))));
+        assert!((5..15).all(|x| few.valid[at(x, 8)] || is_amid(&few, &none, at(x, 8))));
         let line = mask(|x, y| x + y > 16);
-        assert!((0..320).all(|i| line.valid[i] || !is_amid(&line, i)));
+        assert!((0..320).all(|i| line.valid[i] || !is_amid(&line, &none, i)));
         let block = mask(|x, y| !(4..14).contains(&x) || !(3..13).contains(&y));
-        assert!((0..320).all(|i| block.valid[i] || !is_amid(&block, i)));
+        assert!((0..320).all(|i| block.valid[i] || !is_amid(&block, &none, i)));
         // At the page's corners there are no four quadrants.
-        assert!([at(0, 0), at(19, 0), at(0, 15), at(19, 15)].iter().all(|&i| !is_amid(&few, i)));
+        assert!([at(0, 0), at(19, 0), at(0, 15), at(19, 15)].iter().all(|&i| !is_amid(&few, &none, i)));
     }
 }

@@ -110,7 +110,8 @@ fn the_feet_of_walls_are_lit_or_shaded_whatever_the_seed() {
 #[test]
 fn a_lamp_in_a_corner() {
     // Most of what a texel there gets by reflection comes from texels beside it, whose mean is not what it sees.
-    golden(&corner(), "corner");
+    // (Of texels this near to the lamp the error hangs on where they lie: 2.0 to 2.5 % for 11.6 to 12.5 texels per metre.)
+    golden_within(&corner(), "corner", 0.03);
 }
 
 #[test]

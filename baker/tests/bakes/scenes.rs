@@ -70,7 +70,7 @@ pub fn outdoors() -> Case {
     let obj = obj.mesh("crate").block([-0.5, -0.05, -0.5], [1.0, 1.05, 1.0]);
     let text = "[place]\nlatitude = 48.0\nlongitude = 16.0\nutc_offset = 1.0\ndate = 2026-06-21\n[sun]\n\
         [sky]\nmodel = \"hosek-wilkie\"\n[[object]]\nfile = \"a.obj\"\nalbedo = [0.6, 0.5, 0.3]\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "8,12" }
 }
 
@@ -98,7 +98,7 @@ pub fn room() -> Case {
         [[object]]\nfile = \"floor.obj\"\nalbedo = [0.7, 0.6, 0.5]\n\
         [[object]]\nfile = \"walls.obj\"\nalbedo = [0.7, 0.6, 0.5]\n\
         [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.3, 1.5, -0.4]\nradius = 0.1\nradiance = [40, 30, 20]\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     let files = [("floor.obj", floor.bytes()), ("walls.obj", walls.bytes())];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
@@ -118,7 +118,7 @@ pub fn sunlit_floor() -> Case {
         track = [{ hour = 12, direction = [-0.3, 0.7, 0.9], irradiance = [90, 80, 70] }]\n\
         [[object]]\nfile = \"walls.obj\"\nalbedo = 0.7\n\
         [[object]]\nfile = \"floor.obj\"\nalbedo = 0.7\nlightmap = false\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     let files = [("floor.obj", floor.bytes()), ("walls.obj", walls.bytes())];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
@@ -133,7 +133,7 @@ pub fn corner() -> Case {
         .quad([0.0, 0.0, 1.5], [0.0, 0.0, -1.5], [0.0, 1.5, 0.0]);
     let text = "[[object]]\nfile = \"a.obj\"\nalbedo = 0.8\n\
         [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.14, 0.14, 0.14]\nradius = 0.02\nradiance = [400, 300, 200]\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
 }
 
@@ -148,7 +148,7 @@ pub fn coarse_corner(walls: &str, size: u32) -> Case {
     let text = format!(
         "[[object]]\nfile = \"floor.obj\"\nalbedo = 0.8\n[[object]]\nfile = \"walls.obj\"\nalbedo = 0.8\n{walls}\n\
         [[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.14, 0.14, 0.14]\nradius = 0.02\nradiance = [400, 300, 200]\n\
-        [lightmap]\nsize = {size}\npadding = 2\n"
+        [lightmap]\nsize = {size}\n"
     );
     let files = [("floor.obj", floor.bytes()), ("walls.obj", wall.bytes())];
     Case { stage: Stage::new(&files), text, hours: "12" }
@@ -164,7 +164,7 @@ pub fn wires() -> Case {
     let text = "[sun]\ndisc_angle = 0.1\ntrack = [{ hour = 12, direction = [0.1, 1, 0.2], irradiance = [90, 80, 70] }]\n\
         [[object]]\nfile = \"ground.obj\"\nalbedo = 0\n\
         [[object]]\nfile = \"wires.obj\"\nalbedo = 0\nlightmap = false\ntwo_sided = true\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     let files = [("ground.obj", ground.bytes()), ("wires.obj", wires.bytes())];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
@@ -180,7 +180,7 @@ pub fn low_walls() -> Case {
         [sky]\nmodel = \"constant\"\nradiance = [0.1, 0.1, 0.1]\n\
         [[object]]\nfile = \"ground.obj\"\nalbedo = 0\n\
         [[object]]\nfile = \"walls.obj\"\nalbedo = 0\nlightmap = false\ntwo_sided = true\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     let files = [("ground.obj", ground.bytes()), ("walls.obj", walls.bytes())];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
@@ -207,7 +207,7 @@ pub fn instances() -> Case {
         [[object]]\nfile = \"block.obj\"\nalbedo = 0.6\ninstances = [\n\
         { translate = [-0.8, 0, 0] },\n{ translate = [0.6, 0, 0.5], rotate = [0, 30, 0], scale = [-1, 1, 1] },\n\
         { translate = [0.4, 0, -0.7], scale = [1, 2, 1] },\n]\n\
-        [lightmap]\nsize = 40\npadding = 2\n";
+        [lightmap]\nsize = 40\n";
     let [material, picture] = holed();
     let files = [("block.obj", block), ("ground.obj", ground), ("sheet.obj", sheet), material, picture];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
@@ -224,6 +224,6 @@ pub fn furnace() -> Case {
         .quad([-1.0, 0.0, 1.0], [0.0, 0.0, -2.0], [0.0, 2.0, 0.0])
         .quad([1.0, 0.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]);
     let text = "[[object]]\nfile = \"a.obj\"\nalbedo = 0.5\nemission = [0.5, 0.5, 0.5]\ngroup = \"walls\"\n\
-        [[group]]\nname = \"walls\"\n[lightmap]\nsize = 40\npadding = 2\n";
+        [[group]]\nname = \"walls\"\n[lightmap]\nsize = 40\n";
     Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
 }

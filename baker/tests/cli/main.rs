@@ -407,26 +407,22 @@ fn bad_values_of_flags_are_usage_errors() {
 fn a_size_that_a_draft_halves_is_refused_by_its_line() {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("court.toml");
-    let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 4");
-    let line = 1 + words.lines().position(|line| line == "size = 4").unwrap();
+    let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 1");
+    let line = 1 + words.lines().position(|line| line == "size = 1").unwrap();
     std::fs::write(&scene, words).unwrap();
     std::fs::copy(fixture("court.obj"), dir.path().join("court.obj")).unwrap();
-    let written = format!("error: {}:{line}: size = 4", text(&scene));
+    let written = format!("error: {}:{line}: size = 1", text(&scene));
     for plan in [&["--plan"][..], &[]] {
         for (draft, expected) in [
-            (
-                &["--draft"][..],
-                ", halved by --draft: size 2 x 2: 13 charts with 2 texels of padding do not fit",
-            ),
-            (&[], ": size 4 x 4: 13 charts with 2 texels of padding do not fit"),
+            (&["--draft"][..], ", halved by --draft: size 1 x 1: no chart fits at any density"),
+            (&[], ": size 1 x 1: no chart fits at any density"),
         ] {
             let out = dir.path().join("court");
             let output = bake(&[&[text(&scene), "--hours", "12", "--out", text(&out)], plan, draft].concat());
             let message = String::from_utf8_lossy(&output.stderr);
             assert_eq!(output.status.code(), Some(1), "{message}");
             assert!(message.contains(&format!("{written}{expected}")), "{message}");
-            // The size that is asked for is no smaller than this.
-            assert!(!message.contains("at least 2 x 2"), "{message}");
+            assert!(message.contains("at least 2 x 2"), "{message}");
         }
     }
 }
