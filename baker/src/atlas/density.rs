@@ -16,7 +16,7 @@ pub const LARGEST: u32 = 16384;
 /// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than 1/256 of a texel.
 pub const MOST_ROWS: u32 = 131_072;
 
-/// Charts closer than this many empty texels would share a texel under bilinear filtering.
+/// Width of the bilinear filter in texels.
 const LEAST_PADDING: u32 = 2;
 
 /// The part of the density that remains where charts that lie together in space do so on the page: 3 % of the texels go.
@@ -133,7 +133,7 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
 }
 
 /// The highest density that may fit, to half a percent: at a higher one charts own more blocks than there are. Found by areas,
-/// without packing. `may_fit` holds at `low` and not at `high`.
+/// without packing pages. `may_fit` holds at `low`.
 fn limit(low: f64, high: f64, may_fit: impl Fn(f64) -> bool) -> f64 {
     let (mut fits, mut fails) = (low, high);
     let mut probe = 0.8 * high;

@@ -51,7 +51,7 @@ pub struct Filler<'a> {
     size: (usize, usize),
     filling: Filling,
     /// The block that outlines of one block share now, and for how many more it has room.
-    shared: Option<(Place, usize)>,
+    shared: Option<((usize, usize), usize)>,
     /// Per outline, the first row not searched: blocks are only ever taken, so a footprint never fits above the row where the
     /// same one was placed or refused before.
     first_row: BTreeMap<&'a [u64], BTreeMap<(usize, usize), usize>>,
@@ -77,9 +77,12 @@ impl<'a> Filler<'a> {
         rows: Option<&Range<usize>>,
     ) -> Option<Place> {
         let stacks = self.filling.stack > 1 && turns.first()?.bits.count() == 1;
-        if let Some((place, room @ 1..)) = &mut self.shared.filter(|_| stacks) {
-            self.shared = Some((*place, *room - 1));
-            return Some(Place { turn: turns[0].turn, ..*place });
+        if let Some(((x, y), room @ 1..)) = self.shared.filter(|_| stacks)
+            && x <= turns[0].last.0
+            && y <= turns[0].last.1
+        {
+            self.shared = Some(((x, y), room - 1));
+            return Some(Place::in_block((x, y), turns[0].turn, self.filling.start));
         }
         let mut best: Option<(usize, usize, usize, usize)> = None;
         for (t, footprint) in turns.iter().enumerate() {
@@ -106,7 +109,7 @@ impl<'a> Filler<'a> {
         self.page.take(&turns[t], x, y);
         let place = Place::in_block((x, y), turns[t].turn, self.filling.start);
         if stacks {
-            self.shared = Some((place, self.filling.stack - 1));
+            self.shared = Some(((x, y), self.filling.stack - 1));
         }
         Some(place)
     }

@@ -25,7 +25,9 @@ impl Pages {
     /// Rows of the virtual page from one page's first row to the next one's, for pages of this height: see
     /// [`super::Atlas::stride`].
     pub fn stride(&self, height: usize) -> usize {
-        if self.count > 1 { (height + self.padding).next_multiple_of(TILE) } else { height }
+        // (Dilation may reach twice its distance, of a block at least.)
+        let apart = 2 * self.padding.max(BLOCK);
+        if self.count > 1 { (height + apart).next_multiple_of(TILE) } else { height }
     }
 
     /// Blocks across and down; the last ones may reach past the page.

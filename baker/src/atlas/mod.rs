@@ -48,7 +48,7 @@ pub struct Atlas {
     /// Texels of every page.
     pub page_height: u32,
     /// Rows of the virtual page from one page's first row to the next one's. `page_height` where there is one page; else that
-    /// plus the padding, so that no dilation reaches from page to page, rounded up to whole metric tiles (128), so that no tile
+    /// plus what dilation reaches, so that it does not go from page to page, rounded up to whole metric tiles (128), so that no tile
     /// and no block of texels lies on two.
     pub stride: u32,
     /// Texels per metre reached (at density 1).
@@ -187,7 +187,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
 /// block formats and the first two mips mix no charts either. On a page with more charts than blocks for them, several of the smallest
 /// lie on each other, with a warning.
 ///
-/// What is near in space lies near on the pages where that costs no more than 3 % of their texels.
+/// What is near in space lies near on pages of a given size, where that costs no more than 3 % of their texels.
 ///
 /// Instances of one mesh share one layout, which lies on the page once for each, scaled to its density and moved: see
 /// [`Placement`]. They do when they are of the same shape ([`crate::geometry::Similarity`]) and differ in texels per metre of the
@@ -357,7 +357,7 @@ fn warnings(
     if let [first, others @ ..] = refused {
         let others = match others.len() {
             0 => String::new(),
-            n => format!("; so {} more", count(n, "layout")),
+            n => format!("; {} more, too", count(n, "layout")),
         };
         warnings.push(format!(
             "a lightmap layout in the file is not used, {first}; the mesh is unwrapped{others}"

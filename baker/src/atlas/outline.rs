@@ -60,7 +60,11 @@ pub fn outlines(charts: &[Chart], ranks: &[u32], texels_per_metre: f64, pages: &
             _ => {
                 let parts: Vec<(usize, DVec2)> = group.iter().copied().zip(offsets).collect();
                 let turns = together(charts, &parts, texels_per_metre, pages);
-                all.push(Outline { parts, turns });
+                // (A page may be smaller than a block.)
+                match turns.is_empty() {
+                    true => alone.extend(group),
+                    false => all.push(Outline { parts, turns }),
+                }
             }
         }
     }

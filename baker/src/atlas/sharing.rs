@@ -2,7 +2,7 @@
 //!
 //! The rule: lightmapped instances of one mesh share a layout when their linear parts differ by rotation, mirroring and uniform
 //! scale (within 10⁻³) and their texels per metre of the mesh by no more than a factor of 4. Other stretches would stretch
-//! texels with them, and the padding between charts, kept by the smallest member, grows with the scale.
+//! texels with them, and the gaps between charts, which the smallest member needs, grow with the scale.
 
 use crate::geometry::{Geometry, Instance};
 use glam::DVec3;

@@ -16,8 +16,10 @@ use rayon::prelude::*;
 
 /// Fewest intervals between lattice points along a side of a face: 15 points.
 const FEWEST: f64 = 4.0;
-/// Most of them: 2145 points.
-const MOST: f64 = 64.0;
+/// Most of them: 131,841 points. A face that would need more keeps its texels, since a part of it that can be seen might lie between them.
+const MOST: f64 = 512.0;
+/// Intervals along a texel.
+const PER_TEXEL: f64 = 2.0;
 /// How far lattice points stay off the edges, as a fraction of the face.
 const INSET: f32 = 1e-3;
 /// Widest gap between surfaces that are pressed together, as a fraction of a face's height.
@@ -68,8 +70,11 @@ fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut Ra
     let height = 2.0 * area(geometry, triangle as usize) / longest;
     let gap = gap.min(GAP_OF_FACE * height) as f32;
     let two_sided = space.material(triangle).two_sided;
-    let along = (longest / texel).ceil().clamp(FEWEST, MOST) as u32;
-    lattice(along).all(|barycentric| {
+    let along = (PER_TEXEL * longest / texel).ceil().max(FEWEST);
+    if along > MOST {
+        return false;
+    }
+    lattice(along as u32).all(|barycentric| {
         let point = SurfacePoint { triangle, barycentric };
         let sides = (space.receiver_on(&point, false), space.receiver_on(&point, true));
         let (Some(front), Some(back)) = sides else { return false };

@@ -5,6 +5,11 @@ use crate::{geometry, scene};
 use glam::{DVec3, dvec3};
 use std::fmt::Write;
 
+/// A page on which no face is as long as what is looked through.
+fn page() -> Lightmap {
+    Lightmap { size: LightmapSize::Fixed { width: 96, height: 96 }, ..Lightmap::default() }
+}
+
 /// An OBJ being written.
 #[derive(Default)]
 struct Obj(String);
@@ -68,7 +73,7 @@ impl Obj {
     }
 
     fn hidden(self) -> Vec<u32> {
-        find(&self.with(""), &Lightmap::default()).triangles
+        find(&self.with(""), &page()).triangles
     }
 }
 
@@ -109,10 +114,35 @@ fn a_block_in_a_block_is_hidden_and_one_in_a_room_is_not() {
     assert_eq!(house.hidden(), NONE);
     // Walls of which both sides are seen may be a room's, whichever way they are turned.
     let two_sided = Obj::default().block(low, high).block(UNIT[0], UNIT[1]).with("two_sided = true");
-    assert_eq!(find(&two_sided, &Lightmap::default()).triangles, NONE);
+    assert_eq!(find(&two_sided, &page()).triangles, NONE);
     // A room by itself, turned either way.
     assert_eq!(Obj::default().room(low, high).hidden(), NONE);
     assert_eq!(Obj::default().block(low, high).hidden(), NONE);
+}
+
+#[test]
+fn a_hole_of_a_texel_in_what_covers_a_wall_is_found_wherever_it_is() {
+    let small = page();
+    for k in 0..24 {
+        // A wall of 2 × 2 m, its front 10 and 11, and a covering of four blocks about a hole of 4 cm; texels are longer.
+        let [x, y] = [0.37 * f64::from(k), 0.53 * f64::from(k)].map(|at| at % 1.9 - 0.95);
+        let hole = 0.04;
+        let wall = Obj::default().block([-1.0, -1.0, -0.1], [1.0, 1.0, 0.0]);
+        let covered = wall
+            .block([-1.0, -1.0, 0.0], [x, 1.0, 0.1])
+            .block([x + hole, -1.0, 0.0], [1.0, 1.0, 0.1])
+            .block([x, -1.0, 0.0], [x + hole, y, 0.1])
+            .block([x, y + hole, 0.0], [x + hole, 1.0, 0.1]);
+        let geometry = covered.with("");
+        assert!(texel_length(&geometry, &small) > hole);
+        let hidden = find(&geometry, &small).triangles;
+        assert!(!(hidden.contains(&10) && hidden.contains(&11)), "({x}, {y}): {hidden:?}");
+    }
+    // Without a hole the front is hidden.
+    let whole =
+        Obj::default().block([-1.0, -1.0, -0.1], [1.0, 1.0, 0.0]).block([-1.0, -1.0, 0.0], [1.0, 1.0, 0.1]);
+    let hidden = find(&whole.with(""), &small).triangles;
+    assert!(hidden.contains(&10) && hidden.contains(&11), "{hidden:?}");
 }
 
 #[test]
@@ -183,8 +213,8 @@ fn a_face_has_texels_if_one_instance_that_shares_them_shows_it() {
     };
     let skipped = |places: &str| {
         let geometry = load(places);
-        let hidden = find(&geometry, &Lightmap::default());
-        let atlas = atlas::build_without(&geometry, &Lightmap::default(), &hidden.triangles).unwrap();
+        let hidden = find(&geometry, &page());
+        let atlas = atlas::build_without(&geometry, &page(), &hidden.triangles).unwrap();
         assert_eq!(atlas.skipped.of, 24);
         assert_eq!(atlas.faces.len() + atlas.skipped.triangles, 24);
         assert_eq!(atlas.degenerate, 0);
@@ -202,7 +232,7 @@ fn a_face_has_texels_if_one_instance_that_shares_them_shows_it() {
 
 #[test]
 fn a_scene_that_nobody_can_see_is_told() {
-    let lightmap = Lightmap::default();
+    let lightmap = page();
     let obj = Obj::default().mesh("shell").block([-2.0; 3], [3.0; 3]).mesh("inner").block(UNIT[0], UNIT[1]);
     // More of it than not; then all of it.
     let mut large = Obj::default();
@@ -242,7 +272,7 @@ fn the_number_of_threads_is_no_matter() {
     let geometry = random(7).1.with("");
     let of_threads = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
-        let hidden = pool.install(|| find(&geometry, &Lightmap::default()));
+        let hidden = pool.install(|| find(&geometry, &page()));
         (hidden.triangles, hidden.rays)
     };
     let one = of_threads(1);

@@ -35,7 +35,7 @@ pub fn views(cameras: &[Camera], geometry: &Geometry, atlas: &Atlas, rays: &Rays
             let direction = lens.direction(Vec2::new(x as f32, y as f32) + 0.5);
             let hit = rays.nearest(lens.origin, direction, NOWHERE)?;
             let face = atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
-            Some(tile_of(face.corners, hit.barycentric))
+            Some(tile_of(atlas, face.corners, hit.barycentric))
         };
         let row = |y: u32| (0..PICTURE[0]).filter_map(|x| tile(x, y)).collect::<BTreeSet<_>>();
         let rows: Vec<BTreeSet<[u32; 2]>> = (0..PICTURE[1]).into_par_iter().map(row).collect();
@@ -47,15 +47,10 @@ pub fn views(cameras: &[Camera], geometry: &Geometry, atlas: &Atlas, rays: &Rays
 
 /// Tiles that hold surface.
 pub fn lit_tiles(atlas: &Atlas) -> usize {
-    let of_face = |corners: [Vec2; 3]| {
-        let tile = |corner: Vec2| [corner.x as u32 / TILE as u32, corner.y as u32 / TILE as u32];
-        let (low, high) = (
-            tile(corners.into_iter().fold(Vec2::INFINITY, Vec2::min)),
-            tile(corners.into_iter().fold(Vec2::ZERO, Vec2::max)),
-        );
-        (low[1]..=high[1]).flat_map(move |y| (low[0]..=high[0]).map(move |x| [x, y]))
-    };
-    atlas.faces.iter().flat_map(|face| of_face(face.corners)).collect::<BTreeSet<_>>().len()
+    let (width, across) = (atlas.width as usize, (atlas.width as usize).div_ceil(TILE));
+    let mut lit = vec![false; across * (atlas.height as usize).div_ceil(TILE)];
+    atlas.touched().for_each(|i| lit[i / width / TILE * across + i % width / TILE] = true);
+    lit.into_iter().filter(|&lit| lit).count()
 }
 
 /// The views in words; `None` of a scene without cameras.
@@ -66,7 +61,62 @@ pub fn in_words(views: &[View], lit_tiles: usize) -> Option<String> {
 }
 
 /// The tile of a point of a face.
-fn tile_of([a, b, c]: [Vec2; 3], barycentric: Vec3) -> [u32; 2] {
+fn tile_of(atlas: &Atlas, [a, b, c]: [Vec2; 3], barycentric: Vec3) -> [u32; 2] {
     let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
-    [texel.x as u32 / TILE as u32, texel.y as u32 / TILE as u32]
+    // (A face that keeps its file's coordinates may end at the page's very edge.)
+    let tile = |texel: f32, size: u32| (texel as u32).min(size - 1) / TILE as u32;
+    [tile(texel.x, atlas.width), tile(texel.y, atlas.height)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::atlas::Face;
+    use glam::{DVec3, vec2};
+
+    #[test]
+    fn a_camera_sees_the_tiles_in_front_of_it() {
+        // A floor of 2 × 2 m on a page of 256 × 256, up to its edges; a camera above its first quarter, and one that looks away.
+        let mut geometry = Geometry::default();
+        geometry.positions =
+            [[0.0, 0.0], [0.0, 2.0], [2.0, 2.0], [2.0, 0.0]].map(|[x, z]| Vec3::new(x, 0.0, z)).to_vec();
+        geometry.normals = vec![Vec3::Y; 4];
+        geometry.triangles = vec![[0, 1, 2], [0, 2, 3]];
+        geometry.material_of = vec![0, 0];
+        geometry.uvs = vec![Vec2::ZERO; 4];
+        geometry.lightmap_uvs = geometry.uvs.clone();
+        geometry.materials = vec![crate::geometry::Material {
+            albedo: Vec3::splat(0.5),
+            albedo_max: 1.0,
+            alpha: 1.0,
+            texture: None,
+            alpha_cutoff: None,
+            two_sided: false,
+            emission: None,
+        }];
+        let place = |v: u32| vec2(geometry.positions[v as usize].x, geometry.positions[v as usize].z) * 128.0;
+        let faces = [0, 1].map(|t| Face {
+            triangle: t,
+            corners: geometry.triangles[t as usize].map(place),
+            chart: 0,
+        });
+        let atlas = Atlas::for_tests(256, 256, faces.to_vec());
+        assert_eq!(lit_tiles(&atlas), 4);
+        let camera = |look_at: DVec3| Camera {
+            name: "c".into(),
+            position: DVec3::new(0.5, 0.3, 0.5),
+            look_at,
+            fov: 60.0,
+        };
+        let rays = Rays::new(&geometry);
+        let cameras = [
+            camera(DVec3::new(0.5, 0.0, 0.5)),
+            camera(DVec3::new(0.5, 1.0, 0.5)),
+            camera(DVec3::new(2.0, 0.0, 2.0)),
+        ];
+        let seen: Vec<usize> =
+            views(&cameras, &geometry, &atlas, &rays).iter().map(|view| view.tiles).collect();
+        assert_eq!(seen, [1, 0, 4]);
+        assert_eq!(tile_of(&atlas, atlas.faces[0].corners, Vec3::Z), [1, 1]);
+    }
 }
