@@ -41,6 +41,13 @@ fn big(folder: &Path, side: usize) -> std::path::PathBuf {
     scene
 }
 
+/// The same command with signals at their defaults, also where this test runs in the background and ignores some.
+fn heeding(command: &Command) -> Command {
+    let mut heeding = Command::new("env");
+    heeding.arg("--default-signal=INT,HUP,TERM").arg(command.get_program()).args(command.get_args());
+    heeding
+}
+
 #[test]
 fn a_signal_ends_a_bake_at_every_stage() {
     let dir = tempfile::tempdir().unwrap();
@@ -63,6 +70,7 @@ fn a_signal_ends_a_bake_at_every_stage() {
             if stage == "planning" {
                 command.arg("--plan");
             }
+            let mut command = heeding(&command);
             let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
             match stage {
                 // The folder is locked right before its geometry is unwrapped.
