@@ -58,7 +58,7 @@ fn the_least_scene_has_the_documented_defaults() {
     assert!(matches!(scene.lightmap.size, LightmapSize::Fixed { width: 512, height: 512 }));
     assert_eq!(
         (scene.lightmap.padding, scene.bake.samples, scene.bake.bounces, scene.bake.seed),
-        (4, 64, None, 1)
+        (2, 64, None, 1)
     );
     assert!(scene.lightmap.pages == 1 && scene.portals.is_empty());
     assert_eq!(scene.objects[0].world_from_file, [glam::DMat4::IDENTITY]);

@@ -131,7 +131,6 @@ fn a_tiny_ball_that_touches_the_floor_is_right_beside_the_contact() {
 }
 
 #[test]
-#[ignore = "its texels lie elsewhere since pages are packed by blocks: to be judged anew"]
 fn a_ball_half_sunk_in_the_floor_lights_it_from_above_only() {
     // Its upper half: closed form of a ball cut by the horizon is not needed; the floor outside sees half of it, level: the
     // irradiance is below that of the whole ball at that place and above nothing; inside the ball's footprint it is π L.
@@ -139,7 +138,7 @@ fn a_ball_half_sunk_in_the_floor_lights_it_from_above_only() {
         "{BLACK}[[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0, 0, 0]\nradius = 0.2\nradiance = [1, 1, 1]\n\
          [lightmap]\nsize = 32\n"
     );
-    let baked = floor().bake("12", 256, &scene);
+    let baked = floor().bake("12", 1024, &scene);
     let image = baked.first();
     for texel in baked.on("floor") {
         let away = texel.centre().length();
@@ -160,17 +159,17 @@ fn a_ball_half_sunk_in_the_floor_lights_it_from_above_only() {
 }
 
 #[test]
-#[ignore = "its texels lie elsewhere since pages are packed by blocks: to be judged anew"]
 fn a_lamp_inside_a_wall_gives_nothing() {
-    // Balls, a panel and a spot inside a wall 20 cm thick: exactly no light on either side.
+    // Balls, a panel and a spot inside a wall 20 cm thick: exactly no light on either side. (Where a texel of the floor reaches into the
+    // wall by less than a tenth of its width, none of its sixteen points may see that, and it gets light from inside: see NUMERICS.)
     let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 2.0);
-    let obj = obj.mesh("wall").block(dvec3(-1.5, -0.1, -0.1), dvec3(1.5, 2.0, 0.1));
+    let obj = obj.mesh("wall").block(dvec3(-1.5, -0.1, -0.08), dvec3(1.5, 2.0, 0.12));
     let stage = Stage::new(&[("a.obj", obj.text())]);
     let scene = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\n[[group]]\nname = \"lamp\"\n\
-                 [[group.sphere]]\ncentre = [0, 0.5, 0]\nradius = 0.05\nradiance = [1e6, 1e6, 1e6]\n\
-                 [[group.sphere]]\ncentre = [0.5, 0.5, 0.0999]\nradius = 1e-4\nradiance = [1e6, 1e6, 1e6]\n\
-                 [[group.rectangle]]\ncorner = [-0.5, 0.5, 0.05]\nedge_u = [0, -0.3, 0]\nedge_v = [-0.3, 0, 0]\n\
-                 radiance = [1e6, 1e6, 1e6]\n[[group.spot]]\nposition = [0, 1, 0]\ndirection = [0, -1, 1]\ninner = 60\n\
+                 [[group.sphere]]\ncentre = [0, 0.5, 0.02]\nradius = 0.05\nradiance = [1e6, 1e6, 1e6]\n\
+                 [[group.sphere]]\ncentre = [0.5, 0.5, 0.1199]\nradius = 1e-4\nradiance = [1e6, 1e6, 1e6]\n\
+                 [[group.rectangle]]\ncorner = [-0.5, 0.5, 0.07]\nedge_u = [0, -0.3, 0]\nedge_v = [-0.3, 0, 0]\n\
+                 radiance = [1e6, 1e6, 1e6]\n[[group.spot]]\nposition = [0, 1, 0.02]\ndirection = [0, -1, 1]\ninner = 60\n\
                  outer = 80\nintensity = [1e6, 1e6, 1e6]\n[lightmap]\nsize = 64\n";
     let baked = stage.bake("12", 64, scene);
     assert!(baked.on("floor").len() > 100);
