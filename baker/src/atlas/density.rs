@@ -16,6 +16,9 @@ pub const LARGEST: u32 = 16384;
 /// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than 1/256 of a texel.
 pub const MOST_ROWS: u32 = 131_072;
 
+/// A page is at least this many times as long as its padding is wide.
+const PADDING_OF_PAGE: u32 = 8;
+
 /// Width of the bilinear filter in texels.
 const LEAST_PADDING: u32 = 2;
 
@@ -32,6 +35,8 @@ pub struct Filled {
     pub pages: u32,
     /// See [`super::Atlas::stride`].
     pub stride: u32,
+    /// The padding that was kept: less than asked on a page that is short beside it.
+    pub padding: u32,
     /// The scale of all charts.
     pub texels_per_metre: f64,
     /// One per mesh.
@@ -44,7 +49,11 @@ pub struct Filled {
 pub fn fit(meshes: &[FlatMesh], lightmap: &Lightmap) -> Result<Filled> {
     let (pages, padding) = (lightmap.pages.max(1), lightmap.padding.max(LEAST_PADDING));
     match lightmap.size {
-        LightmapSize::Fixed { width, height } => fill(meshes, width, height, pages, padding),
+        LightmapSize::Fixed { width, height } => {
+            // Each chart owns half of it on every side: more would leave small pages nothing else.
+            let most = (width.min(height) / PADDING_OF_PAGE).max(LEAST_PADDING);
+            fill(meshes, width, height, pages, padding.min(most))
+        }
         LightmapSize::TexelsPerMetre(density) => grow(meshes, density, pages, padding, LARGEST),
     }
 }
@@ -53,7 +62,8 @@ impl Filled {
     fn new(height: u32, texels_per_metre: f64, packed: Packed, asked: &Pages, stack: usize) -> Self {
         let (width, pages) = (asked.width as u32, packed.pages as u32);
         let stride = Pages { count: packed.pages, ..*asked }.stride(height as usize) as u32;
-        Filled { width, height, pages, stride, texels_per_metre, meshes: packed.meshes, stack }
+        let padding = asked.padding as u32;
+        Filled { width, height, pages, stride, padding, texels_per_metre, meshes: packed.meshes, stack }
     }
 }
 
@@ -89,7 +99,7 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
     let too_small = || Error::Unsupported {
         place: "lightmap".into(),
         what: format!(
-            "{size}: no chart fits at any density; expected at least 2 x 2 texels, more for a padding above 2 and instances of several sizes"
+            "{size}: no chart fits at any density; expected at least 2 x 2 texels, more for instances of several sizes"
         ),
     };
     let draw = |density: f64, stack| Items::new(meshes, &ranks, density, &sheets, stack);

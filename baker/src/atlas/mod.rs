@@ -239,6 +239,13 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
             if page.pages == 1 { "holds" } else { "hold" }
         ));
     }
+    if page.padding < lightmap.padding {
+        let least = page.padding;
+        notes.push(format!(
+            "padding is {least} texels, not {}: an eighth of the page's side at most",
+            lightmap.padding
+        ));
+    }
     let page_size = DVec2::new(page.width.into(), page.height.into());
     let mut faces: Vec<Face> = Vec::new();
     let mut charts = 0;

@@ -1,6 +1,7 @@
 //! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how far rays go, and on
 //! the machine.)
 
+use super::layers::CHECKSUM;
 use super::options::Integrator;
 use super::prepare::Prepared;
 use super::solve;
@@ -101,7 +102,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         texels_per_metre: atlas.texels_per_metre,
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
-        layers_bytes: n * (8 + 20 * layers),
+        layers_bytes: n * (8 + 20 * layers) + CHECKSUM as u64 * (layers + 1),
         work_bytes: n * (15 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled) + stored_cache,
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),

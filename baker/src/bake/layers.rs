@@ -3,7 +3,8 @@
 //!
 //! One file per layer, named by its digest: per covered texel, in the order of the blocks, the mean irradiance (3 × f32) and
 //! half the difference of the two halves (3 × bf16), which is an independent estimate of the standard error; both ÷ the scale of
-//! the layer's group. One file per page layout says which texels these are. Byte order: the machine's.
+//! the layer's group. One file per page layout says which texels these are. Byte order: the machine's. Both kinds end in a checksum: 32
+//! bytes of BLAKE3 of the file's name and of all before. What does not fit it is not there, and traced again.
 
 use super::json;
 use super::rounds::Traced;
@@ -25,6 +26,9 @@ pub const FOLDER: &str = ".layers";
 
 /// Name of the file that says which changes of the folder are being made.
 const CHANGES: &str = "changes.json";
+
+/// Bytes of the checksum that layers and texels end in.
+pub const CHECKSUM: usize = 32;
 
 /// A covered texel of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -94,15 +98,18 @@ impl Layers {
         self.changes().place(&self.path(digest)).exists()
     }
 
-    /// Whether a layer is there, for `texels` texels.
+    /// Whether a layer is there, whole, for `texels` texels.
     pub fn has(&self, digest: &str, texels: usize) -> bool {
-        let length = (texels * size_of::<Stored>()) as u64;
-        std::fs::metadata(self.changes().place(&self.path(digest))).is_ok_and(|m| m.len() == length)
+        let (path, length) = (self.path(digest), texels * size_of::<Stored>() + CHECKSUM);
+        let place = self.changes().place(&path);
+        // (The length first: a layer of other texels need not be read.)
+        std::fs::metadata(&place).is_ok_and(|m| m.len() == length as u64) && content(&path, &place).is_some()
     }
 
     /// The covered texels of the page that `base` describes, if a bake left them.
     pub fn texels(&self, base: &str) -> Option<Vec<Texel>> {
-        let bytes = std::fs::read(self.changes().place(&self.texels_path(base))).ok()?;
+        let path = self.texels_path(base);
+        let bytes = content(&path, &self.changes().place(&path))?;
         bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
     }
 
@@ -110,13 +117,14 @@ impl Layers {
     pub fn read(&self, digest: &str) -> Result<Vec<Value>> {
         let path = self.path(digest);
         let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
-        if !bytes.len().is_multiple_of(size_of::<Stored>()) {
+        let values = &bytes[..bytes.len().saturating_sub(CHECKSUM)];
+        if !values.len().is_multiple_of(size_of::<Stored>()) {
             return Err(Error::invalid(
                 path.display(),
                 "cut short: expected whole texels (--force bakes anew)",
             ));
         }
-        let stored: Vec<Stored> = bytemuck::pod_collect_to_vec(&bytes);
+        let stored: Vec<Stored> = bytemuck::pod_collect_to_vec(values);
         Ok(stored.into_iter().map(Stored::value).collect())
     }
 
@@ -124,7 +132,15 @@ impl Layers {
     pub fn read_at(&self, digest: &str, places: &[usize]) -> Result<Vec<Value>> {
         let path = self.path(digest);
         let file = File::open(&path).map_err(Error::io(&path))?;
+        let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
+        let texels = length.saturating_sub(CHECKSUM) / size_of::<Stored>();
         let read = |&place: &usize| {
+            if place >= texels {
+                return Err(Error::invalid(
+                    path.display(),
+                    format!("holds {texels} texels, not number {place}"),
+                ));
+            }
             let mut stored = Stored::zeroed();
             let bytes = bytemuck::bytes_of_mut(&mut stored);
             file.read_exact_at(bytes, (place * size_of::<Stored>()) as u64).map_err(Error::io(&path))?;
@@ -175,14 +191,14 @@ impl Layers {
             progress.advance(1);
         }
         way.tell(console);
-        let mut whole = |path: PathBuf, bytes: &[u8]| {
+        let whole = |path: PathBuf, bytes: &[u8]| {
             let mut file = Partial::create(path)?;
             file.write(bytes)?;
-            files.push(file);
-            Ok(())
+            Ok(file)
         };
-        whole(self.texels_path(base), bytemuck::cast_slice(&texels))?;
-        whole(self.rounds_path(base), &json::bytes(traced, "rounds")?)?;
+        files.push(whole(self.texels_path(base), bytemuck::cast_slice(&texels))?);
+        let mut files = files.into_iter().map(Partial::seal).collect::<Result<Vec<_>>>()?;
+        files.push(whole(self.rounds_path(base), &json::bytes(traced, "rounds")?)?);
         let name = files.into_iter().map(Partial::finish).collect::<Result<_>>()?;
         self.change(&Changes { name, ..Changes::default() })?;
         Ok(rays)
@@ -277,17 +293,27 @@ struct Partial {
     path: PathBuf,
     temporary: PathBuf,
     file: std::io::BufWriter<File>,
+    hash: blake3::Hasher,
 }
 
 impl Partial {
     fn create(path: PathBuf) -> Result<Self> {
         let temporary = dataset::files::temporary_beside(&path)?;
         let file = File::create(&temporary).map_err(Error::io(&path))?;
-        Ok(Partial { path, temporary, file: std::io::BufWriter::new(file) })
+        let hash = hasher(&path);
+        Ok(Partial { path, temporary, file: std::io::BufWriter::new(file), hash })
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.hash.update(bytes);
         self.file.write_all(bytes).map_err(Error::io(&self.path))
+    }
+
+    /// Appends the checksum.
+    fn seal(mut self) -> Result<Self> {
+        let checksum = self.hash.finalize();
+        self.write(checksum.as_bytes())?;
+        Ok(self)
     }
 
     /// Makes it durable; its temporary name, and the one it is to get.
@@ -296,6 +322,22 @@ impl Partial {
         file.sync_all().map_err(Error::io(&self.path))?;
         Ok((file_name(&self.temporary), file_name(&self.path)))
     }
+}
+
+/// The beginning of a file's checksum.
+fn hasher(path: &Path) -> blake3::Hasher {
+    let mut hash = blake3::Hasher::new();
+    hash.update(file_name(path).as_bytes());
+    hash
+}
+
+/// What stands before the checksum of the file that is to be called `path`, and is at `place` now; `None` where it is damaged or missing.
+fn content(path: &Path, place: &Path) -> Option<Vec<u8>> {
+    let mut bytes = std::fs::read(place).ok()?;
+    let (content, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
+    let is_whole = hasher(path).update(content).finalize() == *checksum;
+    bytes.truncate(bytes.len() - CHECKSUM);
+    is_whole.then_some(bytes)
 }
 
 #[cfg(test)]
@@ -314,11 +356,31 @@ mod tests {
             zero: 0,
         };
         let stored: Vec<Stored> = (0..100).map(record).collect();
-        std::fs::write(layers.path(digest), bytemuck::cast_slice(&stored)).unwrap();
+        let write = || {
+            let mut file = Partial::create(layers.path(digest)).unwrap();
+            file.write(bytemuck::cast_slice(&stored)).unwrap();
+            let (temporary, name) = file.seal().unwrap().finish().unwrap();
+            std::fs::rename(layers.root.join(temporary), layers.root.join(name)).unwrap();
+        };
+        write();
         let (all, places) = (layers.read(digest).unwrap(), [99, 0, 17, 17]);
         assert_eq!(layers.read_at(digest, &places).unwrap(), places.map(|place| all[place]));
         let error = layers.read_at(digest, &[100]).unwrap_err().to_string();
         assert!(error.contains(layers.path(digest).to_str().unwrap()), "{error}");
+        // Cut short, with any bit turned, or under another name it is not there.
+        let whole = std::fs::read(layers.path(digest)).unwrap();
+        assert!(layers.has(digest, 100) && !layers.has(digest, 99));
+        for bit in (0..8 * whole.len()).step_by(61) {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            std::fs::write(layers.path(digest), bytes).unwrap();
+            assert!(!layers.has(digest, 100), "bit {bit}");
+        }
+        std::fs::write(layers.path(digest), &whole[..whole.len() - 1]).unwrap();
+        assert!(!layers.has(digest, 100));
+        let other = "fedcba9876543210fedcba9876543210";
+        std::fs::write(layers.path(other), &whole).unwrap();
+        assert!(!layers.has(other, 100));
     }
 
     #[test]
@@ -327,15 +389,16 @@ mod tests {
         let layers = Layers::new(dir.path());
         std::fs::create_dir(&layers.root).unwrap();
         let digests = ["a", "b", "c"].map(|digest| digest.repeat(32));
-        let bytes = |values: usize| vec![0; values * size_of::<Stored>()];
+        let bytes = vec![0; 2 * size_of::<Stored>()];
         let held = || digests.iter().map(|digest| layers.has(digest, 2)).collect::<Vec<_>>();
-        let partial = digests[..2].iter().map(|digest| {
+        let partial = digests.iter().map(|digest| {
             let mut file = Partial::create(layers.path(digest)).unwrap();
-            file.write(&bytes(2)).unwrap();
-            file.finish().unwrap()
+            file.write(&bytes).unwrap();
+            file.seal().unwrap().finish().unwrap()
         });
-        let name: Vec<_> = partial.collect();
-        std::fs::write(layers.path(&digests[2]), bytes(2)).unwrap();
+        let mut name: Vec<_> = partial.collect();
+        let (last, path) = name.pop().unwrap();
+        std::fs::rename(layers.root.join(last), layers.root.join(path)).unwrap();
         assert_eq!(held(), [false, false, true]);
         // As a run leaves it that was killed after the first of its renames.
         let changes = Changes { name: name.clone(), remove: vec![file_name(&layers.path(&digests[2]))] };

@@ -205,7 +205,14 @@ fn provide_layers(
             names => format!("kept from an earlier bake: {kept}; tracing {}", names.join(", ")),
         });
     }
+    let damaged = missing.iter().filter(|&&l| layers.holds(&digests[l])).count();
     let (mut traced, mut warnings) = trace(prepared, atlas, out, layers, &missing, console)?;
+    if damaged > 0 {
+        let what =
+            format!("{} kept here from an earlier bake were damaged: traced again", count(damaged, "layer"));
+        console.warn(&what);
+        warnings.push(what);
+    }
     let mut origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
     if let (Some(target), Some(texels), 1..) =
         (prepared.limits.target_error, layers.texels(&base), origin.reused)

@@ -195,6 +195,12 @@ fn layers_that_were_damaged_are_traced_again() {
     let bytes = std::fs::read(&layer).expect("readable");
     std::fs::write(&layer, &bytes[..bytes.len() / 2]).expect("written");
     scene.retrace("[8, 6, 4]", "[3, 5, 9]", 1);
+    // One bit is as bad.
+    let mut bytes = std::fs::read(&layer).expect("readable");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x40;
+    std::fs::write(&layer, bytes).expect("written");
+    scene.retrace("[3, 5, 9]", "[8, 6, 4]", 1);
 }
 
 #[test]

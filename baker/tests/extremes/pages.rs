@@ -19,7 +19,9 @@ fn one_triangle_on_the_smallest_page() {
     // A chart needs two texels each way, for it stays half a texel inside the page: one texel is refused by name.
     let triangle = Obj::default().mesh("floor").polygon(&[DVec3::ZERO, DVec3::Z, DVec3::X]);
     let stage = Stage::new(&[("a.obj", triangle.text())]);
-    for lightmap in ["size = 5", "size = 4", "size = 3", "size = 2", "size = [2, 7]"] {
+    for lightmap in
+        ["size = 5", "size = 4", "size = 3", "size = 2", "size = [2, 7]", "size = 2\npadding = 64"]
+    {
         let baked = bake(&stage, lightmap);
         assert!(baked.mask.count() >= 1, "{lightmap}");
         let image = baked.first();
