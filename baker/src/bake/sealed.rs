@@ -2,7 +2,7 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 8 | [`MAGIC`], with the version of this layout |
+//! | 8 | `TLMSEAL1`: name and version of this layout |
 //! | 8 | length of the payload, little-endian |
 //! | 32 | BLAKE3 of the label's length, the label and the payload |
 //!

@@ -13,7 +13,7 @@ const BOUNCES: u32 = 1500;
 const ASKED: u32 = 64;
 
 impl Transport<'_> {
-    /// Whether a path from a triangle's middle keeps half of its light for [`BOUNCES`] bounces in a place that is lit.
+    /// Whether a path from a triangle's middle keeps half of its light for 1500 bounces in a place that is lit.
     pub fn is_endless(&self, triangle: u32, sequence: Sequence) -> bool {
         if self.bounces.is_some() {
             return false;
