@@ -12,6 +12,7 @@ pub mod surface;
 pub mod trace;
 pub mod bake;
 pub mod preview;
+pub mod starter;
 pub mod report;
 
 pub use dataset::{Error, Result};

@@ -8,6 +8,7 @@ use baker::bake::views::in_words;
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};
 use baker::preview::run::preview;
+use baker::starter;
 use baker::trace::backend::Backend;
 use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
@@ -44,6 +45,14 @@ enum Command {
         scene: PathBuf,
         #[command(flatten)]
         options: PreviewOptions,
+    },
+    /// Write a scene file for a model: its unit, windows and cameras as far as they can be guessed.
+    #[command(after_help = starter::HELP)]
+    New {
+        /// The model: .glb, .gltf or .obj.
+        model: PathBuf,
+        #[command(flatten)]
+        options: starter::Options,
     },
 }
 
@@ -112,6 +121,7 @@ Examples:
   bake scenes/yard.toml --transfer                 its surfaces lit by spherical harmonics, into dataset/yard-transfer
   bake scenes/yard.toml --plan                     what would run, what is left out and why
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
+  bake new models/house.glb                        a scene file for a model (bake new --help)
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
@@ -145,6 +155,9 @@ fn main() -> ExitCode {
         None => run(&cli.bake, &console),
         Some(Command::Preview { scene, options }) => {
             preview(&scene, &options, &console).and_then(|result| console.result(&result))
+        }
+        Some(Command::New { model, options }) => {
+            starter::new(&model, &options, &console).and_then(|result| console.result(&result))
         }
     };
     match done {

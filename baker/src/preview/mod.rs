@@ -9,7 +9,7 @@ mod standing;
 mod moment;
 mod baked;
 mod light;
-mod view;
+pub(crate) mod view;
 mod shade;
 mod tone;
 mod picture;

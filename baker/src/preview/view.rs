@@ -69,7 +69,7 @@ impl Bounds {
 
 /// From outside and above, looking at the middle from the south-west; inside, where hardly any ray from the middle leaves the scene
 /// upwards: from the same side of the room.
-fn default(geometry: &Geometry, rays: &Rays) -> Camera {
+pub fn default(geometry: &Geometry, rays: &Rays) -> Camera {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;

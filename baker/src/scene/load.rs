@@ -46,8 +46,8 @@ pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
     if path.is_file() && object::is_model(path) {
         let model = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
         let what = format!(
-            "is a model; expected a scene, which is a TOML file. Beside the model, these three lines are one:\n\
-             sky = {{ model = \"constant\", radiance = [3, 3, 3] }}\n[[object]]\nfile = {model:?}"
+            "is a model; expected a scene, which is a TOML file. `bake new {file}` writes one, or, beside the model, these three \
+             lines are one:\nsky = {{ model = \"constant\", radiance = [3, 3, 3] }}\n[[object]]\nfile = {model:?}"
         );
         return Err(Error::invalid(file, what));
     }

@@ -12,9 +12,10 @@ mod load;
 pub use load::load;
 pub use sky::SkyImage;
 
+use dataset::{Error, Result};
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A radiance or irradiance that makes sense; what is computed from it stays finite in `f32`.
 fn is_light(x: f64) -> bool {
@@ -57,6 +58,46 @@ pub struct Scene {
     /// Viewpoints for pictures, in file order; names are unique. No part of what is baked, nor of any digest.
     #[serde(skip)]
     pub cameras: Vec<Camera>,
+}
+
+impl Scene {
+    /// A model by itself, in its own unit: no light, and every default.
+    ///
+    /// # Errors
+    /// A file that is none of a model, or is not there.
+    pub fn of_model(file: &Path) -> Result<Scene> {
+        if !object::is_model(file) {
+            return Err(Error::invalid(file.display(), "expected a model: an .obj, .gltf or .glb file"));
+        }
+        if !file.is_file() {
+            return Err(Error::invalid(
+                file.display(),
+                "no such file; expected a model: an .obj, .gltf or .glb file",
+            ));
+        }
+        let object = Object {
+            file: file.to_owned(),
+            place: file.display().to_string(),
+            world_from_file: vec![DMat4::IDENTITY],
+            look: Look::default(),
+            parts: Vec::new(),
+            vt_is_lightmap: false,
+        };
+        Ok(Scene {
+            name: "model".to_owned(),
+            description: String::new(),
+            place: None,
+            sun: None,
+            sky: None,
+            portals: Vec::new(),
+            objects: vec![object],
+            groups: Vec::new(),
+            lightmap: Lightmap::default(),
+            size_as_written: String::new(),
+            bake: Sampling::default(),
+            cameras: Vec::new(),
+        })
+    }
 }
 
 /// A viewpoint.

@@ -1,6 +1,7 @@
 //! The binary `bake` as a user meets it: killed and continued, its flags, bad input, one JSON object.
 
 mod lost;
+mod new;
 mod standing;
 mod stopped;
 

@@ -1,0 +1,212 @@
+//! A scene file to begin with, written for a model: what `bake new` does.
+//!
+//! `units` guesses the unit of length, `openings` finds windows, `write` makes the text.
+
+mod units;
+mod openings;
+mod write;
+
+pub use units::Unit;
+
+use crate::geometry::Geometry;
+use crate::preview::view;
+use crate::scene::{Camera, Portal, Scene};
+use crate::trace::rays::Rays;
+use crate::{Error, Result, geometry};
+use dataset::console::{Console, count};
+use dataset::files::write_atomically;
+use glam::DVec3;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// What a model holds, as far as a scene file tells of it.
+pub struct Found {
+    /// Triangles.
+    pub triangles: usize,
+    /// The sides of the box around it, in its own unit.
+    pub extent: DVec3,
+    /// The unit it seems to be in.
+    pub unit: Unit,
+    /// Side of the lightmap in texels.
+    pub side: u32,
+    /// What that comes to, about.
+    pub texels_per_metre: f64,
+    /// Window-like openings, metres.
+    pub portals: Vec<Portal>,
+    /// Viewpoints, metres.
+    pub cameras: Vec<Camera>,
+    /// The model has no cameras: those are made up.
+    pub cameras_are_ours: bool,
+    /// Parts that are named like lamps and have no light.
+    pub glowing: Vec<String>,
+    /// What reading the model warned of.
+    pub warnings: Vec<String>,
+}
+
+/// Where to write, and whether over a file that is there.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Options {
+    /// The scene file to write [default: beside the model, with its name].
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+    /// Replace a file that is there.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// For `--help`.
+pub const HELP: &str = "\
+Examples:
+  bake new models/house.glb                        models/house.toml, then: bake models/house.toml --draft
+  bake new models/house.glb --out scenes/house.toml
+
+The file is a beginning, with a comment at what was guessed: the unit of length (metres, centimetres or millimetres, by the size of the
+model and of its triangles), window-like openings as portals, the model's cameras or one of ours, and a size of the lightmap.
+
+With --json, one object on stdout: scene, triangles, unit, metres_per_unit, extent (metres), size, texels_per_metre, portals, cameras
+(names), warnings.";
+
+/// Texels per metre for scenes up to so many metres long.
+const DENSITIES: [(f64, f64); 4] = [(30.0, 24.0), (100.0, 12.0), (300.0, 6.0), (f64::INFINITY, 3.0)];
+/// Sides of the lightmap.
+const SIDES: std::ops::RangeInclusive<u32> = 256..=2048;
+/// Share of the page that charts fill, about.
+const FILLED: f64 = 0.7;
+/// Words in names of parts that shine.
+const GLOWING: [&str; 9] = ["lamp", "light", "bulb", "glow", "neon", "lantern", "candle", "led", "emiss"];
+
+/// Writes a scene file for a model; gives what `--json` prints.
+///
+/// # Errors
+/// A model that cannot be read; a scene file that is there already, or cannot be written.
+pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
+    let stem = model.file_stem().unwrap_or_default().to_string_lossy();
+    let name = plain(&stem);
+    let out = options.out.clone().unwrap_or_else(|| model.with_file_name(format!("{name}.toml")));
+    if out.extension().is_none_or(|e| e != "toml") {
+        return Err(Error::invalid(
+            "--out",
+            format!("{}: expected a file that ends in .toml", out.display()),
+        ));
+    }
+    if out.exists() && !options.force {
+        let what = "is there already; --force replaces it, --out writes elsewhere";
+        return Err(Error::invalid(out.display(), what));
+    }
+    let found = find(model)?;
+    found.warnings.iter().for_each(|warning| console.warn(warning));
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let named = plain(&stem);
+    let text = write::scene_file(&found, (named != stem).then_some(&named), &from_folder_of(&out, model)?);
+    write_atomically(&out, text.as_bytes())?;
+
+    let [x, y, z] = (found.extent * found.unit.metres).to_array();
+    console.say(format!(
+        "{}: {}, taken as {}: {x:.2} × {y:.2} × {z:.2} m, {}, a lightmap of {}² (about {:.0} texels per metre)",
+        out.display(),
+        count(found.triangles, "triangle"),
+        found.unit.name,
+        count(found.portals.len(), "portal"),
+        found.side,
+        found.texels_per_metre
+    ));
+    console.say(format!("  next: bake {} --draft --compress", out.display()));
+    Ok(json!({
+        "scene": out,
+        "triangles": found.triangles,
+        "unit": found.unit.name,
+        "metres_per_unit": found.unit.metres,
+        "extent": [x, y, z],
+        "size": found.side,
+        "texels_per_metre": found.texels_per_metre,
+        "portals": found.portals.len(),
+        "cameras": found.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),
+        "warnings": found.warnings,
+    }))
+}
+
+/// Reads a model and looks at it.
+///
+/// # Errors
+/// As [`geometry::load`].
+pub fn find(model: &Path) -> Result<Found> {
+    let scene = Scene::of_model(model)?;
+    let (mut geometry, warnings) = geometry::load(&scene)?;
+    let unit = units::guess(&geometry);
+    let extent = units::extent(&geometry);
+    scale(&mut geometry, unit.metres);
+    let longest = extent.max_element() * unit.metres;
+    let wanted = DENSITIES.iter().find(|(most, _)| longest <= *most).map_or(3.0, |(_, density)| *density);
+    let area: f64 = (0..geometry.triangles.len()).map(|t| f64::from(geometry.area(t))).sum();
+    let side = (wanted * (area / FILLED).sqrt()).max(1.0).min(f64::from(*SIDES.end())) as u32;
+    let side = side.next_power_of_two().clamp(*SIDES.start(), *SIDES.end());
+    let texels_per_metre = f64::from(side) * (FILLED / area.max(f64::MIN_POSITIVE)).sqrt();
+    let rays = Rays::new(&geometry);
+    let portals = openings::openings(&geometry, &rays);
+    let cameras = vec![view::default(&geometry, &rays)];
+    let mut glowing: Vec<String> = geometry
+        .instances
+        .iter()
+        .filter_map(|instance| {
+            instance.name.split_once(": ").map(|(_, name)| name.split('/').next().unwrap_or(name))
+        })
+        .filter(|name| {
+            let name = name.to_ascii_lowercase();
+            GLOWING.iter().any(|word| name.contains(word))
+        })
+        .map(str::to_owned)
+        .collect();
+    glowing.sort_unstable();
+    glowing.dedup();
+    glowing.truncate(8);
+    Ok(Found {
+        triangles: geometry.triangles.len(),
+        extent,
+        unit,
+        side,
+        texels_per_metre,
+        portals,
+        cameras,
+        cameras_are_ours: true,
+        glowing,
+        warnings,
+    })
+}
+
+/// The geometry in metres.
+fn scale(geometry: &mut Geometry, metres: f64) {
+    if metres != 1.0 {
+        geometry.origin *= metres;
+        geometry.positions.iter_mut().for_each(|p| *p *= metres as f32);
+    }
+}
+
+/// A text as the name of a scene: letters, digits, `_` and `-`.
+fn plain(text: &str) -> String {
+    let plain: String = text
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '-' })
+        .collect();
+    let plain = plain.trim_matches('-');
+    match plain {
+        "" => "scene".to_owned(),
+        taken if ["src", "tests", "benches", "python"].iter().any(|t| taken.eq_ignore_ascii_case(t)) => {
+            format!("{taken}-scene")
+        }
+        plain => plain.to_owned(),
+    }
+}
+
+/// The path of a model as a scene file in another folder names it: relative where that needs no more than going up.
+fn from_folder_of(scene_file: &Path, model: &Path) -> Result<String> {
+    let absolute = |path: &Path| std::path::absolute(path).map_err(Error::io(path));
+    let (model, scene) = (absolute(model)?, absolute(scene_file)?);
+    let folder = scene.parent().unwrap_or(Path::new(""));
+    let common = model.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().count() - common;
+    let relative: PathBuf = std::iter::repeat_n(std::path::Component::ParentDir, up)
+        .chain(model.components().skip(common))
+        .collect();
+    // (With slashes, also where folders are divided otherwise.)
+    Ok(relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
+}

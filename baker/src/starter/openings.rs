@@ -1,0 +1,382 @@
+//! Window-like openings of rooms: rectangles through which the sky is seen from inside.
+
+use crate::geometry::Geometry;
+use crate::scene::Portal;
+use crate::trace::lens::NOWHERE;
+use crate::trace::rays::{Rays, offset_point};
+use glam::{DVec3, Vec3};
+use std::f32::consts::TAU;
+
+/// Points on surfaces from which rays are sent, and rays of each.
+const POINTS: u32 = 4096;
+const RAYS: u32 = 32;
+/// A point is inside if at most this share of its rays leaves the scene.
+const INSIDE: f32 = 0.25;
+/// Rays from inside that leave the scene and are followed through their opening, at most.
+const FOLLOWED: usize = 512;
+/// Metres between places looked at along such a ray, and how far from its start it is followed.
+const STEP: f32 = 0.08;
+const FARTHEST: f32 = 40.0;
+/// Longest way in metres through the opening of a wall.
+const THICKEST: f32 = 1.0;
+/// Largest side of an opening in metres; a larger one needs no portal to be found.
+const WIDEST: f32 = 8.0;
+/// Smallest side.
+const NARROWEST: f32 = 0.1;
+/// Openings nearer than this are one, with its bars.
+const BARS: f32 = 0.25;
+/// Most openings that are told, those that most light comes through.
+const MOST: usize = 12;
+/// Fewer rays than this through an opening are chance.
+const FEWEST: usize = 3;
+
+/// A rectangle across an opening, in its own axes.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    /// Which of the three axes it is perpendicular to.
+    axis: usize,
+    /// Place along that axis, and from where to where along the two others.
+    depth: f32,
+    low: [f32; 2],
+    high: [f32; 2],
+    /// Rays that left by it.
+    votes: usize,
+}
+
+impl Frame {
+    fn area(&self) -> f32 {
+        (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
+    }
+
+    /// A place in it, by shares of its sides.
+    fn at(&self, axes: &[Vec3; 3], s: f32, t: f32) -> Vec3 {
+        let [n, u, v] = others(self.axis).map(|i| axes[i]);
+        let place = |i: usize, share: f32| self.low[i] + (self.high[i] - self.low[i]) * share;
+        n * self.depth + u * place(0, s) + v * place(1, t)
+    }
+
+    /// Whether its four sides are straight: free space across it ends at the same place all along.
+    fn is_framed(&self, rays: &Rays, axes: &[Vec3; 3]) -> bool {
+        /// Lines across it, and how many of them may end elsewhere.
+        const LINES: u32 = 7;
+        const MOST_ELSEWHERE: u32 = 1;
+        let [_, u, v] = others(self.axis).map(|i| axes[i]);
+        let is_straight = |along: usize| {
+            let (direction, size) = ([u, v][along], self.high[along] - self.low[along]);
+            let elsewhere = (0..LINES).filter(|&k| {
+                let share = (k as f32 + 0.5) / LINES as f32;
+                let p = if along == 0 { self.at(axes, 0.5, share) } else { self.at(axes, share, 0.5) };
+                let ends_there = |d: Vec3| {
+                    let hit = rays.nearest(p, d, NOWHERE);
+                    hit.is_some_and(|hit| (hit.t - 0.5 * size).abs() <= 0.05 * size + 0.02)
+                };
+                !(ends_there(direction) && ends_there(-direction))
+            });
+            elsewhere.count() as u32 <= MOST_ELSEWHERE
+        };
+        is_straight(0) && is_straight(1)
+    }
+
+    /// Whether light comes in by one side of it only: there few rays meet anything.
+    fn leads_out(&self, rays: &Rays, axes: &[Vec3; 3]) -> bool {
+        /// Least share of the rays that leave the scene on the outside, and how many times that of the inside.
+        const LEAST: f32 = 0.2;
+        const TIMES: f32 = 3.0;
+        let n = axes[self.axis];
+        let share = |normal: Vec3| {
+            let leaves = |i: u32| {
+                let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
+                rays.nearest(self.at(axes, s, t), around(normal, i, RAYS, s), NOWHERE).is_none()
+            };
+            (0..RAYS).filter(|&i| leaves(i)).count() as f32 / RAYS as f32
+        };
+        let (a, b) = (share(n), share(-n));
+        a.max(b) >= LEAST && a.max(b) >= TIMES * a.min(b)
+    }
+
+    /// Whether two are parts of one opening.
+    fn touches(&self, other: &Frame) -> bool {
+        let near = |i: usize| self.low[i] <= other.high[i] + BARS && other.low[i] <= self.high[i] + BARS;
+        self.axis == other.axis && (self.depth - other.depth).abs() < 2.0 * BARS && near(0) && near(1)
+    }
+
+    /// Both as one.
+    fn with(&self, other: &Frame) -> Frame {
+        let (a, b) = (self.votes as f32, other.votes as f32);
+        Frame {
+            axis: self.axis,
+            depth: (self.depth * a + other.depth * b) / (a + b),
+            low: [0, 1].map(|i| self.low[i].min(other.low[i])),
+            high: [0, 1].map(|i| self.high[i].max(other.high[i])),
+            votes: self.votes + other.votes,
+        }
+    }
+}
+
+/// Openings in the walls and roofs of rooms, the most important one first; none in a scene without rooms, or where walls are
+/// sheets without thickness.
+pub fn openings(geometry: &Geometry, rays: &Rays) -> Vec<Portal> {
+    let axes = axes(geometry);
+    let leaving = leaving(geometry, rays);
+    let bounds = bounds(geometry);
+    let stride = leaving.len().div_ceil(FOLLOWED).max(1);
+    let mut frames: Vec<Frame> = Vec::new();
+    for &ray in leaving.iter().step_by(stride) {
+        let Some(frame) = narrowest(rays, &axes, ray, leave_distance(bounds, ray)) else { continue };
+        // The same opening was met before, a little deeper in its wall or by another pane.
+        match frames.iter_mut().find(|known| known.touches(&frame)) {
+            Some(known) => *known = known.with(&frame),
+            None => frames.push(frame),
+        }
+    }
+    // Those that grew may touch by now.
+    let mut merged: Vec<Frame> = Vec::new();
+    for frame in frames {
+        match merged.iter_mut().find(|known| known.touches(&frame)) {
+            Some(known) => *known = known.with(&frame),
+            None => merged.push(frame),
+        }
+    }
+    merged.retain(|frame| {
+        let is_wide = frame.high.iter().zip(frame.low).all(|(h, l)| h - l >= NARROWEST);
+        frame.votes >= FEWEST && is_wide && frame.leads_out(rays, &axes)
+    });
+    merged.sort_by(|a, b| b.votes.cmp(&a.votes).then(b.area().total_cmp(&a.area())));
+    merged.truncate(MOST);
+    merged.iter().map(|frame| portal(frame, &axes, geometry.origin)).collect()
+}
+
+/// The frame as a portal in the world, to the centimetre.
+fn portal(frame: &Frame, axes: &[Vec3; 3], origin: DVec3) -> Portal {
+    let [n, u, v] = others(frame.axis).map(|i| axes[i].as_dvec3());
+    let round = |x: DVec3| (x * 100.0).round() / 100.0;
+    let size = [0, 1].map(|i| f64::from(frame.high[i] - frame.low[i]));
+    let corner =
+        origin + n * f64::from(frame.depth) + u * f64::from(frame.low[0]) + v * f64::from(frame.low[1]);
+    // Edges along the axes of the world stay perpendicular when rounded; others are left as they are.
+    let is_straight = axes[0] == Vec3::X;
+    let edge = |edge: DVec3| if is_straight { round(edge) } else { edge };
+    Portal { corner: round(corner), edge_u: edge(u * size[0]), edge_v: edge(v * size[1]) }
+}
+
+/// Direction `i` of `n` about a normal: by the cosine, turned by a share of a full circle.
+fn around(normal: Vec3, i: u32, n: u32, turn: f32) -> Vec3 {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let (r2, phi) = ((i as f32 + 0.5) / n as f32, (i as f32 * 0.618_034 + turn) * TAU);
+    let (r, z) = (r2.sqrt(), (1.0 - r2).sqrt());
+    (tangent * (r * phi.cos()) + bitangent * (r * phi.sin()) + normal * z).normalize()
+}
+
+/// An axis and the two others, in an order that turns right.
+fn others(axis: usize) -> [usize; 3] {
+    [axis, (axis + 1) % 3, (axis + 2) % 3]
+}
+
+/// Up, and the two horizontal directions that most walls face.
+fn axes(geometry: &Geometry) -> [Vec3; 3] {
+    // Walls that stand square to each other have the same direction once it is multiplied by four.
+    let (mut sin, mut cos) = (0.0f64, 0.0f64);
+    for t in 0..geometry.triangles.len() {
+        let [a, b, c] = geometry.corners(t);
+        let normal = (b - a).cross(c - a);
+        let flat = normal.with_y(0.0);
+        if flat.length() > 0.9 * normal.length() && flat.length() > 0.0 {
+            let (s, c) = (4.0 * flat.z.atan2(flat.x)).sin_cos();
+            sin += f64::from(s * flat.length());
+            cos += f64::from(c * flat.length());
+        }
+    }
+    let yaw = (sin.atan2(cos) / 4.0) as f32;
+    // Walls along the axes of the world, but for rounding, are.
+    let yaw = if yaw.abs() < 1e-3 { 0.0 } else { yaw };
+    let x = Vec3::new(yaw.cos(), 0.0, yaw.sin());
+    [x, Vec3::Y, x.cross(Vec3::Y)]
+}
+
+/// Rays that leave the scene from points from where few do.
+fn leaving(geometry: &Geometry, rays: &Rays) -> Vec<(Vec3, Vec3)> {
+    // Points spread evenly by area.
+    let areas = (0..geometry.triangles.len()).map(|t| {
+        let [a, b, c] = geometry.corners(t);
+        f64::from((b - a).cross(c - a).length())
+    });
+    let sums: Vec<f64> = areas
+        .scan(0.0, |sum, area| {
+            *sum += area;
+            Some(*sum)
+        })
+        .collect();
+    let whole = sums.last().copied().unwrap_or(0.0);
+    let mut result = Vec::new();
+    if whole <= 0.0 {
+        return result;
+    }
+    for i in 0..POINTS {
+        let at = (f64::from(i) + 0.5) / f64::from(POINTS) * whole;
+        let triangle = sums.partition_point(|&sum| sum <= at).min(sums.len() - 1);
+        let normal = geometry.normal(triangle);
+        if normal == Vec3::ZERO {
+            continue;
+        }
+        let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
+        let root = s.sqrt();
+        let barycentric = Vec3::new(1.0 - root, root * (1.0 - t), root * t);
+        let origin = offset_point(&geometry.corners(triangle), barycentric, normal);
+        let directions = (0..RAYS).map(|k| around(normal, k, RAYS, s));
+        let start = result.len();
+        result.extend(
+            directions.filter(|&d| rays.nearest(origin, d, triangle as u32).is_none()).map(|d| (origin, d)),
+        );
+        if (result.len() - start) as f32 > INSIDE * RAYS as f32 {
+            result.truncate(start);
+        }
+    }
+    result
+}
+
+/// The place by which a ray leaves its room: the narrowest one across any of the axes.
+fn narrowest(rays: &Rays, axes: &[Vec3; 3], ray: (Vec3, Vec3), reach: f32) -> Option<Frame> {
+    let frames = (0..3).filter_map(|axis| frame_along(rays, axes, axis, ray, reach));
+    frames.min_by(|a, b| a.area().total_cmp(&b.area())).filter(|frame| frame.is_framed(rays, axes))
+}
+
+/// The narrowest of the last places along a ray that are bounded on all four sides across an axis.
+fn frame_along(rays: &Rays, axes: &[Vec3; 3], axis: usize, ray: (Vec3, Vec3), reach: f32) -> Option<Frame> {
+    let (origin, direction) = ray;
+    let [n, u, v] = others(axis).map(|i| axes[i]);
+    // Free space to both sides of a place.
+    let across = |p: Vec3, d: Vec3| {
+        let [plus, minus] = [d, -d].map(|d| rays.nearest(p, d, NOWHERE).map(|hit| hit.t));
+        Some([minus?, plus?]).filter(|[minus, plus]| minus + plus <= WIDEST)
+    };
+    let mut best: Option<(Frame, f32)> = None;
+    for step in (1..=(reach / STEP) as u32).rev() {
+        let t = step as f32 * STEP;
+        let p = origin + direction * t;
+        let bounded = across(p, v).and_then(|vs| Some((across(p, u)?, vs)));
+        let Some((us, vs)) = bounded else {
+            // Past the outer end of the opening, or before its inner one.
+            if best.is_some() { break } else { continue }
+        };
+        let [at_u, at_v] = [u.dot(p), v.dot(p)];
+        let low = [at_u - us[0], at_v - vs[0]];
+        let high = [at_u + us[1], at_v + vs[1]];
+        let frame = Frame { axis, depth: n.dot(p), low, high, votes: 1 };
+        match &mut best {
+            None => best = Some((frame, t)),
+            Some((_, outer)) if *outer - t > THICKEST => break,
+            Some((narrowest, _)) if frame.area() < 0.98 * narrowest.area() => *narrowest = frame,
+            Some(_) => {}
+        }
+    }
+    best.map(|(frame, _)| frame)
+}
+
+/// How far along a ray anything of the box may lie.
+fn leave_distance((low, high): (Vec3, Vec3), (origin, direction): (Vec3, Vec3)) -> f32 {
+    let far = |i: usize| {
+        let side = if direction[i] > 0.0 { high[i] } else { low[i] };
+        if direction[i] == 0.0 { f32::INFINITY } else { (side - origin[i]) / direction[i] }
+    };
+    (0..3).map(far).fold(FARTHEST, f32::min).max(0.0)
+}
+
+/// The box around the geometry.
+fn bounds(geometry: &Geometry) -> (Vec3, Vec3) {
+    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    geometry.positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box, its fronts outwards or inwards.
+    fn block(geometry: &mut Geometry, low: Vec3, high: Vec3, inwards: bool) {
+        let first = geometry.positions.len() as u32;
+        for i in 0..8 {
+            let pick = |bit: u32, l: f32, h: f32| if i >> bit & 1 == 0 { l } else { h };
+            geometry.positions.push(Vec3::new(
+                pick(0, low.x, high.x),
+                pick(1, low.y, high.y),
+                pick(2, low.z, high.z),
+            ));
+        }
+        for [a, b, c, d] in
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+        {
+            for [a, b, c] in [[a, b, c], [a, c, d]] {
+                let [b, c] = if inwards { [c, b] } else { [b, c] };
+                geometry.triangles.push([a, b, c].map(|v| first + v));
+            }
+        }
+    }
+
+    /// A room of 6 × 3 × 4 m with walls 30 cm thick, and in its wall at +Z a window from (1, 1) to (2.4, 2.2).
+    fn room() -> Geometry {
+        let mut g = Geometry::default();
+        let mut block =
+            |low: [f32; 3], high: [f32; 3]| block(&mut g, Vec3::from(low), Vec3::from(high), false);
+        block([-0.3, -0.3, -0.3], [6.3, 0.0, 4.3]);
+        block([-0.3, 3.0, -0.3], [6.3, 3.3, 4.3]);
+        block([-0.3, 0.0, -0.3], [6.3, 3.0, 0.0]);
+        block([-0.3, 0.0, 0.0], [0.0, 3.0, 4.0]);
+        block([6.0, 0.0, 0.0], [6.3, 3.0, 4.0]);
+        block([-0.3, 0.0, 4.0], [1.0, 3.0, 4.3]);
+        block([2.4, 0.0, 4.0], [6.3, 3.0, 4.3]);
+        block([1.0, 0.0, 4.0], [2.4, 1.0, 4.3]);
+        block([1.0, 2.2, 4.0], [2.4, 3.0, 4.3]);
+        finish(g)
+    }
+
+    /// What rays ask for besides positions and triangles.
+    fn finish(mut g: Geometry) -> Geometry {
+        g.material_of = vec![0; g.triangles.len()];
+        g.materials.push(crate::geometry::Material {
+            albedo: Vec3::splat(0.5),
+            albedo_max: 1.0,
+            alpha: 1.0,
+            texture: None,
+            alpha_cutoff: None,
+            two_sided: false,
+            emission: None,
+        });
+        g
+    }
+
+    #[test]
+    fn a_window_is_found_to_the_centimetre() {
+        let g = room();
+        let found = openings(&g, &Rays::new(&g));
+        assert_eq!(found.len(), 1, "{found:?}");
+        let Portal { corner, edge_u, edge_v } = found[0];
+        let far = corner + edge_u + edge_v;
+        let (low, high) = (corner.min(far), corner.max(far));
+        assert!((low.truncate() - glam::DVec2::new(1.0, 1.0)).length() < 0.02, "{low}");
+        assert!((high.truncate() - glam::DVec2::new(2.4, 2.2)).length() < 0.02, "{high}");
+        assert!((4.0..=4.3).contains(&low.z) && low.z == high.z, "{low} {high}");
+        assert_eq!(edge_u.dot(edge_v), 0.0);
+    }
+
+    #[test]
+    fn bars_divide_no_window() {
+        let mut g = room();
+        block(&mut g, Vec3::new(1.68, 1.0, 4.1), Vec3::new(1.72, 2.2, 4.2), false);
+        let g = finish(g);
+        let found = openings(&g, &Rays::new(&g));
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!((found[0].edge_u.length().max(found[0].edge_v.length()) - 1.4).abs() < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn neither_a_closed_room_nor_a_field_has_openings() {
+        let mut closed = Geometry::default();
+        block(&mut closed, Vec3::ZERO, Vec3::splat(3.0), true);
+        let mut field = Geometry::default();
+        block(&mut field, Vec3::new(-50.0, -1.0, -50.0), Vec3::new(50.0, 0.0, 50.0), false);
+        block(&mut field, Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0), false);
+        for g in [closed, field, Geometry::default()].map(finish) {
+            assert!(openings(&g, &Rays::new(&g)).is_empty());
+        }
+    }
+}
