@@ -7,7 +7,7 @@ use super::texture::TextureStore;
 use super::{Geometry, Instance, LightmapPlace, gltf, obj};
 use crate::scene::{Object, Scene};
 use dataset::{Error, Result};
-use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
@@ -142,6 +142,8 @@ struct Placed<'a> {
     mesh: &'a Mesh,
     world_from_mesh: DMat4,
     material: u32,
+    /// Whether the scene file gives its colour in place of the file's.
+    recoloured: bool,
     name: String,
     lightmap: bool,
     lightmap_place: LightmapPlace,
@@ -177,6 +179,7 @@ fn place<'a>(
         let material = &model.materials[mesh.material];
         let added = store.materials.add(
             material,
+            mesh.brightest,
             &look,
             groups,
             albedo_max as f32,
@@ -228,6 +231,7 @@ fn place<'a>(
             mesh: &model.meshes[placement.mesh],
             world_from_mesh: world_from_file * placement.file_from_mesh,
             material: *material,
+            recoloured: look.albedo.is_some(),
             name: format!("{name}{number}"),
             lightmap: look.lightmap.unwrap_or(true),
             lightmap_place: placement.lightmap_place,
@@ -349,6 +353,7 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
             false => geometry.lightmap_uvs.extend_from_slice(&mesh.lightmap_uvs),
         }
     }
+    write_colours(p, first_vertex, geometry);
     geometry.material_of.resize(geometry.triangles.len(), p.material);
     geometry.instances.push(Instance {
         name: p.name.clone(),
@@ -361,6 +366,30 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
         lightmap_place: p.lightmap_place,
         density: p.density,
     });
+}
+
+/// Appends the vertex colours of a placed mesh whose vertices start at `first`. As long as there are none, nothing is held.
+fn write_colours(p: &Placed, first: usize, geometry: &mut Geometry) {
+    let (mesh, count) = (p.mesh, geometry.positions.len());
+    if mesh.colours.is_empty() {
+        if !geometry.colours.is_empty() {
+            geometry.colours.resize(count, Vec4::ONE);
+        }
+        return;
+    }
+    geometry.colours.resize(first, Vec4::ONE);
+    // A colour of the scene file replaces the file's; the cut-out stays.
+    let own = |colour: Vec4| if p.recoloured { Vec4::ONE.with_w(colour.w) } else { colour };
+    if mesh.normals.is_empty() {
+        let mirrored = DMat3::from_mat4(p.world_from_mesh).determinant() < 0.0;
+        for &[a, b, c] in &mesh.triangles {
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+            geometry.colours.extend(corners.map(|v| own(mesh.colours[v as usize])));
+        }
+    } else {
+        geometry.colours.extend(mesh.colours.iter().map(|&colour| own(colour)));
+    }
+    debug_assert_eq!(geometry.colours.len(), count);
 }
 
 /// Half the cross product of two edges.

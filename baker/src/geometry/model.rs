@@ -2,7 +2,7 @@
 
 use super::LightmapPlace;
 use dataset::{Error, Result};
-use glam::{DMat4, DVec3, Vec2, Vec3};
+use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 
 /// Albedo of surfaces for which a file gives none.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
@@ -43,6 +43,10 @@ pub(super) struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Empty: none.
     pub lightmap_uvs: Vec<Vec2>,
+    /// Linear colour and alpha that multiply the material's, each in [0, 1]; empty: none.
+    pub colours: Vec<Vec4>,
+    /// The greatest value of each channel of `colours`, where there are any.
+    pub brightest: Option<Vec3>,
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -93,7 +97,9 @@ impl Mesh {
         compact(&mut self.positions, &used, |p| p.is_finite(), place, "position")?;
         compact(&mut self.normals, &used, |n| n.is_finite(), place, "normal")?;
         compact(&mut self.uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
+        compact(&mut self.colours, &used, |c| c.is_finite(), place, "vertex colour")?;
         compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")?;
+        self.brightest = self.colours.iter().map(|c| c.truncate()).reduce(Vec3::max);
         Ok(dropped)
     }
 }
