@@ -2,6 +2,7 @@
 
 mod notes;
 mod model;
+mod originals;
 mod texture;
 mod polygon;
 mod obj;
@@ -15,6 +16,9 @@ mod similarity;
 mod solids;
 
 pub use load::{load, load_with};
+pub(crate) use model::{Asset, Mesh};
+pub use originals::Originals;
+pub(crate) use originals::Source;
 pub use similarity::Similarity;
 pub use solids::Solids;
 
@@ -45,6 +49,8 @@ pub struct Geometry {
     pub materials: Vec<Material>,
     /// Base colour textures.
     pub textures: Vec<Texture>,
+    /// The files that all this was read from, so that they can be written again.
+    pub originals: Originals,
 }
 
 /// One placed mesh (glTF primitive, OBJ object and material): a run of triangles with vertices of its own.

@@ -54,6 +54,22 @@ pub(super) fn read_indices(accessor: &Accessor, buffers: &Buffers, place: &str) 
     read(accessor, buffers, place, 0, |bytes| index(bytes, kind))
 }
 
+/// Reads elements of up to four components as they are, each filled up to a multiple of 4 bytes. Gives that length, too.
+pub(super) fn read_raw(accessor: &Accessor, buffers: &Buffers) -> Result<(usize, Vec<u8>)> {
+    let size = accessor.size();
+    if size > 16 || accessor.count() > MAX_COUNT_WITHOUT_VIEW && accessor.view().is_none() {
+        return Err(bad(accessor, "", "more than is read"));
+    }
+    let decode = |bytes: &[u8]| {
+        let mut element = [0u8; 16];
+        element[..size].copy_from_slice(bytes);
+        element
+    };
+    let stride = size.next_multiple_of(4);
+    let elements = read(accessor, buffers, "", [0; 16], decode)?;
+    Ok((stride, elements.iter().flat_map(|element| &element[..stride]).copied().collect()))
+}
+
 /// Checks the number of components and of elements.
 fn expect(accessor: &Accessor, components: usize, place: &str) -> Result<()> {
     if accessor.dimensions().multiplicity() != components {

@@ -26,6 +26,7 @@ pub(super) fn read(accessor: &Accessor, buffers: &Buffers, place: &str) -> Resul
         }
     };
     // (A colour that is no number stays, to be told with its vertex.)
-    let held = |colour: Vec4| if colour.is_nan() { colour } else { (colour / unit).clamp(Vec4::ZERO, Vec4::ONE) };
+    let held =
+        |colour: Vec4| if colour.is_nan() { colour } else { (colour / unit).clamp(Vec4::ZERO, Vec4::ONE) };
     Ok(colours.into_iter().map(held).collect())
 }

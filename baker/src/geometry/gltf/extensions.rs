@@ -48,7 +48,8 @@ const DRACO: &str = "KHR_draco_mesh_compression";
 const COPY: &str = "`npx @gltf-transform/cli copy IN.glb OUT.glb` writes it without";
 /// The commands that turn textures into such as are read.
 pub(super) const KTX2: &str = "`npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb` converts it to PNG";
-const AVIF: &str = "`npx @gltf-transform/cli png IN.glb OUT.glb --formats \"*\"` converts the textures to PNG";
+const AVIF: &str =
+    "`npx @gltf-transform/cli png IN.glb OUT.glb --formats \"*\"` converts the textures to PNG";
 #[cfg(not(feature = "webp"))]
 pub(super) const WEBP: &str = AVIF;
 
@@ -65,7 +66,10 @@ pub(super) fn check(root: &Value, file: &str) -> Result<Option<String>> {
                 Some((_, remedy)) if remedy.starts_with('`') || remedy.starts_with("export") => remedy,
                 _ => "export it without",
             };
-            return Err(Error::unsupported(file, format!("the asset requires {name}, which is not read: {remedy}")));
+            return Err(Error::unsupported(
+                file,
+                format!("the asset requires {name}, which is not read: {remedy}"),
+            ));
         }
     }
     // What Draco compressed may stand there a second time, as plain numbers.

@@ -136,9 +136,13 @@ fn texture(asset: &Asset, texture: &gltf::Texture, textures: &mut TextureStore, 
     let webp = None;
     let Some(number) = webp.or_else(|| texture.source().map(|image| image.index())) else {
         let what = match () {
-            _ if named.get("KHR_texture_basisu").is_some() => format!("it is in KTX2 alone: {}", extensions::KTX2),
+            _ if named.get("KHR_texture_basisu").is_some() => {
+                format!("it is in KTX2 alone: {}", extensions::KTX2)
+            }
             #[cfg(not(feature = "webp"))]
-            _ if named.get("EXT_texture_webp").is_some() => format!("it is in WebP alone: {}", extensions::WEBP),
+            _ if named.get("EXT_texture_webp").is_some() => {
+                format!("it is in WebP alone: {}", extensions::WEBP)
+            }
             _ => "expected a source".to_owned(),
         };
         return Err(Error::unsupported(place, what));

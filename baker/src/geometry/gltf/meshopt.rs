@@ -72,9 +72,9 @@ impl Compressed {
     /// The view's bytes, or what is wrong with it. `length` is what the view states as its own.
     fn decode<B: AsRef<[u8]>>(&self, length: Option<u64>, buffers: &[B]) -> Result<Decoded, String> {
         let &Compressed { byte_stride: stride, count, .. } = self;
-        let source = buffers.get(self.buffer).ok_or_else(|| {
-            format!("buffer = {}: expected an index below {}", self.buffer, buffers.len())
-        })?;
+        let source = buffers
+            .get(self.buffer)
+            .ok_or_else(|| format!("buffer = {}: expected an index below {}", self.buffer, buffers.len()))?;
         let end = self.byte_offset.checked_add(self.byte_length);
         let source = end.and_then(|end| source.as_ref().get(self.byte_offset..end));
         let source = source.ok_or("it ends outside its buffer: is the file whole?")?;
@@ -83,7 +83,10 @@ impl Compressed {
             format!("{count} elements of {stride} bytes: expected as many bytes as the view has")
         })?;
         if size / MOST_PER_BYTE > source.len() {
-            return Err(format!("{size} bytes out of {}: expected {MOST_PER_BYTE} times as many at most", source.len()));
+            return Err(format!(
+                "{size} bytes out of {}: expected {MOST_PER_BYTE} times as many at most",
+                source.len()
+            ));
         }
         let strides = |fits: bool, expected: &str| match fits {
             true => Ok(()),
@@ -141,7 +144,10 @@ impl Compressed {
         };
         if self.mode != "ATTRIBUTES" || !fits {
             let expected = "expected mode ATTRIBUTES and a stride that the filter takes";
-            return Err(format!("filter {filter} with mode {} and byteStride = {stride}: {expected}", self.mode));
+            return Err(format!(
+                "filter {filter} with mode {} and byteStride = {stride}: {expected}",
+                self.mode
+            ));
         }
         // SAFETY: `words` hold `count` elements of `stride` bytes, which is a stride that the filter takes.
         unsafe { undo(words.as_mut_ptr().cast(), count, stride) };

@@ -7,6 +7,7 @@ mod container;
 mod extensions;
 mod material;
 mod instancing;
+mod keep;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
@@ -28,13 +29,13 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
     let folder = path.parent().unwrap_or(Path::new(""));
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let (json, binary) = container::split(&bytes, &file)?;
-    let document = document(json, &file)?;
     // What the crate does not know stands in the same JSON as plain values.
-    let root: Value = serde_json::from_slice(json)
-        .map_err(|e| Error::invalid(&file, format!("not glTF 2.0: {e}")))?;
+    let root: Value =
+        serde_json::from_slice(json).map_err(|e| Error::invalid(&file, format!("not glTF 2.0: {e}")))?;
     if let Some(unread) = extensions::check(&root, &file)? {
         notes.add_line(&file, unread);
     }
+    let document = document(json, &file)?;
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
     let buffers = Buffers { plain, decoded };
@@ -113,8 +114,9 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn read(mut self) -> Result<Model> {
         let document = self.asset.document;
-        let mut stack: Vec<(gltf::Node, DMat4)> = match document.default_scene().or(document.scenes().next())
-        {
+        let scene = document.default_scene().or(document.scenes().next());
+        let number = scene.as_ref().map(gltf::Scene::index);
+        let mut stack: Vec<(gltf::Node, DMat4)> = match scene {
             Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY)).collect(),
             None => {
                 let mut is_child = vec![false; document.nodes().count()];
@@ -122,9 +124,10 @@ impl Reader<'_> {
                 document.nodes().filter(|n| !is_child[n.index()]).map(|n| (n, DMat4::IDENTITY)).collect()
             }
         };
+        let roots = stack.iter().map(|(node, _)| node.index()).collect();
         stack.reverse();
         // Depth first, in the file's order. Nodes form a tree: none is met twice.
-        let mut met = vec![false; document.nodes().count()];
+        let (mut met, mut order) = (vec![false; document.nodes().count()], Vec::new());
         let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
         while let Some((node, file_from_parent)) = stack.pop() {
             let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
@@ -132,6 +135,7 @@ impl Reader<'_> {
             if std::mem::replace(&mut met[node.index()], true) {
                 return Err(Error::invalid(place, "the node has two parents: expected a tree"));
             }
+            order.push(node.index());
             let file_from_node = file_from_parent * parent_from_node(&node);
             if !file_from_node.is_finite() {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
@@ -156,12 +160,19 @@ impl Reader<'_> {
                         start..self.model.meshes.len()
                     }
                 };
-                let instances = instancing::transforms(&self.asset, &self.asset.root["nodes"][node.index()], &place)?;
-                for node_from_mesh in instances.unwrap_or_else(|| vec![DMat4::IDENTITY]) {
-                    let file_from_mesh = file_from_node * node_from_mesh;
+                let instances =
+                    instancing::transforms(&self.asset, &self.asset.root["nodes"][node.index()], &place)?;
+                let repeats: Vec<_> = match instances {
+                    None => vec![None],
+                    Some(instances) => instances.into_iter().enumerate().map(Some).collect(),
+                };
+                for repeat in repeats {
+                    let file_from_mesh = repeat.map_or(file_from_node, |(_, at)| file_from_node * at);
                     self.model.placements.extend(range.clone().map(|mesh| NodeMesh {
                         mesh,
                         node: node.name().unwrap_or("").to_owned(),
+                        node_index: Some(node.index()),
+                        repeat,
                         file_from_mesh,
                         lightmap_place,
                     }));
@@ -179,6 +190,8 @@ impl Reader<'_> {
             let what = "points and lines have no surface and are left out";
             self.notes.add(self.asset.file, "file part", plural(self.skipped, "primitive"), what);
         }
+        let materials = self.materials.keys().filter_map(|(material, _)| *material);
+        self.model.asset = Some(keep::asset(&self.asset, order, roots, number, materials));
         Ok(self.model)
     }
 
@@ -201,7 +214,9 @@ impl Reader<'_> {
         let colours = primitive.get(&Semantic::Colors(0));
         let (material, uv) = self.material(&primitive.material(), colours.is_some())?;
         let buffers = self.asset.buffers;
-        let mut result = Mesh { name, material, origin: DVec3::ZERO, ..Default::default() };
+        let numbers = Some((mesh.index(), primitive.index()));
+        let mut result =
+            Mesh { name, material, primitive: numbers, origin: DVec3::ZERO, ..Default::default() };
         result.positions =
             read_floats::<3>(&positions, buffers, &place)?.into_iter().map(Vec3::from).collect();
         let count = result.positions.len();
@@ -230,6 +245,10 @@ impl Reader<'_> {
                 read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(Vec2::from).collect();
             expect("lightmap coordinates", result.lightmap_uvs.len())?;
         }
+        let kept =
+            primitive.attributes().filter_map(|(semantic, of)| keep::attribute(&semantic, &of, buffers));
+        result.attributes =
+            kept.filter(|attribute| attribute.bytes.len() == count * attribute.stride).collect();
         if let Some(colours) = colours {
             result.colours = colours::read(&colours, buffers, &place)?;
             expect("vertex colours", result.colours.len())?;
