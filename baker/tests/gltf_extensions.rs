@@ -445,6 +445,13 @@ fn textures_in_ktx2_use_their_fallback_and_are_told_where_there_is_none() {
     let (g, warnings) = textured(json!({ "extensions": ktx2 }), &png);
     assert_eq!(g.albedo_at(0, Vec3::X), Vec3::splat(0.5));
     assert!(warnings[0].contains("npx @gltf-transform/cli ktxdecompress"), "{warnings:?}");
+    // Where the file requires it, there is nothing to stand in for it.
+    let mut asset = Asset::square();
+    asset.root["textures"] = json!([{ "extensions": ktx2 }]);
+    asset.root["materials"][0]["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": 0 } });
+    asset.root["extensionsRequired"] = json!(["KHR_texture_basisu"]);
+    let error = load(&asset.finish()).unwrap_err().to_string();
+    assert!(error.contains("material paint") && error.contains("ktxdecompress"), "{error}");
     let (_, warnings) = textured(json!({}), &png);
     assert!(warnings[0].contains("expected a source"), "{warnings:?}");
     #[cfg(feature = "webp")]

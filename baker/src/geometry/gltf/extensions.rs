@@ -93,3 +93,11 @@ pub(super) fn check(root: &Value, file: &str) -> Result<Option<String>> {
     let many = if found.len() == 1 { "an extension that is" } else { "extensions that are" };
     Ok((!found.is_empty()).then(|| format!("the file uses {many} not read: {}", found.join("; "))))
 }
+
+/// Whether a texture stands in another format alone, which the asset requires to be read.
+pub(super) fn is_in_a_required_format(root: &Value, texture: usize) -> bool {
+    let texture = &root["textures"][texture];
+    let required = root["extensionsRequired"].as_array().into_iter().flatten();
+    let mut named = required.filter_map(Value::as_str).filter(|name| name.contains("_texture_"));
+    texture.get("source").is_none() && named.any(|name| texture["extensions"].get(name).is_some())
+}

@@ -76,6 +76,10 @@ pub(super) fn material(
             uv = uv_source(&info, &place)?;
             let read = texture(asset, &info.texture(), textures, &place);
             if let Err(error) = &read {
+                // The file says itself that it is nothing without the texture.
+                if extensions::is_in_a_required_format(asset.root, info.texture().index()) {
+                    return Err(Error::unsupported(place, reason(error)));
+                }
                 albedo *= DEFAULT_ALBEDO;
                 let what = "the texture cannot be read: grey stands in for it; add the file, or give the part an `albedo`";
                 notes.add(asset.file, "material", format!("{shown} ({})", reason(error)), what);
