@@ -35,9 +35,14 @@ fn each_has_its_light(name: &str, pages: usize) {
     // The manifest and the nodes of the geometry say the same.
     let file = dataset.path(dataset.config.geometry.as_ref().unwrap());
     let glb = gltf::Gltf::from_slice(&std::fs::read(file).unwrap()).unwrap();
-    let root = glb.document.nodes().find(|n| n.name() == Some("scene")).unwrap();
+    let placed: Vec<_> = glb
+        .document
+        .nodes()
+        .filter(|n| n.extras().as_ref().is_some_and(|e| e.get().contains("lightmapPage")))
+        .collect();
     assert_eq!((dataset.config.instances.len(), glb.document.meshes().count()), (4, 2));
-    for (node, instance) in root.children().zip(&dataset.config.instances) {
+    assert_eq!(placed.len(), 4);
+    for (node, instance) in placed.iter().zip(&dataset.config.instances) {
         assert_eq!(node.name(), Some(&instance.name[..]));
         let extras: serde_json::Value = serde_json::from_str(node.extras().as_ref().unwrap().get()).unwrap();
         assert_eq!(extras["lightmapPage"], instance.page);

@@ -1,4 +1,5 @@
-//! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, and ten thousand tiny charts.
+//! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, ten thousand tiny charts, and a
+//! compressed file with instances and vertex colours.
 
 use baker::bake::options::Preset;
 use baker::bake::run::{Options, bake};
@@ -55,4 +56,9 @@ fn ten_thousand_tiny_charts() {
 #[test]
 fn more_charts_than_the_page_has_blocks() {
     bake_and_compress("charts", 64, Some("lie on each other"));
+}
+
+#[test]
+fn compressed_instances_with_coloured_vertices() {
+    bake_and_compress("packed", 128, None);
 }

@@ -94,8 +94,8 @@ def make_materials(scene, target):
     textures = [load_texture(data) for data in scene.images]
     result = []
     for description in scene.materials:
-        pbr = description["pbrMetallicRoughness"]
-        factor = pbr["baseColorFactor"]
+        pbr = description.get("pbrMetallicRoughness", {})
+        factor = pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0])
         material = bpy.data.materials.new("m")
         material.use_nodes = True
         nodes, links = material.node_tree.nodes, material.node_tree.links

@@ -9,6 +9,7 @@ import numpy
 
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 TYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
+GREY = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1.0]}}  # what the baker gives a primitive without a material
 
 
 @dataclasses.dataclass
@@ -50,42 +51,66 @@ def read(path: pathlib.Path) -> Scene:
         return values.reshape(-1, width).astype(numpy.int64 if a["componentType"] != 5126 else numpy.float64)
 
     soups = {True: [], False: []}
-    parent = root["nodes"][root["scenes"][0]["nodes"][0]]
-    shift = numpy.array(parent.get("translation", [0, 0, 0]), float)
-    for child in parent["children"]:
-        node = root["nodes"][child]
-        matrix = numpy.array(node.get("matrix", numpy.eye(4).flatten()), float).reshape(4, 4).T
+    materials = root.get("materials", []) + [GREY]
+    stack = [(n, numpy.eye(4)) for n in reversed(root["scenes"][root.get("scene", 0)]["nodes"])]
+    while stack:
+        index, parent = stack.pop()
+        node = root["nodes"][index]
+        matrix = parent @ local(node)
+        stack += [(n, matrix) for n in reversed(node.get("children", []))]
+        if "mesh" not in node:
+            continue
         flip = numpy.linalg.det(matrix[:3, :3]) < 0
-        extras = node.get("extras")
+        extras = node.get("extras", {})
+        lit = "lightmapPage" in extras
         for primitive in root["meshes"][node["mesh"]]["primitives"]:
             attributes = primitive["attributes"]
-            positions = accessor(attributes["POSITION"]) @ matrix[:3, :3].T + matrix[:3, 3] + shift
-            normals = accessor(attributes["NORMAL"]) @ numpy.linalg.inv(matrix[:3, :3])
-            normals /= numpy.maximum(numpy.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+            positions = accessor(attributes["POSITION"]) @ matrix[:3, :3].T + matrix[:3, 3]
             triangles = accessor(primitive["indices"]).reshape(-1, 3)
+            triangles = triangles[:, [0, 2, 1]] if flip else triangles
+            vertex = lambda name, width: accessor(attributes[name]) if name in attributes else numpy.zeros((len(positions), width))
             page = numpy.zeros((len(positions), 2))
-            if extras:
+            if lit:
                 if extras["lightmapPage"] != 0:
                     raise SystemExit("several pages: not handled")
                 page = accessor(attributes["TEXCOORD_1"]) * extras["lightmapScale"] + extras["lightmapOffset"]
-            soups[extras is not None].append(
-                Mesh(
-                    positions,
-                    normals,
-                    accessor(attributes["TEXCOORD_0"]),
-                    page,
-                    triangles[:, [0, 2, 1]] if flip else triangles,
-                    numpy.full(len(triangles), primitive["material"]),
-                )
-            )
+            uvs = vertex("TEXCOORD_0", 2)
+            if "NORMAL" in attributes:
+                normals = accessor(attributes["NORMAL"]) @ numpy.linalg.inv(matrix[:3, :3])
+            else:  # flat: every corner is a vertex of its own
+                a, b, c = (positions[triangles[:, k]] for k in range(3))
+                normals = numpy.repeat(numpy.cross(b - a, c - a), 3, axis=0)
+                positions, uvs, page = (v[triangles.flatten()] for v in (positions, uvs, page))
+                triangles = numpy.arange(len(positions)).reshape(-1, 3)
+            normals /= numpy.maximum(numpy.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+            material = numpy.full(len(triangles), primitive.get("material", len(materials) - 1))
+            soups[lit].append(Mesh(positions, normals, uvs, page, triangles, material))
     textures = root.get("textures", [])
     return Scene(
         join(soups[True]),
         join(soups[False]),
-        root["materials"],
+        materials,
         [view(root["images"][t["source"]]["bufferView"]) for t in textures],
-        [root["samplers"][t["sampler"]] for t in textures],
+        [root["samplers"][t["sampler"]] if "sampler" in t else {} for t in textures],
     )
+
+
+def local(node) -> numpy.ndarray:
+    """The matrix of a node."""
+    if "matrix" in node:
+        return numpy.array(node["matrix"], float).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", [0, 0, 0, 1])
+    turn = numpy.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    matrix = numpy.eye(4)
+    matrix[:3, :3] = turn * numpy.array(node.get("scale", [1, 1, 1]), float)
+    matrix[:3, 3] = node.get("translation", [0, 0, 0])
+    return matrix
 
 
 def join(meshes) -> Mesh:

@@ -103,6 +103,8 @@ impl Prepared {
         if let Some(transfer) = &self.transfer {
             hash.update(&json::bytes(transfer, "transfer")?);
         }
+        // What the geometry file carries over.
+        self.geometry.originals.update_digest(&mut hash);
         self.geometry.instances.iter().for_each(|i| {
             hash.update(i.name.as_bytes()).update(&[0]);
         });

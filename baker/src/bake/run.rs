@@ -16,8 +16,8 @@ use super::standing::{self, RUN};
 use super::tracer::Tracer;
 use super::views;
 use super::work::WorkFolder;
-use crate::atlas::{Atlas, Placement};
-use crate::geometry::{Geometry, Solids};
+use crate::atlas::Atlas;
+use crate::geometry::Solids;
 use crate::surface::FaceBins;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
@@ -102,7 +102,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
     let stored = assembler.store(&mut writer, || progress.advance(1))?;
     drop(progress);
-    let glb = writer.add("scene", "glb", &super::scene_glb::to_glb(geometry, &atlas)?)?;
+    let written = super::scene_glb::to_glb(geometry, &atlas)?;
+    let glb = writer.add("scene", "glb", &written.glb)?;
     writer.alias(&glb, super::scene_glb::NAME);
     let facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
     let mut warnings = [prepared.warnings.clone(), atlas.warnings.clone(), dropped].concat();
@@ -116,7 +117,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let mut relative = stored.errors.relative(plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let last = traced.rounds.last();
-    let config = manifest(&prepared, &atlas, &traced, stored, glb, &inputs, settings);
+    let config = manifest(&prepared, written.places, &traced, stored, glb, &inputs, settings);
     writer.commit(&config)?;
     let forgotten = layers.keep_only(&base, digests);
     if forgotten > 0 {
@@ -156,14 +157,14 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 /// The manifest of what was stored.
 fn manifest(
     prepared: &Prepared,
-    atlas: &Atlas,
+    places: Vec<Instance>,
     traced: &Traced,
     stored: Stored,
     geometry_file: FileRef,
     inputs: &str,
     settings: serde_json::Value,
 ) -> Config {
-    let Prepared { scene, geometry, .. } = prepared;
+    let Prepared { scene, .. } = prepared;
     Config {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -178,7 +179,7 @@ fn manifest(
         sets: stored.sets,
         noise: Some(stored.noise),
         geometry: Some(geometry_file),
-        instances: instances(geometry, atlas),
+        instances: places,
         settings,
         source: None,
         transfer: prepared.transfer.clone(),
@@ -310,19 +311,4 @@ fn with_worker<T>(
 
 fn group((group, layers): (&crate::scene::Group, Vec<FileRef>)) -> Group {
     Group { name: group.name.clone(), on: group.on.clone(), layers }
-}
-
-/// The places of all instances that have texels.
-fn instances(geometry: &Geometry, atlas: &Atlas) -> Vec<Instance> {
-    let instances = geometry.instances.iter().zip(&atlas.placements);
-    let placed = instances.flat_map(|(instance, placements)| {
-        let place = |p: &Placement| Instance {
-            name: instance.name.clone(),
-            page: p.page,
-            scale: p.scale,
-            offset: p.offset,
-        };
-        placements.iter().map(place)
-    });
-    placed.collect()
 }

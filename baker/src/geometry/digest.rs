@@ -10,6 +10,7 @@ impl Geometry {
         hash.update(bytemuck::cast_slice(&self.normals));
         hash.update(bytemuck::cast_slice(&self.uvs));
         hash.update(bytemuck::cast_slice(&self.lightmap_uvs));
+        hash.update(bytemuck::cast_slice(&self.colours));
         hash.update(bytemuck::cast_slice(&self.triangles));
         hash.update(bytemuck::cast_slice(&self.material_of));
         for i in &self.instances {

@@ -3,11 +3,12 @@
 use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
 use super::notes::{self, Notes};
+use super::originals::{self, File, Source};
 use super::texture::TextureStore;
 use super::{Geometry, Instance, LightmapPlace, gltf, obj};
 use crate::scene::{Object, Scene};
 use dataset::{Error, Result};
-use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
@@ -38,11 +39,16 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     let groups: Vec<&str> = scene.groups.iter().map(|g| g.name.as_str()).collect();
     let materials = MaterialStore::default();
     let mut store = Store { materials, textures, undefined: Vec::new(), limited: Vec::new() };
-    let mut placed = Vec::new();
-    for (object, model) in scene.objects.iter().zip(&model_of) {
-        let Some(model) = model.map(|index| &models[index]) else { continue };
+    let (mut placed, mut objects) = (Vec::new(), Vec::new());
+    for (object, &file) in scene.objects.iter().zip(&model_of) {
+        let Some(file) = file else { continue };
+        let model = &models[file].1;
+        let first = objects.len();
+        objects.extend(
+            object.world_from_file.iter().map(|&world_from_file| originals::Object { file, world_from_file }),
+        );
         let albedo_max = scene.bake.albedo_max;
-        place(object, model, &groups, albedo_max, &mut store, &mut placed, &mut errors);
+        place(object, model, first, &groups, albedo_max, &mut store, &mut placed, &mut errors);
     }
     warnings.extend(notes.lines());
     warnings.append(&mut store.undefined);
@@ -51,6 +57,9 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
         return Err(error);
     }
     let mut geometry = write_out(&placed)?;
+    geometry.originals.sources = placed.iter().map(|p| p.source).collect();
+    geometry.originals.objects = objects;
+    geometry.originals.files = models.into_iter().map(|(name, model)| File::new(name, model)).collect();
     geometry.materials = store.materials.materials;
     geometry.textures = store.textures.textures;
     Ok(geometry)
@@ -89,13 +98,13 @@ impl Store {
     }
 }
 
-/// Reads every file once. Gives the models, and per object the index of its, if it could be read.
+/// Reads every file once. Gives the names and models, and per object the index of its, if it could be read.
 fn read_files(
     scene: &Scene,
     textures: &mut TextureStore,
     notes: &mut Notes,
     errors: &mut Vec<Error>,
-) -> (Vec<Model>, Vec<Option<usize>>) {
+) -> (Vec<(String, Model)>, Vec<Option<usize>>) {
     let mut known: BTreeMap<(PathBuf, bool), Option<usize>> = BTreeMap::new();
     let (mut models, mut model_of) = (Vec::new(), Vec::new());
     for object in &scene.objects {
@@ -106,7 +115,8 @@ fn read_files(
         }
         let index = match read_file(object, textures, notes) {
             Ok(model) => {
-                models.push(model);
+                let name = object.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                models.push((name, model));
                 Some(models.len() - 1)
             }
             Err(error) => {
@@ -140,18 +150,23 @@ fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) ->
 /// A mesh at a place in the world.
 struct Placed<'a> {
     mesh: &'a Mesh,
+    source: Source,
     world_from_mesh: DMat4,
     material: u32,
+    /// Whether the scene file gives its colour in place of the file's.
+    recoloured: bool,
     name: String,
     lightmap: bool,
     lightmap_place: LightmapPlace,
     density: f64,
 }
 
-/// Lists the placed meshes of an object, instance by instance.
+/// Lists the placed meshes of an object, instance by instance; `first_object` is the first of its places among those of the scene.
+#[expect(clippy::too_many_arguments, reason = "one call")]
 fn place<'a>(
     object: &Object,
     model: &'a Model,
+    first_object: usize,
     groups: &[&str],
     albedo_max: f64,
     store: &mut Store,
@@ -177,6 +192,7 @@ fn place<'a>(
         let material = &model.materials[mesh.material];
         let added = store.materials.add(
             material,
+            mesh.brightest,
             &look,
             groups,
             albedo_max as f32,
@@ -226,8 +242,16 @@ fn place<'a>(
         let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
         placed.extend(list.iter().map(|(placement, material, name, look)| Placed {
             mesh: &model.meshes[placement.mesh],
+            source: Source {
+                object: first_object + i,
+                mesh: placement.mesh,
+                node: placement.node_index,
+                repeat: placement.repeat,
+                is_restyled: look.albedo.is_some() || look.two_sided.is_some(),
+            },
             world_from_mesh: world_from_file * placement.file_from_mesh,
             material: *material,
+            recoloured: look.albedo.is_some(),
             name: format!("{name}{number}"),
             lightmap: look.lightmap.unwrap_or(true),
             lightmap_place: placement.lightmap_place,
@@ -349,6 +373,7 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
             false => geometry.lightmap_uvs.extend_from_slice(&mesh.lightmap_uvs),
         }
     }
+    write_colours(p, first_vertex, geometry);
     geometry.material_of.resize(geometry.triangles.len(), p.material);
     geometry.instances.push(Instance {
         name: p.name.clone(),
@@ -361,6 +386,30 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
         lightmap_place: p.lightmap_place,
         density: p.density,
     });
+}
+
+/// Appends the vertex colours of a placed mesh whose vertices start at `first`. As long as there are none, nothing is held.
+fn write_colours(p: &Placed, first: usize, geometry: &mut Geometry) {
+    let (mesh, count) = (p.mesh, geometry.positions.len());
+    if mesh.colours.is_empty() {
+        if !geometry.colours.is_empty() {
+            geometry.colours.resize(count, Vec4::ONE);
+        }
+        return;
+    }
+    geometry.colours.resize(first, Vec4::ONE);
+    // A colour of the scene file replaces the file's; the cut-out stays.
+    let own = |colour: Vec4| if p.recoloured { Vec4::ONE.with_w(colour.w) } else { colour };
+    if mesh.normals.is_empty() {
+        let mirrored = DMat3::from_mat4(p.world_from_mesh).determinant() < 0.0;
+        for &[a, b, c] in &mesh.triangles {
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+            geometry.colours.extend(corners.map(|v| own(mesh.colours[v as usize])));
+        }
+    } else {
+        geometry.colours.extend(mesh.colours.iter().map(|&colour| own(colour)));
+    }
+    debug_assert_eq!(geometry.colours.len(), count);
 }
 
 /// Half the cross product of two edges.

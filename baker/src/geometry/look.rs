@@ -77,10 +77,13 @@ pub(super) struct MaterialStore {
 
 impl MaterialStore {
     /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does not limit the
-    /// look's own albedo). `groups` are the names of the scene's light groups.
+    /// look's own albedo). `groups` are the names of the scene's light groups; `tint` is the brightest of the vertex colours, where
+    /// there are any.
+    #[expect(clippy::too_many_arguments, reason = "one call")]
     pub fn add(
         &mut self,
         file: &FileMaterial,
+        tint: Option<Vec3>,
         look: &Look,
         groups: &[&str],
         albedo_max: f32,
@@ -102,10 +105,11 @@ impl MaterialStore {
             material.texture =
                 if file.alpha_cutoff.is_some() { file.texture.map(|t| textures.white(t)) } else { None };
         }
-        let brightest = file.albedo * file.texture.map_or(Vec3::ONE, |t| textures.brightest(t));
+        let textured = file.texture.map_or(Vec3::ONE, |t| textures.brightest(t));
+        let brightest = file.albedo * textured * tint.unwrap_or(Vec3::ONE);
         let limited = look.albedo.is_none() && brightest.max_element() > albedo_max;
         match limited {
-            true if file.texture.is_some() => material.albedo_max = albedo_max,
+            true if file.texture.is_some() || tint.is_some() => material.albedo_max = albedo_max,
             true => material.albedo = file.albedo.min(Vec3::splat(albedo_max)),
             false => {}
         }

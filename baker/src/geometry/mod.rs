@@ -2,6 +2,7 @@
 
 mod notes;
 mod model;
+mod originals;
 mod texture;
 mod polygon;
 mod obj;
@@ -15,10 +16,13 @@ mod similarity;
 mod solids;
 
 pub use load::{load, load_with};
+pub(crate) use model::{Asset, Mesh};
+pub use originals::Originals;
+pub(crate) use originals::Source;
 pub use similarity::Similarity;
 pub use solids::Solids;
 
-use glam::{DAffine3, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 
 /// All triangles of a scene. Positions are relative to `origin`, so that `f32` keeps its precision far from zero.
 #[derive(Clone, Debug, Default)]
@@ -33,6 +37,8 @@ pub struct Geometry {
     pub uvs: Vec<Vec2>,
     /// Authored lightmap coordinates (TEXCOORD_1), zero where absent.
     pub lightmap_uvs: Vec<Vec2>,
+    /// Linear colour and alpha of each vertex, which multiply those of its material; empty where no file gives any.
+    pub colours: Vec<Vec4>,
     /// Vertex indices, front face counter-clockwise (also for mirrored instances).
     pub triangles: Vec<[u32; 3]>,
     /// Per triangle, index into `materials`.
@@ -43,6 +49,8 @@ pub struct Geometry {
     pub materials: Vec<Material>,
     /// Base colour textures.
     pub textures: Vec<Texture>,
+    /// The files that all this was read from, so that they can be written again.
+    pub originals: Originals,
 }
 
 /// One placed mesh (glTF primitive, OBJ object and material): a run of triangles with vertices of its own.

@@ -2,7 +2,8 @@
 
 use super::LightmapPlace;
 use dataset::{Error, Result};
-use glam::{DMat4, DVec3, Vec2, Vec3};
+use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
+use serde_json::Value;
 
 /// Albedo of surfaces for which a file gives none.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
@@ -14,6 +15,8 @@ pub(super) struct Model {
     /// Which meshes stand where, in the order of the file.
     pub placements: Vec<NodeMesh>,
     pub materials: Vec<FileMaterial>,
+    /// What only a glTF holds.
+    pub asset: Option<Asset>,
 }
 
 /// A mesh at a node.
@@ -22,18 +25,24 @@ pub(super) struct NodeMesh {
     pub mesh: usize,
     /// The node's name, or empty.
     pub node: String,
+    /// The node's index in a glTF.
+    pub node_index: Option<usize>,
+    /// Where it stands relative to the node, and as which of the node's instances, if that has several.
+    pub repeat: Option<(usize, DMat4)>,
     pub file_from_mesh: DMat4,
     /// Where the node says that its lightmap lies.
     pub lightmap_place: LightmapPlace,
 }
 
 /// Indexed triangles of one material.
-#[derive(Default)]
-pub(super) struct Mesh {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mesh {
     /// Name in the file, or empty.
     pub name: String,
     /// Index of the material.
     pub material: usize,
+    /// Of a glTF: the indices of its mesh, and of the primitive in that.
+    pub primitive: Option<(usize, usize)>,
     /// What positions are relative to.
     pub origin: DVec3,
     pub positions: Vec<Vec3>,
@@ -43,7 +52,51 @@ pub(super) struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Empty: none.
     pub lightmap_uvs: Vec<Vec2>,
+    /// Linear colour and alpha that multiply the material's, each in [0, 1]; empty: none.
+    pub colours: Vec<Vec4>,
+    /// The greatest value of each channel of `colours`, where there are any.
+    pub brightest: Option<Vec3>,
+    /// Attributes as they stand in the file.
+    pub attributes: Vec<Attribute>,
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// A vertex attribute that nothing here reads, as it stands in the file.
+#[derive(Clone, Debug)]
+pub(crate) struct Attribute {
+    /// Such as `TANGENT`.
+    pub name: String,
+    /// glTF's number for the type of a component.
+    pub component: u32,
+    /// Such as `VEC4`.
+    pub kind: &'static str,
+    pub normalized: bool,
+    /// Bytes per vertex, a multiple of 4.
+    pub stride: usize,
+    /// Vertex by vertex.
+    pub bytes: Vec<u8>,
+}
+
+impl Attribute {
+    /// The bytes of one vertex.
+    pub fn of(&self, vertex: usize) -> &[u8] {
+        &self.bytes[vertex * self.stride..][..self.stride]
+    }
+}
+
+/// What a glTF holds beside triangles.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Asset {
+    /// Its JSON, without what describes bytes.
+    pub root: Value,
+    /// Indices of the nodes of its scene, every parent before its children.
+    pub nodes: Vec<usize>,
+    /// Those of them that have no parent.
+    pub roots: Vec<usize>,
+    /// The scene's own JSON.
+    pub scene: Value,
+    /// The encoded bytes of its images; `None` for one that cannot be read.
+    pub images: Vec<Option<Vec<u8>>>,
 }
 
 /// A material of a file.
@@ -93,7 +146,12 @@ impl Mesh {
         compact(&mut self.positions, &used, |p| p.is_finite(), place, "position")?;
         compact(&mut self.normals, &used, |n| n.is_finite(), place, "normal")?;
         compact(&mut self.uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
+        compact(&mut self.colours, &used, |c| c.is_finite(), place, "vertex colour")?;
         compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")?;
+        for attribute in &mut self.attributes {
+            attribute.bytes = used.iter().flat_map(|&v| attribute.of(v as usize)).copied().collect();
+        }
+        self.brightest = self.colours.iter().map(|c| c.truncate()).reduce(Vec3::max);
         Ok(dropped)
     }
 }

@@ -41,6 +41,12 @@ impl Notes {
         self.kinds.push(Kind { file, noun, what: what.into(), names, count: 1 });
     }
 
+    /// Notes something about a file as a whole, in a line of its own.
+    pub fn add_line(&mut self, file: &str, what: String) {
+        let (file, names) = (file.to_owned(), Vec::new());
+        self.kinds.push(Kind { file, noun: "", what, names, count: 0 });
+    }
+
     /// One line per kind.
     pub fn lines(&self) -> impl Iterator<Item = String> + '_ {
         self.kinds.iter().map(Kind::line)
@@ -51,6 +57,7 @@ impl Kind {
     fn line(&self) -> String {
         let Kind { file, noun, what, names, .. } = self;
         match self.count {
+            0 => format!("{file}: {what}"),
             1 => format!("{file}: {noun} {}: {what}", names[0]),
             n => format!("{file}: {} ({}): {what}", plural(n, noun), list(names, n)),
         }

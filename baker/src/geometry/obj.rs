@@ -116,6 +116,8 @@ pub(super) fn load(
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),
             node,
+            node_index: None,
+            repeat: None,
             file_from_mesh: DMat4::IDENTITY,
             lightmap_place: LightmapPlace::Unsaid,
         });

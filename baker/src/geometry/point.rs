@@ -2,7 +2,7 @@
 
 use super::Geometry;
 use crate::Rgb;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 /// Points on triangles are given by their barycentric weights (of the three vertices, in order, summing to 1).
 impl Geometry {
@@ -48,27 +48,46 @@ impl Geometry {
         a * barycentrics.x + b * barycentrics.y + c * barycentrics.z
     }
 
-    /// Linear diffuse albedo, factor times texture, from 0 to the material's limit.
+    /// The colour and alpha of the vertices, interpolated; `None` where no file of the scene gives any.
+    fn colour_at(&self, triangle: usize, barycentrics: Vec3) -> Option<Vec4> {
+        if self.colours.is_empty() {
+            return None;
+        }
+        let [a, b, c] = self.triangles[triangle].map(|v| self.colours[v as usize]);
+        Some(a * barycentrics.x + b * barycentrics.y + c * barycentrics.z)
+    }
+
+    /// Linear diffuse albedo, factor times texture times vertex colour, from 0 to the material's limit.
     pub fn albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = &self.materials[self.material_of[triangle] as usize];
-        match material.texture {
+        let colour = self.colour_at(triangle, barycentrics);
+        let own = match colour {
             None => material.albedo,
+            Some(colour) => material.albedo * colour.truncate(),
+        };
+        match material.texture {
+            None if colour.is_none() => own,
+            None => own.min(Rgb::splat(material.albedo_max)),
             Some(index) => {
                 let texture = &self.textures[index as usize];
-                let albedo = material.albedo * texture.sample(self.uv_at(triangle, barycentrics)).0;
+                let albedo = own * texture.sample(self.uv_at(triangle, barycentrics)).0;
                 albedo.min(Rgb::splat(material.albedo_max))
             }
         }
     }
 
-    /// Alpha, factor times texture, in [0, 1].
+    /// Alpha, factor times texture times that of the vertices, in [0, 1].
     pub fn alpha_at(&self, triangle: usize, barycentrics: Vec3) -> f32 {
         let material = &self.materials[self.material_of[triangle] as usize];
-        match material.texture {
+        let alpha = match self.colour_at(triangle, barycentrics) {
             None => material.alpha,
+            Some(colour) => material.alpha * colour.w,
+        };
+        match material.texture {
+            None => alpha,
             Some(index) => {
                 let texture = &self.textures[index as usize];
-                material.alpha * texture.sample_alpha(self.uv_at(triangle, barycentrics))
+                alpha * texture.sample_alpha(self.uv_at(triangle, barycentrics))
             }
         }
     }

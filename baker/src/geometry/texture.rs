@@ -87,7 +87,7 @@ pub(super) struct TextureStore {
 }
 
 impl TextureStore {
-    /// Decodes a PNG or JPEG file's bytes, or finds the texture they gave before. `place` is for messages.
+    /// Decodes the bytes of a PNG, JPEG or (with the feature `webp`) WebP file, or finds the texture they gave before. `place` is for messages.
     pub fn add(&mut self, bytes: &[u8], wrap_u: Wrap, wrap_v: Wrap, place: &str) -> Result<u32> {
         let key = (*blake3::hash(bytes).as_bytes(), wrap_u, wrap_v);
         if let Some(&index) = self.index.get(&key) {
@@ -95,6 +95,8 @@ impl TextureStore {
         }
         let format = match image::guess_format(bytes) {
             Ok(format @ (image::ImageFormat::Png | image::ImageFormat::Jpeg)) => format,
+            #[cfg(feature = "webp")]
+            Ok(format @ image::ImageFormat::WebP) => format,
             _ => return Err(Error::unsupported(place, "the texture is neither PNG nor JPEG: convert it")),
         };
         let decoded = image::load_from_memory_with_format(bytes, format)

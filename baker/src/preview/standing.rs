@@ -57,7 +57,7 @@ pub fn open(
         atlas
     };
     // The geometry with its lightmap coordinates is a file of the dataset: the same bytes, the same texels at the same places.
-    let glb = blake3::hash(&to_glb(geometry, &atlas)?).to_hex();
+    let glb = blake3::hash(&to_glb(geometry, &atlas)?.glb).to_hex();
     if config.geometry.as_ref().is_none_or(|file| file.blake3 != glb.as_str()) {
         return Err(other(&format!(
             "it is of the scene {:?}, whose geometry, materials or layout are not those that {scene_file} gives now",

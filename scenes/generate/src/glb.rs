@@ -193,7 +193,7 @@ fn png(texture: &Texture, alpha: bool) -> Vec<u8> {
 }
 
 /// The GLB container: header, JSON chunk padded with spaces, binary chunk padded with zeros.
-fn container(mut json: Vec<u8>, binary: Vec<u8>) -> Vec<u8> {
+pub fn container(mut json: Vec<u8>, binary: Vec<u8>) -> Vec<u8> {
     while !json.len().is_multiple_of(4) {
         json.push(b' ');
     }

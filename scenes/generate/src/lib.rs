@@ -22,7 +22,7 @@ mod yard;
 /// Names of the scenes whose GLB files stand in this folder.
 pub const SCENES: [&str; 5] = ["city", "extremes", "farmland", "room", "yard"];
 /// Names of the stress scenes, which tests generate where they need them.
-pub const STRESS: [&str; 2] = ["slivers", "charts"];
+pub const STRESS: [&str; 3] = ["slivers", "charts", "packed"];
 
 /// What a scene's generator makes.
 #[derive(Clone, Debug)]
@@ -43,6 +43,10 @@ pub fn generate(name: &str) -> Option<Generated> {
         "yard" => yard::model(),
         "slivers" => stress::slivers(),
         "charts" => stress::charts(),
+        "packed" => {
+            let table = "a patch of ground, and a block at four places\n".to_owned();
+            return Some(Generated { glb: stress::packed::glb(), table });
+        }
         _ => return None,
     };
     Some(Generated { glb: glb::write(&model), table: model.table() })

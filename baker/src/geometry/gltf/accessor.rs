@@ -1,16 +1,35 @@
 //! Accessors: typed views of buffers, every read bounds-checked. Any component type is read, as
 //! `KHR_mesh_quantization` allows.
 
+use super::meshopt::Decoded;
 use dataset::{Error, Result};
 use gltf::accessor::{Accessor, DataType};
+use std::collections::BTreeMap;
 
 /// More elements than a mesh with 32-bit indices can use.
 const MAX_COUNT: usize = 1 << 31;
 /// Without a view the elements cost no bytes in the file: a bound of its own.
 const MAX_COUNT_WITHOUT_VIEW: usize = 1 << 24;
 
-/// Bytes of the asset's buffers, in order.
-pub(super) type Buffers<'a> = Vec<std::borrow::Cow<'a, [u8]>>;
+/// Bytes of the asset's buffers, in order, and of the views that are compressed.
+pub(super) struct Buffers<'a> {
+    /// One that stands in for compressed views is empty.
+    pub plain: Vec<std::borrow::Cow<'a, [u8]>>,
+    /// By the view's index.
+    pub decoded: BTreeMap<usize, Decoded>,
+}
+
+impl Buffers<'_> {
+    /// The bytes of a view from an offset in it; `None` if they do not all lie within view and buffer.
+    pub fn bytes(&self, view: &gltf::buffer::View, offset: usize, length: usize) -> Option<&[u8]> {
+        let end = offset.checked_add(length).filter(|&end| end <= view.length())?;
+        if let Some(decoded) = self.decoded.get(&view.index()) {
+            return decoded.bytes().get(offset..end);
+        }
+        let start = view.offset().checked_add(offset)?;
+        self.plain.get(view.buffer().index())?.get(start..start.checked_add(length)?)
+    }
+}
 
 /// Reads a vertex attribute of `N` components as floats.
 pub(super) fn read_floats<const N: usize>(
@@ -33,6 +52,22 @@ pub(super) fn read_indices(accessor: &Accessor, buffers: &Buffers, place: &str) 
         return Err(bad(accessor, place, "indices that are not unsigned integers"));
     }
     read(accessor, buffers, place, 0, |bytes| index(bytes, kind))
+}
+
+/// Reads elements of up to four components as they are, each filled up to a multiple of 4 bytes. Gives that length, too.
+pub(super) fn read_raw(accessor: &Accessor, buffers: &Buffers) -> Result<(usize, Vec<u8>)> {
+    let size = accessor.size();
+    if size > 16 || accessor.count() > MAX_COUNT_WITHOUT_VIEW && accessor.view().is_none() {
+        return Err(bad(accessor, "", "more than is read"));
+    }
+    let decode = |bytes: &[u8]| {
+        let mut element = [0u8; 16];
+        element[..size].copy_from_slice(bytes);
+        element
+    };
+    let stride = size.next_multiple_of(4);
+    let elements = read(accessor, buffers, "", [0; 16], decode)?;
+    Ok((stride, elements.iter().flat_map(|element| &element[..stride]).copied().collect()))
 }
 
 /// Checks the number of components and of elements.
@@ -110,11 +145,10 @@ fn slice<'a>(
         return Some(&[]);
     }
     let length = (count - 1).checked_mul(stride)?.checked_add(size)?;
-    if stride < size || offset.checked_add(length)? > view.length() {
+    if stride < size {
         return None;
     }
-    let start = view.offset().checked_add(offset)?;
-    buffers.get(view.buffer().index())?.get(start..start.checked_add(length)?)
+    buffers.bytes(view, offset, length)
 }
 
 /// A little-endian unsigned integer.

@@ -2,6 +2,7 @@
 
 use super::accessor::Buffers;
 use super::container::read_uri;
+use super::extensions;
 use crate::geometry::Wrap;
 use crate::geometry::model::{DEFAULT_ALBEDO, FileMaterial, check_albedo, reason};
 use crate::geometry::notes::Notes;
@@ -28,6 +29,8 @@ pub(super) struct Asset<'a> {
     pub file: &'a str,
     pub folder: &'a Path,
     pub document: &'a gltf::Document,
+    /// The same as plain JSON.
+    pub root: &'a serde_json::Value,
     pub buffers: &'a Buffers<'a>,
 }
 
@@ -73,6 +76,10 @@ pub(super) fn material(
             uv = uv_source(&info, &place)?;
             let read = texture(asset, &info.texture(), textures, &place);
             if let Err(error) = &read {
+                // The file says itself that it is nothing without the texture.
+                if extensions::is_in_a_required_format(asset.root, info.texture().index()) {
+                    return Err(Error::unsupported(place, reason(error)));
+                }
                 albedo *= DEFAULT_ALBEDO;
                 let what = "the texture cannot be read: grey stands in for it; add the file, or give the part an `albedo`";
                 notes.add(asset.file, "material", format!("{shown} ({})", reason(error)), what);
@@ -125,17 +132,34 @@ fn texture(asset: &Asset, texture: &gltf::Texture, textures: &mut TextureStore, 
         WrappingMode::Repeat => Wrap::Repeat,
     };
     let (wrap_u, wrap_v) = (wrap(texture.sampler().wrap_s()), wrap(texture.sampler().wrap_t()));
-    let number = texture.source().index();
+    let named = &asset.root["textures"][texture.index()]["extensions"];
+    // A texture in another format may name one that stands in for it.
+    #[cfg(feature = "webp")]
+    let webp = named["EXT_texture_webp"]["source"].as_u64().and_then(|image| usize::try_from(image).ok());
+    #[cfg(not(feature = "webp"))]
+    let webp = None;
+    let Some(number) = webp.or_else(|| texture.source().map(|image| image.index())) else {
+        let what = match () {
+            _ if named.get("KHR_texture_basisu").is_some() => {
+                format!("it is in KTX2 alone: {}", extensions::KTX2)
+            }
+            #[cfg(not(feature = "webp"))]
+            _ if named.get("EXT_texture_webp").is_some() => {
+                format!("it is in WebP alone: {}", extensions::WEBP)
+            }
+            _ => "expected a source".to_owned(),
+        };
+        return Err(Error::unsupported(place, what));
+    };
     let place = format!("{place}: image {number}");
     // The crate's own accessor panics on an image with neither URI nor view.
-    let image = &asset.document.as_json().images[number];
+    let image = asset.document.as_json().images.get(number);
+    let image = image.ok_or_else(|| Error::invalid(&place, "there is no such image"))?;
     match (&image.buffer_view, &image.uri) {
         (Some(view), _) => {
             let outside = || Error::invalid(&place, "it ends outside its buffer");
             let view = asset.document.views().nth(view.value()).ok_or_else(outside)?;
-            let end = view.offset().checked_add(view.length()).ok_or_else(outside)?;
-            let buffer = asset.buffers.get(view.buffer().index()).ok_or_else(outside)?;
-            let bytes = buffer.get(view.offset()..end).ok_or_else(outside)?;
+            let bytes = asset.buffers.bytes(&view, 0, view.length()).ok_or_else(outside)?;
             textures.add(bytes, wrap_u, wrap_v, &place)
         }
         (None, Some(uri)) => {

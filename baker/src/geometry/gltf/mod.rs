@@ -1,8 +1,13 @@
 //! glTF 2.0, `.gltf` and `.glb`: the meshes of its default scene, at their nodes.
 
+mod meshopt;
 mod accessor;
+mod colours;
 mod container;
+mod extensions;
 mod material;
+mod instancing;
+mod keep;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
@@ -13,23 +18,10 @@ use dataset::{Error, Result};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use gltf::mesh::{Mode, Semantic};
 use material::{Asset, UvSource};
+use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// Extensions an asset may require: those that do not touch geometry or base colour, and those that are read.
-const EXTENSIONS: &[&str] = &[
-    "KHR_lights_punctual",
-    "KHR_materials_clearcoat",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_sheen",
-    "KHR_materials_specular",
-    "KHR_materials_unlit",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-];
 
 /// Reads a glTF asset.
 pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) -> Result<Model> {
@@ -37,9 +29,17 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
     let folder = path.parent().unwrap_or(Path::new(""));
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let (json, binary) = container::split(&bytes, &file)?;
+    // What the crate does not know stands in the same JSON as plain values.
+    let root: Value =
+        serde_json::from_slice(json).map_err(|e| Error::invalid(&file, format!("not glTF 2.0: {e}")))?;
+    if let Some(unread) = extensions::check(&root, &file)? {
+        notes.add_line(&file, unread);
+    }
     let document = document(json, &file)?;
-    let buffers = buffers(&document, binary, folder, &file)?;
-    let asset = Asset { file: &file, folder, document: &document, buffers: &buffers };
+    let plain = buffers(&document, &root, binary, folder, &file)?;
+    let decoded = meshopt::decode_views(&root, &plain, &file)?;
+    let buffers = Buffers { plain, decoded };
+    let asset = Asset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
     Reader { asset, textures, notes, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }.read()
 }
 
@@ -47,12 +47,6 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
 fn document(json: &[u8], file: &str) -> Result<gltf::Document> {
     let mut root: gltf::json::Root = gltf::json::deserialize::from_slice(json)
         .map_err(|e| Error::invalid(file, format!("not glTF 2.0: {e}")))?;
-    for extension in &root.extensions_required {
-        if !EXTENSIONS.contains(&extension.as_str()) {
-            let what = format!("the asset requires {extension}: export it without");
-            return Err(Error::unsupported(file, what));
-        }
-    }
     // The crate's own check of positions reads past the list of accessors.
     for (i, mesh) in root.meshes.iter().enumerate() {
         for (semantic, accessor) in mesh.primitives.iter().flat_map(|p| &p.attributes) {
@@ -63,7 +57,7 @@ fn document(json: &[u8], file: &str) -> Result<gltf::Document> {
             }
         }
     }
-    // Judged here; the crate would refuse what it does not read itself.
+    // Judged by `extensions`; the crate would refuse what it does not read itself.
     root.extensions_required.clear();
     gltf::Document::from_json(root).map_err(|e| match e {
         gltf::Error::Validation(list) => {
@@ -77,12 +71,17 @@ fn document(json: &[u8], file: &str) -> Result<gltf::Document> {
 /// Gathers the bytes of all buffers.
 fn buffers<'a>(
     document: &gltf::Document,
+    root: &Value,
     binary: Option<&'a [u8]>,
     folder: &Path,
     file: &str,
-) -> Result<Buffers<'a>> {
-    let mut buffers = Buffers::new();
+) -> Result<Vec<Cow<'a, [u8]>>> {
+    let mut buffers = Vec::new();
     for buffer in document.buffers() {
+        if meshopt::is_fallback(&root["buffers"][buffer.index()]) {
+            buffers.push(Cow::default());
+            continue;
+        }
         let place = format!("{file}: buffer {}", buffer.index());
         let bytes: Cow<[u8]> = match buffer.source() {
             gltf::buffer::Source::Uri(uri) => container::read_uri(uri, folder, &place)?.into(),
@@ -105,8 +104,9 @@ struct Reader<'a> {
     textures: &'a mut TextureStore,
     notes: &'a mut Notes,
     model: Model,
-    /// By the material's index in the asset: its index in the model, and where its coordinates come from.
-    materials: BTreeMap<Option<usize>, (usize, UvSource)>,
+    /// By the material's index in the asset, and whether vertices have colours where it has none: its index in the model, and
+    /// where its coordinates come from.
+    materials: BTreeMap<(Option<usize>, bool), (usize, UvSource)>,
     /// Primitives of points or lines.
     skipped: usize,
 }
@@ -114,8 +114,9 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn read(mut self) -> Result<Model> {
         let document = self.asset.document;
-        let mut stack: Vec<(gltf::Node, DMat4)> = match document.default_scene().or(document.scenes().next())
-        {
+        let scene = document.default_scene().or(document.scenes().next());
+        let number = scene.as_ref().map(gltf::Scene::index);
+        let mut stack: Vec<(gltf::Node, DMat4)> = match scene {
             Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY)).collect(),
             None => {
                 let mut is_child = vec![false; document.nodes().count()];
@@ -123,9 +124,10 @@ impl Reader<'_> {
                 document.nodes().filter(|n| !is_child[n.index()]).map(|n| (n, DMat4::IDENTITY)).collect()
             }
         };
+        let roots = stack.iter().map(|(node, _)| node.index()).collect();
         stack.reverse();
         // Depth first, in the file's order. Nodes form a tree: none is met twice.
-        let mut met = vec![false; document.nodes().count()];
+        let (mut met, mut order) = (vec![false; document.nodes().count()], Vec::new());
         let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
         while let Some((node, file_from_parent)) = stack.pop() {
             let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
@@ -133,6 +135,7 @@ impl Reader<'_> {
             if std::mem::replace(&mut met[node.index()], true) {
                 return Err(Error::invalid(place, "the node has two parents: expected a tree"));
             }
+            order.push(node.index());
             let file_from_node = file_from_parent * parent_from_node(&node);
             if !file_from_node.is_finite() {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
@@ -157,12 +160,23 @@ impl Reader<'_> {
                         start..self.model.meshes.len()
                     }
                 };
-                self.model.placements.extend(range.map(|mesh| NodeMesh {
-                    mesh,
-                    node: node.name().unwrap_or("").to_owned(),
-                    file_from_mesh: file_from_node,
-                    lightmap_place,
-                }));
+                let instances =
+                    instancing::transforms(&self.asset, &self.asset.root["nodes"][node.index()], &place)?;
+                let repeats: Vec<_> = match instances {
+                    None => vec![None],
+                    Some(instances) => instances.into_iter().enumerate().map(Some).collect(),
+                };
+                for repeat in repeats {
+                    let file_from_mesh = repeat.map_or(file_from_node, |(_, at)| file_from_node * at);
+                    self.model.placements.extend(range.clone().map(|mesh| NodeMesh {
+                        mesh,
+                        node: node.name().unwrap_or("").to_owned(),
+                        node_index: Some(node.index()),
+                        repeat,
+                        file_from_mesh,
+                        lightmap_place,
+                    }));
+                }
             }
             let children: Vec<_> = node.children().collect();
             stack.extend(children.into_iter().rev().map(|c| (c, file_from_node)));
@@ -176,6 +190,8 @@ impl Reader<'_> {
             let what = "points and lines have no surface and are left out";
             self.notes.add(self.asset.file, "file part", plural(self.skipped, "primitive"), what);
         }
+        let materials = self.materials.keys().filter_map(|(material, _)| *material);
+        self.model.asset = Some(keep::asset(&self.asset, order, roots, number, materials));
         Ok(self.model)
     }
 
@@ -195,12 +211,12 @@ impl Reader<'_> {
         if primitive.morph_targets().next().is_some() {
             self.notes.add(self.asset.file, "primitive", part(), "morph targets are not applied");
         }
-        if primitive.get(&Semantic::Colors(0)).is_some() {
-            self.notes.add(self.asset.file, "primitive", part(), "vertex colours are not used");
-        }
-        let (material, uv) = self.material(&primitive.material())?;
+        let colours = primitive.get(&Semantic::Colors(0));
+        let (material, uv) = self.material(&primitive.material(), colours.is_some())?;
         let buffers = self.asset.buffers;
-        let mut result = Mesh { name, material, origin: DVec3::ZERO, ..Default::default() };
+        let numbers = Some((mesh.index(), primitive.index()));
+        let mut result =
+            Mesh { name, material, primitive: numbers, origin: DVec3::ZERO, ..Default::default() };
         result.positions =
             read_floats::<3>(&positions, buffers, &place)?.into_iter().map(Vec3::from).collect();
         let count = result.positions.len();
@@ -229,6 +245,14 @@ impl Reader<'_> {
                 read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(Vec2::from).collect();
             expect("lightmap coordinates", result.lightmap_uvs.len())?;
         }
+        let kept =
+            primitive.attributes().filter_map(|(semantic, of)| keep::attribute(&semantic, &of, buffers));
+        result.attributes =
+            kept.filter(|attribute| attribute.bytes.len() == count * attribute.stride).collect();
+        if let Some(colours) = colours {
+            result.colours = colours::read(&colours, buffers, &place)?;
+            expect("vertex colours", result.colours.len())?;
+        }
         let indices = match primitive.indices() {
             Some(indices) => read_indices(&indices, buffers, &place)?,
             None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
@@ -240,15 +264,19 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The material's index in the model; each is read once.
-    fn material(&mut self, material: &gltf::Material) -> Result<(usize, UvSource)> {
-        if let Some(&known) = self.materials.get(&material.index()) {
+    /// The material's index in the model; each is read once. Where there is none, `coloured` vertices have their own colour.
+    fn material(&mut self, material: &gltf::Material, coloured: bool) -> Result<(usize, UvSource)> {
+        let key = (material.index(), coloured && material.index().is_none());
+        if let Some(&known) = self.materials.get(&key) {
             return Ok(known);
         }
-        let (read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        let (mut read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        if key.1 {
+            (read.albedo, read.undefined) = (Vec3::ONE, false);
+        }
         self.model.materials.push(read);
         let known = (self.model.materials.len() - 1, uv);
-        self.materials.insert(material.index(), known);
+        self.materials.insert(key, known);
         Ok(known)
     }
 }

@@ -65,6 +65,22 @@ fn a_whole_file_has_no_fault() {
     assert_eq!(told(&glb(triangle())), "");
 }
 
+#[test]
+fn so_has_one_with_a_hierarchy_two_primitives_and_required_extensions() {
+    let (mut root, binary) = triangle();
+    let primitive = root["meshes"][0]["primitives"][0].clone();
+    root["meshes"][0]["primitives"] = json!([primitive, primitive]);
+    root["nodes"] =
+        json!([{ "name": "root", "children": [1] }, { "name": "group", "children": [2] }, root["nodes"][0]]);
+    root["extensionsUsed"] = json!(["KHR_texture_basisu"]);
+    root["extensionsRequired"] = json!(["KHR_texture_basisu"]);
+    root["textures"] = json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }]);
+    root["images"] = json!([{ "bufferView": 0, "mimeType": "image/ktx2" }]);
+    assert_eq!(told(&glb((root.clone(), binary.clone()))), "");
+    root["nodes"][2]["extras"]["lightmapPage"] = json!(3);
+    assert!(told(&glb((root, binary))).contains("node 2, \"floor\": lightmapPage is 3"));
+}
+
 /// What is done to a file's JSON and its binary part.
 type Spoil = fn(&mut Value, &mut Vec<u8>);
 

@@ -43,3 +43,14 @@ fn charts_share_no_vertex() {
     places.dedup();
     assert_eq!(places.len(), bits.positions.len());
 }
+
+#[test]
+fn the_packed_file_is_the_same_each_time_and_smaller_than_what_it_holds() {
+    let glb = packed::glb();
+    assert!(glb == packed::glb());
+    let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) as usize;
+    let root: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).expect("JSON");
+    let bytes = |buffer: usize| root["buffers"][buffer]["byteLength"].as_u64().expect("a length");
+    assert!(bytes(0) < bytes(1) && glb.len() as u64 >= bytes(0) + length as u64);
+    assert!(root["bufferViews"].as_array().expect("views").iter().all(|v| v["extensions"].is_object()));
+}

@@ -1,0 +1,103 @@
+//! What becomes of the extensions that an asset names: read, without effect on what is baked, or in the way.
+
+use dataset::{Error, Result};
+use serde_json::Value;
+
+/// Those that are read.
+const READ: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_texture_transform",
+];
+
+/// Those that change neither where surfaces are nor what a diffuse one reflects, or whose fallback says it.
+const WITHOUT_EFFECT: &[&str] = &[
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_texture_basisu",
+    "KHR_xmp_json_ld",
+];
+
+/// Those that say something about geometry or light and are not read, and what to do.
+const NOT_READ: &[(&str, &str)] = &[
+    ("EXT_lights_image_based", "give the scene file a `[sky]` of model \"image\""),
+    ("KHR_materials_diffuse_transmission", "surfaces are taken as opaque"),
+    ("KHR_node_visibility", "hidden nodes are baked too: delete them before the export"),
+    ("MSFT_lod", "only the first level of detail is baked"),
+    ("MSFT_texture_dds", "export the textures as PNG or JPEG"),
+    ("EXT_texture_avif", AVIF),
+];
+
+const DRACO: &str = "KHR_draco_mesh_compression";
+/// The command that takes compression out of meshes.
+const COPY: &str = "`npx @gltf-transform/cli copy IN.glb OUT.glb` writes it without";
+/// The commands that turn textures into such as are read.
+pub(super) const KTX2: &str = "`npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb` converts it to PNG";
+const AVIF: &str =
+    "`npx @gltf-transform/cli png IN.glb OUT.glb --formats \"*\"` converts the textures to PNG";
+#[cfg(not(feature = "webp"))]
+pub(super) const WEBP: &str = AVIF;
+
+/// An error where the asset requires what is not read, or its meshes are compressed in a way that is not; a warning, if it uses
+/// something that is not read.
+pub(super) fn check(root: &Value, file: &str) -> Result<Option<String>> {
+    let names = |key: &str| -> Vec<&str> {
+        root[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+    };
+    for name in names("extensionsRequired") {
+        if !READ.contains(&name) && !WITHOUT_EFFECT.contains(&name) {
+            let remedy = match NOT_READ.iter().find(|(known, _)| *known == name) {
+                _ if name == DRACO => COPY,
+                Some((_, remedy)) if remedy.starts_with('`') || remedy.starts_with("export") => remedy,
+                _ => "export it without",
+            };
+            return Err(Error::unsupported(
+                file,
+                format!("the asset requires {name}, which is not read: {remedy}"),
+            ));
+        }
+    }
+    // What Draco compressed may stand there a second time, as plain numbers.
+    for (i, mesh) in root["meshes"].as_array().into_iter().flatten().enumerate() {
+        for primitive in mesh["primitives"].as_array().into_iter().flatten() {
+            let position = primitive["attributes"]["POSITION"].as_u64().unwrap_or(u64::MAX);
+            let accessor = usize::try_from(position).ok().and_then(|at| root["accessors"].get(at));
+            let is_plain = accessor.is_some_and(|accessor| accessor.get("bufferView").is_some());
+            if primitive["extensions"].get(DRACO).is_some() && !is_plain {
+                let what = format!("its positions are compressed with {DRACO}, which is not read: {COPY}");
+                return Err(Error::unsupported(format!("{file}: mesh {i}"), what));
+            }
+        }
+    }
+    let used = names("extensionsUsed");
+    let found: Vec<String> = NOT_READ
+        .iter()
+        .filter(|(name, _)| used.contains(name))
+        .map(|(name, remedy)| format!("{name} ({remedy})"))
+        .collect();
+    let many = if found.len() == 1 { "an extension that is" } else { "extensions that are" };
+    Ok((!found.is_empty()).then(|| format!("the file uses {many} not read: {}", found.join("; "))))
+}
+
+/// Whether a texture stands in another format alone, which the asset requires to be read.
+pub(super) fn is_in_a_required_format(root: &Value, texture: usize) -> bool {
+    let texture = &root["textures"][texture];
+    let required = root["extensionsRequired"].as_array().into_iter().flatten();
+    let mut named = required.filter_map(Value::as_str).filter(|name| name.contains("_texture_"));
+    texture.get("source").is_none() && named.any(|name| texture["extensions"].get(name).is_some())
+}

@@ -1,0 +1,79 @@
+//! What the scene's files hold beside surfaces: kept, so that they can be written again with a lightmap.
+
+use super::model::{Asset, Mesh, Model};
+use glam::DMat4;
+
+/// The files of a scene as they were read, and where everything in the geometry comes from.
+#[derive(Clone, Debug, Default)]
+pub struct Originals {
+    /// Each file once.
+    pub(crate) files: Vec<File>,
+    /// Every placing of a file, in the order of the scene.
+    pub(crate) objects: Vec<Object>,
+    /// Where each instance of the geometry comes from, in the same order.
+    pub(crate) sources: Vec<Source>,
+}
+
+/// A geometry file.
+#[derive(Clone, Debug)]
+pub(crate) struct File {
+    /// Its name without folder and ending.
+    pub name: String,
+    pub meshes: Vec<Mesh>,
+    /// Names of the materials that meshes name by index.
+    pub materials: Vec<String>,
+    /// What only a glTF holds.
+    pub gltf: Option<Asset>,
+}
+
+/// A file at a place in the world.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Object {
+    /// Index into `files`.
+    pub file: usize,
+    pub world_from_file: DMat4,
+}
+
+/// Where an instance of the geometry comes from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Source {
+    /// Index into `objects`.
+    pub object: usize,
+    /// Index into the meshes of its file.
+    pub mesh: usize,
+    /// Index of its node in the glTF.
+    pub node: Option<usize>,
+    /// Where it stands relative to its node, and as which of the node's instances.
+    pub repeat: Option<(usize, DMat4)>,
+    /// Whether the scene file gives its material another look.
+    pub is_restyled: bool,
+}
+
+impl File {
+    /// Keeps what is left of a model when its meshes are placed.
+    pub(super) fn new(name: String, model: Model) -> Self {
+        let materials = model.materials.into_iter().map(|material| material.name).collect();
+        File { name, meshes: model.meshes, materials, gltf: model.asset }
+    }
+}
+
+impl Originals {
+    /// Feeds all that is written again, but triangles, into a hash.
+    pub fn update_digest(&self, hash: &mut blake3::Hasher) {
+        for file in &self.files {
+            hash.update(file.name.as_bytes()).update(&[0]);
+            for asset in file.gltf.iter() {
+                hash.update(asset.root.to_string().as_bytes());
+                for image in asset.images.iter().flatten() {
+                    hash.update(image);
+                }
+            }
+            for attribute in file.meshes.iter().flat_map(|mesh| &mesh.attributes) {
+                hash.update(attribute.name.as_bytes()).update(&attribute.bytes);
+            }
+        }
+        for object in &self.objects {
+            hash.update(&(object.file as u64).to_le_bytes());
+        }
+    }
+}
