@@ -1,11 +1,13 @@
 //! Triangles in world space, flattened from files and instances, and what they are made of.
 
 mod notes;
+mod contents;
 mod model;
 mod texture;
 mod polygon;
 mod obj;
 mod gltf;
+mod survey;
 mod look;
 mod load;
 mod point;
@@ -14,9 +16,11 @@ mod digest;
 mod similarity;
 mod solids;
 
+pub use contents::{Contents, FileCamera, FileLamp, FileLampKind};
 pub use load::{load, load_with};
 pub use similarity::Similarity;
 pub use solids::Solids;
+pub use survey::contents;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 

@@ -1,6 +1,7 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
 use super::LightmapPlace;
+use super::contents::Contents;
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3};
 
@@ -14,6 +15,8 @@ pub(super) struct Model {
     /// Which meshes stand where, in the order of the file.
     pub placements: Vec<NodeMesh>,
     pub materials: Vec<FileMaterial>,
+    /// Its lamps and cameras.
+    pub contents: Contents,
 }
 
 /// A mesh at a node.

@@ -2,6 +2,7 @@
 
 mod accessor;
 mod container;
+mod lights;
 mod material;
 
 use super::LightmapPlace;
@@ -30,6 +31,9 @@ const EXTENSIONS: &[&str] = &[
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
+
+/// Most nodes above a lamp whose names are kept.
+const PARENTS: usize = 32;
 
 /// Reads a glTF asset.
 pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) -> Result<Model> {
@@ -126,6 +130,7 @@ impl Reader<'_> {
         stack.reverse();
         // Depth first, in the file's order. Nodes form a tree: none is met twice.
         let mut met = vec![false; document.nodes().count()];
+        let (mut path, mut depths) = (Vec::new(), vec![0; met.len()]);
         let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
         while let Some((node, file_from_parent)) = stack.pop() {
             let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
@@ -137,6 +142,14 @@ impl Reader<'_> {
             if !file_from_node.is_finite() {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
             }
+            // The nodes on the way to this one: those of the last `depth` are its parents.
+            path.truncate(depths[node.index()]);
+            if node.light().is_some() || node.camera().is_some() {
+                let parents: Vec<String> = path.iter().rev().take(PARENTS).cloned().collect();
+                let (file, contents) = (self.asset.file, &mut self.model.contents);
+                lights::read(&node, &parents, file_from_node, file, contents, self.notes);
+            }
+            path.push(node.name().unwrap_or("").to_owned());
             if let Some(mesh) = node.mesh() {
                 let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {
                     self.notes.add(self.asset.file, "node", &name, what);
@@ -165,6 +178,7 @@ impl Reader<'_> {
                 }));
             }
             let children: Vec<_> = node.children().collect();
+            children.iter().for_each(|child| depths[child.index()] = path.len());
             stack.extend(children.into_iter().rev().map(|c| (c, file_from_node)));
         }
         let placements = &mut self.model.placements;
