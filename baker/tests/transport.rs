@@ -2,7 +2,7 @@
 //! scrambles must lie within 3 standard errors of the closed form and within 1 % of it.
 
 use baker::Rgb;
-use baker::geometry::{Geometry, Material};
+use baker::geometry::{Emission, Geometry, Material};
 use baker::light::group::{GroupSampler, emitters};
 use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
@@ -74,9 +74,14 @@ fn constant_sky(radiance: f64) -> SkyTable {
 
 /// Group 0 with these lamps and the geometry's emissive triangles of that group.
 fn group(g: &Geometry, lamps: &[Lamp]) -> Lights {
-    let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.0)).collect();
+    let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.radiance)).collect();
     let sampler = GroupSampler::new(lamps, &emitters(g, 0), DVec3::ZERO);
-    let groups = vec![GroupLight { sampler, emission, key: 7 }];
+    let groups = vec![GroupLight {
+        sampler,
+        emission,
+        has_maps: g.materials.iter().any(|m| m.emission.is_some_and(|e| e.map.is_some())),
+        key: 7,
+    }];
     Lights { groups, place_of_group: vec![Some(0)], ..Lights::none() }
 }
 
@@ -148,7 +153,7 @@ fn expect(measured: Vec<Measured>, closed_form: f64) {
 fn furnace_reaches_the_geometric_series() {
     // A closed box of reflectance ½ that emits ½: L = 1 everywhere, E = π.
     let mut furnace = material(0.5);
-    furnace.emission = Some((Vec3::splat(0.5), 0));
+    furnace.emission = Some(Emission { radiance: Vec3::splat(0.5), group: 0, map: None });
     let g = room(0, furnace);
     let l = group(&g, &[]);
     expect(irradiance(&g, &l, None, 1024), PI);
@@ -161,7 +166,7 @@ fn furnace_reaches_the_geometric_series() {
 #[test]
 fn furnace_holds_at_high_albedo() {
     let mut furnace = material(0.9);
-    furnace.emission = Some((Vec3::splat(0.1), 0));
+    furnace.emission = Some(Emission { radiance: Vec3::splat(0.1), group: 0, map: None });
     let g = room(0, furnace);
     let l = group(&g, &[]);
     expect(irradiance(&g, &l, None, 1024), PI);
@@ -368,7 +373,7 @@ fn lambert(polygon: &[DVec3], p: DVec3, n: DVec3) -> f64 {
 /// A black floor of 2 × 2 m, and a black quad of radiance 3 that belongs to group 0.
 fn floor_and_emitter(corner: Vec3, u: Vec3, v: Vec3) -> Geometry {
     let mut shining = material(0.0);
-    shining.emission = Some((Vec3::splat(3.0), 0));
+    shining.emission = Some(Emission { radiance: Vec3::splat(3.0), group: 0, map: None });
     let mut g = Geometry { materials: vec![material(0.0), shining], ..Geometry::default() };
     quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
     quad(&mut g, corner, u, v, 1);

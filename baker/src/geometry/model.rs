@@ -44,6 +44,8 @@ pub(super) struct Mesh {
     pub normals: Vec<Vec3>,
     /// v down; empty: none.
     pub uvs: Vec<Vec2>,
+    /// Where its vertices lie on the emission map, v down; empty: it has none.
+    pub emission_uvs: Vec<Vec2>,
     /// Empty: none.
     pub lightmap_uvs: Vec<Vec2>,
     pub triangles: Vec<[u32; 3]>,
@@ -62,6 +64,17 @@ pub(super) struct FileMaterial {
     pub two_sided: bool,
     /// The file defines none: the default albedo.
     pub undefined: bool,
+    /// What it emits; `None`: nothing.
+    pub emission: Option<FileEmission>,
+}
+
+/// What a material of a file emits.
+#[derive(Clone, Copy)]
+pub(super) struct FileEmission {
+    /// As the file gives it, strength included.
+    pub value: Vec3,
+    /// Multiplies it: index into the store's emission maps.
+    pub texture: Option<u32>,
 }
 
 impl Mesh {
@@ -96,6 +109,7 @@ impl Mesh {
         compact(&mut self.positions, &used, |p| p.is_finite(), place, "position")?;
         compact(&mut self.normals, &used, |n| n.is_finite(), place, "normal")?;
         compact(&mut self.uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
+        compact(&mut self.emission_uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
         compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")?;
         Ok(dropped)
     }

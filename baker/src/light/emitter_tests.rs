@@ -1,6 +1,7 @@
 //! Tests of emissive triangles: solid angles, round trips, and the awkward places.
 
 use super::*;
+use crate::geometry::Emission;
 use glam::Vec2;
 
 fn emitter(corners: [Vec3; 3]) -> Emitter {
@@ -150,7 +151,7 @@ fn a_groups_emitters_are_found() {
         texture: None,
         alpha_cutoff,
         two_sided: false,
-        emission,
+        emission: emission.map(|(radiance, group)| Emission { radiance, group, map: None }),
     };
     let geometry = Geometry {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z],

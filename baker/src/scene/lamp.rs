@@ -8,16 +8,16 @@ use glam::DVec3;
 use std::f64::consts::PI;
 
 /// Keys of `[[group]]`.
-pub(super) const KEYS: &[&str] = &["name", "on", "sphere", "rectangle", "disc", "spot", "point"];
+pub(super) const KEYS: &[&str] = &["name", "on", "lights", "sphere", "rectangle", "disc", "spot", "point"];
 const SPHERE: &[&str] = &["centre", "radius", "radiance", "lumens", "kelvin"];
 const RECTANGLE: &[&str] = &["corner", "edge_u", "edge_v", "radiance", "lumens", "kelvin"];
 const DISC: &[&str] = &["centre", "direction", "radius", "radiance", "lumens", "kelvin"];
 const SPOT: &[&str] = &["position", "direction", "inner", "outer", "intensity", "lumens", "kelvin"];
 const POINT: &[&str] = &["position", "intensity", "lumens", "kelvin"];
 
-/// Reads `[[group]]`; names must be unique.
-pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
-    let mut groups: Vec<Group> = Vec::new();
+/// Reads `[[group]]`; names must be unique. Gives also the `lights` of each, with its index.
+pub(super) fn read(tables: Vec<Table>) -> Result<(Vec<Group>, Vec<(String, usize)>)> {
+    let (mut groups, mut names): (Vec<Group>, Vec<(String, usize)>) = (Vec::new(), Vec::new());
     for table in tables {
         let value = table.require("name", "a name")?;
         let name = value.text("a name")?;
@@ -28,6 +28,12 @@ pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
             return Err(value.error("expected a name that no other group has"));
         }
         let on = table.get("on").map_or(Ok(vec![schedule::ALWAYS]), |v| schedule::read(&v))?;
+        if let Some(value) = table.get("lights") {
+            let expected = "a list of names of lamps or materials, * standing for any run of characters";
+            for name in value.array(expected)? {
+                names.push((name.text(expected)?.to_owned(), groups.len()));
+            }
+        }
         let mut lamps = Vec::new();
         for t in table.tables("sphere", SPHERE)? {
             lamps.push(sphere(&t)?);
@@ -46,7 +52,7 @@ pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
         }
         groups.push(Group { name: name.to_owned(), on, lamps });
     }
-    Ok(groups)
+    Ok((groups, names))
 }
 
 fn sphere(table: &Table) -> Result<Lamp> {

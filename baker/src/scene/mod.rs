@@ -5,6 +5,7 @@ pub mod colour;
 mod sky;
 mod schedule;
 mod lamp;
+mod lights;
 mod object;
 mod camera;
 mod load;
@@ -47,6 +48,9 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Light groups, in file order; names are unique.
     pub groups: Vec<Group>,
+    /// What becomes of the lamps and glowing materials of geometry files. (What they give stands among the groups, where digests see it.)
+    #[serde(skip)]
+    pub lights: LightsOfFiles,
     /// Lightmap layout.
     pub lightmap: Lightmap,
     /// Where the file says how large the lightmaps are, and what, for messages: `yard.toml:30: size = 512`.
@@ -201,8 +205,27 @@ pub struct Look {
     pub two_sided: Option<bool>,
     /// Radiance emitted from the front (both sides if two-sided), kcd/m².
     pub emission: Option<DVec3>,
-    /// The group that switches the emission; must exist. Required with `emission`.
+    /// The group that switches the emission, its own or the file's; must exist. Required with an `emission` above 0.
     pub group: Option<String>,
+}
+
+/// What becomes of the lamps and glowing materials of geometry files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightsOfFiles {
+    /// Whether they shine.
+    pub from_file: bool,
+    /// What the candela and lux of their lamps are multiplied by.
+    pub scale: f64,
+    /// Radiance in kcd/m² where a file's emission is 1.
+    pub emission: f64,
+    /// Names of lamps and materials (`*` stands for any run of characters), each with its group's index.
+    pub names: Vec<(String, usize)>,
+}
+
+impl Default for LightsOfFiles {
+    fn default() -> Self {
+        Self { from_file: true, scale: 1.0, emission: 1.0, names: Vec::new() }
+    }
 }
 
 /// Lights that switch together.

@@ -4,6 +4,7 @@ mod accessor;
 mod container;
 mod lights;
 mod material;
+mod emission;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
@@ -109,8 +110,8 @@ struct Reader<'a> {
     textures: &'a mut TextureStore,
     notes: &'a mut Notes,
     model: Model,
-    /// By the material's index in the asset: its index in the model, and where its coordinates come from.
-    materials: BTreeMap<Option<usize>, (usize, UvSource)>,
+    /// By the material's index in the asset: its index in the model, and where the coordinates of its base colour and of its emission come from.
+    materials: BTreeMap<Option<usize>, (usize, UvSource, UvSource)>,
     /// Primitives of points or lines.
     skipped: usize,
 }
@@ -212,7 +213,7 @@ impl Reader<'_> {
         if primitive.get(&Semantic::Colors(0)).is_some() {
             self.notes.add(self.asset.file, "primitive", part(), "vertex colours are not used");
         }
-        let (material, uv) = self.material(&primitive.material())?;
+        let (material, uv, emission_uv) = self.material(&primitive.material())?;
         let buffers = self.asset.buffers;
         let mut result = Mesh { name, material, origin: DVec3::ZERO, ..Default::default() };
         result.positions =
@@ -238,6 +239,20 @@ impl Reader<'_> {
             );
             self.notes.add(self.asset.file, "primitive", part(), what);
         }
+        if self.model.materials[material].emission.is_some_and(|e| e.texture.is_some()) {
+            if let Some(uvs) = primitive.get(&Semantic::TexCoords(emission_uv.set)) {
+                let transform = |t| emission_uv.matrix * Vec2::from(t) + emission_uv.offset;
+                result.emission_uvs =
+                    read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(transform).collect();
+                expect("texture coordinates", result.emission_uvs.len())?;
+            } else {
+                let what = format!(
+                    "the material has an emissive texture, but there is no TEXCOORD_{}: the texture's corner is used all over",
+                    emission_uv.set
+                );
+                self.notes.add(self.asset.file, "primitive", part(), what);
+            }
+        }
         if let Some(uvs) = primitive.get(&Semantic::TexCoords(1)) {
             result.lightmap_uvs =
                 read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(Vec2::from).collect();
@@ -255,13 +270,15 @@ impl Reader<'_> {
     }
 
     /// The material's index in the model; each is read once.
-    fn material(&mut self, material: &gltf::Material) -> Result<(usize, UvSource)> {
+    fn material(&mut self, material: &gltf::Material) -> Result<(usize, UvSource, UvSource)> {
         if let Some(&known) = self.materials.get(&material.index()) {
             return Ok(known);
         }
-        let (read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        let (mut read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        let (emission, emission_uv) = emission::emission(&self.asset, material, self.textures, self.notes)?;
+        read.emission = emission;
         self.model.materials.push(read);
-        let known = (self.model.materials.len() - 1, uv);
+        let known = (self.model.materials.len() - 1, uv, emission_uv);
         self.materials.insert(material.index(), known);
         Ok(known)
     }
