@@ -336,7 +336,7 @@ impl PlannedGroup {
             name: group.name.clone(),
             index: index as u32,
             scale: scale.as_vec3(),
-            lamps: group.lamps.iter().map(|lamp| lamp.with_light(unit(lamp.light()))).collect(),
+            lamps: group.lamps.iter().map(|lamp| lamp.clone().with_light(unit(lamp.light()))).collect(),
             emission: emission.into_iter().map(|e| unit(e).as_vec3()).collect(),
             maps: geometry.emission_map_digest(index as u32),
         }

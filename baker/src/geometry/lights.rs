@@ -319,7 +319,7 @@ fn sun(suns: &[(DVec3, DVec3)], notes: &mut Notes) -> Option<Sun> {
 fn middle(lamp: &Lamp) -> DVec3 {
     match lamp {
         Lamp::Sphere { centre, .. } | Lamp::Disc { centre, .. } => *centre,
-        Lamp::Point { position, .. } | Lamp::Spot { position, .. } => *position,
+        Lamp::Point { position, .. } | Lamp::Spot { position, .. } | Lamp::Ies { position, .. } => *position,
         Lamp::Rectangle { corner, edge_u, edge_v, .. } => *corner + 0.5 * (*edge_u + *edge_v),
     }
 }

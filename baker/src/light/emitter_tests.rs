@@ -144,7 +144,7 @@ fn triangles_without_area_or_light_are_no_emitters() {
 
 #[test]
 fn a_groups_emitters_are_found() {
-    let material = |emission, alpha_cutoff| crate::geometry::Material {
+    let material = |emission: Option<(Vec3, u32)>, alpha_cutoff| crate::geometry::Material {
         albedo: Vec3::splat(0.5),
         albedo_max: 1.0,
         alpha: 1.0,

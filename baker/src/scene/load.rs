@@ -80,7 +80,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     if !portals.is_empty() && sky.is_none() {
         warnings.push(format!("{}: [[portal]] has no use: the scene has no sky", path.display()));
     }
-    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?)?;
+    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?, folder)?;
     let lights = lights::read(top.table("lights", lights::KEYS)?, names)?;
     let objects = object::read(top.tables("object", object::KEYS)?, folder, &groups, &mut warnings)?;
     if objects.is_empty() {

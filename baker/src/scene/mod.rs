@@ -4,18 +4,21 @@ mod raw;
 pub mod colour;
 mod sky;
 mod schedule;
+mod ies;
 mod lamp;
 mod lights;
 mod object;
 mod camera;
 mod load;
 
+pub use ies::Profile;
 pub use load::load;
 pub use sky::SkyImage;
 
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A radiance or irradiance that makes sense; what is computed from it stays finite in `f32`.
 fn is_light(x: f64) -> bool {
@@ -240,7 +243,7 @@ pub struct Group {
 }
 
 /// A lamp: invisible to camera and paths, sampled directly.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub enum Lamp {
     /// A uniformly radiating ball.
     Sphere {
@@ -293,6 +296,24 @@ pub enum Lamp {
         /// On-axis luminous intensity as RGB, kcd.
         intensity: DVec3,
     },
+    /// A point that shines as a photometric file says, within a cone as a spot's.
+    Ies {
+        /// World.
+        position: DVec3,
+        /// Unit axis, towards the file's vertical angle 0.
+        direction: DVec3,
+        /// Unit, perpendicular to the axis, towards the file's horizontal angle 0.
+        up: DVec3,
+        /// Half angle in radians; π: no cone.
+        inner: f64,
+        /// Half angle in radians, ≥ inner.
+        outer: f64,
+        /// Luminous intensity as RGB where the file's is greatest, kcd.
+        intensity: DVec3,
+        /// The file.
+        #[serde(serialize_with = "ies::serialize")]
+        profile: Arc<Profile>,
+    },
 }
 
 impl Lamp {
@@ -302,7 +323,8 @@ impl Lamp {
         | Lamp::Disc { radiance: light, .. }
         | Lamp::Point { intensity: light, .. }
         | Lamp::Rectangle { radiance: light, .. }
-        | Lamp::Spot { intensity: light, .. }) = self;
+        | Lamp::Spot { intensity: light, .. }
+        | Lamp::Ies { intensity: light, .. }) = self;
         *light
     }
 
@@ -312,7 +334,8 @@ impl Lamp {
         | Lamp::Disc { radiance: light, .. }
         | Lamp::Point { intensity: light, .. }
         | Lamp::Rectangle { radiance: light, .. }
-        | Lamp::Spot { intensity: light, .. }) = &mut self;
+        | Lamp::Spot { intensity: light, .. }
+        | Lamp::Ies { intensity: light, .. }) = &mut self;
         *light = new;
         self
     }
