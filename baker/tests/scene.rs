@@ -174,6 +174,7 @@ fn a_full_scene_resolves_to_what_it_says() {
                 (luminance(radiance) * PI * PI * radius * radius, 1200.0)
             }
             Lamp::Point { intensity, .. } => (luminance(intensity) * 4.0 * PI, 100.0),
+            Lamp::Ies { .. } => unreachable!("no lamp has an IES file"),
             Lamp::Spot { inner, outer, intensity, direction, .. } => {
                 assert_eq!(direction, -DVec3::Y);
                 let steps = 100_000;

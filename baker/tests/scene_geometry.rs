@@ -1,6 +1,6 @@
 //! Geometry files: what stands where after loading, and what broken ones say.
 
-use baker::geometry::{self, Geometry};
+use baker::geometry::{self, Emission, Geometry};
 use baker::scene;
 use glam::{DVec3, Vec2, Vec3};
 use std::fs;
@@ -153,7 +153,10 @@ fn parts_override_what_their_names_fit() {
     assert_eq!(albedo, [Vec3::splat(0.4), Vec3::new(0.1, 0.3, 0.1), Vec3::new(0.5, 0.2, 0.1)]);
     let materials: Vec<_> = g.material_of.iter().map(|&m| &g.materials[m as usize]).collect();
     assert_eq!(materials.iter().map(|m| m.two_sided).collect::<Vec<_>>(), [false, true, true]);
-    assert_eq!(materials[2].emission, Some((Vec3::new(1.0, 2.0, 3.0), 1)));
+    assert_eq!(
+        materials[2].emission,
+        Some(Emission { radiance: Vec3::new(1.0, 2.0, 3.0), group: 1, map: None })
+    );
     assert!(materials[0].emission.is_none() && materials[1].emission.is_none());
     assert_eq!(g.instances.iter().map(|i| i.lightmap).collect::<Vec<_>>(), [true, false, false]);
     assert!(g.instances.iter().all(|i| i.density == 2.0));

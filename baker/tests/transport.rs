@@ -2,7 +2,7 @@
 //! scrambles must lie within 3 standard errors of the closed form and within 1 % of it.
 
 use baker::Rgb;
-use baker::geometry::{Geometry, Material};
+use baker::geometry::{Emission, Geometry, Material, Texture, Wrap};
 use baker::light::group::{GroupSampler, emitters};
 use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
@@ -17,7 +17,7 @@ use baker::trace::sampler::{Kind, Sequence};
 use baker::trace::space::Space;
 use baker::trace::walk::{Transport, sun_draw};
 use dataset::image::Image;
-use glam::{DVec3, Vec3, dvec3, vec3};
+use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -74,9 +74,14 @@ fn constant_sky(radiance: f64) -> SkyTable {
 
 /// Group 0 with these lamps and the geometry's emissive triangles of that group.
 fn group(g: &Geometry, lamps: &[Lamp]) -> Lights {
-    let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.0)).collect();
+    let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.radiance)).collect();
     let sampler = GroupSampler::new(lamps, &emitters(g, 0), DVec3::ZERO);
-    let groups = vec![GroupLight { sampler, emission, key: 7 }];
+    let groups = vec![GroupLight {
+        sampler,
+        emission,
+        has_maps: g.materials.iter().any(|m| m.emission.is_some_and(|e| e.map.is_some())),
+        key: 7,
+    }];
     Lights { groups, place_of_group: vec![Some(0)], ..Lights::none() }
 }
 
@@ -148,7 +153,7 @@ fn expect(measured: Vec<Measured>, closed_form: f64) {
 fn furnace_reaches_the_geometric_series() {
     // A closed box of reflectance ½ that emits ½: L = 1 everywhere, E = π.
     let mut furnace = material(0.5);
-    furnace.emission = Some((Vec3::splat(0.5), 0));
+    furnace.emission = Some(Emission { radiance: Vec3::splat(0.5), group: 0, map: None });
     let g = room(0, furnace);
     let l = group(&g, &[]);
     expect(irradiance(&g, &l, None, 1024), PI);
@@ -161,7 +166,7 @@ fn furnace_reaches_the_geometric_series() {
 #[test]
 fn furnace_holds_at_high_albedo() {
     let mut furnace = material(0.9);
-    furnace.emission = Some((Vec3::splat(0.1), 0));
+    furnace.emission = Some(Emission { radiance: Vec3::splat(0.1), group: 0, map: None });
     let g = room(0, furnace);
     let l = group(&g, &[]);
     expect(irradiance(&g, &l, None, 1024), PI);
@@ -247,7 +252,7 @@ fn lamps_give_their_closed_forms() {
     let (centre, radius) = (p + dvec3(0.8, 1.5, -0.4), 0.3);
     let to = centre - p;
     let sphere = Lamp::Sphere { centre, radius, radiance: DVec3::splat(7.0) };
-    let l = group(&g, &[sphere]);
+    let l = group(&g, &[sphere.clone()]);
     let d2 = to.length_squared();
     expect(irradiance(&g, &l, None, 256), PI * 7.0 * radius * radius / d2 * (to.y / d2.sqrt()));
     // Rectangle parallel to the receiver over its corner.
@@ -262,7 +267,7 @@ fn lamps_give_their_closed_forms() {
     let factor = (x / (1.0 + x * x).sqrt() * (y / (1.0 + x * x).sqrt()).atan()
         + y / (1.0 + y * y).sqrt() * (x / (1.0 + y * y).sqrt()).atan())
         / (2.0 * PI);
-    let l = group(&g, &[rectangle]);
+    let l = group(&g, &[rectangle.clone()]);
     expect(irradiance(&g, &l, None, 256), PI * 2.0 * factor);
     // Two lamps of one group, one chosen per sample: the sum of both.
     let both = group(&g, &[sphere, rectangle]);
@@ -368,7 +373,7 @@ fn lambert(polygon: &[DVec3], p: DVec3, n: DVec3) -> f64 {
 /// A black floor of 2 × 2 m, and a black quad of radiance 3 that belongs to group 0.
 fn floor_and_emitter(corner: Vec3, u: Vec3, v: Vec3) -> Geometry {
     let mut shining = material(0.0);
-    shining.emission = Some((Vec3::splat(3.0), 0));
+    shining.emission = Some(Emission { radiance: Vec3::splat(3.0), group: 0, map: None });
     let mut g = Geometry { materials: vec![material(0.0), shining], ..Geometry::default() };
     quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
     quad(&mut g, corner, u, v, 1);
@@ -396,6 +401,52 @@ fn emissive_quads_give_lamberts_polygon() {
         for (mean, _) in irradiance(&g, &group(&g, &[]), None, 64) {
             assert_eq!(mean, 0.0);
         }
+    }
+}
+
+/// Irradiance of an upright receiver at `p` by a quad whose radiance falls linearly along `u`, from 3 at ¼ to 0 at ¾.
+fn linear_quad(corner: DVec3, u: DVec3, v: DVec3, p: DVec3) -> f64 {
+    const N: usize = 400;
+    let normal = u.cross(v);
+    let sum: f64 = (0..N * N)
+        .map(|i| {
+            let (s, t) = (((i % N) as f64 + 0.5) / N as f64, ((i / N) as f64 + 0.5) / N as f64);
+            let to = corner + u * s + v * t - p;
+            let radiance = 3.0 * (1.5 - 2.0 * s).clamp(0.0, 1.0);
+            radiance * to.y.max(0.0) * to.dot(normal).abs() / to.length_squared().powi(2)
+        })
+        .sum();
+    sum / (N * N) as f64
+}
+
+#[test]
+fn emissive_maps_give_the_integral_of_their_light() {
+    let p = point(&floor_and_emitter(Vec3::ZERO, Vec3::X, Vec3::Y)).as_vec3();
+    // Facing down from 1 m, from 20 cm, from afar, and from the side.
+    for (corner, u, v) in [
+        (p + vec3(-0.3, 1.0, 0.2), vec3(0.8, 0.0, 0.0), vec3(0.0, 0.0, 0.9)),
+        (p + vec3(-0.7, 0.2, -0.4), vec3(1.5, 0.0, 0.0), vec3(0.0, 0.0, 1.1)),
+        (p + vec3(20.0, 60.0, -5.0), vec3(0.5, 0.0, 0.0), vec3(0.0, 0.0, 0.4)),
+        (p + vec3(0.4, 0.1, -0.5), vec3(0.0, 0.0, 1.0), vec3(0.0, 1.0, 0.0)),
+    ] {
+        let mut g = floor_and_emitter(corner, u, v);
+        let [first, .., last] = g.triangles[2..] else { unreachable!() };
+        let front = (u.cross(v)).dot(p - corner) > 0.0;
+        if !front {
+            g.triangles[2..].iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        let rgba = vec![[255, 255, 255, 255], [0, 0, 0, 255]];
+        g.emission_maps =
+            vec![Texture { width: 2, height: 1, rgba, wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp }];
+        g.emission_uvs = vec![Vec2::ZERO; g.positions.len()];
+        for index in first.into_iter().chain(last) {
+            let along = (g.positions[index as usize] - corner).dot(u) / u.length_squared();
+            g.emission_uvs[index as usize] = Vec2::new(along, 0.5);
+        }
+        g.materials[1].emission.as_mut().unwrap().map = Some(0);
+        let (corner, u, v) = (corner.as_dvec3(), u.as_dvec3(), v.as_dvec3());
+        let closed_form = linear_quad(corner, u, v, point(&g));
+        expect(irradiance(&g, &group(&g, &[]), None, 4096), closed_form);
     }
 }
 
@@ -436,6 +487,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         portals,
         objects: Vec::new(),
         groups: Vec::new(),
+        lights: Default::default(),
         lightmap: Lightmap::default(),
         size_as_written: String::new(),
         bake: Sampling::default(),

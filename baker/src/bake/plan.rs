@@ -50,8 +50,10 @@ pub struct PlannedGroup {
     pub scale: Rgb,
     /// Its lamps ÷ `scale`.
     pub lamps: Vec<Lamp>,
-    /// Per material of the geometry, the radiance it emits for this group ÷ `scale`.
+    /// Per material of the geometry, the radiance it emits for this group ÷ `scale`, its map not counted.
     pub emission: Vec<Rgb>,
+    /// Digest of the emission maps, if it has any.
+    maps: Option<blake3::Hash>,
 }
 
 impl Plan {
@@ -157,6 +159,9 @@ impl Plan {
                         &("group", &group.name, &group.lamps, &group.emission),
                         "group",
                     )?);
+                    if let Some(maps) = &group.maps {
+                        hash.update(maps.as_bytes());
+                    }
                 } else {
                     hash.update(&json::bytes(&("sky", &scene.sky, &scene.portals), "sky")?);
                     let hour = self.sky_hours[layer - self.suns.len()];
@@ -316,7 +321,7 @@ impl PlannedGroup {
             .materials
             .iter()
             .map(|m| match m.emission {
-                Some((radiance, g)) if g as usize == index => radiance.as_dvec3(),
+                Some(emission) if emission.group as usize == index => emission.radiance.as_dvec3(),
                 _ => DVec3::ZERO,
             })
             .collect();
@@ -331,8 +336,9 @@ impl PlannedGroup {
             name: group.name.clone(),
             index: index as u32,
             scale: scale.as_vec3(),
-            lamps: group.lamps.iter().map(|lamp| lamp.with_light(unit(lamp.light()))).collect(),
+            lamps: group.lamps.iter().map(|lamp| lamp.clone().with_light(unit(lamp.light()))).collect(),
             emission: emission.into_iter().map(|e| unit(e).as_vec3()).collect(),
+            maps: geometry.emission_map_digest(index as u32),
         }
     }
 
@@ -340,7 +346,11 @@ impl PlannedGroup {
         let mut emitters = emitters(geometry, self.index);
         for emitter in &mut emitters {
             let material = geometry.material_of[emitter.triangle as usize];
-            emitter.radiance = self.emission[material as usize];
+            let radiance = self.emission[material as usize];
+            emitter.radiance = match geometry.materials[material as usize].emission.and_then(|e| e.map) {
+                None => radiance,
+                Some(_) => radiance * geometry.emission_map_mean(emitter.triangle as usize),
+            };
         }
         let name = blake3::hash(self.name.as_bytes());
         let key = u32::from_le_bytes([
@@ -352,6 +362,7 @@ impl PlannedGroup {
         GroupLight {
             sampler: GroupSampler::new(&self.lamps, &emitters, geometry.origin),
             emission: self.emission.clone(),
+            has_maps: self.maps.is_some(),
             key,
         }
     }

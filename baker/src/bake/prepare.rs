@@ -125,7 +125,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         let place = crate::light::sun::check(place);
         place.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
     }
-    let (scene, hours, transfer) = if options.transfer {
+    let (mut scene, hours, transfer) = if options.transfer {
         let inputs = inputs_of_the_day(scene_file, options)?;
         let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs)?;
         (scene, hours, Some(transfer))
@@ -138,6 +138,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let loaded = geometry::load_with(&scene, &mut warnings);
     warnings[before..].iter().for_each(|w| console.warn(w));
     let geometry = loaded?;
+    geometry.lights.add_to(&mut scene);
     let mut plan = Plan::new(&scene, &geometry, &hours);
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {

@@ -3,7 +3,7 @@
 use crate::light::harmonics::{hours, parts};
 use crate::light::project::{coefficients, is_upper};
 use crate::light::schedule::{Hours, moments};
-use crate::scene::{Look, Scene, Sky};
+use crate::scene::{LightsOfFiles, Look, Scene, Sky};
 use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
@@ -44,6 +44,7 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
         sky: Some(Sky::Harmonics { upper }),
         objects,
         groups: Vec::new(),
+        lights: LightsOfFiles { from_file: false, ..Default::default() },
         ..scene
     };
     Ok((scene, Hours { list: hours(upper), whole_day: false }, transfer))

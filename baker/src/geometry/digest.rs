@@ -1,6 +1,6 @@
 //! What of a geometry decides the light on it.
 
-use super::{Geometry, LightmapPlace, Wrap};
+use super::{Geometry, LightmapPlace};
 
 impl Geometry {
     /// Feeds everything but light that a bake depends on into a hash. Neither names nor what materials emit count.
@@ -37,16 +37,6 @@ impl Geometry {
             hash.update(&m.alpha_cutoff.unwrap_or(-1.0).to_le_bytes());
             hash.update(&[u8::from(m.two_sided)]);
         }
-        let wrap = |w: Wrap| match w {
-            Wrap::Repeat => 0u8,
-            Wrap::Clamp => 1,
-            Wrap::Mirror => 2,
-        };
-        for t in &self.textures {
-            hash.update(&t.width.to_le_bytes());
-            hash.update(&t.height.to_le_bytes());
-            hash.update(bytemuck::cast_slice(&t.rgba));
-            hash.update(&[wrap(t.wrap_u), wrap(t.wrap_v)]);
-        }
+        self.textures.iter().for_each(|texture| texture.update_digest(hash));
     }
 }

@@ -1,5 +1,6 @@
 //! Flattening: every file read once, every placed mesh written out in world space.
 
+use super::lights::{self, Groups};
 use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
 use super::notes::{self, Notes};
@@ -36,7 +37,8 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     let mut notes = Notes::default();
     let mut textures = TextureStore::default();
     let (models, model_of) = read_files(scene, &mut textures, &mut notes, &mut errors);
-    let groups: Vec<&str> = scene.groups.iter().map(|g| g.name.as_str()).collect();
+    let mut groups = Groups::new(scene, &mut textures);
+    let lamps = lights::lamps(scene, &models, &model_of, &mut groups, &mut notes);
     let materials = MaterialStore::default();
     let mut store = Store { materials, textures, undefined: Vec::new(), limited: Vec::new() };
     let (mut placed, mut objects) = (Vec::new(), Vec::new());
@@ -48,20 +50,31 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
             object.world_from_file.iter().map(|&world_from_file| originals::Object { file, world_from_file }),
         );
         let albedo_max = scene.bake.albedo_max;
-        place(object, model, first, &groups, albedo_max, &mut store, &mut placed, &mut errors);
+        place(object, model, first, &mut groups, albedo_max, &mut store, &mut placed, &mut errors);
     }
     warnings.extend(notes.lines());
+    let (file_lights, merged) = groups.finish(scene, lamps, warnings);
     warnings.append(&mut store.undefined);
     warnings.extend(store.warning(scene.bake.albedo_max));
     if let Some(error) = all_of(errors) {
         return Err(error);
     }
-    let mut geometry = write_out(&placed)?;
+    if let Some(group) = merged {
+        let emissions = store.materials.materials.iter_mut().filter_map(|m| m.emission.as_mut());
+        emissions.for_each(|emission| emission.group = emission.group.min(group));
+    }
+    let has_emission_maps =
+        store.materials.materials.iter().any(|m| m.emission.is_some_and(|e| e.map.is_some()));
+    let mut geometry = write_out(&placed, has_emission_maps)?;
     geometry.originals.sources = placed.iter().map(|p| p.source).collect();
     geometry.originals.objects = objects;
     geometry.originals.files = models.into_iter().map(|(name, model)| File::new(name, model)).collect();
     geometry.materials = store.materials.materials;
+    if has_emission_maps {
+        geometry.emission_maps = std::mem::take(&mut store.textures.emission().textures);
+    }
     geometry.textures = store.textures.textures;
+    geometry.lights = file_lights;
     Ok(geometry)
 }
 
@@ -167,7 +180,7 @@ fn place<'a>(
     object: &Object,
     model: &'a Model,
     first_object: usize,
-    groups: &[&str],
+    groups: &mut Groups,
     albedo_max: f64,
     store: &mut Store,
     placed: &mut Vec<Placed<'a>>,
@@ -189,20 +202,17 @@ fn place<'a>(
         }
         let mut named: Vec<&str> = names(placement).into_iter().filter(|n| !n.is_empty()).collect();
         let look = resolve(object, &named, &mut met);
+        let material_place = (object.file.as_path(), mesh.material);
         let material = &model.materials[mesh.material];
-        let added = store.materials.add(
+        let emission = groups.emission(&look, material, &named, material_place);
+        let (index, is_limited) = store.materials.add(
             material,
             mesh.brightest,
             &look,
-            groups,
+            emission,
             albedo_max as f32,
-            &object.place,
             &mut store.textures,
         );
-        let (index, is_limited) = match added {
-            Ok(added) => added,
-            Err(error) => return errors.push(error),
-        };
         if is_limited {
             limited.insert(mesh.material);
         }
@@ -261,7 +271,7 @@ fn place<'a>(
 }
 
 /// Writes all placed meshes in world space, around the centre of their bounding box.
-fn write_out(placed: &[Placed]) -> Result<Geometry> {
+fn write_out(placed: &[Placed], has_emission_maps: bool) -> Result<Geometry> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (mut vertices, mut triangles) = (0, 0);
     for p in placed {
@@ -304,7 +314,7 @@ fn write_out(placed: &[Placed]) -> Result<Geometry> {
     for p in placed {
         let next = known.len() as u32;
         let number = *known.entry((p.mesh, p.material, p.lightmap)).or_insert(next);
-        write_mesh(p, number, &mut geometry);
+        write_mesh(p, number, has_emission_maps, &mut geometry);
     }
     Ok(geometry)
 }
@@ -320,7 +330,7 @@ fn vertex_count(mesh: &Mesh) -> usize {
 }
 
 /// Appends one placed mesh, which has the given number.
-fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
+fn write_mesh(p: &Placed, number: u32, has_emission_maps: bool, geometry: &mut Geometry) {
     let mesh = p.mesh;
     let (first_vertex, first_triangle) = (geometry.positions.len(), geometry.triangles.len());
     let linear = DMat3::from_mat4(p.world_from_mesh);
@@ -340,6 +350,9 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
             for v in corners {
                 geometry.positions.push(positions[v]);
                 geometry.normals.push(normal);
+                if has_emission_maps {
+                    geometry.emission_uvs.push(mesh.emission_uvs.get(v).copied().unwrap_or(Vec2::ZERO));
+                }
                 geometry.uvs.push(mesh.uvs.get(v).copied().unwrap_or(Vec2::ZERO));
                 geometry.lightmap_uvs.push(mesh.lightmap_uvs.get(v).copied().unwrap_or(Vec2::ZERO));
             }
@@ -364,6 +377,10 @@ fn write_mesh(p: &Placed, number: u32, geometry: &mut Geometry) {
             let normal = if normal.dot(front) < 0.0 { -normal } else { normal };
             (if normal == DVec3::ZERO { DVec3::Y } else { normal }).as_vec3()
         }));
+        if has_emission_maps {
+            geometry.emission_uvs.extend_from_slice(&mesh.emission_uvs);
+            geometry.emission_uvs.resize(first_vertex + count, Vec2::ZERO);
+        }
         match mesh.uvs.is_empty() {
             true => geometry.uvs.resize(first_vertex + count, Vec2::ZERO),
             false => geometry.uvs.extend_from_slice(&mesh.uvs),

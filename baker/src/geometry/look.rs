@@ -1,10 +1,10 @@
 //! What the scene file overrides: name patterns, and materials as they end up.
 
-use super::Material;
 use super::model::FileMaterial;
 use super::texture::TextureStore;
+use super::{Emission, Material};
 use crate::scene::{Look, Object, Part};
-use dataset::{Error, Result};
+use dataset::Error;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -72,24 +72,22 @@ pub(super) fn unmet(object: &Object, part: &Part, names: &[&str]) -> Error {
 pub(super) struct MaterialStore {
     /// In the order first met.
     pub materials: Vec<Material>,
-    index: BTreeMap<[u32; 14], u32>,
+    index: BTreeMap<[u32; 15], u32>,
 }
 
 impl MaterialStore {
     /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does not limit the
-    /// look's own albedo). `groups` are the names of the scene's light groups; `tint` is the brightest of the vertex colours, where
-    /// there are any.
-    #[expect(clippy::too_many_arguments, reason = "one call")]
+    /// look's own albedo). `tint` is the brightest of the vertex colours, where there are any; `emission` is what it emits under
+    /// that look.
     pub fn add(
         &mut self,
         file: &FileMaterial,
         tint: Option<Vec3>,
         look: &Look,
-        groups: &[&str],
+        emission: Option<Emission>,
         albedo_max: f32,
-        place: &str,
         textures: &mut TextureStore,
-    ) -> Result<(u32, bool)> {
+    ) -> (u32, bool) {
         let mut material = Material {
             albedo: file.albedo,
             albedo_max: 1.0,
@@ -97,7 +95,7 @@ impl MaterialStore {
             texture: file.texture,
             alpha_cutoff: file.alpha_cutoff,
             two_sided: look.two_sided.unwrap_or(file.two_sided),
-            emission: None,
+            emission,
         };
         if let Some(albedo) = look.albedo {
             material.albedo = albedo.as_vec3();
@@ -113,30 +111,26 @@ impl MaterialStore {
             true => material.albedo = file.albedo.min(Vec3::splat(albedo_max)),
             false => {}
         }
-        if let (Some(emission), Some(name)) = (look.emission, &look.group) {
-            let group = groups.iter().position(|g| g == name);
-            let group =
-                group.ok_or_else(|| Error::invalid(place, format!("group {name:?} does not exist")))?;
-            material.emission = Some((emission.as_vec3(), group as u32));
-        }
         let index = *self.index.entry(key(&material)).or_insert(self.materials.len() as u32);
         if index as usize == self.materials.len() {
             self.materials.push(material);
         }
-        Ok((index, limited))
+        (index, limited)
     }
 }
 
 /// Every bit of a material.
-fn key(m: &Material) -> [u32; 14] {
+fn key(m: &Material) -> [u32; 15] {
     let option = |x: Option<u32>| x.map_or([0, 0], |x| [1, x]);
     let [has_texture, texture] = option(m.texture);
     let [has_cutoff, cutoff] = option(m.alpha_cutoff.map(f32::to_bits));
     let [r, g, b] = m.albedo.to_array().map(f32::to_bits);
-    let (e, group) = m.emission.map_or(([0; 3], u32::MAX), |(e, g)| (e.to_array().map(f32::to_bits), g));
+    let (e, group, map) = m.emission.map_or(([0; 3], u32::MAX, u32::MAX), |e| {
+        (e.radiance.to_array().map(f32::to_bits), e.group, e.map.unwrap_or(u32::MAX))
+    });
     let [most, alpha] = [m.albedo_max, m.alpha].map(f32::to_bits);
     let sides = m.two_sided.into();
-    [r, g, b, most, alpha, has_texture, texture, has_cutoff, cutoff, sides, e[0], e[1], e[2], group]
+    [r, g, b, most, alpha, has_texture, texture, has_cutoff, cutoff, sides, e[0], e[1], e[2], group, map]
 }
 
 #[cfg(test)]

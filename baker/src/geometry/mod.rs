@@ -1,26 +1,33 @@
 //! Triangles in world space, flattened from files and instances, and what they are made of.
 
 mod notes;
+mod contents;
 mod model;
 mod originals;
 mod texture;
 mod polygon;
 mod obj;
 mod gltf;
+mod survey;
 mod look;
+mod lights;
 mod load;
 mod point;
 mod bright;
+mod emission;
 mod digest;
 mod similarity;
 mod solids;
 
+pub use contents::{Contents, FileCamera, FileLamp, FileLampKind};
+pub use lights::FileLights;
 pub use load::{load, load_with};
 pub(crate) use model::{Asset, Mesh};
 pub use originals::Originals;
 pub(crate) use originals::Source;
 pub use similarity::Similarity;
 pub use solids::Solids;
+pub use survey::contents;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 
@@ -51,6 +58,12 @@ pub struct Geometry {
     pub textures: Vec<Texture>,
     /// The files that all this was read from, so that they can be written again.
     pub originals: Originals,
+    /// Textures of what surfaces emit.
+    pub emission_maps: Vec<Texture>,
+    /// Where vertices lie on the emission map of their material; empty: there are no maps.
+    pub emission_uvs: Vec<Vec2>,
+    /// Lamps of the files, and the light groups of all that shines in them.
+    pub lights: FileLights,
 }
 
 /// One placed mesh (glTF primitive, OBJ object and material): a run of triangles with vertices of its own.
@@ -111,8 +124,19 @@ pub struct Material {
     pub alpha_cutoff: Option<f32>,
     /// Whether the back reflects; if not, it absorbs.
     pub two_sided: bool,
-    /// Emitted radiance in kcd/m² and the index of the light group that switches it.
-    pub emission: Option<(Vec3, u32)>,
+    /// What it emits; `None`: nothing.
+    pub emission: Option<Emission>,
+}
+
+/// What a material emits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emission {
+    /// Radiance in kcd/m².
+    pub radiance: Vec3,
+    /// Index of the light group that switches it.
+    pub group: u32,
+    /// Index into the emission maps: multiplies the radiance.
+    pub map: Option<u32>,
 }
 
 /// A texture of 8-bit sRGB colour and linear alpha, sampled bilinearly, decoded before filtering.

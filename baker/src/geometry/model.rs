@@ -1,6 +1,7 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
 use super::LightmapPlace;
+use super::contents::Contents;
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 use serde_json::Value;
@@ -17,6 +18,8 @@ pub(super) struct Model {
     pub materials: Vec<FileMaterial>,
     /// What only a glTF holds.
     pub asset: Option<Asset>,
+    /// Its lamps and cameras.
+    pub contents: Contents,
 }
 
 /// A mesh at a node.
@@ -50,6 +53,8 @@ pub(crate) struct Mesh {
     pub normals: Vec<Vec3>,
     /// v down; empty: none.
     pub uvs: Vec<Vec2>,
+    /// Where its vertices lie on the emission map, v down; empty: it has none.
+    pub emission_uvs: Vec<Vec2>,
     /// Empty: none.
     pub lightmap_uvs: Vec<Vec2>,
     /// Linear colour and alpha that multiply the material's, each in [0, 1]; empty: none.
@@ -112,6 +117,17 @@ pub(super) struct FileMaterial {
     pub two_sided: bool,
     /// The file defines none: the default albedo.
     pub undefined: bool,
+    /// What it emits; `None`: nothing.
+    pub emission: Option<FileEmission>,
+}
+
+/// What a material of a file emits.
+#[derive(Clone, Copy)]
+pub(super) struct FileEmission {
+    /// As the file gives it, strength included.
+    pub value: Vec3,
+    /// Multiplies it: index into the store's emission maps.
+    pub texture: Option<u32>,
 }
 
 impl Mesh {
@@ -147,6 +163,7 @@ impl Mesh {
         compact(&mut self.normals, &used, |n| n.is_finite(), place, "normal")?;
         compact(&mut self.uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
         compact(&mut self.colours, &used, |c| c.is_finite(), place, "vertex colour")?;
+        compact(&mut self.emission_uvs, &used, |t| t.is_finite(), place, "texture coordinate")?;
         compact(&mut self.lightmap_uvs, &used, |t| t.is_finite(), place, "lightmap coordinate")?;
         for attribute in &mut self.attributes {
             attribute.bytes = used.iter().flat_map(|&v| attribute.of(v as usize)).copied().collect();

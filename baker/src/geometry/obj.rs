@@ -1,5 +1,7 @@
 //! Wavefront OBJ with its MTL libraries.
 
+mod emission;
+
 use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo, reason};
 use super::notes::{Notes, plural};
 use super::polygon::triangulate;
@@ -111,7 +113,8 @@ pub(super) fn load(
                 model.materials.len() - 1
             }
         };
-        let mesh = convert(mesh, name, material, vt_is_lightmap, &file, notes)?;
+        let has_map = model.materials[material].emission.is_some_and(|e| e.texture.is_some());
+        let mesh = convert(mesh, name, material, vt_is_lightmap, has_map, &file, notes)?;
         let node = String::new();
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),
@@ -146,7 +149,7 @@ fn statements_used(library: &[u8]) -> Vec<u8> {
     for line in library.split_inclusive(|&b| b == b'\n') {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         match words.next() {
-            Some(b"newmtl" | b"d" | b"map_Kd" | b"map_d") => used.extend(line),
+            Some(b"newmtl" | b"d" | b"map_Kd" | b"map_d" | b"Ke" | b"map_Ke") => used.extend(line),
             Some(b"Kd") => {
                 let numbers: Vec<&[u8]> = words.take(3).collect();
                 used.extend(b"Kd ");
@@ -184,7 +187,7 @@ fn resolve(folder: &Path, name: &str) -> PathBuf {
     folder.join(name.trim().replace('\\', "/"))
 }
 
-/// `Kd` (linear) and `map_Kd`; a `map_d` that is the same file makes a cut-out.
+/// `Kd` (linear) and `map_Kd`, `Ke` and `map_Ke`; a `map_d` that is the same file makes a cut-out.
 fn material(
     material: Option<&tobj::Material>,
     file: &str,
@@ -200,6 +203,7 @@ fn material(
         alpha_cutoff: None,
         two_sided: false,
         undefined: material.is_none_or(|m| !is_marked(m)),
+        emission: None,
     };
     let Some(material) = material else { return Ok(result) };
     let place = format!("{file}: material {}", material.name);
@@ -239,6 +243,7 @@ fn material(
             notes.add(file, "material", format!("{} ({map})", material.name), what);
         }
     }
+    result.emission = emission::read(material, file, folder, textures, notes);
     if material.dissolve.is_some_and(|d| d < 1.0) {
         notes.add(file, "material", &material.name, "d below 1 is not used: the surface is opaque");
     }
@@ -276,6 +281,7 @@ fn convert(
     name: String,
     material: usize,
     vt_is_lightmap: bool,
+    has_emission_map: bool,
     file: &str,
     notes: &mut Notes,
 ) -> Result<Mesh> {
@@ -324,6 +330,9 @@ fn convert(
             triangulate(&polygon, &mut cut);
             result.triangles.extend(cut.iter().map(|t| t.map(|i| face[i])));
         }
+    }
+    if has_emission_map {
+        result.emission_uvs = result.uvs.clone();
     }
     let dropped = result.finish(&place)?;
     if dropped > 0 {

@@ -56,6 +56,19 @@ impl Texture {
         Vec3::from(most.map(|code| LINEAR_FROM_SRGB[code as usize]))
     }
 
+    /// Feeds its texels and addressing into a hash.
+    pub(super) fn update_digest(&self, hash: &mut blake3::Hasher) {
+        let wrap = |w: Wrap| match w {
+            Wrap::Repeat => 0u8,
+            Wrap::Clamp => 1,
+            Wrap::Mirror => 2,
+        };
+        hash.update(&self.width.to_le_bytes());
+        hash.update(&self.height.to_le_bytes());
+        hash.update(bytemuck::cast_slice(&self.rgba));
+        hash.update(&[wrap(self.wrap_u), wrap(self.wrap_v)]);
+    }
+
     fn bilinear(&self, uv: Vec2, decode: impl Fn([u8; 4]) -> (Vec3, f32)) -> (Vec3, f32) {
         // Texel centres stand at (i + ½) / size; f64, so that far tiles keep the place within a texel.
         let x = f64::from(uv.x) * f64::from(self.width) - 0.5;
@@ -84,6 +97,7 @@ pub(super) struct TextureStore {
     index: BTreeMap<([u8; 32], Wrap, Wrap), u32>,
     white: BTreeMap<u32, u32>,
     brightest: BTreeMap<u32, Vec3>,
+    emission: Option<Box<TextureStore>>,
 }
 
 impl TextureStore {
@@ -110,6 +124,11 @@ impl TextureStore {
         let index = self.push(Texture { width, height, rgba, wrap_u, wrap_v });
         self.index.insert(key, index);
         Ok(index)
+    }
+
+    /// The store of emission maps, which are no part of what reflects light.
+    pub fn emission(&mut self) -> &mut TextureStore {
+        self.emission.get_or_insert_default()
     }
 
     /// A texture with the alpha of another and white everywhere.

@@ -19,7 +19,7 @@ pub struct Emitter {
     pub triangle: u32,
     /// Its corners, relative to the geometry's origin; front counter-clockwise.
     pub corners: [Vec3; 3],
-    /// kcd/m², constant over it; in a bake in units of the group's brightest number.
+    /// kcd/m², the mean over it; in a bake in units of the group's brightest number.
     pub radiance: Rgb,
     /// Whether the back emits too.
     pub two_sided: bool,
@@ -32,14 +32,14 @@ pub fn emitters(geometry: &Geometry, group: u32) -> Vec<Emitter> {
     let mut found = Vec::new();
     for (triangle, &material) in geometry.material_of.iter().enumerate() {
         let material = &geometry.materials[material as usize];
-        if let Some((radiance, of)) = material.emission
-            && of == group
+        if let Some(emission) = material.emission
+            && emission.group == group
             && material.alpha_cutoff.is_none()
         {
             let emitter = Emitter {
                 triangle: triangle as u32,
                 corners: geometry.corners(triangle),
-                radiance,
+                radiance: emission.radiance * geometry.emission_map_mean(triangle),
                 two_sided: material.two_sided,
             };
             found.extend(emitter.is_usable().then_some(emitter));

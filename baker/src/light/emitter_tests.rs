@@ -1,6 +1,7 @@
 //! Tests of emissive triangles: solid angles, round trips, and the awkward places.
 
 use super::*;
+use crate::geometry::Emission;
 use glam::Vec2;
 
 fn emitter(corners: [Vec3; 3]) -> Emitter {
@@ -143,14 +144,14 @@ fn triangles_without_area_or_light_are_no_emitters() {
 
 #[test]
 fn a_groups_emitters_are_found() {
-    let material = |emission, alpha_cutoff| crate::geometry::Material {
+    let material = |emission: Option<(Vec3, u32)>, alpha_cutoff| crate::geometry::Material {
         albedo: Vec3::splat(0.5),
         albedo_max: 1.0,
         alpha: 1.0,
         texture: None,
         alpha_cutoff,
         two_sided: false,
-        emission,
+        emission: emission.map(|(radiance, group)| Emission { radiance, group, map: None }),
     };
     let geometry = Geometry {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z],

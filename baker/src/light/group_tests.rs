@@ -111,7 +111,7 @@ fn groups() -> Vec<GroupSampler> {
         GroupSampler::new(&few, &sheet(1), DVec3::ZERO),
         GroupSampler::new(&mixed(8), &[], DVec3::ZERO),
         GroupSampler::new(&mixed(500), &sheet(10), DVec3::ZERO),
-        GroupSampler::new(&[few[2]; 40], &[], DVec3::ZERO),
+        GroupSampler::new(&vec![few[2].clone(); 40], &[], DVec3::ZERO),
     ]
 }
 

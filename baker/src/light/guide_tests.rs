@@ -23,6 +23,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         portals,
         objects: Vec::new(),
         groups: Vec::new(),
+        lights: Default::default(),
         lightmap: Lightmap::default(),
         size_as_written: String::new(),
         bake: Sampling::default(),

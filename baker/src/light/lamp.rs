@@ -12,11 +12,12 @@ use super::disc::Disc;
 use super::rectangle::Rectangle;
 use super::{cosine_hemisphere, luminance};
 use crate::Rgb;
-use crate::scene::Lamp;
+use crate::scene::{Lamp, Profile};
 #[cfg(test)]
 use glam::DVec2;
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// A lamp made ready for sampling, in the geometry's local space.
 #[derive(Clone, Debug)]
@@ -34,6 +35,20 @@ enum Shape {
     Disc(Disc),
     Point { position: DVec3 },
     Spot { position: DVec3, axis: DVec3, cos_inner: f64, cos_outer: f64 },
+    Ies(Box<Ies>),
+}
+
+/// A spot whose intensity a photometric file gives.
+#[derive(Clone, Debug)]
+struct Ies {
+    position: DVec3,
+    axis: DVec3,
+    cos_inner: f64,
+    cos_outer: f64,
+    /// Towards horizontal angles 0 and 90°; those run counter-clockwise as seen against the axis, from above a ceiling lamp.
+    x: DVec3,
+    y: DVec3,
+    profile: Arc<Profile>,
 }
 
 /// One sample of a lamp's light at a receiver.
@@ -86,6 +101,13 @@ impl LampSampler {
                     intensity,
                 )
             }
+            Lamp::Ies { position, direction, up, inner, outer, intensity, ref profile } => {
+                let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
+                let (position, x, y) = (position - origin, up, up.cross(direction));
+                let profile = profile.clone();
+                let ies = Ies { position, axis: direction, cos_inner, cos_outer, x, y, profile };
+                (Shape::Ies(Box::new(ies)), intensity)
+            }
         };
         let light = light.as_vec3();
         Self { shape, light, luminance: f64::from(luminance(light)) }
@@ -134,7 +156,7 @@ impl LampSampler {
                 let distance = offset.length();
                 (offset / distance, distance, 1.0 / seen.pdf(offset))
             }
-            Shape::Point { .. } | Shape::Spot { .. } => self.point(p)?,
+            Shape::Point { .. } | Shape::Spot { .. } | Shape::Ies(_) => self.point(p)?,
         };
         let irradiance = self.light * (weight * direction.dot(n).max(0.0)) as f32;
         let (direction, distance) = (direction.as_vec3(), distance as f32);
@@ -165,7 +187,7 @@ impl LampSampler {
                 }
                 _ => 0.0,
             },
-            Shape::Point { .. } | Shape::Spot { .. } => 0.0,
+            Shape::Point { .. } | Shape::Spot { .. } | Shape::Ies(_) => 0.0,
         };
         pdf as f32
     }
@@ -189,7 +211,7 @@ impl LampSampler {
                 let seen = disc.seen_from(p).filter(|_| disc.height_bound(p, n) > 0.0)?;
                 seen.invert(seen.hit(direction)?)
             }
-            Shape::Point { .. } | Shape::Spot { .. } => return None,
+            Shape::Point { .. } | Shape::Spot { .. } | Shape::Ies(_) => return None,
         };
         Some(u.clamp(DVec2::ZERO, DVec2::ONE).as_vec2())
     }
@@ -206,7 +228,7 @@ impl LampSampler {
             },
             Shape::Rectangle(rectangle) => rectangle.importance(p, n),
             Shape::Disc(disc) => disc.importance(p, n),
-            Shape::Point { .. } | Shape::Spot { .. } => {
+            Shape::Point { .. } | Shape::Spot { .. } | Shape::Ies(_) => {
                 self.point(p).map_or(0.0, |(direction, _, weight)| weight * direction.dot(n).max(0.0))
             }
         };
@@ -234,35 +256,56 @@ impl LampSampler {
             Shape::Spot { position, axis, cos_outer, .. } => {
                 (around(*position, 0.0), *axis, 0.0, cos_outer.acos(), 1.0)
             }
+            Shape::Ies(ies) => {
+                let reach = ies.cos_outer.acos().min(ies.profile.reach());
+                (around(ies.position, 0.0), ies.axis, 0.0, reach, 1.0)
+            }
         };
         Outline { low, high, axis, spread, reach, intensity: size * self.luminance }
     }
 
     /// Direction and distance to a point or spot, and falloff/distance².
     fn point(&self, p: DVec3) -> Option<(DVec3, f64, f64)> {
-        let (Shape::Point { position } | Shape::Spot { position, .. }) = self.shape else { return None };
+        let position = match &self.shape {
+            Shape::Point { position } | Shape::Spot { position, .. } => *position,
+            Shape::Ies(ies) => ies.position,
+            _ => return None,
+        };
         let offset = position - p;
         let distance = offset.length();
         if distance <= 0.0 {
             return None;
         }
         let direction = offset / distance;
-        let falloff = match self.shape {
+        let falloff = match &self.shape {
             Shape::Spot { axis, cos_inner, cos_outer, .. } => {
-                let cosine = -direction.dot(axis);
-                // Smoothstep in the cosine; a hard edge where inner = outer.
-                if cosine >= cos_inner {
-                    1.0
-                } else if cosine <= cos_outer {
+                cone_falloff(-direction.dot(*axis), *cos_inner, *cos_outer)?
+            }
+            Shape::Ies(ies) => {
+                let out = -direction;
+                let cone = cone_falloff(out.dot(ies.axis), ies.cos_inner, ies.cos_outer)?;
+                let (x, y) = (out.dot(ies.x), out.dot(ies.y));
+                let relative = ies.profile.at(x.hypot(y).atan2(out.dot(ies.axis)), y.atan2(x));
+                if relative <= 0.0 {
                     return None;
-                } else {
-                    let t = (cosine - cos_outer) / (cos_inner - cos_outer);
-                    t * t * (3.0 - 2.0 * t)
                 }
+                cone * relative
             }
             _ => 1.0,
         };
         Some((direction, distance, falloff / (distance * distance)))
+    }
+}
+
+/// What a spot's cone leaves at a cosine to its axis: smoothstep in the cosine, a hard edge where inner = outer.
+fn cone_falloff(cosine: f64, cos_inner: f64, cos_outer: f64) -> Option<f64> {
+    if cosine >= cos_inner {
+        Some(1.0)
+    } else if cosine <= cos_outer {
+        None
+    } else {
+        let t = (cosine - cos_outer) / (cos_inner - cos_outer);
+        Some(t * t * (3.0 - 2.0 * t))
     }
 }
 

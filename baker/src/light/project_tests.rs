@@ -19,6 +19,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         portals: Vec::new(),
         objects: Vec::new(),
         groups: Vec::new(),
+        lights: Default::default(),
         lightmap: Lightmap::default(),
         size_as_written: String::new(),
         bake: Sampling::default(),

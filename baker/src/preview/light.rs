@@ -51,12 +51,14 @@ impl Light {
         radiance.iter().zip(&self.weights[layers]).map(|(light, weight)| *light * *weight).sum()
     }
 
-    /// Radiance that a material of the geometry emits.
-    pub fn emission(&self, geometry: &Geometry, material: u32) -> Rgb {
-        let group = geometry.materials[material as usize].emission.map(|(_, group)| group as usize);
+    /// Radiance that a triangle emits at a point.
+    pub fn emission(&self, geometry: &Geometry, triangle: usize, barycentrics: Vec3) -> Rgb {
+        let material = geometry.material_of[triangle];
+        let group = geometry.materials[material as usize].emission.map(|emission| emission.group as usize);
         let place = group.and_then(|group| self.lights.place_of_group.get(group).copied().flatten());
         place.map_or(Rgb::ZERO, |place| {
             self.lights.groups[place].emission[material as usize]
+                * geometry.emission_map_at(triangle, barycentrics)
                 * self.weights[self.lights.group_layer(place)]
         })
     }

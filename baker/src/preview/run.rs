@@ -31,10 +31,11 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     if let Some(out) = &options.out {
         expect_output(out, "png", "--out")?;
     }
-    let (scene, mut warnings) = scene::load(scene_file)?;
+    let (mut scene, mut warnings) = scene::load(scene_file)?;
     let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
     standing::expect_finished(&folder, scene_file, &scene.name)?;
     let (geometry, geometry_warnings) = geometry::load(&scene)?;
+    geometry.lights.add_to(&mut scene);
     warnings.extend(geometry_warnings);
     warnings.iter().for_each(|warning| console.warn(warning));
     let rays = Rays::with_backend(&geometry, options.backend)?;

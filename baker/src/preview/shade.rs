@@ -46,7 +46,7 @@ impl Shader<'_> {
             let irradiance =
                 self.of_texel(&hit, is_back).unwrap_or_else(|| self.estimate(&hit, is_back, walks, number));
             let reflected = geometry.albedo_at(triangle, hit.barycentric) * irradiance / PI;
-            return (reflected + self.light.emission(geometry, material), true);
+            return (reflected + self.light.emission(geometry, triangle, hit.barycentric), true);
         }
         (self.light.sky(direction), false)
     }

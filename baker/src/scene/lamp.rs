@@ -2,22 +2,26 @@
 
 use super::colour::{KELVIN, black_body};
 use super::raw::Table;
-use super::{Group, Lamp, schedule};
+use super::{Group, Lamp, Profile, schedule};
 use dataset::Result;
 use glam::DVec3;
 use std::f64::consts::PI;
+use std::path::Path;
+use std::sync::Arc;
 
 /// Keys of `[[group]]`.
-pub(super) const KEYS: &[&str] = &["name", "on", "sphere", "rectangle", "disc", "spot", "point"];
+pub(super) const KEYS: &[&str] = &["name", "on", "lights", "sphere", "rectangle", "disc", "spot", "point"];
 const SPHERE: &[&str] = &["centre", "radius", "radiance", "lumens", "kelvin"];
 const RECTANGLE: &[&str] = &["corner", "edge_u", "edge_v", "radiance", "lumens", "kelvin"];
 const DISC: &[&str] = &["centre", "direction", "radius", "radiance", "lumens", "kelvin"];
-const SPOT: &[&str] = &["position", "direction", "inner", "outer", "intensity", "lumens", "kelvin"];
-const POINT: &[&str] = &["position", "intensity", "lumens", "kelvin"];
+const SPOT: &[&str] =
+    &["position", "direction", "inner", "outer", "intensity", "lumens", "kelvin", "ies", "up"];
+const POINT: &[&str] = &["position", "intensity", "lumens", "kelvin", "ies", "direction", "up"];
 
-/// Reads `[[group]]`; names must be unique.
-pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
-    let mut groups: Vec<Group> = Vec::new();
+/// Reads `[[group]]`; names must be unique. Gives also the `lights` of each, with its index. Files are relative to
+/// `folder`.
+pub(super) fn read(tables: Vec<Table>, folder: &Path) -> Result<(Vec<Group>, Vec<(String, usize)>)> {
+    let (mut groups, mut names): (Vec<Group>, Vec<(String, usize)>) = (Vec::new(), Vec::new());
     for table in tables {
         let value = table.require("name", "a name")?;
         let name = value.text("a name")?;
@@ -28,6 +32,12 @@ pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
             return Err(value.error("expected a name that no other group has"));
         }
         let on = table.get("on").map_or(Ok(vec![schedule::ALWAYS]), |v| schedule::read(&v))?;
+        if let Some(value) = table.get("lights") {
+            let expected = "a list of names of lamps or materials, * standing for any run of characters";
+            for name in value.array(expected)? {
+                names.push((name.text(expected)?.to_owned(), groups.len()));
+            }
+        }
         let mut lamps = Vec::new();
         for t in table.tables("sphere", SPHERE)? {
             lamps.push(sphere(&t)?);
@@ -39,14 +49,14 @@ pub(super) fn read(tables: Vec<Table>) -> Result<Vec<Group>> {
             lamps.push(disc(&t)?);
         }
         for t in table.tables("spot", SPOT)? {
-            lamps.push(spot(&t)?);
+            lamps.push(spot(&t, folder)?);
         }
         for t in table.tables("point", POINT)? {
-            lamps.push(point(&t)?);
+            lamps.push(point(&t, folder)?);
         }
         groups.push(Group { name: name.to_owned(), on, lamps });
     }
-    Ok(groups)
+    Ok((groups, names))
 }
 
 fn sphere(table: &Table) -> Result<Lamp> {
@@ -86,14 +96,19 @@ fn disc(table: &Table) -> Result<Lamp> {
     Ok(Lamp::Disc { centre, direction, radius, radiance })
 }
 
-fn point(table: &Table) -> Result<Lamp> {
+fn point(table: &Table, folder: &Path) -> Result<Lamp> {
     let position = vector(table, "position")?;
+    if table.get("ies").is_some() {
+        let direction = table.get("direction").map_or(Ok(DVec3::NEG_Y), |value| direction(&value))?;
+        return ies(table, position, direction, [PI, PI], folder);
+    }
+    expect_ies(table, &["direction", "up"])?;
     // Φ = 4π I.
     let intensity = power(table, "intensity", 4.0 * PI)?;
     Ok(Lamp::Point { position, intensity })
 }
 
-fn spot(table: &Table) -> Result<Lamp> {
+fn spot(table: &Table, folder: &Path) -> Result<Lamp> {
     let position = vector(table, "position")?;
     let value = table.require("direction", "a vector [x, y, z]")?;
     let direction = direction(&value)?;
@@ -104,10 +119,92 @@ fn spot(table: &Table) -> Result<Lamp> {
         .require("inner", expected)?
         .number(expected, |x| x >= 0.0 && x.to_radians() <= outer)?
         .to_radians();
+    if table.get("ies").is_some() {
+        return ies(table, position, direction, [inner, outer], folder);
+    }
+    expect_ies(table, &["up"])?;
     // Φ = ∫ I dω = 2π I [(1 − cos inner) + ∫ smoothstep d cos] = 2π I [1 − (cos inner + cos outer) / 2].
     let per_intensity = 2.0 * PI * (1.0 - 0.5 * (inner.cos() + outer.cos()));
     let intensity = power(table, "intensity", per_intensity)?;
     Ok(Lamp::Spot { position, direction, inner, outer, intensity })
+}
+
+/// A lamp by a photometric file. `intensity` (where it is greatest) or `lumens` scale it; `kelvin` gives its colour.
+fn ies(
+    table: &Table,
+    position: DVec3,
+    direction: DVec3,
+    [inner, outer]: [f64; 2],
+    folder: &Path,
+) -> Result<Lamp> {
+    let expected = "the path of an IES file (LM-63)";
+    let value = table.require("ies", expected)?;
+    let profile = Profile::read(&folder.join(value.text(expected)?)).map_err(|error| value.error(error))?;
+    let up = match table.get("up") {
+        Some(value) => {
+            let up = self::direction(&value)?.reject_from_normalized(direction);
+            if up.length() < 1e-6 {
+                return Err(value.error("expected a vector that is not parallel to `direction`"));
+            }
+            up.normalize()
+        }
+        None if profile.is_round() => direction.any_orthonormal_vector(),
+        None => {
+            let what = "expected `up` beside it, a vector [x, y, z] towards the file's horizontal angle 0: it does not shine the same all round";
+            return Err(value.error(what));
+        }
+    };
+    let colour = match table.get("kelvin") {
+        None => DVec3::ONE,
+        Some(value) => {
+            black_body(value.number("a colour temperature from 1000 to 40000", |x| KELVIN.contains(&x))?)
+        }
+    };
+    let intensity = match (table.get("intensity"), table.get("lumens")) {
+        (Some(value), None) if table.get("kelvin").is_none() => {
+            value.vector("[r, g, b], each 0 or more", super::is_light)?
+        }
+        (Some(value), _) => {
+            return Err(value.error("expected either `intensity`, or `lumens` and `kelvin`, beside `ies`"));
+        }
+        (None, Some(lumens)) => {
+            let wanted = lumens.number("a number of lumens, 0 or more", |x| x >= 0.0)?;
+            let flux = profile.flux(|cosine| cone(cosine, inner, outer));
+            if flux <= 0.0 && wanted > 0.0 {
+                return Err(lumens
+                    .error("the IES file gives no light, or none within the cone: expected no `lumens`"));
+            }
+            colour * if flux > 0.0 { wanted / 1000.0 / flux } else { 0.0 }
+        }
+        (None, None) => colour * (profile.peak / 1000.0),
+    };
+    if !intensity.to_array().into_iter().all(super::is_light) {
+        return Err(value.error("expected at most 1e15 candela"));
+    }
+    Ok(Lamp::Ies { position, direction, up, inner, outer, intensity, profile: Arc::new(profile) })
+}
+
+/// What a spot's cone leaves at a cosine to its axis: smoothstep in the cosine, a hard edge where inner = outer.
+fn cone(cosine: f64, inner: f64, outer: f64) -> f64 {
+    let (inner, outer) = (inner.cos(), outer.cos());
+    if cosine >= inner {
+        1.0
+    } else if cosine <= outer {
+        0.0
+    } else {
+        let t = (cosine - outer) / (inner - outer);
+        t * t * (3.0 - 2.0 * t)
+    }
+}
+
+/// An error where one of these keys stands without `ies`.
+fn expect_ies(table: &Table, keys: &[&str]) -> Result<()> {
+    match keys.iter().find_map(|key| table.get(key)) {
+        Some(value) => {
+            Err(value.error("expected only beside `ies`: without it the lamp has no such direction"))
+        }
+        None => Ok(()),
+    }
 }
 
 /// `key` as RGB, or `lumens` and `kelvin`: RGB of luminance lumens ÷ 1000 ÷ `lumens_per_unit` (1 unit is 1000 lm/sr).

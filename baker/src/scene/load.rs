@@ -3,7 +3,7 @@
 use super::raw::{Source, Table, parse};
 use super::{
     HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey,
-    SunTrack, UvSource, camera, lamp, object, sky,
+    SunTrack, UvSource, camera, lamp, lights, object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
@@ -18,6 +18,7 @@ const TOP: &[&str] = &[
     "portal",
     "object",
     "group",
+    "lights",
     "lightmap",
     "bake",
     "camera",
@@ -79,20 +80,11 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     if !portals.is_empty() && sky.is_none() {
         warnings.push(format!("{}: [[portal]] has no use: the scene has no sky", path.display()));
     }
-    let groups = lamp::read(top.tables("group", lamp::KEYS)?)?;
+    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?, folder)?;
+    let lights = lights::read(top.table("lights", lights::KEYS)?, names)?;
     let objects = object::read(top.tables("object", object::KEYS)?, folder, &groups, &mut warnings)?;
     if objects.is_empty() {
         return Err(top.error("expected at least one [[object]]"));
-    }
-    for group in &groups {
-        let looks = objects.iter().flat_map(|o| o.parts.iter().map(|p| &p.look).chain([&o.look]));
-        if group.lamps.is_empty() && !looks.into_iter().any(|l| l.group.as_ref() == Some(&group.name)) {
-            warnings.push(format!(
-                "{}: group \"{}\" has no lamp and no emission",
-                path.display(),
-                group.name
-            ));
-        }
     }
     let layout = top.table("lightmap", LIGHTMAP)?;
     let lightmap = layout.as_ref().map_or(Ok(Lightmap::default()), self::lightmap)?;
@@ -115,6 +107,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         portals,
         objects,
         groups,
+        lights,
         lightmap,
         size_as_written,
         bake,

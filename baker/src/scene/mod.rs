@@ -4,11 +4,14 @@ mod raw;
 pub mod colour;
 mod sky;
 mod schedule;
+mod ies;
 mod lamp;
+mod lights;
 mod object;
 mod camera;
 mod load;
 
+pub use ies::Profile;
 pub use load::load;
 pub use sky::SkyImage;
 
@@ -16,6 +19,7 @@ use dataset::{Error, Result};
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A radiance or irradiance that makes sense; what is computed from it stays finite in `f32`.
 fn is_light(x: f64) -> bool {
@@ -48,6 +52,9 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Light groups, in file order; names are unique.
     pub groups: Vec<Group>,
+    /// What becomes of the lamps and glowing materials of geometry files. (What they give stands among the groups, where digests see it.)
+    #[serde(skip)]
+    pub lights: LightsOfFiles,
     /// Lightmap layout.
     pub lightmap: Lightmap,
     /// Where the file says how large the lightmaps are, and what, for messages: `yard.toml:30: size = 512`.
@@ -92,6 +99,7 @@ impl Scene {
             portals: Vec::new(),
             objects: vec![object],
             groups: Vec::new(),
+            lights: LightsOfFiles::default(),
             lightmap: Lightmap::default(),
             size_as_written: String::new(),
             bake: Sampling::default(),
@@ -242,8 +250,27 @@ pub struct Look {
     pub two_sided: Option<bool>,
     /// Radiance emitted from the front (both sides if two-sided), kcd/m².
     pub emission: Option<DVec3>,
-    /// The group that switches the emission; must exist. Required with `emission`.
+    /// The group that switches the emission, its own or the file's; must exist. Required with an `emission` above 0.
     pub group: Option<String>,
+}
+
+/// What becomes of the lamps and glowing materials of geometry files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightsOfFiles {
+    /// Whether they shine.
+    pub from_file: bool,
+    /// What the candela and lux of their lamps are multiplied by.
+    pub scale: f64,
+    /// Radiance in kcd/m² where a file's emission is 1.
+    pub emission: f64,
+    /// Names of lamps and materials (`*` stands for any run of characters), each with its group's index.
+    pub names: Vec<(String, usize)>,
+}
+
+impl Default for LightsOfFiles {
+    fn default() -> Self {
+        Self { from_file: true, scale: 1.0, emission: 1.0, names: Vec::new() }
+    }
 }
 
 /// Lights that switch together.
@@ -258,7 +285,7 @@ pub struct Group {
 }
 
 /// A lamp: invisible to camera and paths, sampled directly.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub enum Lamp {
     /// A uniformly radiating ball.
     Sphere {
@@ -311,6 +338,24 @@ pub enum Lamp {
         /// On-axis luminous intensity as RGB, kcd.
         intensity: DVec3,
     },
+    /// A point that shines as a photometric file says, within a cone as a spot's.
+    Ies {
+        /// World.
+        position: DVec3,
+        /// Unit axis, towards the file's vertical angle 0.
+        direction: DVec3,
+        /// Unit, perpendicular to the axis, towards the file's horizontal angle 0.
+        up: DVec3,
+        /// Half angle in radians; π: no cone.
+        inner: f64,
+        /// Half angle in radians, ≥ inner.
+        outer: f64,
+        /// Luminous intensity as RGB where the file's is greatest, kcd.
+        intensity: DVec3,
+        /// The file.
+        #[serde(serialize_with = "ies::serialize")]
+        profile: Arc<Profile>,
+    },
 }
 
 impl Lamp {
@@ -320,7 +365,8 @@ impl Lamp {
         | Lamp::Disc { radiance: light, .. }
         | Lamp::Point { intensity: light, .. }
         | Lamp::Rectangle { radiance: light, .. }
-        | Lamp::Spot { intensity: light, .. }) = self;
+        | Lamp::Spot { intensity: light, .. }
+        | Lamp::Ies { intensity: light, .. }) = self;
         *light
     }
 
@@ -330,7 +376,8 @@ impl Lamp {
         | Lamp::Disc { radiance: light, .. }
         | Lamp::Point { intensity: light, .. }
         | Lamp::Rectangle { radiance: light, .. }
-        | Lamp::Spot { intensity: light, .. }) = &mut self;
+        | Lamp::Spot { intensity: light, .. }
+        | Lamp::Ies { intensity: light, .. }) = &mut self;
         *light = new;
         self
     }

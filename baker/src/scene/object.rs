@@ -148,8 +148,10 @@ fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<L
             Some(name.to_owned())
         }
     };
-    if emission.is_some() != group.is_some() {
-        return Err(table.error("expected `emission` and `group` together: the group switches the emission"));
+    if emission.is_some_and(|emission| emission.max_element() > 0.0) && group.is_none() {
+        return Err(
+            table.error("`emission` without `group`: expected both, since the group switches the emission")
+        );
     }
     Ok(Look {
         albedo,

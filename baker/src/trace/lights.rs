@@ -77,6 +77,8 @@ pub struct GroupLight {
     pub sampler: GroupSampler,
     /// Per material of the geometry, the radiance it emits into this group's layer.
     pub emission: Vec<Rgb>,
+    /// Whether some of them emit by a map, which multiplies that.
+    pub has_maps: bool,
     /// Decides the random numbers of the group's samples: a function of its name, so that they stay the same whichever other
     /// groups are traced with it.
     pub key: u32,

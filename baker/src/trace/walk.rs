@@ -11,6 +11,7 @@ use super::sampler::Sample;
 use super::space::{Receiver, Space};
 use super::triangle::Hit;
 use crate::Rgb;
+use crate::light::lamp::LampSample;
 use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
@@ -160,6 +161,10 @@ impl<'a> Transport<'a> {
         if s.irradiance == Rgb::ZERO || s.direction.dot(at.face_normal) <= 0.0 {
             return None;
         }
+        let irradiance = match s.emitter {
+            Some(emitter) if group.has_maps => self.mapped(at, group, &s, emitter)?,
+            _ => s.irradiance,
+        };
         counts.lamp += 1;
         // A ray to an emissive triangle must not be stopped by that very triangle.
         let distance = if s.emitter.is_some() { s.distance * (1.0 - 1e-4) } else { s.distance };
@@ -170,7 +175,26 @@ impl<'a> Transport<'a> {
         let share = s
             .emitter
             .map_or(1.0, |(_, pdf)| balance_heuristic(pdf, s.direction.dot(at.normal).max(0.0) / PI));
-        Some(s.irradiance * share)
+        Some(irradiance * share)
+    }
+
+    /// The irradiance of a sample of an emissive triangle by what its map shows there; `None` where that is black.
+    fn mapped(
+        &self,
+        at: &Receiver,
+        group: &GroupLight,
+        s: &LampSample,
+        (triangle, pdf): (u32, f32),
+    ) -> Option<Rgb> {
+        let (geometry, triangle) = (self.space.geometry, triangle as usize);
+        let material = geometry.material_of[triangle] as usize;
+        if geometry.materials[material].emission.is_none_or(|emission| emission.map.is_none()) {
+            return Some(s.irradiance);
+        }
+        let barycentrics = geometry.barycentric_of(triangle, at.origin + s.direction * s.distance);
+        let radiance = group.emission[material] * geometry.emission_map_at(triangle, barycentrics);
+        let irradiance = radiance * (s.direction.dot(at.normal).max(0.0) / pdf);
+        (irradiance != Rgb::ZERO && irradiance.is_finite()).then_some(irradiance)
     }
 
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is called where the
@@ -212,11 +236,14 @@ impl<'a> Transport<'a> {
             if is_back && !material.two_sided {
                 return;
             }
-            if let Some((_, group)) = material.emission
-                && let Some(&Some(g)) = lights.place_of_group.get(group as usize)
+            if let Some(emission) = material.emission
+                && let Some(&Some(g)) = lights.place_of_group.get(emission.group as usize)
             {
                 let group = &lights.groups[g];
-                let radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
+                let mut radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
+                if emission.map.is_some() {
+                    radiance *= self.space.geometry.emission_map_at(triangle, hit.barycentric);
+                }
                 let sampler = &group.sampler;
                 let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
                 out[lights.group_layer(g)] += beta * radiance * balance_heuristic(pdf, sampled);

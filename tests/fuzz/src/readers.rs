@@ -1,6 +1,7 @@
 //! One function per reader: it must not panic on any bytes, nor take more memory than they account for; what it accepts must keep the
 //! rules. Used by libFuzzer and by the ordinary test `mutations`.
 
+use baker::scene::Profile;
 use baker::{geometry, scene as scenes};
 use compressor::bundle::{Bundle, checksum};
 use compressor::decode::Decoder;
@@ -17,7 +18,7 @@ use std::path::Path;
 pub type Target = fn(&Path, &[u8]) -> bool;
 
 /// All of them, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 9] = [
+pub const TARGETS: [(&str, Target); 10] = [
     ("config", config),
     ("exr", exr),
     ("mask", mask),
@@ -27,6 +28,7 @@ pub const TARGETS: [(&str, Target); 9] = [
     ("bundle", bundle),
     ("archive", archive),
     ("scene", scene),
+    ("ies", ies),
 ];
 
 /// `config.json`.
@@ -159,6 +161,23 @@ pub fn scene(scratch: &Path, bytes: &[u8]) -> bool {
     assert!(geometry.normals.iter().all(|normal| normal.is_finite()));
     assert!(geometry.triangles.iter().flatten().all(|&vertex| (vertex as usize) < geometry.positions.len()));
     assert_eq!(geometry.triangles.len(), geometry.material_of.len());
+    let mut scene = scene;
+    geometry.lights.add_to(&mut scene);
+    let emissions = geometry.materials.iter().filter_map(|material| material.emission);
+    assert!(emissions.into_iter().all(|emission| emission.radiance.is_finite()
+        && (emission.group as usize) < scene.groups.len()
+        && emission.map.is_none_or(|map| (map as usize) < geometry.emission_maps.len())));
+    assert!(scene.groups.iter().flat_map(|group| &group.lamps).all(|lamp| lamp.light().is_finite()));
+    true
+}
+
+/// A photometric file.
+pub fn ies(_: &Path, bytes: &[u8]) -> bool {
+    let Ok(profile) = Profile::parse(bytes, "a.ies") else { return false };
+    for (vertical, horizontal) in [(0.0, 0.0), (0.7, 1.0), (3.2, 6.2), (1.5, -3.0), (f64::MAX, f64::MIN)] {
+        assert!((0.0..=1.0).contains(&profile.at(vertical, horizontal)));
+    }
+    assert!(profile.peak.is_finite() && (0.0..3.2).contains(&profile.reach()));
     true
 }
 

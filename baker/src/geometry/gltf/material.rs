@@ -53,6 +53,7 @@ pub(super) fn material(
             alpha_cutoff: None,
             two_sided: false,
             undefined: true,
+            emission: None,
         };
         return Ok((plain, uv));
     };
@@ -105,11 +106,23 @@ pub(super) fn material(
         }
     };
     let two_sided = material.double_sided();
-    Ok((FileMaterial { name, albedo, alpha, texture, alpha_cutoff, two_sided, undefined: false }, uv))
+    Ok((
+        FileMaterial {
+            name,
+            albedo,
+            alpha,
+            texture,
+            alpha_cutoff,
+            two_sided,
+            undefined: false,
+            emission: None,
+        },
+        uv,
+    ))
 }
 
 /// The coordinates a texture reference uses (`KHR_texture_transform`: scale, then rotate, then offset).
-fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
+pub(super) fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
     let Some(transform) = info.texture_transform() else {
         return Ok(UvSource { set: info.tex_coord(), matrix: Mat2::IDENTITY, offset: Vec2::ZERO });
     };
@@ -125,7 +138,12 @@ fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
 }
 
 /// Loads a texture's image.
-fn texture(asset: &Asset, texture: &gltf::Texture, textures: &mut TextureStore, place: &str) -> Result<u32> {
+pub(super) fn texture(
+    asset: &Asset,
+    texture: &gltf::Texture,
+    textures: &mut TextureStore,
+    place: &str,
+) -> Result<u32> {
     let wrap = |mode| match mode {
         WrappingMode::ClampToEdge => Wrap::Clamp,
         WrappingMode::MirroredRepeat => Wrap::Mirror,

@@ -5,7 +5,9 @@ mod accessor;
 mod colours;
 mod container;
 mod extensions;
+mod lights;
 mod material;
+mod emission;
 mod instancing;
 mod keep;
 
@@ -22,6 +24,9 @@ use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
+
+/// Most nodes above a lamp whose names are kept.
+const PARENTS: usize = 32;
 
 /// Reads a glTF asset.
 pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) -> Result<Model> {
@@ -105,8 +110,8 @@ struct Reader<'a> {
     notes: &'a mut Notes,
     model: Model,
     /// By the material's index in the asset, and whether vertices have colours where it has none: its index in the model, and
-    /// where its coordinates come from.
-    materials: BTreeMap<(Option<usize>, bool), (usize, UvSource)>,
+    /// where the coordinates of its base colour and of its emission come from.
+    materials: BTreeMap<(Option<usize>, bool), (usize, UvSource, UvSource)>,
     /// Primitives of points or lines.
     skipped: usize,
 }
@@ -128,6 +133,7 @@ impl Reader<'_> {
         stack.reverse();
         // Depth first, in the file's order. Nodes form a tree: none is met twice.
         let (mut met, mut order) = (vec![false; document.nodes().count()], Vec::new());
+        let (mut path, mut depths) = (Vec::new(), vec![0; met.len()]);
         let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
         while let Some((node, file_from_parent)) = stack.pop() {
             let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
@@ -140,6 +146,14 @@ impl Reader<'_> {
             if !file_from_node.is_finite() {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
             }
+            // The nodes on the way to this one: those of the last `depth` are its parents.
+            path.truncate(depths[node.index()]);
+            if node.light().is_some() || node.camera().is_some() {
+                let parents: Vec<String> = path.iter().rev().take(PARENTS).cloned().collect();
+                let (file, contents) = (self.asset.file, &mut self.model.contents);
+                lights::read(&node, &parents, file_from_node, file, contents, self.notes);
+            }
+            path.push(node.name().unwrap_or("").to_owned());
             if let Some(mesh) = node.mesh() {
                 let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {
                     self.notes.add(self.asset.file, "node", &name, what);
@@ -179,6 +193,7 @@ impl Reader<'_> {
                 }
             }
             let children: Vec<_> = node.children().collect();
+            children.iter().for_each(|child| depths[child.index()] = path.len());
             stack.extend(children.into_iter().rev().map(|c| (c, file_from_node)));
         }
         let placements = &mut self.model.placements;
@@ -212,7 +227,7 @@ impl Reader<'_> {
             self.notes.add(self.asset.file, "primitive", part(), "morph targets are not applied");
         }
         let colours = primitive.get(&Semantic::Colors(0));
-        let (material, uv) = self.material(&primitive.material(), colours.is_some())?;
+        let (material, uv, emission_uv) = self.material(&primitive.material(), colours.is_some())?;
         let buffers = self.asset.buffers;
         let numbers = Some((mesh.index(), primitive.index()));
         let mut result =
@@ -240,6 +255,20 @@ impl Reader<'_> {
             );
             self.notes.add(self.asset.file, "primitive", part(), what);
         }
+        if self.model.materials[material].emission.is_some_and(|e| e.texture.is_some()) {
+            if let Some(uvs) = primitive.get(&Semantic::TexCoords(emission_uv.set)) {
+                let transform = |t| emission_uv.matrix * Vec2::from(t) + emission_uv.offset;
+                result.emission_uvs =
+                    read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(transform).collect();
+                expect("texture coordinates", result.emission_uvs.len())?;
+            } else {
+                let what = format!(
+                    "the material has an emissive texture, but there is no TEXCOORD_{}: the texture's corner is used all over",
+                    emission_uv.set
+                );
+                self.notes.add(self.asset.file, "primitive", part(), what);
+            }
+        }
         if let Some(uvs) = primitive.get(&Semantic::TexCoords(1)) {
             result.lightmap_uvs =
                 read_floats::<2>(&uvs, buffers, &place)?.into_iter().map(Vec2::from).collect();
@@ -265,7 +294,7 @@ impl Reader<'_> {
     }
 
     /// The material's index in the model; each is read once. Where there is none, `coloured` vertices have their own colour.
-    fn material(&mut self, material: &gltf::Material, coloured: bool) -> Result<(usize, UvSource)> {
+    fn material(&mut self, material: &gltf::Material, coloured: bool) -> Result<(usize, UvSource, UvSource)> {
         let key = (material.index(), coloured && material.index().is_none());
         if let Some(&known) = self.materials.get(&key) {
             return Ok(known);
@@ -274,8 +303,10 @@ impl Reader<'_> {
         if key.1 {
             (read.albedo, read.undefined) = (Vec3::ONE, false);
         }
+        let (emission, emission_uv) = emission::emission(&self.asset, material, self.textures, self.notes)?;
+        read.emission = emission;
         self.model.materials.push(read);
-        let known = (self.model.materials.len() - 1, uv);
+        let known = (self.model.materials.len() - 1, uv, emission_uv);
         self.materials.insert(key, known);
         Ok(known)
     }

@@ -1,0 +1,77 @@
+//! Lamps and cameras of a geometry file, as the file gives them: for what places lamps and writes scene files.
+
+use glam::{DMat4, DVec3};
+
+/// A lamp of a geometry file (`KHR_lights_punctual`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileLamp {
+    /// The node's name, else the light's, else `lamp N`.
+    pub name: String,
+    /// Names of the nodes above it, nearest first.
+    pub parents: Vec<String>,
+    /// Its kind.
+    pub kind: FileLampKind,
+    /// Linear Rec. 709.
+    pub colour: DVec3,
+    /// Candela; lux for a directional light.
+    pub intensity: f64,
+    /// Places it: it stands at the origin and shines along −Z.
+    pub file_from_lamp: DMat4,
+}
+
+/// The kind of a lamp of a geometry file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FileLampKind {
+    /// Parallel light from far away.
+    Directional,
+    /// Shines evenly in all directions.
+    Point,
+    /// Shines into a cone.
+    Spot {
+        /// Half angle in radians.
+        inner: f64,
+        /// Half angle in radians, greater than `inner`.
+        outer: f64,
+    },
+}
+
+/// A perspective camera of a geometry file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileCamera {
+    /// The node's name, else the camera's, else `camera N`.
+    pub name: String,
+    /// In the file's space, metres.
+    pub position: DVec3,
+    /// Unit, in the file's space.
+    pub direction: DVec3,
+    /// Angle of view from left to right in degrees.
+    pub fov: f64,
+}
+
+/// The lamps and cameras of a geometry file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contents {
+    /// In the order of the file.
+    pub lamps: Vec<FileLamp>,
+    /// In the order of the file.
+    pub cameras: Vec<FileCamera>,
+}
+
+impl FileLamp {
+    /// Where it stands under a transform.
+    pub fn position(&self, world_from_file: &DMat4) -> DVec3 {
+        world_from_file.transform_point3(self.file_from_lamp.w_axis.truncate())
+    }
+
+    /// The unit direction of its light under a transform; `None` where the transform leaves none.
+    pub fn direction(&self, world_from_file: &DMat4) -> Option<DVec3> {
+        direction(&(*world_from_file * self.file_from_lamp))
+    }
+}
+
+/// Where a transform turns −Z to.
+pub(super) fn direction(transform: &DMat4) -> Option<DVec3> {
+    let direction = transform.transform_vector3(DVec3::NEG_Z);
+    // Scaled first: squares of very small or large components leave the range of numbers.
+    (direction / direction.abs().max_element()).try_normalize()
+}

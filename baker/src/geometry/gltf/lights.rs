@@ -1,0 +1,81 @@
+//! Lamps (`KHR_lights_punctual`) and cameras of the nodes of a glTF.
+
+use crate::geometry::contents::{Contents, FileCamera, FileLamp, FileLampKind, direction};
+use crate::geometry::notes::Notes;
+use glam::{DMat4, DVec3};
+use gltf::camera::Projection;
+use gltf::khr_lights_punctual::Kind;
+
+/// Aspect ratio of a camera that gives none.
+const ASPECT: f64 = 16.0 / 9.0;
+
+/// Adds what shines and looks at a node. `parents` are the names of the nodes above, nearest first.
+pub(super) fn read(
+    node: &gltf::Node,
+    parents: &[String],
+    file_from_node: DMat4,
+    file: &str,
+    contents: &mut Contents,
+    notes: &mut Notes,
+) {
+    if let Some(light) = node.light() {
+        let names = [node.name(), light.name()].into_iter().flatten().map(valid);
+        let name =
+            names.into_iter().find(|n| !n.is_empty()).unwrap_or_else(|| format!("lamp {}", node.index()));
+        match lamp(&light) {
+            Ok((kind, colour, intensity)) => contents.lamps.push(FileLamp {
+                name,
+                parents: parents.iter().map(|p| valid(p)).filter(|p| !p.is_empty()).collect(),
+                kind,
+                colour,
+                intensity,
+                file_from_lamp: file_from_node,
+            }),
+            Err(what) => notes.add(file, "lamp", name, what),
+        }
+    }
+    if let Some(camera) = node.camera() {
+        let names = [node.name(), camera.name()].into_iter().flatten().map(valid);
+        let name =
+            names.into_iter().find(|n| !n.is_empty()).unwrap_or_else(|| format!("camera {}", node.index()));
+        if let Projection::Perspective(lens) = camera.projection()
+            && let Some(direction) = direction(&file_from_node)
+        {
+            let aspect = lens.aspect_ratio().map_or(ASPECT, f64::from);
+            let fov = 2.0 * ((0.5 * f64::from(lens.yfov())).tan() * aspect).atan().to_degrees();
+            if fov > 0.0 && fov < 180.0 {
+                let position = file_from_node.w_axis.truncate();
+                contents.cameras.push(FileCamera { name, position, direction, fov });
+            }
+        }
+    }
+}
+
+/// Kind, colour and intensity of a light; an error says what is wrong with it.
+fn lamp(light: &gltf::khr_lights_punctual::Light) -> Result<(FileLampKind, DVec3, f64), &'static str> {
+    let colour = DVec3::from(light.color().map(f64::from));
+    let intensity = f64::from(light.intensity());
+    if !(colour.is_finite() && colour.min_element() >= 0.0 && intensity.is_finite() && intensity >= 0.0) {
+        return Err("left out: expected a colour and an intensity of finite numbers, each 0 or more");
+    }
+    let kind = match light.kind() {
+        Kind::Directional => FileLampKind::Directional,
+        Kind::Point => FileLampKind::Point,
+        Kind::Spot { inner_cone_angle, outer_cone_angle } => {
+            let (inner, outer) = (f64::from(inner_cone_angle), f64::from(outer_cone_angle));
+            // The specification keeps the outer angle to a right one, which single precision rounds up.
+            let right = std::f64::consts::FRAC_PI_2;
+            if !(0.0 <= inner && inner <= outer && outer > 0.0 && outer <= right + 1e-6) {
+                return Err("left out: expected 0 ≤ innerConeAngle < outerConeAngle ≤ π/2");
+            }
+            FileLampKind::Spot { inner, outer: outer.min(right) }
+        }
+    };
+    Ok((kind, colour, intensity))
+}
+
+/// A name that a group can have: without control characters and blanks at its ends.
+pub(super) fn valid(name: &str) -> String {
+    let plain: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    plain.trim().to_owned()
+}
