@@ -1,5 +1,6 @@
 //! The baked geometry with its lightmap coordinates, as glTF binary: what a viewer or a game needs beside the maps.
 
+use super::glass_glb;
 use crate::atlas::{Atlas, Face, Placement};
 use crate::geometry::{Geometry, Instance, Wrap};
 use crate::{Error, Result};
@@ -84,6 +85,7 @@ pub fn to_glb(geometry: &Geometry, atlas: &Atlas) -> Result<Vec<u8>> {
     let (images, samplers, textures) = textures(geometry, &mut out)?;
     let root = json!({
         "asset": { "version": "2.0", "generator": concat!("bake ", env!("CARGO_PKG_VERSION")) },
+        "extensionsUsed": glass_glb::used(geometry),
         "scene": 0,
         "scenes": [{ "nodes": [nodes.len() - 1] }],
         "nodes": nodes,
@@ -175,7 +177,7 @@ fn mesh(
 }
 
 fn materials(geometry: &Geometry) -> Vec<Value> {
-    let materials = geometry.materials.iter().map(|m| {
+    let materials = geometry.materials.iter().enumerate().map(|(index, m)| {
         let mut pbr = json!({
             "baseColorFactor": [m.albedo.x, m.albedo.y, m.albedo.z, m.alpha],
             "metallicFactor": 0.0,
@@ -188,6 +190,9 @@ fn materials(geometry: &Geometry) -> Vec<Value> {
         if let Some(cutoff) = m.alpha_cutoff {
             material["alphaMode"] = json!("MASK");
             material["alphaCutoff"] = json!(cutoff);
+        }
+        if let Some(glass) = geometry.glass_of(index as u32) {
+            glass_glb::add(&mut material, glass);
         }
         material
     });

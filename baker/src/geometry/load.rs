@@ -51,6 +51,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
         return Err(error);
     }
     let mut geometry = write_out(&placed)?;
+    geometry.glass = store.materials.take_glass();
     geometry.materials = store.materials.materials;
     geometry.textures = store.textures.textures;
     Ok(geometry)
@@ -222,6 +223,12 @@ fn place<'a>(
             store.limited.push(name);
         }
     }
+    // Glass that reflects nothing shows no light of its own.
+    let clear: BTreeSet<u32> = list
+        .iter()
+        .map(|(_, material, ..)| *material)
+        .filter(|m| store.materials.reflects_nothing(*m))
+        .collect();
     for (i, &world_from_file) in object.world_from_file.iter().enumerate() {
         let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
         placed.extend(list.iter().map(|(placement, material, name, look)| Placed {
@@ -229,7 +236,7 @@ fn place<'a>(
             world_from_mesh: world_from_file * placement.file_from_mesh,
             material: *material,
             name: format!("{name}{number}"),
-            lightmap: look.lightmap.unwrap_or(true),
+            lightmap: look.lightmap.unwrap_or(!clear.contains(material)),
             lightmap_place: placement.lightmap_place,
             density: look.density.unwrap_or(1.0),
         }));

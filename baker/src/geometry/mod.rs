@@ -4,6 +4,8 @@ mod notes;
 mod model;
 mod texture;
 mod polygon;
+mod glass;
+mod mtl_glass;
 mod obj;
 mod gltf;
 mod look;
@@ -14,6 +16,7 @@ mod digest;
 mod similarity;
 mod solids;
 
+pub use glass::{DARK, Glass};
 pub use load::{load, load_with};
 pub use similarity::Similarity;
 pub use solids::Solids;
@@ -41,7 +44,9 @@ pub struct Geometry {
     pub instances: Vec<Instance>,
     /// What surfaces are made of.
     pub materials: Vec<Material>,
-    /// Base colour textures.
+    /// Per material, what it lets through; empty where all are opaque.
+    pub glass: Vec<Option<Glass>>,
+    /// Textures of base colour and of transmission.
     pub textures: Vec<Texture>,
 }
 

@@ -48,8 +48,13 @@ impl Geometry {
         a * barycentrics.x + b * barycentrics.y + c * barycentrics.z
     }
 
-    /// Linear diffuse albedo, factor times texture, from 0 to the material's limit.
+    /// Linear diffuse albedo, factor times texture, from 0 to the material's limit; of glass, what it does not let through of that.
     pub fn albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
+        let albedo = self.colour_at(triangle, barycentrics);
+        if self.has_glass() { albedo * self.kept_at(triangle, barycentrics) } else { albedo }
+    }
+
+    fn colour_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = &self.materials[self.material_of[triangle] as usize];
         match material.texture {
             None => material.albedo,

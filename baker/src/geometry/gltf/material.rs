@@ -13,7 +13,7 @@ use gltf::texture::WrappingMode;
 use std::path::Path;
 
 /// Where a material's texture coordinates come from.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub(super) struct UvSource {
     /// `TEXCOORD_n`.
     pub set: u32,
@@ -49,6 +49,7 @@ pub(super) fn material(
             texture: None,
             alpha_cutoff: None,
             two_sided: false,
+            glass: None,
             undefined: true,
         };
         return Ok((plain, uv));
@@ -92,17 +93,16 @@ pub(super) fn material(
             }
             Some(cutoff)
         }
-        AlphaMode::Blend => {
-            notes.add(asset.file, "material", &shown, "alphaMode BLEND is taken as MASK at 0.5");
-            Some(0.5)
-        }
+        // What that lets through is read after this (`glass`).
+        AlphaMode::Blend => None,
     };
     let two_sided = material.double_sided();
-    Ok((FileMaterial { name, albedo, alpha, texture, alpha_cutoff, two_sided, undefined: false }, uv))
+    let (glass, undefined) = (None, false);
+    Ok((FileMaterial { name, albedo, alpha, texture, alpha_cutoff, two_sided, glass, undefined }, uv))
 }
 
 /// The coordinates a texture reference uses (`KHR_texture_transform`: scale, then rotate, then offset).
-fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
+pub(super) fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
     let Some(transform) = info.texture_transform() else {
         return Ok(UvSource { set: info.tex_coord(), matrix: Mat2::IDENTITY, offset: Vec2::ZERO });
     };
@@ -118,7 +118,12 @@ fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSource> {
 }
 
 /// Loads a texture's image.
-fn texture(asset: &Asset, texture: &gltf::Texture, textures: &mut TextureStore, place: &str) -> Result<u32> {
+pub(super) fn texture(
+    asset: &Asset,
+    texture: &gltf::Texture,
+    textures: &mut TextureStore,
+    place: &str,
+) -> Result<u32> {
     let wrap = |mode| match mode {
         WrappingMode::ClampToEdge => Wrap::Clamp,
         WrappingMode::MirroredRepeat => Wrap::Mirror,

@@ -3,6 +3,7 @@
 mod accessor;
 mod container;
 mod material;
+mod glass;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
@@ -26,7 +27,9 @@ const EXTENSIONS: &[&str] = &[
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
@@ -245,7 +248,8 @@ impl Reader<'_> {
         if let Some(&known) = self.materials.get(&material.index()) {
             return Ok(known);
         }
-        let (read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        let (mut read, mut uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        glass::read(&self.asset, material, &mut read, &mut uv, self.textures, self.notes)?;
         self.model.materials.push(read);
         let known = (self.model.materials.len() - 1, uv);
         self.materials.insert(material.index(), known);
