@@ -268,7 +268,7 @@ fn emission_behind_glass_is_sampled_and_met() {
 
 #[test]
 fn a_portal_looks_for_the_sky_through_glass() {
-    // A black box with a hole of 1 × 1 m in its lid, a metre above the point.
+    // A black box of 100 × 1 × 100 m with a hole of 1 × 1 m in its lid, a metre above the point.
     let mut g = floor([TINT, Vec3::ONE], 0.0);
     let mut lid = |x: [f32; 2], z: [f32; 2]| {
         quad(&mut g, vec3(x[0], 1.0, z[0]), Vec3::X * (x[1] - x[0]), Vec3::Z * (z[1] - z[0]), 0);
@@ -278,6 +278,10 @@ fn a_portal_looks_for_the_sky_through_glass() {
     lid([-0.5, 0.5], [-50.0, -0.5]);
     lid([-0.5, 0.5], [0.5, 50.0]);
     quad(&mut g, vec3(-50.0, -0.01, 50.0), Vec3::X * 100.0, Vec3::NEG_Z * 100.0, 0);
+    for side in [-50.0, 50.0] {
+        quad(&mut g, vec3(-50.0, -0.01, side), Vec3::X * 100.0, Vec3::Y * 1.01, 0);
+        quad(&mut g, vec3(side, -0.01, -50.0), Vec3::Z * 100.0, Vec3::Y * 1.01, 0);
+    }
     quad(&mut g, vec3(-0.5, 1.0, -0.5), Vec3::X, Vec3::Z, 1);
     let (a, root) = (0.5f32, (1.0f32 + 0.25).sqrt());
     let closed_form = PI * 4.0 * 2.0 * (a / root * (a / root).atan()) / (2.0 * PI);
@@ -300,7 +304,6 @@ fn a_portal_looks_for_the_sky_through_glass() {
     let plain = uniform_sky();
     let guide = SkyGuide::new(&scene, &plain.sky, DVec3::ZERO);
     assert!(guide.is_some());
-    // (A strip of 1 cm at the rim of the box lets in no light that counts.)
     expect(&g, &Lights { guide, ..uniform_sky() }, 1024, TINT * closed_form);
     expect(&g, &plain, 8192, TINT * closed_form);
 }
@@ -404,4 +407,26 @@ fn glass_is_no_wall_and_no_body() {
     let rays = Rays::new(&g);
     let space = Space::new(&g, &rays).with_solids(Solids::new(&g));
     assert!(space.is_inside(&space.receiver(&POINT).unwrap(), &mut RayCounts::default()));
+}
+
+#[test]
+fn a_pane_is_one_pane_where_its_triangles_meet() {
+    // Straight at the diagonal of a square, in whichever direction it runs, and from both sides.
+    for (u, v) in
+        [(Vec3::X, Vec3::NEG_Z), (Vec3::NEG_Z, Vec3::X), (Vec3::NEG_X, Vec3::NEG_Z), (Vec3::Z, Vec3::NEG_X)]
+    {
+        let mut g = floor([TINT, Vec3::ONE], 0.0);
+        quad(&mut g, 8.0 * Vec3::Y - 2.0 * (u + v), 4.0 * u, 4.0 * v, 1);
+        let rays = Rays::new(&g);
+        for along in [0.25, 0.5, 1.0] {
+            for (height, direction) in [(4.0, Vec3::Y), (12.0, Vec3::NEG_Y)] {
+                let from = (u + v) * along + Vec3::Y * height;
+                assert_eq!(rays.through(from, direction, 6.0, u32::MAX), TINT, "{u} {v} {along} {direction}");
+                let first = rays.nearest(from, direction, u32::MAX).expect("the pane");
+                let mut passed = baker::trace::rays::Passed::default();
+                passed.add(&first);
+                assert!(rays.beyond(from, direction, u32::MAX, &passed).is_none_or(|hit| hit.t > 5.0));
+            }
+        }
+    }
 }

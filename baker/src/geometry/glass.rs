@@ -95,6 +95,22 @@ impl Geometry {
         !self.is_glass(triangle) || self.transmittance_at(triangle, barycentrics).max_element() < OPENS_FROM
     }
 
+    /// Whether a point lies on an edge of its triangle that counts for the triangle on the other side: a ray meets both there, and would
+    /// pass one pane twice. Of the two, which run along the edge against each other, it counts for the one that does so upwards.
+    pub fn is_of_neighbour(&self, triangle: usize, barycentrics: Vec3) -> bool {
+        /// Weights below this are zero but for rounding.
+        const ZERO: f32 = 1e-9;
+        let weights = barycentrics.to_array();
+        let corners = self.corners(triangle);
+        // On one edge alone: at a corner it counts for all.
+        match [0, 1, 2].map(|k: usize| weights[k].abs() < ZERO) {
+            [true, false, false] => is_downwards(corners[1], corners[2]),
+            [false, true, false] => is_downwards(corners[2], corners[0]),
+            [false, false, true] => is_downwards(corners[0], corners[1]),
+            _ => false,
+        }
+    }
+
     /// The most that a material of this number keeps of its albedo anywhere.
     pub(super) fn keeps_at_most(&self, index: usize, material: &Material) -> f32 {
         match self.glass_of(index as u32) {
@@ -102,6 +118,11 @@ impl Geometry {
             None => 1.0,
         }
     }
+}
+
+/// Whether the way from `a` to `b` leads down in the order of their coordinates.
+fn is_downwards(a: Vec3, b: Vec3) -> bool {
+    a.to_array() > b.to_array()
 }
 
 /// The most that glass keeps of its albedo anywhere, in any channel; `alpha` is the material's factor.

@@ -281,7 +281,8 @@ unsafe extern "C" fn filter(arguments: *const FilterArguments) {
             && ray.t_far < context.t_max
             && context.geometry.is_solid_at(triangle, barycentric)
             && !(context.geometry.is_glass(triangle)
-                && (context.passes)(&Hit { triangle: hit.triangle, barycentric, t: ray.t_far }));
+                && (context.geometry.is_of_neighbour(triangle, barycentric)
+                    || (context.passes)(&Hit { triangle: hit.triangle, barycentric, t: ray.t_far })));
         if !counts {
             *arguments.valid = 0;
         }

@@ -156,7 +156,8 @@ impl<'a> Rays<'a> {
     #[cold]
     fn is_open(&self, hit: &Hit, passes: &dyn Fn(&Hit) -> bool) -> bool {
         !self.geometry.is_solid_at(hit.triangle as usize, hit.barycentric)
-            || self.geometry.is_glass(hit.triangle as usize) && passes(hit)
+            || self.geometry.is_glass(hit.triangle as usize)
+                && (self.geometry.is_of_neighbour(hit.triangle as usize, hit.barycentric) || passes(hit))
     }
 }
 

@@ -17,10 +17,10 @@ fn under(files: &[(&str, String)], sheet: &str) -> Vec3 {
     texels.iter().map(|t| Vec3::from_array(image.texels[t.index])).sum::<Vec3>() / texels.len() as f32 / 8.0
 }
 
-/// A level sheet of 20 × 20 m, 1 m up.
+/// A level sheet of 6 × 6 m, 1 m up.
 fn sheet_obj(material: &str) -> Vec<(&'static str, String)> {
     let sheet = Obj::default().library("a.mtl").mesh("sheet").material("pane");
-    let sheet = sheet.floor(dvec3(0.0, 1.0, 0.0), 20.0).text();
+    let sheet = sheet.floor(dvec3(0.0, 1.0, 0.0), 6.0).text();
     vec![("sheet.obj", sheet), ("a.mtl", format!("newmtl pane\nKd 0.5 0.5 0.5\n{material}\n"))]
 }
 
@@ -47,7 +47,7 @@ fn files_and_scene_files_say_what_glass_lets_through() {
     let part = "transmission = 0.5\n[[object.part]]\nname = \"pane\"\ntransmission = 0.25";
     assert!(keyed(part).abs_diff_eq(Vec3::splat(0.25), 1e-5));
 
-    let corners = [[-10.0, 1.0, 10.0], [10.0, 1.0, 10.0], [10.0, 1.0, -10.0], [-10.0, 1.0, -10.0]];
+    let corners = [[-3.0, 1.0, 3.0], [3.0, 1.0, 3.0], [3.0, 1.0, -3.0], [-3.0, 1.0, -3.0]];
     let of_gltf = |material: &str| {
         let text = gltf(&corners, &[[0, 1, 2], [0, 2, 3]], None, material);
         under(&[("sheet.gltf", text)], "file = \"sheet.gltf\"")
@@ -74,7 +74,7 @@ fn bakes_under_glass_are_those_in_the_open_dimmed() {
     // A shaft with black walls and a lid of glass under an even sky: its floor, which reflects, has τ of what it has without the lid.
     let shaft = Obj::default().mesh("floor").floor(DVec3::ZERO, 2.0).mesh("walls");
     let shaft = shaft.sides(dvec3(-1.0, 0.0, -1.0), dvec3(1.0, 1.5, 1.0), true, &[0, 1, 4, 5]).text();
-    let lid = Obj::default().mesh("lid").floor(dvec3(0.0, 1.4, 0.0), 2.1).text();
+    let lid = Obj::default().mesh("lid").floor(dvec3(0.0, 1.5, 0.0), 2.0).text();
     let stage = || Stage::new(&[("shaft.obj", shaft.clone()), ("lid.obj", lid.clone())]);
     let scene = |lid: &str| {
         format!(
