@@ -271,10 +271,70 @@ fn what_cannot_be_baked_is_warned_about() {
     {
         assert!(warnings.iter().any(|w| w.contains(expected)), "{expected}: {warnings:?}");
     }
-    let (g, warnings) =
-        load(folder.path(), &with(square(), &[("/materials/0/alphaMode", json!("BLEND"))])).unwrap();
-    assert_eq!(g.materials[0].alpha_cutoff, Some(0.5));
-    assert!(warnings[0].contains("BLEND is taken as MASK"), "{warnings:?}");
+}
+
+#[test]
+fn blended_alpha_is_coverage_unless_it_cuts_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let blend = |more: &[(&str, Value)]| {
+        let changes = [&[("/materials/0/alphaMode", json!("BLEND"))], more].concat();
+        load(folder.path(), &with(square(), &changes)).unwrap()
+    };
+    // The texture's alpha is 0 or 1: a cut-out, as leaves are.
+    let (g, warnings) = blend(&[]);
+    assert!(
+        g.materials[0].alpha_cutoff == Some(0.5) && !g.has_glass() && warnings.is_empty(),
+        "{warnings:?}"
+    );
+    // An alpha of 0.25 lets ¾ through, untinted, and reflects as a quarter.
+    let pbr = |alpha: f32| json!({ "baseColorFactor": [1, 0.5, 0.25, alpha] });
+    let (g, warnings) = blend(&[("/materials/0/pbrMetallicRoughness", pbr(0.25))]);
+    assert!(g.materials[0].alpha_cutoff.is_none() && warnings.is_empty(), "{warnings:?}");
+    assert_eq!(g.transmittance_at(0, Vec3::X), Vec3::splat(0.75));
+    assert_eq!(g.albedo_at(0, Vec3::X), Vec3::new(0.25, 0.125, 0.0625));
+    // Alpha of 1 everywhere is opaque.
+    let (g, _) = blend(&[("/materials/0/pbrMetallicRoughness", pbr(1.0))]);
+    assert!(!g.has_glass() && g.materials[0].alpha_cutoff.is_none());
+}
+
+#[test]
+fn transmission_is_tinted_by_the_base_colour() {
+    let folder = tempfile::tempdir().unwrap();
+    let glass = |transmission: Value, more: &[(&str, Value)]| {
+        let material = json!({ "name": "pane", "pbrMetallicRoughness": { "baseColorFactor": [1, 0.5, 0.25, 1] },
+            "extensions": { "KHR_materials_transmission": transmission } });
+        load(folder.path(), &with(square(), &[&[("/materials/0", material)], more].concat()))
+    };
+    let required = ("/extensionsRequired", json!(["KHR_materials_transmission"]));
+    let (g, warnings) = glass(json!({ "transmissionFactor": 0.8 }), &[required]).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert!(g.transmittance_at(0, Vec3::X).abs_diff_eq(Vec3::new(0.8, 0.4, 0.2), 1e-6));
+    assert!(g.albedo_at(0, Vec3::X).abs_diff_eq(Vec3::new(0.2, 0.1, 0.05), 1e-6));
+    assert!(g.instances[0].lightmap);
+    // All of it: nothing is reflected, and it gets no texels. The base colour's limit of 0.95 is none for glass.
+    let (g, warnings) = glass(json!({ "transmissionFactor": 1 }), &[]).unwrap();
+    assert!(warnings.is_empty() && !g.instances[0].lightmap, "{warnings:?}");
+    assert_eq!(g.transmittance_at(0, Vec3::X), Vec3::new(1.0, 0.5, 0.25));
+    // A texture's red channel, linear: texel 0 is red, texel 2 of 188/255; beside it the coordinates are used.
+    let textured = json!({ "transmissionFactor": 0.5, "transmissionTexture": { "index": 0 } });
+    let (g, _) = glass(textured.clone(), &[]).unwrap();
+    let corners = [Vec3::X, Vec3::Y, Vec3::Z].map(|at| g.transmittance_at(0, at).x);
+    let expected = [188.0 / 255.0 * 0.5, 0.0, 0.0];
+    assert!(corners.iter().zip(expected).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-5), "{corners:?}");
+    // What is not used is told, what is wrong is refused.
+    let volume = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 },
+        "KHR_materials_volume": { "thicknessFactor": 1 } });
+    let (_, warnings) = glass(json!({}), &[("/materials/0/extensions", volume)]).unwrap();
+    assert!(warnings[0].contains("KHR_materials_volume is not used"), "{warnings:?}");
+    let (g, _) = glass(json!({ "transmissionFactor": 0 }), &[]).unwrap();
+    assert!(!g.has_glass());
+    let (g, warnings) = glass(textured, &[("/images/0", json!({ "uri": "lost.png" }))]).unwrap();
+    assert!(warnings[0].contains("transmission texture cannot be read"), "{warnings:?}");
+    assert_eq!(g.transmittance_at(0, Vec3::X).x, 0.5);
+    for wrong in [-0.1, 1.5] {
+        let error = glass(json!({ "transmissionFactor": wrong }), &[]).unwrap_err().to_string();
+        assert!(error.contains("transmissionFactor") && error.contains("from 0 to 1"), "{error}");
+    }
 }
 
 #[test]
@@ -328,9 +388,10 @@ fn whites_of_files_are_limited_and_those_of_the_scene_file_are_not() {
 #[test]
 fn warnings_of_one_kind_are_one_line_and_come_with_errors_too() {
     let folder = tempfile::tempdir().unwrap();
-    // Five problems: a texture lost by each of 500 materials, BLEND, morph targets, a white material, lines.
+    // Five problems: a texture lost by each of 500 materials, a volume, morph targets, a white material, lines.
     let asset = square();
-    let lost = json!({ "name": "m", "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } });
+    let lost = json!({ "name": "m", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } },
+        "extensions": { "KHR_materials_transmission": { "transmissionFactor": 0.5 }, "KHR_materials_volume": {} } });
     let materials: Vec<Value> = (0..500).map(|_| lost.clone()).chain([json!({ "name": "white" })]).collect();
     let part = |material: usize| {
         json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "targets": [{ "POSITION": 0 }],
@@ -360,7 +421,7 @@ fn warnings_of_one_kind_are_one_line_and_come_with_errors_too() {
     assert_eq!(warnings.len(), 5, "{warnings:#?}");
     for expected in [
         "500 materials (m (uri lost.png",
-        "500 materials (m, m, m, m, m, …): alphaMode BLEND",
+        "500 materials (m, m, m, m, m, …): KHR_materials_volume",
         "501 primitives (",
         "1 primitive: points and lines",
         "1 material of files (a.gltf: white)",

@@ -484,6 +484,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         place: None,
         sun: None,
         sky: Some(sky),
+        ground: None,
         portals,
         objects: Vec::new(),
         groups: Vec::new(),
@@ -591,5 +592,54 @@ fn an_image_sky_gives_its_integral_with_its_bright_spot_looked_for() {
     expect(measured.clone(), integral);
     for ((_, with), (b, without)) in measured.into_iter().zip(irradiance(&g, &plain, None, 1024)) {
         assert!(with < 0.5 * without && (b - integral).abs() <= 3.5 * without, "{with}, {b} ± {without}");
+    }
+}
+
+#[test]
+fn ground_below_the_horizon_lights_what_looks_down() {
+    // A plane that looks down has π L of ground of radiance L, an upright one half of that and half of the sky's; one that looks up
+    // has the sky alone. (The sun's layer comes first: ground of 2 in it, of 3 in the sky's.)
+    let plane = |up: Vec3| {
+        let mut g = Geometry { materials: vec![material(0.5)], ..Geometry::default() };
+        let u = up.any_orthonormal_vector();
+        let v = up.cross(u);
+        quad(&mut g, -0.5 * (u + v), u, v, 0);
+        g
+    };
+    let behind = SunDisc { direction: Vec3::Y, irradiance: Rgb::ZERO, half_angle: 0.0, horizon: false };
+    let lights = || Lights {
+        suns: vec![SunLight::new(behind)],
+        ground: vec![Rgb::splat(2.0), Rgb::splat(3.0)],
+        ..sky(constant_sky(0.5))
+    };
+    for (up, sun_part, sky_part) in [
+        (Vec3::NEG_Y, 2.0, 3.5),
+        (Vec3::X, 1.0, 2.0),
+        (Vec3::Y, 0.0, 0.5),
+        (vec3(0.0, -0.6, 0.8), 2.0 * 0.8, 0.5 + 3.0 * 0.8),
+    ] {
+        let g = plane(up);
+        for backend in Backend::built() {
+            let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+            let lights = lights();
+            let transport = Transport::new(Space::new(&g, &rays), &lights, None);
+            let at = transport.space.receiver(&POINT).expect("a normal");
+            let mut out = vec![Rgb::ZERO; lights.layers()];
+            let sequence = Sequence::new(11, Kind::Texel, 0, 0);
+            let n = 1 << 14;
+            for i in 0..n {
+                transport.indirect(
+                    &at,
+                    sequence.sample(i),
+                    |_, _, _| false,
+                    &mut out,
+                    &mut RayCounts::default(),
+                );
+            }
+            for (found, expected) in out.iter().zip([sun_part, sky_part]) {
+                let found = f64::from(found.y) / f64::from(n) / PI;
+                assert!((found - expected).abs() < 5e-3, "{up}: {found}, expected {expected}");
+            }
+        }
     }
 }

@@ -3,6 +3,7 @@
 use super::json;
 use crate::geometry::Geometry;
 use crate::light::emitter::emitters;
+use crate::light::ground;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
 use crate::light::harmonics;
@@ -170,6 +171,11 @@ impl Plan {
                         None => hash.update(bytemuck::cast_slice(&signature(scene, hour))),
                     };
                 }
+                if let Some(ground) = scene.ground
+                    && self.group_of_layer(layer).is_none()
+                {
+                    hash.update(&json::bytes(&("ground", ground), "ground")?);
+                }
                 Ok(hash.finalize().to_hex().to_string())
             })
             .collect()
@@ -182,6 +188,7 @@ impl Plan {
         let hours: Vec<f64> =
             layers.iter().filter(|&&l| (n..n + m).contains(&l)).map(|&l| self.sky_hours[l - n]).collect();
         let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &hours);
+        let ground = self.ground(scene, layers);
         let guide = SkyGuide::new(scene, &sky, geometry.origin);
         let mut groups = Vec::new();
         let mut place_of_group = vec![None; self.place_of_group.len()];
@@ -190,7 +197,21 @@ impl Plan {
             place_of_group[group.index as usize] = Some(groups.len());
             groups.push(group.light(geometry));
         }
-        Lights { suns, sky, guide, groups, place_of_group }
+        Lights { suns, sky, guide, ground, groups, place_of_group }
+    }
+
+    /// Radiance of the ground below the horizon in those of some layers that are suns or skies; none where the scene has no ground.
+    fn ground(&self, scene: &Scene, layers: &[usize]) -> Vec<Rgb> {
+        let (Some(albedo), Some(sky)) = (scene.ground, &scene.sky) else { return Vec::new() };
+        let of_layer = |&layer: &usize| match self.suns.get(layer) {
+            Some(sun) => ground::under_sun(albedo, sun),
+            None => {
+                let hour = self.sky_hours[layer - self.suns.len()];
+                ground::under_sky(albedo, sky, scene.place.as_ref(), hour)
+            }
+        };
+        let last = self.suns.len() + self.sky_hours.len();
+        layers.iter().filter(|&&layer| layer < last).map(of_layer).collect()
     }
 }
 

@@ -25,6 +25,12 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
             "has neither sun nor sky; expected one of them for --transfer, which is of daylight",
         ));
     }
+    if scene.ground.is_some() {
+        return Err(Error::invalid(
+            scene_file.display(),
+            "has a ground below the horizon, which --transfer does not know; expected `ground = false` in [sky] for it",
+        ));
+    }
     let upper = is_upper(&scene);
     let moments: Vec<f64> = moments(&day(), &scene.groups).iter().map(|moment| moment.hour).collect();
     let light = moments.iter().zip(coefficients(&scene, &moments));

@@ -33,7 +33,7 @@ pub fn views(cameras: &[Camera], geometry: &Geometry, atlas: &Atlas, rays: &Rays
         let lens = Lens::new(camera, geometry.origin, PICTURE);
         let tile = |x: u32, y: u32| {
             let direction = lens.direction(Vec2::new(x as f32, y as f32) + 0.5);
-            let hit = rays.nearest(lens.origin, direction, NOWHERE)?;
+            let hit = rays.nearest_wall(lens.origin, direction, NOWHERE)?;
             let face = atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
             Some(tile_of(atlas, face.corners, hit.barycentric))
         };

@@ -37,6 +37,12 @@ impl Geometry {
             hash.update(&m.alpha_cutoff.unwrap_or(-1.0).to_le_bytes());
             hash.update(&[u8::from(m.two_sided)]);
         }
+        // (Only where there is any, so that glass changes no digest of what has none.)
+        for (i, glass) in self.glass.iter().enumerate() {
+            if let Some(glass) = glass {
+                hash.update(bytemuck::cast_slice(&[[i as u32; 1].as_slice(), &glass.key()].concat()));
+            }
+        }
         self.textures.iter().for_each(|texture| texture.update_digest(hash));
     }
 }

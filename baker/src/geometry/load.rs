@@ -69,6 +69,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     geometry.originals.sources = placed.iter().map(|p| p.source).collect();
     geometry.originals.objects = objects;
     geometry.originals.files = models.into_iter().map(|(name, model)| File::new(name, model)).collect();
+    geometry.glass = store.materials.take_glass();
     geometry.materials = store.materials.materials;
     if has_emission_maps {
         geometry.emission_maps = std::mem::take(&mut store.textures.emission().textures);
@@ -248,6 +249,12 @@ fn place<'a>(
             store.limited.push(name);
         }
     }
+    // Glass that reflects nothing shows no light of its own.
+    let clear: BTreeSet<u32> = list
+        .iter()
+        .map(|(_, material, ..)| *material)
+        .filter(|m| store.materials.reflects_nothing(*m))
+        .collect();
     for (i, &world_from_file) in object.world_from_file.iter().enumerate() {
         let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
         placed.extend(list.iter().map(|(placement, material, name, look)| Placed {
@@ -257,13 +264,13 @@ fn place<'a>(
                 mesh: placement.mesh,
                 node: placement.node_index,
                 repeat: placement.repeat,
-                is_restyled: look.albedo.is_some() || look.two_sided.is_some(),
+                is_restyled: look.albedo.is_some() || look.two_sided.is_some() || look.transmission.is_some(),
             },
             world_from_mesh: world_from_file * placement.file_from_mesh,
             material: *material,
             recoloured: look.albedo.is_some(),
             name: format!("{name}{number}"),
-            lightmap: look.lightmap.unwrap_or(true),
+            lightmap: look.lightmap.unwrap_or(!clear.contains(material)),
             lightmap_place: placement.lightmap_place,
             density: look.density.unwrap_or(1.0),
         }));

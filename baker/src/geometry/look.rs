@@ -1,11 +1,12 @@
 //! What the scene file overrides: name patterns, and materials as they end up.
 
+use super::glass::most_kept;
 use super::model::FileMaterial;
 use super::texture::TextureStore;
-use super::{Emission, Material};
+use super::{Emission, Glass, Material};
 use crate::scene::{Look, Object, Part};
 use dataset::Error;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
 /// Whether a name fits a pattern, `*` standing for any run of characters.
@@ -40,6 +41,7 @@ pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look
             look = Look {
                 albedo: over.albedo.or(look.albedo),
                 lightmap: over.lightmap.or(look.lightmap),
+                transmission: over.transmission.or(look.transmission),
                 density: over.density.or(look.density),
                 two_sided: over.two_sided.or(look.two_sided),
                 // The two come together.
@@ -72,10 +74,24 @@ pub(super) fn unmet(object: &Object, part: &Part, names: &[&str]) -> Error {
 pub(super) struct MaterialStore {
     /// In the order first met.
     pub materials: Vec<Material>,
-    index: BTreeMap<[u32; 15], u32>,
+    /// Per material, what it lets through.
+    glass: Vec<Option<Glass>>,
+    index: BTreeMap<([u32; 15], [u32; 10]), u32>,
 }
 
 impl MaterialStore {
+    /// What the materials let through; empty where all are opaque.
+    pub fn take_glass(&mut self) -> Vec<Option<Glass>> {
+        let glass = std::mem::take(&mut self.glass);
+        if glass.iter().any(Option::is_some) { glass } else { Vec::new() }
+    }
+
+    /// Whether a material lets all light through that it does not absorb, and so shows no lightmap.
+    pub fn reflects_nothing(&self, material: u32) -> bool {
+        let (glass, material) = (&self.glass[material as usize], &self.materials[material as usize]);
+        glass.as_ref().is_some_and(|glass| most_kept(glass, material.alpha) == 0.0)
+    }
+
     /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does not limit the
     /// look's own albedo). `tint` is the brightest of the vertex colours, where there are any; `emission` is what it emits under
     /// that look.
@@ -97,23 +113,34 @@ impl MaterialStore {
             two_sided: look.two_sided.unwrap_or(file.two_sided),
             emission,
         };
+        let mut glass = match look.transmission {
+            None => file.glass,
+            Some(transmission) if transmission == DVec3::ZERO => None,
+            Some(transmission) => Some(Glass::clear(transmission.as_vec3())),
+        };
         if let Some(albedo) = look.albedo {
             material.albedo = albedo.as_vec3();
-            // Colour goes, the cut-out stays.
-            material.texture =
-                if file.alpha_cutoff.is_some() { file.texture.map(|t| textures.white(t)) } else { None };
+            // Colour goes, the cut-out stays, and so does what alpha lets through.
+            let has_alpha = file.alpha_cutoff.is_some() || glass.is_some_and(|glass| glass.is_blended);
+            material.texture = if has_alpha { file.texture.map(|t| textures.white(t)) } else { None };
+            if let Some(Glass { tint: Some(tint), .. }) = &mut glass {
+                *tint = material.albedo;
+            }
         }
         let textured = file.texture.map_or(Vec3::ONE, |t| textures.brightest(t));
-        let brightest = file.albedo * textured * tint.unwrap_or(Vec3::ONE);
+        let kept = glass.map_or(1.0, |glass| most_kept(&glass, file.alpha));
+        let brightest = file.albedo * textured * tint.unwrap_or(Vec3::ONE) * kept;
         let limited = look.albedo.is_none() && brightest.max_element() > albedo_max;
         match limited {
             true if file.texture.is_some() || tint.is_some() => material.albedo_max = albedo_max,
             true => material.albedo = file.albedo.min(Vec3::splat(albedo_max)),
             false => {}
         }
-        let index = *self.index.entry(key(&material)).or_insert(self.materials.len() as u32);
+        let key = (key(&material), glass.map_or([0; 10], |glass| glass.key()));
+        let index = *self.index.entry(key).or_insert(self.materials.len() as u32);
         if index as usize == self.materials.len() {
             self.materials.push(material);
+            self.glass.push(glass);
         }
         (index, limited)
     }

@@ -6,6 +6,8 @@ mod model;
 mod originals;
 mod texture;
 mod polygon;
+mod glass;
+mod mtl_glass;
 mod obj;
 mod gltf;
 mod survey;
@@ -20,6 +22,7 @@ mod similarity;
 mod solids;
 
 pub use contents::{Contents, FileCamera, FileLamp, FileLampKind};
+pub use glass::{DARK, Glass};
 pub use lights::FileLights;
 pub use load::{load, load_with};
 pub(crate) use model::{Asset, Mesh};
@@ -54,7 +57,9 @@ pub struct Geometry {
     pub instances: Vec<Instance>,
     /// What surfaces are made of.
     pub materials: Vec<Material>,
-    /// Base colour textures.
+    /// Per material, what it lets through; empty where all are opaque.
+    pub glass: Vec<Option<Glass>>,
+    /// Textures of base colour and of transmission.
     pub textures: Vec<Texture>,
     /// The files that all this was read from, so that they can be written again.
     pub originals: Originals,

@@ -1,7 +1,7 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
-use super::LightmapPlace;
 use super::contents::Contents;
+use super::{Glass, LightmapPlace};
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 use serde_json::Value;
@@ -115,6 +115,8 @@ pub(super) struct FileMaterial {
     pub texture: Option<u32>,
     pub alpha_cutoff: Option<f32>,
     pub two_sided: bool,
+    /// What it lets through, if it is glass.
+    pub glass: Option<Glass>,
     /// The file defines none: the default albedo.
     pub undefined: bool,
     /// What it emits; `None`: nothing.

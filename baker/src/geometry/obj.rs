@@ -3,6 +3,7 @@
 mod emission;
 
 use super::model::{DEFAULT_ALBEDO, FileMaterial, Mesh, Model, NodeMesh, check_albedo, reason};
+use super::mtl_glass;
 use super::notes::{Notes, plural};
 use super::polygon::triangulate;
 use super::texture::TextureStore;
@@ -149,10 +150,16 @@ fn statements_used(library: &[u8]) -> Vec<u8> {
     for line in library.split_inclusive(|&b| b == b'\n') {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         match words.next() {
-            Some(b"newmtl" | b"d" | b"map_Kd" | b"map_d" | b"Ke" | b"map_Ke") => used.extend(line),
-            Some(b"Kd") => {
+            Some(b"newmtl" | b"d" | b"Tr" | b"map_Kd" | b"map_d" | b"Ke" | b"map_Ke") => used.extend(line),
+            // (The reader refuses others.)
+            Some(b"illum")
+                if words.next().is_some_and(|w| w.iter().all(u8::is_ascii_digit) && w.len() < 3) =>
+            {
+                used.extend(line);
+            }
+            Some(key @ (b"Kd" | b"Tf")) => {
                 let numbers: Vec<&[u8]> = words.take(3).collect();
-                used.extend(b"Kd ");
+                used.extend([key, b" "].concat());
                 used.extend(match numbers[..] {
                     [grey] => [grey; 3].join(&b' '),
                     [_, _, _] => numbers.join(&b' '),
@@ -202,6 +209,7 @@ fn material(
         texture: None,
         alpha_cutoff: None,
         two_sided: false,
+        glass: None,
         undefined: material.is_none_or(|m| !is_marked(m)),
         emission: None,
     };
@@ -244,9 +252,7 @@ fn material(
         }
     }
     result.emission = emission::read(material, file, folder, textures, notes);
-    if material.dissolve.is_some_and(|d| d < 1.0) {
-        notes.add(file, "material", &material.name, "d below 1 is not used: the surface is opaque");
-    }
+    result.glass = mtl_glass::read(material, file, notes);
     Ok(result)
 }
 

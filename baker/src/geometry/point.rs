@@ -49,7 +49,7 @@ impl Geometry {
     }
 
     /// The colour and alpha of the vertices, interpolated; `None` where no file of the scene gives any.
-    fn colour_at(&self, triangle: usize, barycentrics: Vec3) -> Option<Vec4> {
+    pub(super) fn vertex_colour_at(&self, triangle: usize, barycentrics: Vec3) -> Option<Vec4> {
         if self.colours.is_empty() {
             return None;
         }
@@ -57,10 +57,17 @@ impl Geometry {
         Some(a * barycentrics.x + b * barycentrics.y + c * barycentrics.z)
     }
 
-    /// Linear diffuse albedo, factor times texture times vertex colour, from 0 to the material's limit.
+    /// Linear diffuse albedo, factor times texture times vertex colour, from 0 to the material's limit; of glass, what it does
+    /// not let through of that.
     pub fn albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
+        let albedo = self.whole_albedo_at(triangle, barycentrics);
+        if self.has_glass() { albedo * self.kept_at(triangle, barycentrics) } else { albedo }
+    }
+
+    /// The same without regard to what passes.
+    fn whole_albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = &self.materials[self.material_of[triangle] as usize];
-        let colour = self.colour_at(triangle, barycentrics);
+        let colour = self.vertex_colour_at(triangle, barycentrics);
         let own = match colour {
             None => material.albedo,
             Some(colour) => material.albedo * colour.truncate(),
@@ -79,7 +86,7 @@ impl Geometry {
     /// Alpha, factor times texture times that of the vertices, in [0, 1].
     pub fn alpha_at(&self, triangle: usize, barycentrics: Vec3) -> f32 {
         let material = &self.materials[self.material_of[triangle] as usize];
-        let alpha = match self.colour_at(triangle, barycentrics) {
+        let alpha = match self.vertex_colour_at(triangle, barycentrics) {
             None => material.alpha,
             Some(colour) => material.alpha * colour.w,
         };

@@ -28,12 +28,14 @@ struct Edge {
 }
 
 impl Solids {
-    /// Finds the closed surfaces of one-sided triangles without cut-outs whose fronts look outwards. The memory taken meanwhile
-    /// is 64 MiB and 18 bytes per triangle, more where edges of more than two triangles are the rule.
+    /// Finds the closed surfaces of one-sided triangles, no cut-outs and no glass, whose fronts look outwards. The memory taken
+    /// meanwhile is 64 MiB and 18 bytes per triangle, more where edges of more than two triangles are the rule.
     pub fn new(geometry: &Geometry) -> Self {
         let triangles = geometry.triangles.len();
+        let is_glass = |index: usize| geometry.glass_of(index as u32).is_some();
+        let materials = geometry.materials.iter().enumerate();
         let may_bound: Vec<bool> =
-            geometry.materials.iter().map(|m| !m.two_sided && m.alpha_cutoff.is_none()).collect();
+            materials.map(|(i, m)| !m.two_sided && m.alpha_cutoff.is_none() && !is_glass(i)).collect();
         let may_bound = |triangle: usize| may_bound[geometry.material_of[triangle] as usize];
         let mut parts = Parts::new(triangles);
         // Triangles with an edge at which their part is not closed.

@@ -30,6 +30,17 @@ impl Wrap {
     }
 }
 
+/// What the alpha of a texture is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Alpha {
+    /// 1 everywhere.
+    Opaque,
+    /// Nearly 0 or nearly 1 nearly everywhere.
+    CutOut,
+    /// Neither.
+    Varied,
+}
+
 impl Texture {
     /// Bilinear value at finite `uv`: linear Rec. 709 and alpha, both in [0, 1].
     pub fn sample(&self, uv: Vec2) -> (Vec3, f32) {
@@ -44,6 +55,23 @@ impl Texture {
     /// Bilinear alpha at finite `uv`, in [0, 1]; the same as that of [`Texture::sample`].
     pub fn sample_alpha(&self, uv: Vec2) -> f32 {
         self.bilinear(uv, |[_, _, _, a]| (Vec3::ZERO, f32::from(a) / 255.0)).1
+    }
+
+    /// Bilinear red channel at finite `uv` as linear data, in [0, 1].
+    pub fn sample_red(&self, uv: Vec2) -> f32 {
+        self.bilinear(uv, |[r, _, _, _]| (Vec3::ZERO, f32::from(r) / 255.0)).1
+    }
+
+    /// What its alpha is like.
+    pub(super) fn alpha(&self) -> Alpha {
+        /// In a cut-out, no more than one texel in this many is in between: the edges.
+        const ONE_IN: usize = 20;
+        let half = self.rgba.iter().filter(|texel| (8..=247).contains(&texel[3])).count();
+        match self.rgba.iter().all(|texel| texel[3] == 255) {
+            true => Alpha::Opaque,
+            false if half * ONE_IN < self.rgba.len() => Alpha::CutOut,
+            false => Alpha::Varied,
+        }
     }
 
     /// The greatest linear value of each channel over all texels that are not fully transparent.

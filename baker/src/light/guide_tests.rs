@@ -20,6 +20,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         place: Some(PLACE),
         sun: None,
         sky,
+        ground: None,
         portals,
         objects: Vec::new(),
         groups: Vec::new(),

@@ -6,6 +6,7 @@ mod sky_image;
 pub mod harmonics;
 mod sky_model;
 pub mod sky;
+pub mod ground;
 pub mod project;
 mod rectangle;
 mod cone;

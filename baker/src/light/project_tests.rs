@@ -16,6 +16,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         }),
         sun,
         sky,
+        ground: None,
         portals: Vec::new(),
         objects: Vec::new(),
         groups: Vec::new(),

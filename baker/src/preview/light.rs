@@ -43,12 +43,11 @@ impl Light {
         layers.iter().zip(&self.weights).map(|(light, weight)| *light * *weight).sum()
     }
 
-    /// Radiance of the sky.
+    /// Radiance of the sky, and of the ground below the horizon.
     pub fn sky(&self, direction: Vec3) -> Rgb {
-        let layers = self.lights.sky_layers();
-        let mut radiance = vec![Rgb::ZERO; layers.len()];
-        self.lights.sky.add(direction, Rgb::ONE, &mut radiance);
-        radiance.iter().zip(&self.weights[layers]).map(|(light, weight)| *light * *weight).sum()
+        let mut radiance = vec![Rgb::ZERO; self.lights.layers()];
+        self.lights.add_from_outside(direction, Rgb::ONE, &mut radiance);
+        self.sum(&radiance)
     }
 
     /// Radiance that a triangle emits at a point.

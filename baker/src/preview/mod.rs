@@ -1,7 +1,7 @@
 //! Pictures of baked light: camera rays meet the scene's surfaces, which are shown by the irradiance that a dataset holds for them.
 //!
 //! `options` says what is asked for, `standing` opens the dataset and holds it to the scene, `moment` finds the sets to show, `baked`
-//! reads their texels, `light` holds what shines then, `view` is the camera, `shade` what a ray of it sees, `tone` what a screen shows
+//! reads their texels, `light` holds what shines then, `lookout` finds a place with a view, `view` is the camera, `shade` what a ray of it sees, `tone` what a screen shows
 //! of that, `picture` all pixels, `run` the whole of it.
 
 pub mod options;
@@ -9,6 +9,7 @@ mod standing;
 mod moment;
 mod baked;
 mod light;
+mod lookout;
 pub(crate) mod view;
 mod shade;
 mod tone;

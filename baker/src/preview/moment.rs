@@ -72,6 +72,36 @@ impl Moment {
     }
 }
 
+impl Moment {
+    /// A warning where all of its sets are hours away from what is asked for, and their light may be quite another; it says which
+    /// hours there are.
+    pub fn far(&self, config: &Config, hour: f64) -> Option<String> {
+        /// As much of a day is interpolated without a word, in hours.
+        const NEAR: f64 = 2.0;
+        /// Hours that are listed.
+        const MOST: usize = 30;
+        let apart = |set: &(usize, f32)| {
+            let apart = (config.sets[set.0].hour - hour).abs();
+            apart.min(24.0 - apart)
+        };
+        let nearest = self.parts.iter().map(apart).fold(f64::INFINITY, f64::min);
+        if nearest <= NEAR {
+            return None;
+        }
+        let mut hours: Vec<String> =
+            config.sets.iter().take(MOST).map(|s| format!("{}", (s.hour * 100.0).round() / 100.0)).collect();
+        if config.sets.len() > MOST {
+            hours.push("…".to_owned());
+        }
+        Some(format!(
+            "{hour:.2} h is {nearest:.1} h from the nearest lightmap shown ({}): the picture may show quite another light. The dataset \
+             has the hours {}; choose one of these, or bake more with --hours",
+            self.note,
+            hours.join(", ")
+        ))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,6 +135,25 @@ mod tests {
         assert_eq!(parts(22.9), [(4, 1.0)]);
         assert_eq!(parts(23.5), [(0, 1.0)]);
         assert!(!Moment::new(&config, 23.5).is_doubtful);
+    }
+
+    #[test]
+    fn hours_far_from_all_that_are_shown_are_told() {
+        let morning = config([1.0, 1.5], &[(8.0, false), (9.0, false), (10.0, false)]);
+        let far = |hour: f64| Moment::new(&morning, hour).far(&morning, hour);
+        for near in [8.0, 8.5, 12.0, 6.5] {
+            assert_eq!(far(near), None, "{near}");
+        }
+        let told = far(20.0).expect("a warning");
+        assert!(
+            told.starts_with("20.00 h is 10.0 h from") && told.contains("has the hours 8, 9, 10;"),
+            "{told}"
+        );
+        // The nearest of the day is not shown, for its lamps are others.
+        let lit = config([7.0, 9.5], &[(8.0, true), (22.0, false), (23.0, false)]);
+        assert!(Moment::new(&lit, 9.75).far(&lit, 9.75).is_some());
+        // Across midnight it is near.
+        assert_eq!(Moment::new(&lit, 0.5).far(&lit, 0.5), None);
     }
 
     #[test]

@@ -7,9 +7,12 @@ use super::options::Options;
 use super::picture::Picture;
 use super::shade::Shader;
 use super::{standing, view};
+use crate::light::luminance;
+use crate::scene::{Scene, Sky, SunTrack};
 use crate::trace::lens::Lens;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
+use crate::trace::triangle::Hit;
 use crate::trace::walk::Transport;
 use crate::{Result, geometry, scene};
 use dataset::console::Console;
@@ -20,6 +23,16 @@ use std::time::Instant;
 
 /// Walks per pixel that estimate the light of what has no texels, at least.
 const WALKS: u32 = 32;
+
+/// Whether daylight changes with the hour.
+fn changes(scene: &Scene) -> bool {
+    let moves = |track: &SunTrack| match track {
+        SunTrack::Authored(keys) => keys.len() > 1,
+        SunTrack::Place { .. } => true,
+    };
+    matches!(scene.sky, Some(Sky::HosekWilkie { .. }))
+        || scene.sun.as_ref().is_some_and(|sun| moves(&sun.track))
+}
 
 /// Draws the baked light of a scene and writes the picture; gives what `--json` prints.
 ///
@@ -39,7 +52,7 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     warnings.extend(geometry_warnings);
     warnings.iter().for_each(|warning| console.warn(warning));
     let rays = Rays::with_backend(&geometry, options.backend)?;
-    let camera = view::choose(options, &scene, &geometry, &rays)?;
+    let asked = view::asked(options, &scene, &geometry)?;
     let (dataset, atlas, changed) = standing::open(&folder, scene_file, &scene, &geometry, console)?;
     warnings.extend(changed);
 
@@ -50,8 +63,21 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     } else {
         console.say(format!("{:.2} h: {}", options.hour, moment.note));
     }
+    if changes(&scene)
+        && let Some(far) = moment.far(&dataset.config, options.hour)
+    {
+        console.warn(&far);
+        warnings.push(far);
+    }
     let light = Light::new(&scene, &geometry, &dataset.config, &moment);
     let baked = Baked::read(&dataset, &moment, &geometry, atlas)?;
+    let camera = match asked {
+        Some(camera) => camera,
+        None => {
+            let shown = |hit: &Hit| baked.irradiance(hit.triangle, hit.barycentric).map_or(0.0, luminance);
+            view::default(options, &geometry, &rays, &shown)?
+        }
+    };
     let transport = Transport::new(Space::new(&geometry, &rays), &light.lights, scene.bake.bounces);
     let walks = WALKS.div_ceil(options.samples);
     let shader = Shader { transport, light: &light, baked: &baked, walks };

@@ -3,10 +3,11 @@
 use super::baked::Baked;
 use super::light::Light;
 use crate::Rgb;
+use crate::geometry::DARK;
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
 use crate::trace::lens::NOWHERE;
-use crate::trace::rays::offset_point;
+use crate::trace::rays::{Passed, offset_point};
 use crate::trace::sampler::Sequence;
 use crate::trace::triangle::Hit;
 use crate::trace::walk::Transport;
@@ -32,23 +33,43 @@ impl Shader<'_> {
         const MOST_BACKS: usize = 256;
         let (space, geometry) = (&self.transport.space, self.transport.space.geometry);
         let (mut from, mut start) = (NOWHERE, origin);
+        let (mut passed, mut seen, mut left) = (Passed::default(), Rgb::ZERO, Rgb::ONE);
         for _ in 0..MOST_BACKS {
-            let Some(hit) = space.rays.nearest(start, direction, from) else { break };
+            let Some(hit) = space.rays.beyond(start, direction, from, &passed) else { break };
             let (triangle, front) = (hit.triangle as usize, space.front(hit.triangle));
             let is_back = front.dot(direction) > 0.0;
             let material = geometry.material_of[triangle];
-            if is_back && !geometry.materials[material as usize].two_sided {
+            let is_glass = geometry.is_glass(triangle);
+            if is_back && !is_glass && !geometry.materials[material as usize].two_sided {
                 // Not drawn, as in a game: on from its other side.
                 (from, start) =
                     (hit.triangle, offset_point(&geometry.corners(triangle), hit.barycentric, front));
+                passed = Passed::default();
                 continue;
             }
-            let irradiance =
-                self.of_texel(&hit, is_back).unwrap_or_else(|| self.estimate(&hit, is_back, walks, number));
-            let reflected = geometry.albedo_at(triangle, hit.barycentric) * irradiance / PI;
-            return (reflected + self.light.emission(geometry, triangle, hit.barycentric), true);
+            if is_glass && is_back && !geometry.materials[material as usize].two_sided {
+                // Dims, and shows nothing of its own.
+                left *= geometry.transmittance_at(triangle, hit.barycentric);
+                passed.add(&hit);
+                continue;
+            }
+            let albedo = geometry.albedo_at(triangle, hit.barycentric);
+            let reflected = match self.of_texel(&hit, is_back) {
+                Some(irradiance) => albedo * irradiance / PI,
+                None if albedo == Rgb::ZERO => Rgb::ZERO,
+                None => albedo * self.estimate(&hit, is_back, walks, number) / PI,
+            };
+            seen += left * (reflected + self.light.emission(geometry, triangle, hit.barycentric));
+            if !is_glass {
+                return (seen, true);
+            }
+            left *= geometry.transmittance_at(triangle, hit.barycentric);
+            if left.max_element() < DARK {
+                return (seen, true);
+            }
+            passed.add(&hit);
         }
-        (self.light.sky(direction), false)
+        (seen + left * self.light.sky(direction), false)
     }
 
     /// Baked irradiance, where there is any.

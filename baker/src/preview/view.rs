@@ -1,26 +1,28 @@
 //! Where the camera stands.
 
+use super::lookout::Lookout;
 use super::options::{Options, parse_point};
 use crate::geometry::Geometry;
 use crate::scene::{Camera, Scene};
 use crate::trace::lens::NOWHERE;
 use crate::trace::rays::Rays;
+use crate::trace::triangle::Hit;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// The camera that is asked for: of the scene, of the command line, or one that shows something of most scenes.
+/// The camera that is asked for: of the scene, or of the command line; `None` where none is.
 ///
 /// # Errors
 /// A name that no camera has; a camera that looks at where it stands.
-pub fn choose(options: &Options, scene: &Scene, geometry: &Geometry, rays: &Rays) -> Result<Camera> {
+pub fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Option<Camera>> {
     let of_scene = match &options.camera {
         None => scene.cameras.first().cloned(),
         Some(name) => scene.cameras.iter().find(|camera| camera.name == *name).cloned(),
     };
-    let mut camera = match (of_scene, &options.camera) {
+    let camera = match (of_scene, &options.camera) {
         (Some(camera), _) => camera,
-        (None, None) => default(geometry, rays),
+        (None, None) => return Ok(None),
         (None, Some(text)) => {
             let position = parse_point(text).map_err(|_| {
                 let names: Vec<String> = scene.cameras.iter().map(|c| format!("{:?}", c.name)).collect();
@@ -38,6 +40,33 @@ pub fn choose(options: &Options, scene: &Scene, geometry: &Geometry, rays: &Rays
             }
         }
     };
+    aimed(camera, options).map(Some)
+}
+
+/// One that shows something of most scenes, outside all bodies; `luminance` is what a surface shows.
+///
+/// # Errors
+/// `--look-at` is where it stands.
+pub fn default(
+    options: &Options,
+    geometry: &Geometry,
+    rays: &Rays,
+    luminance: &dyn Fn(&Hit) -> f32,
+) -> Result<Camera> {
+    let (mut camera, is_inside) = usual(geometry, rays);
+    let bounds = Bounds::new(geometry);
+    let lookout = Lookout { geometry, rays, luminance };
+    // From outside everything is in view, unless something stands there that has no texels.
+    if is_inside || !lookout.is_free(camera.position, 0.0) {
+        let usual = (camera.position, camera.look_at);
+        (camera.position, camera.look_at) = lookout.best(usual, bounds.low, bounds.high);
+        camera.fov = INSIDE_FOV;
+    }
+    aimed(camera, options)
+}
+
+/// A camera that looks where the command line says, if it does.
+fn aimed(mut camera: Camera, options: &Options) -> Result<Camera> {
     camera.look_at = options.look_at.unwrap_or(camera.look_at);
     camera.fov = options.fov.unwrap_or(camera.fov);
     if camera.look_at == camera.position {
@@ -45,6 +74,9 @@ pub fn choose(options: &Options, scene: &Scene, geometry: &Geometry, rays: &Rays
     }
     Ok(camera)
 }
+
+/// Angle of view inside, in degrees.
+const INSIDE_FOV: f64 = 80.0;
 
 /// The box around what has texels, in the world.
 struct Bounds {
@@ -67,9 +99,9 @@ impl Bounds {
     }
 }
 
-/// From outside and above, looking at the middle from the south-west; inside, where hardly any ray from the middle leaves the scene
+/// Where most scenes show something, and whether that is inside: from outside and above, looking at the middle from the south-west; inside, where hardly any ray from the middle leaves the scene
 /// upwards: from the same side of the room.
-pub fn default(geometry: &Geometry, rays: &Rays) -> Camera {
+fn usual(geometry: &Geometry, rays: &Rays) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;
@@ -81,24 +113,26 @@ pub fn default(geometry: &Geometry, rays: &Rays) -> Camera {
         let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
         let r = (1.0 - y * y).sqrt();
         let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
-        rays.nearest(local(middle), direction, NOWHERE).is_none()
+        rays.nearest_wall(local(middle), direction, NOWHERE).is_none()
     };
     let name = "default".to_owned();
     if (0..RAYS).filter(leaves).count() <= MOST_LEAVING {
         // As far towards that corner as nothing stands in the way, and a little back.
         let back = DVec3::new(-size.x, 0.3 * size.y, size.z);
         let (distance, direction) = (0.5 * back.length(), back.normalize());
-        let free =
-            rays.nearest(local(middle), direction.as_vec3(), NOWHERE).map_or(distance, |hit| hit.t.into());
+        let free = rays
+            .nearest_wall(local(middle), direction.as_vec3(), NOWHERE)
+            .map_or(distance, |hit| hit.t.into());
         let position = middle + direction * (0.9 * free.min(distance));
-        return Camera {
+        let camera = Camera {
             name,
             position,
             look_at: middle - direction * distance - 0.2 * size.y * DVec3::Y,
-            fov: 80.0,
+            fov: INSIDE_FOV,
         };
+        return (camera, true);
     }
     let direction = DVec3::new(-0.6, 0.6, 1.0).normalize();
     let distance = 0.5 * size.length() / (0.5 * Camera::FOV.to_radians()).sin();
-    Camera { name, position: middle + direction * distance, look_at: middle, fov: Camera::FOV }
+    (Camera { name, position: middle + direction * distance, look_at: middle, fov: Camera::FOV }, false)
 }

@@ -69,7 +69,9 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let description = top.get("description").map_or(Ok(""), |v| v.text("a string"))?.to_owned();
     let place = top.table("place", PLACE)?.map(|t| self::place(&t)).transpose()?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let sky = top.table("sky", sky::KEYS)?.map(|t| sky::read(&t, place.is_some(), folder)).transpose()?;
+    let of_sky = top.table("sky", sky::KEYS)?;
+    let ground = of_sky.as_ref().map(sky::ground).transpose()?.flatten();
+    let sky = of_sky.map(|t| sky::read(&t, place.is_some(), folder)).transpose()?;
     let sun = top.table("sun", SUN)?.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
     let portals: Result<Vec<Portal>> = top
         .tables("portal", PORTAL)?
@@ -104,6 +106,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         place,
         sun,
         sky,
+        ground,
         portals,
         objects,
         groups,

@@ -46,6 +46,9 @@ pub struct Scene {
     pub sun: Option<Sun>,
     /// The sky; `None`: black.
     pub sky: Option<Sky>,
+    /// Albedo of the ground that is seen below the horizon, lit by sun and sky; `None`: what the sky shows there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground: Option<DVec3>,
     /// Openings to the sky, in file order.
     pub portals: Vec<Portal>,
     /// Geometry, in file order.
@@ -96,6 +99,7 @@ impl Scene {
             place: None,
             sun: None,
             sky: None,
+            ground: None,
             portals: Vec::new(),
             objects: vec![object],
             groups: Vec::new(),
@@ -242,6 +246,9 @@ pub struct Part {
 pub struct Look {
     /// Replaces base colour factor and texture.
     pub albedo: Option<DVec3>,
+    /// Share of the light that passes straight through, in place of the file's; 0: opaque.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmission: Option<DVec3>,
     /// False: the mesh blocks and reflects light, but gets no texels. Default true.
     pub lightmap: Option<bool>,
     /// Texel density relative to the scene's. Default 1.

@@ -15,6 +15,7 @@ pub(super) const KEYS: &[&str] = &[
     "instances",
     "vt",
     "albedo",
+    "transmission",
     "lightmap",
     "density",
     "two_sided",
@@ -23,7 +24,8 @@ pub(super) const KEYS: &[&str] = &[
     "part",
 ];
 const INSTANCE: &[&str] = &["translate", "rotate", "scale"];
-const PART: &[&str] = &["name", "albedo", "lightmap", "density", "two_sided", "emission", "group"];
+const PART: &[&str] =
+    &["name", "albedo", "transmission", "lightmap", "density", "two_sided", "emission", "group"];
 
 /// Reads `[[object]]`. Files are looked for in `folder`; `groups` are those emission may name.
 pub(super) fn read(
@@ -132,6 +134,7 @@ fn turn(axis: usize, degrees: f64) -> DMat3 {
 /// The keys objects and parts share.
 fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<Look> {
     let albedo = table.get("albedo").map(|v| albedo(&v, warnings)).transpose()?;
+    let transmission = table.get("transmission").map(|v| share(&v)).transpose()?;
     let expected = "a number above 0";
     let density = table.get("density").map(|v| v.number(expected, |x| x > 0.0)).transpose()?;
     let expected = "[r, g, b], each 0 or more";
@@ -155,6 +158,7 @@ fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<L
     }
     Ok(Look {
         albedo,
+        transmission,
         lightmap: table.get("lightmap").map(|v| v.boolean()).transpose()?,
         density,
         two_sided: table.get("two_sided").map(|v| v.boolean()).transpose()?,
@@ -163,11 +167,16 @@ fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<L
     })
 }
 
-/// An albedo; nearly white ones are warned about.
-fn albedo(value: &Value, warnings: &mut Vec<String>) -> Result<DVec3> {
+/// A share of the light, for all channels or per channel.
+fn share(value: &Value) -> Result<DVec3> {
     let number = "a number from 0 to 1";
     let expected = if value.is_array() { "[r, g, b], each from 0 to 1" } else { number };
-    let albedo = value.vector_or_number(expected, |x| (0.0..=1.0).contains(&x))?;
+    value.vector_or_number(expected, |x| (0.0..=1.0).contains(&x))
+}
+
+/// An albedo; nearly white ones are warned about.
+fn albedo(value: &Value, warnings: &mut Vec<String>) -> Result<DVec3> {
+    let albedo = share(value)?;
     if albedo.max_element() > super::WHITE {
         warnings.push(format!(
             "{}: {}: above {} light hardly fades between bounces; white paint is about 0.8",

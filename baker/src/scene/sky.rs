@@ -4,13 +4,14 @@ use super::raw::Table;
 use super::{Sky, is_light};
 use dataset::image::Image;
 use dataset::{Error, Result};
+use glam::DVec3;
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Keys of `[sky]`.
 pub(super) const KEYS: &[&str] =
-    &["model", "turbidity", "ground_albedo", "radiance", "file", "scale", "rotation"];
+    &["model", "turbidity", "ground_albedo", "ground", "radiance", "file", "scale", "rotation"];
 /// Turbidity of a clear day.
 pub(super) const TURBIDITY: f64 = 3.0;
 
@@ -36,6 +37,16 @@ pub(super) fn turbidity(table: &Table) -> Result<Option<f64>> {
     table.get("turbidity").map(|v| v.number(expected, |x| (1.0..=10.0).contains(&x))).transpose()
 }
 
+/// Reads `[sky] ground`: what the ground reflects that is seen below the horizon, where nothing of the scene is; `None`: black.
+pub(super) fn ground(table: &Table) -> Result<Option<DVec3>> {
+    let expected = "false, a number from 0 to 1, or [r, g, b]";
+    match table.get("ground") {
+        Some(value) if value.boolean().is_ok_and(|is_there| !is_there) => Ok(None),
+        Some(value) => value.vector_or_number(expected, |x| (0.0..=1.0).contains(&x)).map(Some),
+        None => Ok(None),
+    }
+}
+
 /// Reads `[sky]`; `folder` is the scene file's.
 pub(super) fn read(table: &Table, has_place: bool, folder: &Path) -> Result<Sky> {
     let expected = r#""hosek-wilkie", "constant" or "image""#;
@@ -50,7 +61,7 @@ pub(super) fn read(table: &Table, has_place: bool, folder: &Path) -> Result<Sky>
     };
     match model.text(expected)? {
         "hosek-wilkie" => {
-            only(&["turbidity", "ground_albedo"])?;
+            only(&["turbidity", "ground_albedo", "ground"])?;
             if !has_place {
                 return Err(model.error("expected a [place], from which this sky has its sun"));
             }

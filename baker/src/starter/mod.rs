@@ -8,9 +8,10 @@ mod write;
 
 pub use units::Unit;
 
-use crate::geometry::Geometry;
+use crate::geometry::{FileCamera, Geometry};
+use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
-use crate::scene::{Camera, Portal, Scene};
+use crate::scene::{Camera, MAX_FOV, Portal, Scene};
 use crate::trace::rays::Rays;
 use crate::{Error, Result, geometry};
 use dataset::console::{Console, count};
@@ -33,6 +34,10 @@ pub struct Found {
     pub texels_per_metre: f64,
     /// Window-like openings, metres.
     pub portals: Vec<Portal>,
+    /// Light groups of what shines in it.
+    pub groups: Vec<String>,
+    /// Whether it has a directional light.
+    pub has_sun: bool,
     /// Viewpoints, metres.
     pub cameras: Vec<Camera>,
     /// The model has no cameras: those are made up.
@@ -61,10 +66,11 @@ Examples:
   bake new models/house.glb --out scenes/house.toml
 
 The file is a beginning, with a comment at what was guessed: the unit of length (metres, centimetres or millimetres, by the size of the
-model and of its triangles), window-like openings as portals, the model's cameras or one of ours, and a size of the lightmap.
+model and of its triangles), window-like openings as portals, what shines in the model as light groups, the model's cameras or one of
+ours, and a size of the lightmap.
 
-With --json, one object on stdout: scene, triangles, unit, metres_per_unit, extent (metres), size, texels_per_metre, portals, cameras
-(names), warnings.";
+With --json, one object on stdout: scene, triangles, unit, metres_per_unit, extent (metres), size, texels_per_metre, portals, groups
+and cameras (names), warnings.";
 
 /// Texels per metre for scenes up to so many metres long.
 const DENSITIES: [(f64, f64); 4] = [(30.0, 24.0), (100.0, 12.0), (300.0, 6.0), (f64::INFINITY, 3.0)];
@@ -102,11 +108,12 @@ pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_j
 
     let [x, y, z] = (found.extent * found.unit.metres).to_array();
     console.say(format!(
-        "{}: {}, taken as {}: {x:.2} × {y:.2} × {z:.2} m, {}, a lightmap of {}² (about {:.0} texels per metre)",
+        "{}: {}, taken as {}: {x:.2} × {y:.2} × {z:.2} m, {}, {}, a lightmap of {}² (about {:.0} texels per metre)",
         out.display(),
         count(found.triangles, "triangle"),
         found.unit.name,
         count(found.portals.len(), "portal"),
+        count(found.groups.len(), "light group"),
         found.side,
         found.texels_per_metre
     ));
@@ -120,6 +127,7 @@ pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_j
         "size": found.side,
         "texels_per_metre": found.texels_per_metre,
         "portals": found.portals.len(),
+        "groups": found.groups,
         "cameras": found.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "warnings": found.warnings,
     }))
@@ -143,7 +151,14 @@ pub fn find(model: &Path) -> Result<Found> {
     let texels_per_metre = f64::from(side) * (FILLED / area.max(f64::MIN_POSITIVE)).sqrt();
     let rays = Rays::new(&geometry);
     let portals = openings::openings(&geometry, &rays);
-    let cameras = vec![view::default(&geometry, &rays)];
+    let mut lit = scene;
+    geometry.lights.add_to(&mut lit);
+    let of_file = geometry::contents(model)?.cameras;
+    let cameras_are_ours = of_file.is_empty();
+    let cameras = match cameras_are_ours {
+        true => vec![view::default(&PreviewOptions::new(12.0), &geometry, &rays, &|_| 1.0)?],
+        false => cameras(&of_file, unit),
+    };
     let mut glowing: Vec<String> = geometry
         .instances
         .iter()
@@ -167,10 +182,34 @@ pub fn find(model: &Path) -> Result<Found> {
         texels_per_metre,
         portals,
         cameras,
-        cameras_are_ours: true,
+        cameras_are_ours,
+        groups: lit.groups.into_iter().map(|group| group.name).collect(),
+        has_sun: lit.sun.is_some(),
         glowing,
         warnings,
     })
+}
+
+/// The model's cameras, under names that no two of them have.
+fn cameras(of_file: &[FileCamera], unit: Unit) -> Vec<Camera> {
+    /// How far the point that a camera looks at is from it, in metres.
+    const AHEAD: f64 = 4.0;
+    let mut cameras: Vec<Camera> = Vec::new();
+    for camera in of_file {
+        let name = camera.name.replace(',', " ");
+        let name = if name.trim().is_empty() { "camera" } else { name.trim() };
+        let numbered = (2..).map(|number| format!("{name} {number}"));
+        let mut names = std::iter::once(name.to_owned()).chain(numbered);
+        let free = names.find(|name| cameras.iter().all(|camera| camera.name != *name));
+        let position = camera.position * unit.metres;
+        cameras.push(Camera {
+            name: free.unwrap_or_default(),
+            position,
+            look_at: position + camera.direction * AHEAD,
+            fov: camera.fov.clamp(1.0, MAX_FOV),
+        });
+    }
+    cameras
 }
 
 /// The geometry in metres.

@@ -29,10 +29,14 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     line("north = 0           # degrees from -Z, clockwise seen from above");
     line("");
     line("[sun]");
+    if found.has_sun {
+        line("# (The model has a directional light. It is not used where there is a [sun] or a [place].)");
+    }
     line("");
     line("[sky]");
     line("model = \"hosek-wilkie\"");
     line("turbidity = 3       # 2 is very clear, 10 is murky");
+    line("ground = 0.2        # albedo of the land far below, seen where the model ends");
     line("");
     let [x, y, z] = (found.extent * found.unit.metres).to_array();
     line("[[object]]");
@@ -50,6 +54,7 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
         ));
     }
     parts(found, &mut line);
+    groups(&found.groups, &mut line);
     portals(&found.portals, &mut line);
     cameras(&found.cameras, found.cameras_are_ours, &mut line);
     line("");
@@ -84,6 +89,22 @@ fn parts(found: &Found, line: &mut impl FnMut(&str)) {
     line("# [[group]]");
     line("# name = \"lamps\"");
     line("# on = [[\"18:00\", \"23:30\"]]");
+}
+
+/// What shines in the model.
+fn groups(names: &[String], line: &mut impl FnMut(&str)) {
+    for (i, name) in names.iter().enumerate() {
+        line("");
+        if i == 0 {
+            line(
+                "# What shines in the model, by the names of its lamps and materials. To switch a group, say when it is on, such as",
+            );
+            line("# on = [[\"18:00\", \"23:30\"]].");
+        }
+        line("[[group]]");
+        line(&format!("name = {}", quoted(name)));
+        line("on = \"always\"");
+    }
 }
 
 /// Openings, as portals.

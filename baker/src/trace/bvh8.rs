@@ -30,7 +30,7 @@ pub(super) struct Packet {
 /// Marks a child that is a packet.
 pub(super) const LEAF: u32 = 1 << 31;
 
-/// Marks triangles that may be open where they are hit.
+/// Marks triangles that may be open where they are hit: cut-outs, and glass.
 pub const CUT_OUT: u32 = 1 << 31;
 
 /// The stack the kernels have; a built hierarchy never needs more.

@@ -283,9 +283,10 @@ fn packet(geometry: &Geometry, binary: &Binary, root: usize) -> Packet {
             continue;
         }
         for &triangle in &binary.triangles[first..first + node.prim_count as usize] {
-            let material = &geometry.materials[geometry.material_of[triangle as usize] as usize];
-            packet.triangles[lane] =
-                if material.alpha_cutoff.is_some() { triangle | CUT_OUT } else { triangle };
+            let material = geometry.material_of[triangle as usize];
+            let may_be_open = geometry.materials[material as usize].alpha_cutoff.is_some()
+                || geometry.glass_of(material).is_some();
+            packet.triangles[lane] = if may_be_open { triangle | CUT_OUT } else { triangle };
             for (c, corner) in geometry.corners(triangle as usize).iter().enumerate() {
                 for k in 0..3 {
                     packet.corners[c][k][lane] = corner[k];

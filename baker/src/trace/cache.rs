@@ -142,7 +142,18 @@ impl<'a> CacheMap<'a> {
     /// The sides without texels, cut into patches no longer than `length`, and the number of entries there would be.
     fn pieces_of(&self, geometry: &Geometry, length: f64) -> (Vec<Piece>, usize) {
         let (mut pieces, mut entries) = (Vec::new(), self.squares);
+        // No path is reflected by clear glass.
+        let is_clear = |material: usize| {
+            geometry.glass_of(material as u32).is_some() && geometry.reflects_at_most(material) == 0.0
+        };
+        let clear: Vec<bool> = match geometry.has_glass() {
+            true => (0..geometry.materials.len()).map(is_clear).collect(),
+            false => Vec::new(),
+        };
         for triangle in 0..geometry.triangles.len() {
+            if clear.get(geometry.material_of[triangle] as usize).is_some_and(|&clear| clear) {
+                continue;
+            }
             let material = &geometry.materials[geometry.material_of[triangle] as usize];
             let along = (geometry.longest_edge(triangle) / length).ceil().max(1.0);
             if along > f64::from(MOST_ALONG) {

@@ -54,6 +54,8 @@ struct Context<'a> {
     from: u32,
     t_max: f32,
     geometry: &'a Geometry,
+    /// Asked about hits on glass.
+    passes: &'a dyn Fn(&Hit) -> bool,
 }
 
 /// `RTCIntersectArguments`, and `RTCOccludedArguments`, which has the same layout.
@@ -169,8 +171,14 @@ impl<'a> Scene<'a> {
         }
     }
 
-    pub fn nearest(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Hit> {
-        let mut context = self.context(from, f32::INFINITY);
+    pub fn nearest(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        from: u32,
+        passes: &dyn Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
+        let mut context = self.context(from, f32::INFINITY, passes);
         let mut arguments = arguments(&mut context);
         let end = RayEnd {
             normal: [0.0; 3],
@@ -189,8 +197,15 @@ impl<'a> Scene<'a> {
         (end.geometry != NONE).then_some(Hit { triangle: end.triangle, barycentric, t: ray.t_far })
     }
 
-    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
-        let mut context = self.context(from, t_max);
+    pub fn occluded(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        from: u32,
+        passes: &dyn Fn(&Hit) -> bool,
+    ) -> bool {
+        let mut context = self.context(from, t_max, passes);
         let mut arguments = arguments(&mut context);
         let mut query = ray(origin, direction, t_max);
         // SAFETY: as in `nearest`.
@@ -198,8 +213,8 @@ impl<'a> Scene<'a> {
         query.t_far == f32::NEG_INFINITY
     }
 
-    fn context(&self, from: u32, t_max: f32) -> Context<'a> {
-        Context { instance: [NONE; 2], from, t_max, geometry: self.geometry }
+    fn context<'c>(&'c self, from: u32, t_max: f32, passes: &'c dyn Fn(&Hit) -> bool) -> Context<'c> {
+        Context { instance: [NONE; 2], from, t_max, geometry: self.geometry, passes }
     }
 }
 
@@ -252,7 +267,7 @@ fn arguments(context: &mut Context) -> Arguments {
     }
 }
 
-/// Refuses hits on the triangle the ray starts on, at the origin or the far end, and where a cut-out is open.
+/// Refuses hits on the triangle the ray starts on, at the origin or the far end, where a cut-out is open, and where glass passes.
 unsafe extern "C" fn filter(arguments: *const FilterArguments) {
     // SAFETY: Embree hands over a query of one ray, with the context of `arguments`.
     unsafe {
@@ -260,10 +275,14 @@ unsafe extern "C" fn filter(arguments: *const FilterArguments) {
         let context = &*arguments.context.cast::<Context>();
         let (ray, hit) = (&*arguments.ray, &*arguments.hit);
         let triangle = hit.triangle as usize;
+        let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
         let counts = hit.triangle != context.from
             && ray.t_far > 0.0
             && ray.t_far < context.t_max
-            && context.geometry.is_solid_at(triangle, Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v));
+            && context.geometry.is_solid_at(triangle, barycentric)
+            && !(context.geometry.is_glass(triangle)
+                && (context.geometry.is_of_neighbour(triangle, barycentric)
+                    || (context.passes)(&Hit { triangle: hit.triangle, barycentric, t: ray.t_far })));
         if !counts {
             *arguments.valid = 0;
         }

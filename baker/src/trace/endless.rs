@@ -1,6 +1,7 @@
 //! Paths that hardly anything absorbs.
 
 use super::counts::RayCounts;
+use super::rays::Passed;
 use super::sampler::Sequence;
 use super::walk::{Transport, cosine_direction};
 use crate::Rgb;
@@ -36,7 +37,22 @@ impl Transport<'_> {
             if direction.dot(at.face_normal) <= 0.0 {
                 return false;
             }
-            let Some(hit) = space.rays.nearest(at.origin, direction, at.triangle) else { return false };
+            // What glass reflects counts as if it went on.
+            let mut passed = Passed::default();
+            let hit = loop {
+                let next = space.rays.beyond(at.origin, direction, at.triangle, &passed);
+                let Some(hit) = next else { return false };
+                let triangle = hit.triangle as usize;
+                if !space.geometry.is_glass(triangle) {
+                    break hit;
+                }
+                weight *= space.geometry.transmittance_at(triangle, hit.barycentric)
+                    + space.geometry.albedo_at(triangle, hit.barycentric);
+                if weight.max_element() < 0.5 {
+                    return false;
+                }
+                passed.add(&hit);
+            };
             let material = space.material(hit.triangle);
             let is_back = space.front(hit.triangle).dot(direction) > 0.0;
             if is_back && !material.two_sided {

@@ -15,6 +15,8 @@ pub struct Lights {
     pub sky: SkyTable,
     /// Where to look for the sky beyond what a diffuse walk meets: portals, bright parts of an image.
     pub guide: Option<SkyGuide>,
+    /// Radiance of the ground below the horizon in each layer of suns and sky; empty: there is none.
+    pub ground: Vec<Rgb>,
     /// The traced groups.
     pub groups: Vec<GroupLight>,
     /// Per group of the scene, its place among `groups`; `None`: not traced.
@@ -88,12 +90,22 @@ impl Lights {
     /// No light.
     pub fn none() -> Self {
         let sky = SkyTable::new(None, None, &[]);
-        Lights { suns: Vec::new(), sky, guide: None, groups: Vec::new(), place_of_group: Vec::new() }
+        let (suns, ground) = (Vec::new(), Vec::new());
+        Lights { suns, sky, guide: None, ground, groups: Vec::new(), place_of_group: Vec::new() }
     }
 
     /// Number of layers.
     pub fn layers(&self) -> usize {
         self.suns.len() + self.sky.lit.len() + self.groups.len()
+    }
+
+    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, and of the ground below the horizon.
+    #[inline]
+    pub fn add_from_outside(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb]) {
+        self.sky.add(direction, beta, &mut out[self.sky_layers()]);
+        if direction.y < 0.0 {
+            out.iter_mut().zip(&self.ground).for_each(|(o, radiance)| *o += beta * *radiance);
+        }
     }
 
     /// The layers of the sky.

@@ -18,6 +18,7 @@ pub mod lens;
 pub mod lights;
 pub mod counts;
 pub mod space;
+mod pane;
 pub mod walk;
 pub mod endless;
 pub mod cache;

@@ -1,13 +1,18 @@
 //! Rays against the scene's triangles: nearest hit and occlusion, with cut-outs really open.
+//!
+//! Glass is asked about by what a ray is for: [`Rays::nearest`] meets it as any surface and [`Rays::beyond`] goes on behind it,
+//! [`Rays::through`] tells how much light passes, and to [`Rays::nearest_wall`] and [`Rays::occluded`] it is as if it were
+//! not there. In a scene without glass all of these are the plain queries.
 
 use super::backend::Backend;
 use super::bvh8::{Bvh8, Line};
 #[cfg(feature = "embree")]
 use super::embree;
 use super::triangle::{Hit, Meeting};
-use crate::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{DARK, Geometry};
+use crate::{Result, Rgb};
 use glam::Vec3;
+use std::cell::Cell;
 
 /// The ray tracer: a hierarchy over all triangles, and what decides whether a hit counts.
 pub struct Rays<'a> {
@@ -48,35 +53,146 @@ impl<'a> Rays<'a> {
         Rays { geometry, hierarchy: Hierarchy::Own(hierarchy, std::marker::PhantomData) }
     }
 
-    /// The nearest hit along the unit `direction`; `from` is the triangle the ray starts on, which it cannot hit.
+    /// The nearest hit along the unit `direction`, glass included; `from` is the triangle the ray starts on, which it cannot hit.
     /// What lies behind the origin or exactly at it does not count.
     #[inline]
     pub fn nearest(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Hit> {
+        self.nearest_unless(origin, direction, from, &|_| false)
+    }
+
+    /// The nearest hit behind those that were passed, all of which are glass: [`Rays::nearest`] where none was.
+    #[inline]
+    pub fn beyond(&self, origin: Vec3, direction: Vec3, from: u32, passed: &Passed) -> Option<Hit> {
+        self.nearest_unless(origin, direction, from, &|hit| passed.holds(hit))
+    }
+
+    /// The nearest hit that is not on glass.
+    #[inline]
+    pub fn nearest_wall(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Hit> {
+        if !self.geometry.has_glass() {
+            return self.nearest(origin, direction, from);
+        }
+        self.nearest_unless(origin, direction, from, &|hit| self.is_glass(hit))
+    }
+
+    /// Whether anything but glass stands between `origin` and the point at distance `t_max` along the unit `direction`.
+    #[inline]
+    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
+        if !self.geometry.has_glass() {
+            return self.occluded_unless(origin, direction, t_max, from, &|_| false);
+        }
+        self.occluded_unless(origin, direction, t_max, from, &|hit| self.is_glass(hit))
+    }
+
+    /// Per channel, how much of the light from the point at distance `t_max` along the unit `direction` arrives at `origin`: 1 where
+    /// nothing stands between, the product over all glass that does, 0 behind anything else.
+    #[inline]
+    pub fn through(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+        if !self.geometry.has_glass() {
+            let is_blocked = self.occluded_unless(origin, direction, t_max, from, &|_| false);
+            return if is_blocked { Rgb::ZERO } else { Rgb::ONE };
+        }
+        self.through_glass(origin, direction, t_max, from)
+    }
+
+    #[cold]
+    fn through_glass(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+        let left = Cell::new(Rgb::ONE);
+        // All that the ray meets is asked about in turn, in an order that is a function of the ray and the hierarchy.
+        let passes = |hit: &Hit| {
+            let triangle = hit.triangle as usize;
+            self.geometry.is_glass(triangle) && {
+                left.set(left.get() * self.geometry.transmittance_at(triangle, hit.barycentric));
+                left.get().max_element() >= DARK
+            }
+        };
+        if self.occluded_unless(origin, direction, t_max, from, &passes) { Rgb::ZERO } else { left.get() }
+    }
+
+    fn is_glass(&self, hit: &Hit) -> bool {
+        !self.geometry.is_wall_at(hit.triangle as usize, hit.barycentric)
+    }
+
+    /// The nearest hit that does not pass; `passes` is asked about glass alone.
+    #[inline]
+    fn nearest_unless(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        from: u32,
+        passes: &dyn Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
         match &self.hierarchy {
             Hierarchy::Own(bvh, _) => {
                 let line = Line::new(origin, direction)?;
-                let (triangle, meeting) = bvh.nearest(&line, from, &|t, m| self.is_open(t, m))?;
-                Some(Hit { triangle, barycentric: meeting.barycentric(), t: meeting.t as f32 })
+                let is_open = |t: u32, m: &Meeting| self.is_open(&hit_of(t, m), passes);
+                let (triangle, meeting) = bvh.nearest(&line, from, &is_open)?;
+                Some(hit_of(triangle, &meeting))
             }
             #[cfg(feature = "embree")]
-            Hierarchy::Embree(scene) => scene.nearest(origin, direction, from),
+            Hierarchy::Embree(scene) => scene.nearest(origin, direction, from, passes),
         }
     }
 
-    /// Whether anything stands between `origin` and the point at distance `t_max` along the unit `direction`.
+    /// Whether a hit that does not pass stands before `t_max`; `passes` is asked about glass alone.
     #[inline]
-    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
+    fn occluded_unless(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        from: u32,
+        passes: &dyn Fn(&Hit) -> bool,
+    ) -> bool {
         match &self.hierarchy {
-            Hierarchy::Own(bvh, _) => Line::new(origin, direction)
-                .is_some_and(|line| bvh.occluded(&line, t_max, from, &|t, m| self.is_open(t, m))),
+            Hierarchy::Own(bvh, _) => Line::new(origin, direction).is_some_and(|line| {
+                bvh.occluded(&line, t_max, from, &|t, m| self.is_open(&hit_of(t, m), passes))
+            }),
             #[cfg(feature = "embree")]
-            Hierarchy::Embree(scene) => scene.occluded(origin, direction, t_max, from),
+            Hierarchy::Embree(scene) => scene.occluded(origin, direction, t_max, from, passes),
         }
     }
 
     #[cold]
-    fn is_open(&self, triangle: u32, meeting: &Meeting) -> bool {
-        !self.geometry.is_solid_at(triangle as usize, meeting.barycentric())
+    fn is_open(&self, hit: &Hit, passes: &dyn Fn(&Hit) -> bool) -> bool {
+        !self.geometry.is_solid_at(hit.triangle as usize, hit.barycentric)
+            || self.geometry.is_glass(hit.triangle as usize)
+                && (self.geometry.is_of_neighbour(hit.triangle as usize, hit.barycentric) || passes(hit))
+    }
+}
+
+#[inline]
+fn hit_of(triangle: u32, meeting: &Meeting) -> Hit {
+    Hit { triangle, barycentric: meeting.barycentric(), t: meeting.t as f32 }
+}
+
+/// The glass a ray has passed: what is nearer than the last, and what lies where that does.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Passed {
+    t: f32,
+    /// Those exactly at `t`: panes that coincide, and both triangles at an edge.
+    triangles: [u32; Passed::MOST],
+    count: usize,
+}
+
+impl Passed {
+    /// Surfaces that coincide, of which a path meets each; were there more, the rest would count as passed.
+    const MOST: usize = 8;
+
+    /// Adds a hit that is no nearer than any before.
+    pub fn add(&mut self, hit: &Hit) {
+        if hit.t != self.t {
+            (self.t, self.count) = (hit.t, 0);
+        }
+        if let Some(place) = self.triangles.get_mut(self.count) {
+            *place = hit.triangle;
+            self.count += 1;
+        }
+    }
+
+    fn holds(&self, hit: &Hit) -> bool {
+        let at_last = &self.triangles[..self.count];
+        hit.t < self.t || hit.t == self.t && (self.count == Self::MOST || at_last.contains(&hit.triangle))
     }
 }
 

@@ -176,10 +176,11 @@ impl Reflectors {
         }
         counts.reflector += 1;
         // The ray must not be stopped by the very surface it looks for.
-        if space.rays.occluded(at.origin, direction, distance * (1.0 - 1e-4), at.triangle) {
+        let through = space.rays.through(at.origin, direction, distance * (1.0 - 1e-4), at.triangle);
+        if through == Rgb::ZERO {
             return None;
         }
-        let albedo = space.geometry.albedo_at(triangle as usize, barycentric);
+        let albedo = space.geometry.albedo_at(triangle as usize, barycentric) * through;
         Some((Hit { triangle, barycentric, t: distance }, is_back, albedo * (weight / PI)))
     }
 

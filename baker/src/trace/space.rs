@@ -1,4 +1,5 @@
-//! The space light moves in: points on its surfaces, and what stands between them or around them.
+//! The space light moves in: points on its surfaces, and what stands between them or around them. To what is told of a place here
+//! glass is as if it were not there.
 
 use super::counts::RayCounts;
 use super::rays::{Rays, offset_point};
@@ -104,7 +105,7 @@ impl<'a> Space<'a> {
     fn met_at_once(&self, at: &Receiver, direction: Vec3, hit: &Hit, counts: &mut RayCounts) -> Option<Hit> {
         const AT_ONCE: f32 = 1e-5;
         counts.inside += 1;
-        let next = self.rays.nearest(at.origin, direction, hit.triangle);
+        let next = self.rays.nearest_wall(at.origin, direction, hit.triangle);
         next.filter(|next| next.t - hit.t <= AT_ONCE * hit.t)
     }
 
@@ -118,7 +119,7 @@ impl<'a> Space<'a> {
         let [tangent, bitangent, ..] = Self::around(at);
         [at.face_normal, tangent, bitangent].into_iter().any(|direction| {
             counts.inside += 1;
-            let hit = self.rays.nearest(at.origin, direction, at.triangle);
+            let hit = self.rays.nearest_wall(at.origin, direction, at.triangle);
             hit.is_some_and(|hit| {
                 self.solids.bound_by(hit.triangle) && self.is_absorbing_back(&hit, direction) && {
                     let other = self.met_at_once(at, direction, &hit, counts);
@@ -141,7 +142,7 @@ impl<'a> Space<'a> {
         };
         [at.face_normal].into_iter().chain(Self::around(at)).all(|direction| {
             counts.inside += 1;
-            let hit = self.rays.nearest(at.origin, direction, at.triangle);
+            let hit = self.rays.nearest_wall(at.origin, direction, at.triangle);
             hit.is_some_and(|hit| {
                 is_back(&hit, direction) || {
                     let other = self.met_at_once(at, direction, &hit, counts);
@@ -154,10 +155,10 @@ impl<'a> Space<'a> {
     /// Whether nobody can see a point of a surface: it lies in a body, or another surface is pressed against it. `behind` is the same
     /// point on the other side of its surface; `gap` is the widest gap, in metres, across which surfaces count as pressed together.
     ///
-    /// Cut-outs hide nothing.
+    /// Cut-outs hide nothing, nor does glass.
     pub fn is_hidden(&self, at: &Receiver, behind: &Receiver, gap: f32, counts: &mut RayCounts) -> bool {
         counts.inside += 1;
-        let Some(hit) = self.rays.nearest(at.origin, at.face_normal, at.triangle) else {
+        let Some(hit) = self.rays.nearest_wall(at.origin, at.face_normal, at.triangle) else {
             return self.is_in_contact(at, behind, counts);
         };
         let is_seen_side = !self.is_absorbing_back(&hit, at.face_normal);
@@ -175,7 +176,7 @@ impl<'a> Space<'a> {
         // From three times rounding behind the surface to as far in front of it.
         let step = at.origin - behind.origin;
         counts.inside += 1;
-        let hit = self.rays.nearest(behind.origin - step, at.face_normal, at.triangle);
+        let hit = self.rays.nearest_wall(behind.origin - step, at.face_normal, at.triangle);
         hit.is_some_and(|hit| {
             let material = self.material(hit.triangle);
             hit.t <= 3.0 * step.length()
@@ -191,7 +192,7 @@ impl<'a> Space<'a> {
     pub fn is_under_ground(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
         let mut met = |direction: Vec3| {
             counts.inside += 1;
-            let hit = self.rays.nearest(at.origin, direction, at.triangle);
+            let hit = self.rays.nearest_wall(at.origin, direction, at.triangle);
             hit.map(|hit| self.is_absorbing_back(&hit, direction))
         };
         let upwards = Vec3::Y.reject_from_normalized(at.face_normal).normalize_or_zero();

@@ -7,6 +7,8 @@
 
 use super::counts::RayCounts;
 use super::lights::{GroupLight, Lights, SunDraw};
+use super::pane::{Fate, meet};
+use super::rays::Passed;
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
 use super::triangle::Hit;
@@ -66,6 +68,10 @@ mod dimension {
     }
     pub fn roulette(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 4
+    }
+    /// Those of the panes along a segment, of which there may be many.
+    pub fn pane(vertex: u32, pane: u32) -> u32 {
+        vertex.wrapping_mul(0x85eb_ca6b).wrapping_add(pane).wrapping_add(0x676c_6173)
     }
     /// Those of groups are spread by their key.
     pub fn group(vertex: u32, key: u32) -> u32 {
@@ -136,8 +142,8 @@ impl<'a> Transport<'a> {
                     return Rgb::ZERO;
                 }
                 counts.sun += 1;
-                let blocked = self.space.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle);
-                if blocked { Rgb::ZERO } else { sun.irradiance() * cosine }
+                let through = self.space.rays.through(at.origin, direction, f32::INFINITY, at.triangle);
+                sun.irradiance() * cosine * through
             }
             None => {
                 let group = &self.lights.groups[light - self.lights.suns.len()];
@@ -168,14 +174,15 @@ impl<'a> Transport<'a> {
         counts.lamp += 1;
         // A ray to an emissive triangle must not be stopped by that very triangle.
         let distance = if s.emitter.is_some() { s.distance * (1.0 - 1e-4) } else { s.distance };
-        if self.space.rays.occluded(at.origin, s.direction, distance, at.triangle) {
+        let through = self.space.rays.through(at.origin, s.direction, distance, at.triangle);
+        if through == Rgb::ZERO {
             return None;
         }
         // The walk meets emissive triangles with density cos θ ÷ π.
         let share = s
             .emitter
             .map_or(1.0, |(_, pdf)| balance_heuristic(pdf, s.direction.dot(at.normal).max(0.0) / PI));
-        Some(irradiance * share)
+        Some(irradiance * share * through)
     }
 
     /// The irradiance of a sample of an emissive triangle by what its map shows there; `None` where that is black.
@@ -213,7 +220,7 @@ impl<'a> Transport<'a> {
         let mut weight = Rgb::ONE;
         for vertex in 0.. {
             if let Some(light) = self.guided_sky(&at, sample, vertex, counts) {
-                lights.sky.add(light.0, weight * light.1, &mut out[lights.sky_layers()]);
+                lights.add_from_outside(light.0, weight * light.1, out);
             }
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
             let direction = cosine_direction(at.normal, sample.pair(dimension::onwards(vertex)));
@@ -222,32 +229,51 @@ impl<'a> Transport<'a> {
             }
             counts.walk += 1;
             let pdf = direction.dot(at.normal).max(0.0) / PI;
-            let beta = weight * PI;
-            let Some(hit) = self.space.rays.nearest(at.origin, direction, at.triangle) else {
-                let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
-                let share = guided.map_or(1.0, |guided| balance_heuristic(pdf, guided));
-                lights.sky.add(direction, beta * share, &mut out[lights.sky_layers()]);
-                return;
+            // To the first surface that does not let the path through.
+            let (mut passed, mut panes) = (Passed::default(), 0);
+            let (hit, is_back) = loop {
+                let beta = weight * PI;
+                let Some(hit) = self.space.rays.beyond(at.origin, direction, at.triangle, &passed) else {
+                    let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
+                    let share = guided.map_or(1.0, |guided| balance_heuristic(pdf, guided));
+                    lights.add_from_outside(direction, beta * share, out);
+                    return;
+                };
+                let triangle = hit.triangle as usize;
+                let material = self.space.material(hit.triangle);
+                let front = self.space.front(hit.triangle);
+                let is_back = front.dot(direction) > 0.0;
+                let is_glass = self.space.geometry.is_glass(triangle);
+                let absorbs = is_back && !material.two_sided;
+                if absorbs && !is_glass {
+                    return;
+                }
+                if let Some(emission) = material.emission
+                    && let Some(&Some(g)) = lights.place_of_group.get(emission.group as usize)
+                    && !absorbs
+                {
+                    let group = &lights.groups[g];
+                    let mut radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
+                    if emission.map.is_some() {
+                        radiance *= self.space.geometry.emission_map_at(triangle, hit.barycentric);
+                    }
+                    let sampler = &group.sampler;
+                    let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
+                    out[lights.group_layer(g)] += beta * radiance * balance_heuristic(pdf, sampled);
+                }
+                if !is_glass {
+                    break (hit, is_back);
+                }
+                let choice = || sample.number(dimension::pane(vertex, panes));
+                match meet(self.space.geometry, &hit, absorbs, choice, &mut weight) {
+                    Fate::Passes => passed.add(&hit),
+                    Fate::Reflects => break (hit, is_back),
+                    Fate::Ends => return,
+                }
+                panes += 1;
+                counts.walk += 1;
             };
             let triangle = hit.triangle as usize;
-            let material = self.space.material(hit.triangle);
-            let front = self.space.front(hit.triangle);
-            let is_back = front.dot(direction) > 0.0;
-            if is_back && !material.two_sided {
-                return;
-            }
-            if let Some(emission) = material.emission
-                && let Some(&Some(g)) = lights.place_of_group.get(emission.group as usize)
-            {
-                let group = &lights.groups[g];
-                let mut radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
-                if emission.map.is_some() {
-                    radiance *= self.space.geometry.emission_map_at(triangle, hit.barycentric);
-                }
-                let sampler = &group.sampler;
-                let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
-                out[lights.group_layer(g)] += beta * radiance * balance_heuristic(pdf, sampled);
-            }
             if self.bounces.is_some_and(|most| vertex + 1 > most) {
                 return;
             }
@@ -287,7 +313,7 @@ impl<'a> Transport<'a> {
         sample: Sample,
         vertex: u32,
         counts: &mut RayCounts,
-    ) -> Option<(Vec3, f32)> {
+    ) -> Option<(Vec3, Rgb)> {
         let guide = self.lights.guide.as_ref()?;
         let dimension = dimension::guide(vertex);
         let u = sample.pair(dimension);
@@ -297,10 +323,11 @@ impl<'a> Transport<'a> {
             return None;
         }
         counts.sky += 1;
-        if self.space.rays.occluded(at.origin, direction, f32::INFINITY, at.triangle) {
+        let through = self.space.rays.through(at.origin, direction, f32::INFINITY, at.triangle);
+        if through == Rgb::ZERO {
             return None;
         }
-        Some((direction, cosine / pdf * balance_heuristic(pdf, cosine / PI)))
+        Some((direction, through * (cosine / pdf * balance_heuristic(pdf, cosine / PI))))
     }
 }
 

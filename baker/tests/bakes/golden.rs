@@ -1,8 +1,8 @@
 //! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
 
 use crate::scenes::{
-    Case, coarse_corner, corner, furnace, instances, low_walls, outdoors, room, sunlit_floor, sunlit_room,
-    wires,
+    Case, coarse_corner, corner, furnace, glazed_room, instances, low_walls, outdoors, room, sunlit_floor,
+    sunlit_room, wires,
 };
 use crate::statistics::{Bakes, bakes};
 use baker::bake::run::Integrator;
@@ -83,6 +83,11 @@ fn a_room_with_a_patch_of_sun() {
     let cached = golden(&sunlit_room(), "sunlit room");
     // What the patch reflects is looked for there.
     assert!(cached.outcomes.iter().all(|outcome| outcome.rays.reflector > 1000));
+}
+
+#[test]
+fn a_room_behind_tinted_glass() {
+    golden(&glazed_room(), "glazed room");
 }
 
 #[test]

@@ -111,6 +111,16 @@ pub fn sunlit_room() -> Case {
     Case { text: sun.to_owned() + &room.text, ..room }
 }
 
+/// The sunlit room with a screen of tinted glass in front of the window, which reflects a part of the light.
+pub fn glazed_room() -> Case {
+    let room = sunlit_room();
+    let sheet = Obj::default().mesh("sheet").quad([-0.9, 0.1, 0.6], [1.6, 0.0, 0.0], [0.0, 1.7, 0.0]);
+    room.stage.write("sheet.obj", &sheet.bytes());
+    let sheet =
+        "[[object]]\nfile = \"sheet.obj\"\nalbedo = 0.8\ntransmission = [0.7, 0.6, 0.4]\ntwo_sided = true\n";
+    Case { text: sheet.to_owned() + &room.text, ..room }
+}
+
 /// A room that the sun alone lights, by way of its floor, which has no texels.
 pub fn sunlit_floor() -> Case {
     let [floor, walls] = shell();

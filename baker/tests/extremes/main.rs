@@ -9,6 +9,7 @@ mod common;
 mod emitters;
 mod errors;
 mod geometry;
+mod glass;
 mod hard;
 mod keyhole;
 mod leaks;

@@ -1,6 +1,7 @@
 //! What goes over from the files as it is: materials, textures, cameras and lights, each where something first names it.
 
 use super::container::Glb;
+use crate::bake::glass_glb;
 use crate::geometry::{Asset, Geometry, Material, Wrap};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
@@ -93,10 +94,21 @@ impl Carried {
             json["alphaMode"] = json!("MASK");
             json["alphaCutoff"] = json!(cutoff);
         }
+        self.let_through(json, geometry, look, out)?;
         // The older way to say a colour would go before the one above.
         if let Some(extensions) = json.get_mut("extensions").and_then(Value::as_object_mut) {
             extensions.remove("KHR_materials_pbrSpecularGlossiness");
         }
+        Ok(())
+    }
+
+    /// Gives a material the glass that was baked, or none.
+    fn let_through(&mut self, json: &mut Value, geometry: &Geometry, look: u32, out: &mut Glb) -> Result<()> {
+        glass_glb::clear(json);
+        let Some(glass) = geometry.glass_of(look) else { return Ok(()) };
+        let texture =
+            glass.texture.map(|texture| self.texture_of_geometry(geometry, texture, out)).transpose()?;
+        glass_glb::add(json, glass, texture);
         Ok(())
     }
 

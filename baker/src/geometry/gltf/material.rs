@@ -14,7 +14,7 @@ use gltf::texture::WrappingMode;
 use std::path::Path;
 
 /// Where a material's texture coordinates come from.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub(super) struct UvSource {
     /// `TEXCOORD_n`.
     pub set: u32,
@@ -52,6 +52,7 @@ pub(super) fn material(
             texture: None,
             alpha_cutoff: None,
             two_sided: false,
+            glass: None,
             undefined: true,
             emission: None,
         };
@@ -100,10 +101,8 @@ pub(super) fn material(
             }
             Some(cutoff)
         }
-        AlphaMode::Blend => {
-            notes.add(asset.file, "material", &shown, "alphaMode BLEND is taken as MASK at 0.5");
-            Some(0.5)
-        }
+        // What that lets through is read after this (`glass`).
+        AlphaMode::Blend => None,
     };
     let two_sided = material.double_sided();
     Ok((
@@ -114,6 +113,7 @@ pub(super) fn material(
             texture,
             alpha_cutoff,
             two_sided,
+            glass: None,
             undefined: false,
             emission: None,
         },

@@ -8,6 +8,7 @@ mod extensions;
 mod lights;
 mod material;
 mod emission;
+mod glass;
 mod instancing;
 mod keep;
 
@@ -299,12 +300,13 @@ impl Reader<'_> {
         if let Some(&known) = self.materials.get(&key) {
             return Ok(known);
         }
-        let (mut read, uv) = material::material(&self.asset, material, self.textures, self.notes)?;
+        let (mut read, mut uv) = material::material(&self.asset, material, self.textures, self.notes)?;
         if key.1 {
             (read.albedo, read.undefined) = (Vec3::ONE, false);
         }
         let (emission, emission_uv) = emission::emission(&self.asset, material, self.textures, self.notes)?;
         read.emission = emission;
+        glass::read(&self.asset, material, &mut read, &mut uv, self.textures, self.notes)?;
         self.model.materials.push(read);
         let known = (self.model.materials.len() - 1, uv, emission_uv);
         self.materials.insert(key, known);
