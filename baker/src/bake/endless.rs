@@ -9,16 +9,24 @@ use rayon::prelude::*;
 
 /// Surfaces that reflect less than this end any path within a few thousand bounces.
 const NEARLY_ALL: f32 = 0.999;
-/// Paths that are followed.
+/// Paths that are followed from all over the atlas.
 const PATHS: u32 = 1 << 14;
 /// So many of them without end are no chance.
 const ENOUGH: usize = 4;
+/// Most triangles of bright surfaces that a path is followed from.
+const MOST_TRIANGLES: usize = 1 << 15;
+/// Paths that are followed from one of them where the first had no end. Half of them tell a closed space from a long way out.
+const AGAIN: u32 = 16;
 /// Most names that the error lists.
 const MOST_NAMED: usize = 5;
 
-/// The error of light that nothing absorbs, with the surfaces that reflect it.
+/// The error of light that nothing absorbs, with all surfaces that may reflect it.
 pub fn error(geometry: &Geometry) -> Error {
-    let names = geometry.reflecting(NEARLY_ALL);
+    error_of(&geometry.reflecting(NEARLY_ALL))
+}
+
+/// The error of light that nothing absorbs, with the names of the surfaces that reflect it.
+fn error_of(names: &[&str]) -> Error {
     let shown = names.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
     let more = names.len().saturating_sub(MOST_NAMED);
     let more = if more > 0 { format!(", and {more} more") } else { String::new() };
@@ -31,16 +39,28 @@ pub fn error(geometry: &Geometry) -> Error {
     )
 }
 
-/// Refuses a scene in which many paths go on without end in lit places. Costs nothing where all surfaces absorb some light.
+/// Refuses a scene in which many paths go on without end in lit places, or most paths from one of them. Costs nothing where all surfaces
+/// absorb some light.
 ///
 /// # Errors
-/// [`error`].
+/// Those paths' surfaces, by name.
 pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<()> {
     let geometry = transport.space.geometry;
-    if atlas.faces.is_empty() || geometry.reflecting(NEARLY_ALL).is_empty() {
+    let names = geometry.reflecting(NEARLY_ALL);
+    if names.is_empty() {
         return Ok(());
     }
-    // Starts are spread over the atlas's area.
+    let met = anywhere(transport, atlas, seed).or_else(|| in_a_pocket(transport, seed));
+    met.map_or(Ok(()), |met| {
+        let of_path = geometry.names_of(&met);
+        let bright: Vec<&str> = of_path.into_iter().filter(|name| names.contains(name)).collect();
+        Err(error_of(if bright.is_empty() { &names } else { &bright }))
+    })
+}
+
+/// Triangles that paths without end met, where many of those that start all over the atlas, by area, have none.
+fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Option<Vec<u32>> {
+    let geometry = transport.space.geometry;
     let mut sum = 0.0;
     let areas: Vec<f64> = atlas
         .faces
@@ -50,12 +70,41 @@ pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<()> {
             sum
         })
         .collect();
-    let endless = |path: &u32| {
-        let sequence = Sequence::new(seed, Kind::PlanRay, *path, 1);
-        let target = (f64::from(*path) + 0.5) / f64::from(PATHS) * sum;
-        let face = areas.partition_point(|&area| area <= target).min(areas.len() - 1);
-        transport.is_endless(atlas.faces[face].triangle, sequence)
+    let endless = |path: u32| {
+        let sequence = Sequence::new(seed, Kind::PlanRay, path, 1);
+        let target = (f64::from(path) + 0.5) / f64::from(PATHS) * sum;
+        let face = atlas.faces.get(areas.partition_point(|&area| area <= target).min(areas.len() - 1))?;
+        transport.endless_path(face.triangle, false, sequence)
     };
-    let found = (0..PATHS).into_par_iter().filter(endless).count();
-    if found >= ENOUGH { Err(error(geometry)) } else { Ok(()) }
+    if areas.is_empty() {
+        return None;
+    }
+    let found: Vec<Vec<u32>> = (0..PATHS).into_par_iter().filter_map(endless).collect();
+    (found.len() >= ENOUGH).then(|| found.concat())
+}
+
+/// Triangles that paths without end met, where at least half of those from one bright triangle have none. A small closed space, in which
+/// hardly any path that starts by area begins, is found so.
+fn in_a_pocket(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
+    let geometry = transport.space.geometry;
+    let is_bright: Vec<bool> =
+        geometry.materials.iter().map(|m| geometry.reflects_at_most(m) >= NEARLY_ALL).collect();
+    let bright: Vec<u32> = (0..geometry.triangles.len() as u32)
+        .filter(|&triangle| is_bright[geometry.material_of[triangle as usize] as usize])
+        .collect();
+    let step = bright.len().div_ceil(MOST_TRIANGLES).max(1);
+    let some: Vec<u32> = bright.into_iter().step_by(step).collect();
+    some.into_par_iter().find_map_first(|triangle| {
+        let sides = if transport.space.material(triangle).two_sided { &[false, true][..] } else { &[false] };
+        sides.iter().find_map(|&is_back| {
+            let path = |number: u32| {
+                let sequence =
+                    Sequence::new(seed, Kind::PlanRay, triangle, 2 + 2 * number + u32::from(is_back));
+                transport.endless_path(triangle, is_back, sequence)
+            };
+            path(0)?;
+            let again: Vec<Vec<u32>> = (1..=AGAIN).filter_map(path).collect();
+            (2 * again.len() as u32 >= AGAIN).then(|| again.concat())
+        })
+    })
 }
