@@ -2,6 +2,7 @@
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
+use crate::trace::endless::Endless;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::walk::Transport;
 use crate::{Error, Result};
@@ -27,39 +28,61 @@ pub fn error(geometry: &Geometry) -> Error {
 
 /// The error of light that nothing absorbs, with the names of the surfaces that reflect it.
 fn error_of(names: &[&str]) -> Error {
-    let shown = names.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
-    let more = names.len().saturating_sub(MOST_NAMED);
-    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
     Error::invalid(
         "scene",
         format!(
-            "light grows without end: surfaces of a closed space reflect all of it (albedo 1), or nearly: {shown}{more}; \
-             expected less than {NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]"
+            "light grows without end: surfaces of a closed space reflect all of it (albedo 1), or nearly: {}; expected less than \
+             {NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]",
+            listed(names)
         ),
     )
 }
 
-/// Refuses a scene in which many paths go on without end in lit places, or most paths from one of them. Costs nothing where all surfaces
-/// absorb some light.
+/// The first few names, and how many more there are.
+fn listed(names: &[&str]) -> String {
+    let shown = names.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(MOST_NAMED) {
+        0 => shown,
+        more => format!("{shown}, and {more} more"),
+    }
+}
+
+/// Refuses a scene in which many paths go on without end in lit places, or most paths from one of them. Gives a warning where many do so
+/// in the dark: that is no error, but takes time. Costs nothing where all surfaces absorb some light.
 ///
 /// # Errors
 /// Those paths' surfaces, by name.
-pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<()> {
+pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<Option<String>> {
     let geometry = transport.space.geometry;
     let names = geometry.reflecting(NEARLY_ALL);
     if names.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
-    let met = anywhere(transport, atlas, seed).or_else(|| in_a_pocket(transport, seed));
-    met.map_or(Ok(()), |met| {
-        let of_path = geometry.names_of(&met);
+    let bright = |met: &[u32]| {
+        let of_path = geometry.names_of(met);
         let bright: Vec<&str> = of_path.into_iter().filter(|name| names.contains(name)).collect();
-        Err(error_of(if bright.is_empty() { &names } else { &bright }))
-    })
+        if bright.is_empty() { names.clone() } else { bright }
+    };
+    let found = anywhere(transport, atlas, seed);
+    let met = |is_lit: bool| -> Option<Vec<u32>> {
+        let paths: Vec<&[u32]> =
+            found.iter().filter(|path| path.is_lit == is_lit).map(|path| &path.triangles[..]).collect();
+        (paths.len() >= ENOUGH).then(|| paths.concat())
+    };
+    if let Some(met) = met(true).or_else(|| in_a_pocket(transport, seed)) {
+        return Err(error_of(&bright(&met)));
+    }
+    Ok(met(false).map(|met| {
+        format!(
+            "paths go on for thousands of bounces in dark closed spaces whose surfaces reflect all light (albedo 1), or nearly, which takes \
+             time: {}; set `albedo` of the object or part below {NEARLY_ALL}, or a lower `albedo_max` in [bake]",
+            listed(&bright(&met))
+        )
+    }))
 }
 
-/// Triangles that paths without end met, where many of those that start all over the atlas, by area, have none.
-fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Option<Vec<u32>> {
+/// The paths without end among those that start all over the atlas, by area.
+fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<Endless> {
     let geometry = transport.space.geometry;
     let mut sum = 0.0;
     let areas: Vec<f64> = atlas
@@ -74,13 +97,9 @@ fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Option<Vec<u32>>
         let sequence = Sequence::new(seed, Kind::PlanRay, path, 1);
         let target = (f64::from(path) + 0.5) / f64::from(PATHS) * sum;
         let face = atlas.faces.get(areas.partition_point(|&area| area <= target).min(areas.len() - 1))?;
-        transport.endless_path(face.triangle, false, sequence)
+        transport.endless_path(face.triangle, false, sequence, true)
     };
-    if areas.is_empty() {
-        return None;
-    }
-    let found: Vec<Vec<u32>> = (0..PATHS).into_par_iter().filter_map(endless).collect();
-    (found.len() >= ENOUGH).then(|| found.concat())
+    if areas.is_empty() { Vec::new() } else { (0..PATHS).into_par_iter().filter_map(endless).collect() }
 }
 
 /// Triangles that paths without end met, where at least half of those from one bright triangle have none. A small closed space, in which
@@ -100,7 +119,8 @@ fn in_a_pocket(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
             let path = |number: u32| {
                 let sequence =
                     Sequence::new(seed, Kind::PlanRay, triangle, 2 + 2 * number + u32::from(is_back));
-                transport.endless_path(triangle, is_back, sequence)
+                let endless = transport.endless_path(triangle, is_back, sequence, false)?;
+                endless.is_lit.then_some(endless.triangles)
             };
             path(0)?;
             let again: Vec<Vec<u32>> = (1..=AGAIN).filter_map(path).collect();

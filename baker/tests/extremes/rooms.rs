@@ -120,6 +120,21 @@ fn light_without_end_in_a_small_closed_box_is_told_before_the_rounds() {
     stage().bake("12", 2, &scene("[bake]\nbounces = 9\n"));
 }
 
+#[test]
+fn a_dark_closed_box_that_absorbs_nothing_is_a_warning() {
+    let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 10.0);
+    let text = obj.mesh("cavity").room(dvec3(0.0, 1.0, 0.0), dvec3(1.0, 2.0, 1.0)).text();
+    let scene = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\nalbedo = 1\n[lightmap]\nsize = 32\n";
+    for integrator in INTEGRATORS {
+        let baked = Stage::new(&[("a.obj", text.clone())]).by(integrator).bake("12", 2, scene);
+        let told = baked.outcome.warnings.iter().find(|warning| warning.contains("dark closed spaces"));
+        let told = told.expect("a warning");
+        assert!(told.contains("cavity") && !told.contains("floor"), "{told}");
+        let on_the_floor = mean(&baked.first(), &baked.on("floor"));
+        assert!((on_the_floor / PI - 1.0).abs() < 0.2, "{on_the_floor}");
+    }
+}
+
 /// Two black closed boxes 20 m apart, with balls of radiance 10⁴ and 10⁻⁴ in their middles.
 fn bright_and_dim(one_group: bool) -> (Stage, String) {
     let size = DVec3::splat(0.5);
