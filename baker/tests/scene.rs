@@ -50,7 +50,7 @@ fn numbers_that_toml_does_not_take_are_told_how_to_write() {
             "radius = -1,5 m",
             "not TOML: |(a number has a decimal point, not a comma, and stands without its unit: -1.5)",
         ),
-        ("on = 18:00", "not TOML: |(dates and times of day stand in quotes)"),
+        ("on = 6:00", "not TOML: |(dates and times of day stand in quotes)"),
     ] {
         fs::write(&path, format!("[[group]]\n[[group.sphere]]\n{typed}\nradiance = [1, 1, 1]\n")).unwrap();
         let message = scene::load(&path).unwrap_err().to_string();
