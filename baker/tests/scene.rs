@@ -39,6 +39,44 @@ fn every_invalid_scene_file_gives_the_error_it_names() {
 }
 
 #[test]
+fn numbers_that_toml_does_not_take_are_told_how_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("yard.toml");
+    for (typed, hint) in [
+        ("radius = 0,05", "not TOML: |(a number has a decimal point, not a comma: 0.05)"),
+        ("kelvin = 2700K", "not TOML: |(a number stands without its unit: 2700)"),
+        ("lumens = 800 lm # bright", "not TOML: |(a number stands without its unit: 800)"),
+        (
+            "radius = -1,5 m",
+            "not TOML: |(a number has a decimal point, not a comma, and stands without its unit: -1.5)",
+        ),
+        ("on = 6:00", "not TOML: |(dates and times of day stand in quotes)"),
+    ] {
+        fs::write(&path, format!("[[group]]\n[[group.sphere]]\n{typed}\nradiance = [1, 1, 1]\n")).unwrap();
+        let message = scene::load(&path).unwrap_err().to_string();
+        let (start, end) = hint.split_once('|').unwrap();
+        assert!(message.contains(&format!("yard.toml:3: {start}")) && message.ends_with(end), "{message}");
+    }
+}
+
+#[test]
+fn all_missing_geometry_files_are_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("yard.toml");
+    fs::write(folder.path().join("there.obj"), "v 0 0 0\n").unwrap();
+    let object = |file: &str| format!("[[object]]\nfile = \"{file}\"\n");
+    fs::write(&path, object("one.glb") + &object("there.obj") + &object("two.obj")).unwrap();
+    let message = scene::load(&path).unwrap_err().to_string();
+    for part in ["2 files are missing", "yard.toml:2: file = \"one.glb\"", "yard.toml:6: file = \"two.obj\""]
+    {
+        assert!(message.contains(part), "{message}");
+    }
+    fs::write(&path, object("one.glb")).unwrap();
+    let message = scene::load(&path).unwrap_err().to_string();
+    assert!(message.contains("yard.toml:2: file = \"one.glb\": there is no file"), "{message}");
+}
+
+#[test]
 fn a_file_that_is_not_there_or_not_text_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("yard.toml");

@@ -116,6 +116,17 @@ impl System<'_> {
             }
             let by = match File::open(&path) {
                 Ok(mut file) => holder(&mut file),
+                // (A link to nothing is in the way of a new file, and opens none.)
+                Err(e)
+                    if e.kind() == ErrorKind::NotFound
+                        && fs::symlink_metadata(&path).is_ok_and(|m| m.is_symlink()) =>
+                {
+                    return Err(Error::invalid(
+                        path.display(),
+                        "is a symbolic link to a file that is not there; expected a file that says who writes in this folder, or none: \
+                         remove it",
+                    ));
+                }
                 Err(e) if e.kind() == ErrorKind::NotFound => continue,
                 Err(e) => return Err(Error::io(&path)(e)),
             };

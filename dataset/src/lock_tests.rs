@@ -93,6 +93,20 @@ fn a_claim_of_another_machine_is_left_and_the_error_says_how_to_remove_it() {
 }
 
 #[test]
+fn a_claim_that_is_a_link_to_nothing_is_an_error_that_names_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let claim = folder.path().join(CLAIM);
+    std::os::unix::fs::symlink(folder.path().join("nowhere"), &claim).unwrap();
+    for flock in FLOCKS {
+        let refused = locked(folder.path(), &flock, Process::this()).unwrap_err();
+        assert!(refused.contains(CLAIM) && refused.contains("symbolic link"), "{refused}");
+        assert!(claim.is_symlink());
+    }
+    fs::remove_file(&claim).unwrap();
+    locked(folder.path(), &unsupported, Process::this()).unwrap();
+}
+
+#[test]
 fn of_many_at_once_one_gets_it_also_where_a_stale_claim_lies() {
     for flock in FLOCKS {
         for _ in 0..20 {

@@ -190,7 +190,9 @@ pub fn grow(
             let packed = items.and_then(|i| i.pack(meshes, &ranks, texels_per_metre, &sheets, filling));
             if let Some(packed) = packed {
                 let rows = (packed.height as u32).min(largest);
-                return Ok(Filled::new(rows, texels_per_metre, packed, &sheets, 1));
+                let sheets = Pages { height: rows as usize, count: packed.pages, ..sheets };
+                return Ok(together(meshes, &ranks, texels_per_metre, &sheets, largest)
+                    .unwrap_or_else(|| Filled::new(rows, texels_per_metre, packed, &sheets, 1)));
             }
             if columns == largest {
                 break;
@@ -223,6 +225,29 @@ pub fn grow(
             "texels_per_metre = {texels_per_metre} needs more than {what} of {largest} x {largest} texels; {}",
             remedies.join(", or ")
         ),
+    })
+}
+
+/// Pages of at most 3 % more texels than `sheets`, which hold everything at this density, on which what lies together in space does so on
+/// the page. `None` where that takes more, and for a page of one tile.
+fn together(
+    meshes: &[FlatMesh],
+    ranks: &[Vec<u32>],
+    texels_per_metre: f64,
+    sheets: &Pages,
+    largest: u32,
+) -> Option<Filled> {
+    if sheets.count == 1 && sheets.width.max(sheets.height) <= TILE {
+        return None;
+    }
+    let most = (sheets.height as f64 / FOR_LOCALITY.powi(2)) as usize;
+    let sheets = Pages { height: most.next_multiple_of(BLOCK).min(largest as usize), ..*sheets };
+    let items = Items::new(meshes, ranks, texels_per_metre, &sheets, 1)?;
+    Windows::ALL.into_iter().find_map(|windows| {
+        let filling = Filling { stack: 1, start: sheets.start(), windows: Some(windows) };
+        let packed = items.pack(meshes, ranks, texels_per_metre, &sheets, filling)?;
+        let rows = packed.height.min(sheets.height) as u32;
+        Some(Filled::new(rows, texels_per_metre, packed, &sheets, 1))
     })
 }
 

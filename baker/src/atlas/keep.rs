@@ -4,7 +4,7 @@
 use super::charts::is_degenerate;
 use super::density::{LARGEST, MOST_ROWS};
 use super::footprint::Pages;
-use super::islands::islands;
+use super::islands::laid_islands;
 use super::raster::{Bits, TOLERANCE, covered, touched};
 use super::{Atlas, Face, Placement, Skipped};
 use crate::geometry::{Geometry, Instance, LightmapPlace};
@@ -27,8 +27,8 @@ const MOST_LISTED: usize = 50;
 /// Cells along a page's longer side on which overlaps are looked for, and most cells along a texel.
 const CELLS: u32 = 8192;
 const MOST_CELLS: u32 = 8;
-/// Fewest empty texels between islands that bilinear filtering does not mix.
-const APART: usize = 2;
+/// Texels around an island whose squares bilinear filtering reads, but for rounding: those whose centres lie within a texel.
+const READ: f64 = 0.5 - 1.0 / 64.0;
 
 /// A triangle where its file puts it.
 struct Laid {
@@ -105,7 +105,10 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     }
 
     let triangles: Vec<u32> = all.iter().map(|laid| laid.triangle).collect();
-    let charts = islands(geometry, &triangles);
+    let charts = laid_islands(geometry, &triangles, |i, k| {
+        let corner = all[i].corners[k].as_vec2();
+        [all[i].page as f32, corner.x, corner.y]
+    });
     let (touched_texels, close) = neighbours(&all, &charts, &sheets);
     let mut numbers = charts.clone();
     numbers.sort_unstable();
@@ -121,7 +124,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         faces.push(Face { triangle: laid.triangle, corners, chart: chart(label) });
     }
     let texels: f64 = all.iter().map(|laid| area(laid.corners)).sum();
-    let metres: f64 = triangles.iter().map(|&t| area_in_space(geometry, t)).sum();
+    let metres: f64 = triangles.iter().map(|&t| geometry.area_f64(t as usize)).sum();
     let nowhere = geometry.instances.iter().filter(|i| i.lightmap && !has_place(i)).count();
     let mut notes = vec![format!(
         "lightmap coordinates of the files are kept as they are: {} of the page",
@@ -146,7 +149,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
         close.told(
             geometry,
             "island",
-            "less than 2 empty texels from another: bilinear filtering mixes their light",
+            "so near another that bilinear filtering reads the same texels for both: it mixes their light",
         ),
     ];
     Ok(Atlas {
@@ -268,58 +271,38 @@ fn without_overlaps(
     });
 }
 
-/// The number of texels touched, and the islands that lie too close to others.
+/// The number of texels touched, and the islands of which bilinear filtering reads a texel that it reads for another, too.
 fn neighbours(all: &[Laid], charts: &[usize], sheets: &Pages) -> (usize, Named) {
-    // What is touched: page, row, columns and island.
+    let mut bits: Vec<Bits> = (0..sheets.count).map(|_| Bits::new(sheets.width, sheets.height)).collect();
+    // What is read: page, row, columns and island.
     let mut runs: Vec<(u32, usize, usize, usize, usize)> = Vec::new();
     for (laid, &chart) in all.iter().zip(charts) {
-        let rows = touched(laid.corners, TOLERANCE, sheets.width, sheets.height);
+        bits[laid.page as usize].touch(laid.corners, TOLERANCE);
+        let rows = touched(laid.corners, READ, sheets.width, sheets.height);
         runs.extend(rows.map(|(y, columns)| (laid.page, y, columns.start, columns.end, chart)));
     }
     runs.sort_unstable();
-    // Of the last rows, which page and row they are, and the island of each texel.
     const NONE: usize = usize::MAX;
-    const ROWS: usize = APART + 1;
-    let mut rows = [const { (0, NONE, Vec::new()) }; ROWS];
-    let mut texels = 0;
     let mut close = BTreeSet::new();
     for row in runs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        let (page, y) = (row[0].0, row[0].1);
-        let mut labels = std::mem::take(&mut rows[y % ROWS].2);
-        labels.clear();
-        labels.resize(sheets.width, NONE);
+        let mut readers = vec![NONE; sheets.width];
         for &(_, _, from, to, chart) in row {
-            for label in &mut labels[from..to] {
-                if *label != NONE && *label != chart {
-                    close.extend([*label, chart]);
+            for reader in &mut readers[from..to] {
+                if *reader != NONE && *reader != chart {
+                    close.extend([*reader, chart]);
                 }
-                *label = chart;
-            }
-        }
-        texels += labels.iter().filter(|label| **label != NONE).count();
-        rows[y % ROWS] = (page, y, labels);
-        let near = rows.iter().filter(|(p, at, _)| *p == page && *at <= y && *at + APART >= y);
-        for (_, _, others) in near {
-            for &(_, _, from, to, chart) in row {
-                let columns = from.saturating_sub(APART)..(to + APART).min(sheets.width);
-                let others = others[columns].iter().filter(|other| **other != NONE && **other != chart);
-                others.for_each(|other| close.extend([*other, chart]));
+                *reader = chart;
             }
         }
     }
     let mut named = Named::default();
     let size = DVec2::new(sheets.width as f64, sheets.height as f64);
     close.iter().for_each(|&first| named.add(all[first].instance, all[first].corners[0] / size));
-    (texels, named)
+    (bits.iter().map(Bits::count).sum(), named)
 }
 
 fn area([a, b, c]: [DVec2; 3]) -> f64 {
     0.5 * (b - a).perp_dot(c - a).abs()
-}
-
-fn area_in_space(geometry: &Geometry, triangle: u32) -> f64 {
-    let [a, b, c] = geometry.corners(triangle as usize).map(|p| p.as_dvec3());
-    0.5 * (b - a).cross(c - a).length()
 }
 
 /// Such as `1 mesh has` or `2 meshes have`.

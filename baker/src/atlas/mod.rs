@@ -187,7 +187,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
 /// block formats and the first two mips mix no charts either. On a page with more charts than blocks for them, several of the smallest
 /// lie on each other, with a warning.
 ///
-/// What is near in space lies near on pages of a given size, where that costs no more than 3 % of their texels.
+/// What is near in space lies near on the page, where that costs no more than 3 % of its texels.
 ///
 /// Instances of one mesh share one layout, which lies on the page once for each, scaled to its density and moved: see
 /// [`Placement`]. They do when they are of the same shape ([`crate::geometry::Similarity`]) and differ in texels per metre of the
@@ -327,14 +327,10 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
 
 /// Which of the hidden triangles have no texels.
 fn skipped(geometry: &Geometry, faces: &[Face], hidden: &[u32]) -> Skipped {
-    let corners = |triangle: usize| geometry.corners(triangle).map(|p| p.as_dvec3());
-    let area = |triangle: usize| {
-        let [a, b, c] = corners(triangle);
-        0.5 * (b - a).cross(c - a).length()
-    };
+    let area = |triangle: usize| geometry.area_f64(triangle);
     let is_skipped = |triangle: &usize| {
         faces.binary_search_by_key(&(*triangle as u32), |face| face.triangle).is_err()
-            && !charts::is_degenerate(corners(*triangle))
+            && !charts::is_degenerate(geometry.corners(*triangle).map(|p| p.as_dvec3()))
     };
     let lightmapped = || geometry.instances.iter().filter(|i| i.lightmap).flat_map(|i| i.triangles.clone());
     let skipped = || hidden.iter().map(|&triangle| triangle as usize).filter(is_skipped);
@@ -379,9 +375,10 @@ fn warnings(
     }
     if texels_per_metre < 1.0 && matches!(lightmap.size, LightmapSize::Fixed { .. }) {
         warnings.push(format!(
-            "texels are {:.2} m wide: if a model is not in metres its [[object]] needs a scale (0.01 for centimetres), else \
-             [lightmap] size may be too small",
-            1.0 / texels_per_metre
+            "texels are {} m wide: if a model is in millimetres, its [[object]] needs `scale = 0.001` (0.01 for centimetres); if it is in \
+             metres, [lightmap] size may be too small: 1 texel per metre takes {} times that",
+            digits(1.0 / texels_per_metre),
+            digits(1.0 / texels_per_metre)
         ));
     }
     warnings.extend(costly(geometry, flat, page));

@@ -8,6 +8,7 @@ use super::outline::{Outline, outlines};
 use super::spread::spread;
 use glam::{DVec2, Vec2Swizzles};
 use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Packed pages.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,12 +92,10 @@ impl Items {
                 let outlines = outlines(&mesh.charts, &ranks[m], texels_per_metre, pages);
                 return outlines.into_iter().map(Kind::Charts).collect();
             }
-            let mut scales: Vec<f64> = Vec::new();
-            for member in &mesh.members {
-                if !scales.contains(&member.scale) {
-                    scales.push(member.scale);
-                }
-            }
+            // Each scale once, in the order of the members.
+            let mut known = BTreeSet::new();
+            let scales = mesh.members.iter().map(|member| member.scale);
+            let scales: Vec<f64> = scales.filter(|scale| known.insert(scale.to_bits())).collect();
             let footprint = |scale| {
                 layout::footprint(mesh, &layouts[m], texels_per_metre, scale, pages).into_iter().collect()
             };
@@ -110,10 +109,17 @@ impl Items {
                 return None;
             }
             if meshes[m].is_shared() {
-                for (i, member) in meshes[m].members.iter().enumerate() {
-                    let same = |kind: &Kind| matches!(kind, Kind::Layout(scale, _) if *scale == member.scale);
-                    placed.extend(of_mesh.iter().position(same).map(|kind| (first + kind, i)));
-                }
+                let scale_of = |kind: &Kind| match kind {
+                    Kind::Layout(scale, _) => Some(scale.to_bits()),
+                    Kind::Charts(_) => None,
+                };
+                let kinds =
+                    of_mesh.iter().enumerate().filter_map(|(k, kind)| Some((scale_of(kind)?, first + k)));
+                let kind_of: BTreeMap<u64, usize> = kinds.collect();
+                let members = meshes[m].members.iter().enumerate();
+                placed.extend(
+                    members.filter_map(|(i, member)| Some((*kind_of.get(&member.scale.to_bits())?, i))),
+                );
             } else {
                 placed.extend((0..of_mesh.len()).map(|k| (first + k, k)));
             }

@@ -39,11 +39,16 @@ pub struct Member {
 /// Groups all lightmapped instances, in the order of their first members: each joins the first group that takes it.
 pub fn groups(geometry: &Geometry) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
-    let mut of_mesh: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    // The groups of a mesh, ascending, by the stretch of their first members.
+    let mut of_mesh: BTreeMap<(u32, [i32; 2]), Vec<usize>> = BTreeMap::new();
     let lightmapped = geometry.instances.iter().enumerate().filter(|(_, instance)| instance.lightmap);
     for (index, instance) in lightmapped {
-        let candidates = of_mesh.entry(instance.mesh).or_default();
-        let joined = candidates.iter().any(|&group| {
+        let stretch = stretch(instance);
+        let near = [-1, 0, 1].map(|x| [-1, 0, 1].map(|y| [stretch[0] + x, stretch[1] + y]));
+        let near = near.as_flattened().iter().filter_map(|&near| of_mesh.get(&(instance.mesh, near)));
+        let mut candidates: Vec<usize> = near.flatten().copied().collect();
+        candidates.sort_unstable();
+        let joined = candidates.into_iter().any(|group| {
             let members = &mut groups[group].members;
             let first = &geometry.instances[members[0].instance];
             let Some(similarity) = first.similarity(instance, geometry.origin) else { return false };
@@ -62,7 +67,7 @@ pub fn groups(geometry: &Geometry) -> Vec<Group> {
             joins
         });
         if !joined {
-            candidates.push(groups.len());
+            of_mesh.entry((instance.mesh, stretch)).or_default().push(groups.len());
             let centre = centre(geometry, instance);
             let first = Member { instance: index, scale: instance.density, mirrored: false, centre };
             groups.push(Group { members: vec![first], density: 1.0 });
@@ -75,8 +80,54 @@ pub fn groups(geometry: &Geometry) -> Vec<Group> {
     groups
 }
 
+/// How a mesh is stretched, as a cell of a grid: the parts of two axes in the squared lengths of all three. Turns, mirrors and uniform
+/// scales do not change them. Those of equal shapes (within the 10⁻³ of [`Instance::similarity`]) differ by less than a cell, of 1/64.
+fn stretch(instance: &Instance) -> [i32; 2] {
+    const CELLS: f64 = 64.0;
+    let linear = instance.world_from_mesh.matrix3;
+    let squares = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.length_squared());
+    let all = squares[0] + squares[1] + squares[2];
+    [squares[0], squares[1]].map(|square| (CELLS * square / all).floor() as i32)
+}
+
 /// The middle of an instance's corners.
 fn centre(geometry: &Geometry, instance: &Instance) -> DVec3 {
     let corners = &geometry.positions[instance.vertices.clone()];
     corners.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / corners.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DAffine3, DMat3, DQuat};
+
+    #[test]
+    fn equal_shapes_share_whatever_their_turn_and_scale() {
+        // Stretches on both sides of borders of cells, each turned, mirrored, scaled and off by nearly the tolerance.
+        let mut geometry = Geometry::default();
+        for i in 0..40 {
+            let stretch = DVec3::new(1.0, 1.0 + 0.05 * f64::from(i), 2.0 - 0.03 * f64::from(i));
+            for k in 0..12 {
+                let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), f64::from(k));
+                let mirror = DVec3::new(if k % 2 == 0 { 1.0 } else { -1.0 }, 1.0, 1.0);
+                let off = DVec3::new(1.0, 1.0 - 4e-4 * f64::from(k % 3), 1.0 + 4e-4 * f64::from(k % 3));
+                let scale = 1.0 + 0.2 * f64::from(k);
+                let linear = DMat3::from_quat(turn) * DMat3::from_diagonal(mirror * off * stretch * scale);
+                geometry.instances.push(Instance {
+                    name: String::new(),
+                    mesh: 0,
+                    world_from_mesh: DAffine3 { matrix3: linear, translation: DVec3::ZERO },
+                    triangles: 0..1,
+                    vertices: 0..0,
+                    lightmap: true,
+                    has_lightmap_uvs: false,
+                    lightmap_place: Default::default(),
+                    density: 1.0,
+                });
+            }
+        }
+        let groups = groups(&geometry);
+        let members: Vec<usize> = groups.iter().map(|group| group.members.len()).collect();
+        assert_eq!(members, [12; 40]);
+    }
 }

@@ -101,16 +101,17 @@ impl Worker<'_> {
         // A wall that divides the texel stands between one of these points and another, or a corner.
         let rim = surface.rim(self.atlas, texel).into_iter();
         points.extend(rim.filter_map(|at| Some((0, self.transport.space.receiver(&at)?))));
-        let groups = self.in_the_open(self.groups(points, counts), counts);
+        let (groups, buried) = self.in_the_open(self.groups(points, counts), counts);
         let all = groups.iter().fold(0, |bits, group| bits | bits_of(group));
         let Some((largest, beyond)) = self.largest(groups, counts) else { return 0 };
+        let beyond = beyond.or(buried);
         let probes = bits_of(&largest);
         // Many small pieces, as under a grating or in grass, are no two rooms.
         if 4 * probes.count_ones() < all.count_ones() {
             return all;
         }
-        // All probed points may lie on one side of a wall, and a corner on the other: the point next to it is given up, so that
-        // samples keep to where the others are.
+        // All probed points may lie on one side of a wall, and a corner on the other or in the wall: the point next to it is given up,
+        // so that samples keep to where the others are.
         match beyond {
             Some(beyond) if probes == ALL_PROBES => {
                 let away = |(_, at): &&Point| at.distance_squared(&beyond.1);
@@ -122,13 +123,23 @@ impl Worker<'_> {
         }
     }
 
-    /// Leaves out of a texel's groups what lies in solids, be they open a little.
-    fn in_the_open(&self, mut groups: Vec<Vec<Point>>, counts: &mut RayCounts) -> Vec<Vec<Point>> {
+    /// Leaves out of a texel's groups what lies in solids, even if they are open a little. Gives also one of the points left out, if
+    /// there are any.
+    fn in_the_open(
+        &self,
+        mut groups: Vec<Vec<Point>>,
+        counts: &mut RayCounts,
+    ) -> (Vec<Vec<Point>>, Option<Point>) {
         let is_whole = groups.len() == 1;
+        let mut buried = None;
+        let mut keep_if = |is_open: bool, point: &Point| {
+            buried = buried.or((!is_open).then_some(*point));
+            is_open
+        };
         // All of a group lie in the same closed solids, or else the surface passes through itself.
         for group in &mut groups {
             if self.transport.space.is_in_solid(&group[0].1, counts) {
-                group.retain(|(_, at)| !self.transport.space.is_in_solid(at, counts));
+                group.retain(|point| keep_if(!self.transport.space.is_in_solid(&point.1, counts), point));
             }
         }
         groups.retain(|group| !group.is_empty());
@@ -137,11 +148,11 @@ impl Worker<'_> {
         for group in &mut groups {
             let mut is_enclosed = |(_, at): &Point| self.transport.space.is_enclosed(at, counts);
             if !is_whole || group.iter().take(4).any(&mut is_enclosed) {
-                group.retain(|point| !is_enclosed(point));
+                group.retain(|point| keep_if(!is_enclosed(point), point));
             }
         }
         groups.retain(|group| !group.is_empty());
-        groups
+        (groups, buried)
     }
 
     /// The largest group, and a point of another if there is one. What lies under open ground is the lesser side, however large.

@@ -2,6 +2,7 @@
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
+use crate::trace::endless::Endless;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::walk::Transport;
 use crate::{Error, Result};
@@ -9,38 +10,80 @@ use rayon::prelude::*;
 
 /// Surfaces that reflect less than this end any path within a few thousand bounces.
 const NEARLY_ALL: f32 = 0.999;
-/// Paths that are followed.
+/// Paths that are followed from all over the atlas.
 const PATHS: u32 = 1 << 14;
 /// So many of them without end are no chance.
 const ENOUGH: usize = 4;
+/// Most triangles of bright surfaces that a path is followed from.
+const MOST_TRIANGLES: usize = 1 << 15;
+/// Paths that are followed from one of them where the first had no end. Half of them tell a closed space from a long way out.
+const AGAIN: u32 = 16;
 /// Most names that the error lists.
 const MOST_NAMED: usize = 5;
 
-/// The error of light that nothing absorbs, with the surfaces that reflect it.
+/// The error of light that nothing absorbs, with all surfaces that may reflect it.
 pub fn error(geometry: &Geometry) -> Error {
-    let names = geometry.reflecting(NEARLY_ALL);
-    let shown = names.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
-    let more = names.len().saturating_sub(MOST_NAMED);
-    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    error_of(&geometry.reflecting(NEARLY_ALL))
+}
+
+/// The error of light that nothing absorbs, with the names of the surfaces that reflect it.
+fn error_of(names: &[&str]) -> Error {
     Error::invalid(
         "scene",
         format!(
-            "light grows without end: surfaces of a closed space reflect all of it (albedo 1), or nearly: {shown}{more}; \
-             expected less than {NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]"
+            "light grows without end: surfaces of a closed space reflect all of it (albedo 1), or nearly: {}; expected less than \
+             {NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]",
+            listed(names)
         ),
     )
 }
 
-/// Refuses a scene in which many paths go on without end in lit places. Costs nothing where all surfaces absorb some light.
+/// The first few names, and how many more there are.
+fn listed(names: &[&str]) -> String {
+    let shown = names.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(MOST_NAMED) {
+        0 => shown,
+        more => format!("{shown}, and {more} more"),
+    }
+}
+
+/// Refuses a scene in which many paths go on without end in lit places, or most paths from one of them. Gives a warning where many do so
+/// in the dark: that is no error, but takes time. Costs nothing where all surfaces absorb some light.
 ///
 /// # Errors
-/// [`error`].
-pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<()> {
+/// Those paths' surfaces, by name.
+pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<Option<String>> {
     let geometry = transport.space.geometry;
-    if atlas.faces.is_empty() || geometry.reflecting(NEARLY_ALL).is_empty() {
-        return Ok(());
+    let names = geometry.reflecting(NEARLY_ALL);
+    if names.is_empty() {
+        return Ok(None);
     }
-    // Starts are spread over the atlas's area.
+    let bright = |met: &[u32]| {
+        let of_path = geometry.names_of(met);
+        let bright: Vec<&str> = of_path.into_iter().filter(|name| names.contains(name)).collect();
+        if bright.is_empty() { names.clone() } else { bright }
+    };
+    let found = anywhere(transport, atlas, seed);
+    let met = |is_lit: bool| -> Option<Vec<u32>> {
+        let paths: Vec<&[u32]> =
+            found.iter().filter(|path| path.is_lit == is_lit).map(|path| &path.triangles[..]).collect();
+        (paths.len() >= ENOUGH).then(|| paths.concat())
+    };
+    if let Some(met) = met(true).or_else(|| in_a_pocket(transport, seed)) {
+        return Err(error_of(&bright(&met)));
+    }
+    Ok(met(false).map(|met| {
+        format!(
+            "paths go on for thousands of bounces in dark closed spaces whose surfaces reflect all light (albedo 1), or nearly, which takes \
+             time: {}; set `albedo` of the object or part below {NEARLY_ALL}, or a lower `albedo_max` in [bake]",
+            listed(&bright(&met))
+        )
+    }))
+}
+
+/// The paths without end among those that start all over the atlas, by area.
+fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<Endless> {
+    let geometry = transport.space.geometry;
     let mut sum = 0.0;
     let areas: Vec<f64> = atlas
         .faces
@@ -50,12 +93,38 @@ pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<()> {
             sum
         })
         .collect();
-    let endless = |path: &u32| {
-        let sequence = Sequence::new(seed, Kind::PlanRay, *path, 1);
-        let target = (f64::from(*path) + 0.5) / f64::from(PATHS) * sum;
-        let face = areas.partition_point(|&area| area <= target).min(areas.len() - 1);
-        transport.is_endless(atlas.faces[face].triangle, sequence)
+    let endless = |path: u32| {
+        let sequence = Sequence::new(seed, Kind::PlanRay, path, 1);
+        let target = (f64::from(path) + 0.5) / f64::from(PATHS) * sum;
+        let face = atlas.faces.get(areas.partition_point(|&area| area <= target).min(areas.len() - 1))?;
+        transport.endless_path(face.triangle, false, sequence, true)
     };
-    let found = (0..PATHS).into_par_iter().filter(endless).count();
-    if found >= ENOUGH { Err(error(geometry)) } else { Ok(()) }
+    if areas.is_empty() { Vec::new() } else { (0..PATHS).into_par_iter().filter_map(endless).collect() }
+}
+
+/// Triangles that paths without end met, where at least half of those from one bright triangle have none. A small closed space, in which
+/// hardly any path that starts by area begins, is found so.
+fn in_a_pocket(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
+    let geometry = transport.space.geometry;
+    let is_bright: Vec<bool> =
+        (0..geometry.materials.len()).map(|m| geometry.reflects_at_most(m) >= NEARLY_ALL).collect();
+    let bright: Vec<u32> = (0..geometry.triangles.len() as u32)
+        .filter(|&triangle| is_bright[geometry.material_of[triangle as usize] as usize])
+        .collect();
+    let step = bright.len().div_ceil(MOST_TRIANGLES).max(1);
+    let some: Vec<u32> = bright.into_iter().step_by(step).collect();
+    some.into_par_iter().find_map_first(|triangle| {
+        let sides = if transport.space.material(triangle).two_sided { &[false, true][..] } else { &[false] };
+        sides.iter().find_map(|&is_back| {
+            let path = |number: u32| {
+                let sequence =
+                    Sequence::new(seed, Kind::PlanRay, triangle, 2 + 2 * number + u32::from(is_back));
+                let endless = transport.endless_path(triangle, is_back, sequence, false)?;
+                endless.is_lit.then_some(endless.triangles)
+            };
+            path(0)?;
+            let again: Vec<Vec<u32>> = (1..=AGAIN).filter_map(path).collect();
+            (2 * again.len() as u32 >= AGAIN).then(|| again.concat())
+        })
+    })
 }

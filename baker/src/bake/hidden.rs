@@ -67,7 +67,7 @@ pub fn find(geometry: &Geometry, lightmap: &Lightmap) -> Hidden {
 fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut RayCounts) -> bool {
     let geometry = space.geometry;
     let longest = geometry.longest_edge(triangle as usize);
-    let height = 2.0 * area(geometry, triangle as usize) / longest;
+    let height = 2.0 * geometry.area_f64(triangle as usize) / longest;
     let gap = gap.min(GAP_OF_FACE * height) as f32;
     let two_sided = space.material(triangle).two_sided;
     let along = (PER_TEXEL * longest / texel).ceil().max(FEWEST);
@@ -104,18 +104,13 @@ fn texel_length(geometry: &Geometry, lightmap: &Lightmap) -> f64 {
         LightmapSize::Fixed { width, height } => {
             let lightmapped = geometry.instances.iter().filter(|instance| instance.lightmap);
             let weighed = lightmapped.map(|instance| {
-                let area: f64 = instance.triangles.clone().map(|t| area(geometry, t)).sum();
+                let area: f64 = instance.triangles.clone().map(|t| geometry.area_f64(t)).sum();
                 area * instance.density.powi(2)
             });
             let texels = f64::from(width) * f64::from(height) * f64::from(lightmap.pages);
             (weighed.sum::<f64>() / texels).sqrt()
         }
     }
-}
-
-fn area(geometry: &Geometry, triangle: usize) -> f64 {
-    let [a, b, c] = geometry.corners(triangle).map(|p| p.as_dvec3());
-    0.5 * (b - a).cross(c - a).length()
 }
 
 /// The length of the longest side of the box around all positions, which are relative to its centre.

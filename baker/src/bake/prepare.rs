@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-17";
+const METHOD: &str = "walks-18";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]

@@ -38,6 +38,9 @@ pub struct Round {
     pub set_means: Vec<f64>,
     /// Cells that have not reached the target; 0 without one.
     pub open_cells: usize,
+    /// Whether the time ran out during it: some blocks got fewer samples than it went for, or none.
+    #[serde(default)]
+    pub is_late: bool,
 }
 
 /// The result of tracing; kept with the layers, but for what is of one run alone.

@@ -259,7 +259,10 @@ fn trace(
         warnings.push(dropped.to_owned());
     }
     let traced = with_worker(prepared, atlas, chosen, |worker| {
-        endless::refuse(&worker.transport, atlas, worker.seed)?;
+        if let Some(slow) = endless::refuse(&worker.transport, atlas, worker.seed)? {
+            console.warn(&slow);
+            warnings.push(slow);
+        }
         let folder = WorkFolder::open(out, &work, &wanted, worker.transport.lights.sampled())?;
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(chosen);

@@ -10,7 +10,7 @@ use super::work::WorkFolder;
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
-use dataset::config::Config;
+use dataset::config::{Config, FileRef};
 use dataset::console::{Console, count};
 use dataset::store::{self, Dataset};
 use std::collections::BTreeSet;
@@ -25,7 +25,7 @@ pub const REPORT: &str = "report.html";
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
 pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
     let dataset = Dataset::open(out).ok().filter(|_| !options.force)?;
-    if dataset.config.inputs != inputs {
+    if dataset.config.inputs != inputs || !has_geometry(&dataset) {
         return None;
     }
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
@@ -37,6 +37,15 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
     }
     let seconds = start.elapsed().as_secs_f64();
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
+}
+
+/// Whether the geometry stands in a dataset as it was written, under both of its names. It is what games and viewers load, and unlike
+/// the lightmaps nothing reads it again: a copy that was cut short or changed would stay.
+fn has_geometry(dataset: &Dataset) -> bool {
+    let Some(file) = &dataset.config.geometry else { return true };
+    // (The plain name is a second link to the same file, or a copy of it.)
+    let named = FileRef { path: GLB.to_owned(), ..file.clone() };
+    dataset.check_content(file).is_ok() && dataset.check_content(&named).is_ok()
 }
 
 /// Refuses a folder that is no dataset's, nor holds the work of a bake, and in which files of those names stand: they would be written over.

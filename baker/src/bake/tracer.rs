@@ -94,15 +94,19 @@ impl Tracer<'_> {
     /// Begins the work, or goes on with it; `None` where what is there does not allow that.
     fn go_on(&self, limits: &Limits, console: &Console) -> Result<Option<(Traced, Way<'_>)>> {
         let blocks = self.worker.blocks();
-        let rounds: Vec<Round> = self.folder.read(ROUNDS).unwrap_or_default();
+        let rounds: Vec<Round> = self.folder.read(ROUNDS)?.unwrap_or_default();
         let before = rounds.last().map_or(0.0, |r| r.seconds);
-        let mut traced = Traced { resumed: rounds.len(), rounds, ..Traced::default() };
+        // An earlier run whose time ran out during its last round had come to its end.
+        let out_of_time = rounds.last().is_some_and(|round| round.is_late);
+        let mut traced = Traced { resumed: rounds.len(), rounds, out_of_time, ..Traced::default() };
+        // The rounds that every block was brought through.
+        let whole = traced.resumed - usize::from(out_of_time);
         let start = Instant::now();
         let schedule = schedule(limits);
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
         let is_open = limits.target_error.is_some() || limits.deadline.is_some();
         let first_or_all = if is_open { schedule[0] } else { total_of(&schedule) };
-        let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, console)? else {
+        let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
             return Ok(None);
         };
         traced.rays += begun.rays;
@@ -127,7 +131,7 @@ impl Tracer<'_> {
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
         }
-        let Some(steps) = self.steps(&traced.rounds, &schedule, limits, &blocks, console)? else {
+        let Some(steps) = self.steps(&traced.rounds[..whole], &schedule, limits, &blocks, console)? else {
             return Ok(None);
         };
         way.steps = steps;
@@ -141,6 +145,9 @@ impl Tracer<'_> {
             if round < traced.resumed {
                 progress.advance(work(target - previous));
                 continue;
+            }
+            if traced.out_of_time {
+                break;
             }
             if limits.target_error.is_some() && traced.rounds.last().is_some_and(|r| r.open_cells == 0) {
                 break;
@@ -179,15 +186,15 @@ impl Tracer<'_> {
                 self.folder.write_sealed(&open_name(step.round), &[&open.bytes()])?;
             }
             progress.note(&note(&reached, limits));
+            reached.is_late = late.into_inner();
+            traced.out_of_time = reached.is_late;
             traced.rounds.push(reached);
             // A round that is told to be finished must be found finished, after a power failure too.
             self.folder.sync_blocks(&blocks)?;
             self.folder.write(ROUNDS, &traced.rounds)?;
-            if late.into_inner() {
-                traced.out_of_time = true;
-                break;
+            if !traced.out_of_time {
+                way.steps.push(step);
             }
-            way.steps.push(step);
         }
         Ok(Some((traced, way)))
     }
@@ -206,7 +213,7 @@ impl Tracer<'_> {
         let (finished, first) = (rounds.len() as u32, rounds.first());
         let is_aimed = limits.target_error.is_some();
         let pivot = match first {
-            Some(first) if !is_aimed => match self.folder.read(PIVOT) {
+            Some(first) if !is_aimed => match self.folder.read(PIVOT)? {
                 Some(kept) => Pivot::OfPage(kept),
                 // Decided by the first round's samples: later there are others.
                 None if is_beyond_first => return Ok(None),
@@ -245,8 +252,15 @@ impl Tracer<'_> {
     }
 
     /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
-    /// count. `None` where the blocks hold more than what is kept of the decisions about them.
-    fn before_rounds(&self, blocks: &[usize], finished: u32, console: &Console) -> Result<Option<Begun>> {
+    /// count. `None` where the blocks hold more than what is kept of the decisions about them. Of the `finished` rounds every block was
+    /// brought through `whole`.
+    fn before_rounds(
+        &self,
+        blocks: &[usize],
+        finished: u32,
+        whole: u32,
+        console: &Console,
+    ) -> Result<Option<Begun>> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
         let of_block = |&block: &usize| {
@@ -254,7 +268,7 @@ impl Tracer<'_> {
             let surface = self.worker.surface(block);
             let texels = surface.covered().count();
             let found = self.folder.read_block(block, texels)?;
-            let is_lost = found.as_ref().is_none_or(|state| state.round < finished);
+            let is_lost = found.as_ref().is_none_or(|state| state.round < whole);
             let mut state = found.unwrap_or_else(|| self.folder.empty_block(texels));
             let mut rays = RayCounts::default();
             if self.first_light(&surface, &mut state, &mut rays) {
@@ -270,7 +284,7 @@ impl Tracer<'_> {
         let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
         // A block goes one round further than the last finished one, at most. A run that continues finds no trials in blocks that were
         // decided: what is decided by stays what it was.
-        let kept = self.folder.read(DIRECT);
+        let kept = self.folder.read(DIRECT)?;
         if furthest > finished + 1 || kept.is_none() && found.iter().any(|block| block.is_decided) {
             return Ok(None);
         }
@@ -309,7 +323,7 @@ impl Tracer<'_> {
         traced: &mut Traced,
     ) -> Result<Option<Solved<'_>>> {
         // A run that continues finds more direct light than the solver did: it must not try again.
-        if let Some(passes) = self.folder.read(UNSETTLED) {
+        if let Some(passes) = self.folder.read(UNSETTLED)? {
             traced.without_cache(passes);
             return Ok(Some(Solved { cache: None, is_kept: true }));
         }
@@ -534,6 +548,7 @@ impl Tracer<'_> {
             set_errors: (0..self.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
             set_means,
             open_cells: 0,
+            is_late: false,
         }
     }
 }

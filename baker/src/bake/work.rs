@@ -182,9 +182,17 @@ impl WorkFolder {
         format!("{}/{name}", self.digest)
     }
 
-    /// The value that was kept under a name; `None` where none was, or no such.
-    pub fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
-        std::fs::read(self.path(name)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok())
+    /// The value that was kept under a name; `None` where none was kept, or the file holds no such value.
+    ///
+    /// # Errors
+    /// A file that is there and cannot be read: it is not known to be lost.
+    pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>> {
+        let path = self.path(name);
+        match std::fs::read(&path) {
+            Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(Error::io(&path)(e)),
+        }
     }
 
     /// Keeps a value under a name.
@@ -198,7 +206,7 @@ impl WorkFolder {
         name: &str,
         find: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
-        if let Some(kept) = self.read(name) {
+        if let Some(kept) = self.read(name)? {
             return Ok(kept);
         }
         let found = find()?;
@@ -280,6 +288,9 @@ mod tests {
         assert_eq!(folder.kept(PIVOT, || Ok(Some(3))).unwrap(), None);
         std::fs::write(folder.path(DIRECT), b"torn [").unwrap();
         assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [2.5]);
-        assert_eq!(folder.read::<Vec<f32>>(ROUNDS), None);
+        assert_eq!(folder.read::<Vec<f32>>(ROUNDS).unwrap(), None);
+        // What is there and cannot be read is an error, not a loss.
+        std::fs::create_dir(folder.path(ROUNDS)).unwrap();
+        assert!(folder.read::<Vec<f32>>(ROUNDS).unwrap_err().to_string().contains(ROUNDS));
     }
 }

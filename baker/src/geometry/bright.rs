@@ -11,6 +11,18 @@ impl Geometry {
         brightest.max_element().min(material.albedo_max) * self.keeps_at_most(index, material)
     }
 
+    /// Names of the instances that triangles belong to: sorted, each once.
+    pub fn names_of(&self, triangles: &[u32]) -> Vec<&str> {
+        let of = |&triangle: &u32| {
+            let after = self.instances.partition_point(|i| i.triangles.start <= triangle as usize);
+            Some(self.instances.get(after.checked_sub(1)?)?.name.as_str())
+        };
+        let mut names: Vec<&str> = triangles.iter().filter_map(of).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
     /// Names of the instances that reflect at least `least` somewhere: sorted, each once.
     pub fn reflecting(&self, least: f32) -> Vec<&str> {
         let bright: Vec<bool> =

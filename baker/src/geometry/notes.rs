@@ -47,10 +47,28 @@ impl Notes {
         self.kinds.push(Kind { file, noun: "", what, names, count: 0 });
     }
 
-    /// One line per kind.
+    /// One line per kind; what holds for things in several files is one line, too.
     pub fn lines(&self) -> impl Iterator<Item = String> + '_ {
-        self.kinds.iter().map(Kind::line)
+        // (A file's own line is alike to none but itself.)
+        let alike = |a: &Kind, b: &Kind| {
+            std::ptr::eq(a, b) || a.count > 0 && b.count > 0 && a.noun == b.noun && a.what == b.what
+        };
+        let is_first = move |i: &usize| !self.kinds[..*i].iter().any(|before| alike(before, &self.kinds[*i]));
+        (0..self.kinds.len()).filter(is_first).map(move |first| {
+            let of_files = self.kinds[first..].iter().filter(|kind| alike(kind, &self.kinds[first]));
+            line(&of_files.collect::<Vec<_>>())
+        })
     }
+}
+
+/// The line about things in one file or more, which differ in file and name alone.
+fn line(kinds: &[&Kind]) -> String {
+    let [first, _, ..] = kinds else { return kinds.iter().map(|kind| kind.line()).collect() };
+    let (all, files) = (kinds.iter().map(|kind| kind.count).sum(), kinds.len());
+    // One name of each file, so that many files are named.
+    let names: Vec<String> =
+        kinds.iter().take(MOST_NAMED).map(|kind| format!("{}: {}", kind.file, kind.names[0])).collect();
+    format!("{} in {files} files ({}): {}", plural(all, first.noun), list(&names, all), first.what)
 }
 
 impl Kind {
@@ -88,6 +106,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_is_said_of_whole_files_is_a_line_each() {
+        let mut notes = Notes::default();
+        ["a.glb", "b.glb"].iter().for_each(|file| notes.add_line(file, "is large".to_owned()));
+        assert_eq!(notes.lines().collect::<Vec<_>>(), ["a.glb: is large", "b.glb: is large"]);
+    }
+
+    #[test]
     fn five_hundred_of_a_kind_are_one_line() {
         let mut notes = Notes::default();
         for i in 0..500 {
@@ -98,11 +123,18 @@ mod tests {
         let lines: Vec<String> = notes.lines().collect();
         assert_eq!(
             lines,
-            [
-                "a.glb: 500 materials (m0, m1, m2, m3, m4, …): is odd",
-                "a.glb: material leaf: is green",
-                "b.glb: material m0: is odd",
-            ]
+            ["501 materials in 2 files (a.glb: m0, b.glb: m0, …): is odd", "a.glb: material leaf: is green",]
         );
+    }
+
+    #[test]
+    fn things_of_one_file_are_named_and_counted() {
+        let mut notes = Notes::default();
+        for i in 0..500 {
+            notes.add("a.glb", "material", format!("m{i}"), "is odd");
+        }
+        notes.add("b.glb", "mesh", "m0", "is odd");
+        let lines: Vec<String> = notes.lines().collect();
+        assert_eq!(lines, ["a.glb: 500 materials (m0, m1, m2, m3, m4, …): is odd", "b.glb: mesh m0: is odd"]);
     }
 }

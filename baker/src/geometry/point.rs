@@ -20,7 +20,12 @@ impl Geometry {
 
     /// Area in m².
     pub fn area(&self, triangle: usize) -> f32 {
-        self.area_vector(triangle).length() as f32
+        self.area_f64(triangle) as f32
+    }
+
+    /// Area in m², in double precision.
+    pub fn area_f64(&self, triangle: usize) -> f64 {
+        self.area_vector(triangle).length()
     }
 
     /// Length of the longest edge in m.

@@ -25,7 +25,9 @@ impl Cone {
         let sin2 = (radius / distance).powi(2);
         // 1 − cos = sin²/(1 + cos) does not cancel for small cones.
         let versine = sin2 / (1.0 + (1.0 - sin2).sqrt());
-        (versine > 0.0).then_some(Self { axis: to_centre / distance, distance, radius, sin2, versine })
+        // (From very far away sin² is rounded to nothing; the ball is still seen from outside.)
+        let versine = versine.max(f64::MIN_POSITIVE);
+        Some(Self { axis: to_centre / distance, distance, radius, sin2, versine })
     }
 
     pub(super) fn solid_angle(&self) -> f64 {
@@ -61,5 +63,21 @@ impl Cone {
         let (a, b) = (direction.dot(x), direction.dot(y));
         let versine = (a * a + b * b) / (1.0 + direction.dot(self.axis));
         DVec2::new(versine / self.versine, (b.atan2(a) / TAU).rem_euclid(1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_however_far_away_is_seen_from_outside() {
+        for distance in [1e3, 1e100, 1e150, 1e160, 1e200, 1e300] {
+            let cone = Cone::new(DVec3::Y * distance, 1e-3).expect("outside");
+            let (direction, _) = cone.sample(DVec2::splat(0.3));
+            let light = cone.solid_angle() * direction.dot(DVec3::Y);
+            assert!((0.0..1e-10).contains(&light), "{distance}: {light}");
+        }
+        assert!(Cone::new(DVec3::Y, 1.0).is_none() && Cone::new(DVec3::ZERO, 1.0).is_none());
     }
 }

@@ -229,7 +229,11 @@ impl LightTree {
         let between = from_middle.sqrt() * from_nearest.sqrt();
         let within = (1.0 - 2.0 * nearest / radius).max(0.0);
         let guess = between + within * (1.0 / (radius * radius) - between);
-        let bounded = |x: f32| (node.intensity * x).clamp(f32::MIN_POSITIVE, LARGEST);
+        let bounded = |x: f32| {
+            let importance = node.intensity * x;
+            // (At the very place of all lights it is no number.)
+            if importance.is_nan() { LARGEST } else { importance.clamp(f32::MIN_POSITIVE, LARGEST) }
+        };
         (bounded(guess), bounded(from_nearest))
     }
 }
@@ -434,5 +438,32 @@ fn wider_cone((a, angle_a): (DVec3, f64), (b, angle_b): (DVec3, f64)) -> (DVec3,
             (a * turn.cos() + towards * turn.sin(), angle)
         }
         _ => (a, PI),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_that_all_stand_at_the_receiver_are_chosen_with_numbers() {
+        let outline = |at: f64| Outline {
+            low: DVec3::splat(at),
+            high: DVec3::splat(at),
+            axis: DVec3::Y,
+            spread: PI,
+            reach: PI,
+            intensity: 1.0,
+        };
+        for apart in [0.0, 1e-30, 1e-20, 1e-10] {
+            let outlines: Vec<Outline> = (0..40).map(|i| outline(apart * f64::from(i))).collect();
+            let tree = LightTree::new(&outlines);
+            for u in [0.0, 0.3, 0.9] {
+                let (light, probability) = tree.choose(Vec3::ZERO, Vec3::Y, u, |_| 1.0).expect("a light");
+                assert!(probability > 0.0 && probability <= 1.0, "{apart}: {probability}");
+                let again = tree.probability(Vec3::ZERO, Vec3::Y, light, |_| 1.0).expect("a probability");
+                assert!((again / probability - 1.0).abs() < 1e-3, "{apart}: {again}, {probability}");
+            }
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::raw::{Table, Value};
 use super::{Group, Look, Object, Part};
-use dataset::Result;
+use dataset::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use std::path::Path;
 
@@ -34,7 +34,26 @@ pub(super) fn read(
     groups: &[Group],
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Object>> {
+    expect_files(&tables, folder)?;
     tables.iter().map(|table| object(table, folder, groups, warnings)).collect()
+}
+
+const EXPECTED_FILE: &str = "the path of an .obj, .gltf or .glb file, relative to the scene file";
+
+/// An error that lists all files that are not there.
+fn expect_files(tables: &[Table], folder: &Path) -> Result<()> {
+    let missing = |table: &Table| {
+        let value = table.get("file")?;
+        let file = folder.join(value.text(EXPECTED_FILE).ok()?);
+        let what = format!("there is no file {}: expected {EXPECTED_FILE}", file.display());
+        (is_model(&file) && !file.is_file()).then(|| value.error(what))
+    };
+    let mut errors: Vec<Error> = tables.iter().filter_map(missing).collect();
+    if errors.len() < 2 {
+        return errors.pop().map_or(Ok(()), Err);
+    }
+    let list: String = errors.iter().map(|error| format!("\n  {error}")).collect();
+    Err(Error::invalid("the scene's geometry", format!("{} files are missing:{list}", errors.len())))
 }
 
 /// Whether a file's name says that it holds geometry.
@@ -47,14 +66,10 @@ fn extension(file: &Path) -> String {
 }
 
 fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<String>) -> Result<Object> {
-    let expected = "the path of an .obj, .gltf or .glb file, relative to the scene file";
-    let value = table.require("file", expected)?;
-    let file = folder.join(value.text(expected)?);
+    let value = table.require("file", EXPECTED_FILE)?;
+    let file = folder.join(value.text(EXPECTED_FILE)?);
     if !is_model(&file) {
-        return Err(value.error(format!("expected {expected}")));
-    }
-    if !file.is_file() {
-        return Err(value.error(format!("there is no file {}: expected {expected}", file.display())));
+        return Err(value.error(format!("expected {EXPECTED_FILE}")));
     }
     let vt_is_lightmap = match table.get("vt") {
         None => false,

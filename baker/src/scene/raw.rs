@@ -41,10 +41,32 @@ pub(super) fn parse<T>(
     let root = DeTable::parse(source.text).map_err(|e| {
         let place = source.place(e.span().map_or(0, |s| s.start));
         let quotes = ["date", "time", "float"].iter().any(|kind| e.message().contains(kind));
-        let hint = if quotes { " (dates and times of day stand in quotes)" } else { "" };
+        let number = e.span().and_then(|span| number_hint(source.text, span.start));
+        let quoted = if quotes { " (dates and times of day stand in quotes)" } else { "" };
+        let hint = number.unwrap_or_else(|| quoted.to_owned());
         Error::invalid(place, format!("not TOML: {}{hint}", e.message()))
     })?;
     read(Table::new(source, "the scene file", 0, root.get_ref(), keys)?)
+}
+
+/// What to write in place of a number that TOML does not take, such as `0,05` or `2700K`; `offset` is where reading failed.
+fn number_hint(text: &str, offset: usize) -> Option<String> {
+    let (before, after) = text.split_at_checked(offset)?;
+    let line = before.rsplit('\n').next().unwrap_or("").len();
+    let line = text[offset - line..offset + after.find('\n').unwrap_or(after.len())].split('#').next()?;
+    let value = line.split_once('=')?.1.trim();
+    let number = value.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let point = number.replacen(',', ".", 1);
+    if point.parse::<f64>().is_err() {
+        return None;
+    }
+    let how = match (point == *number, number == value) {
+        (true, true) => return None,
+        (true, false) => "a number stands without its unit",
+        (false, true) => "a number has a decimal point, not a comma",
+        (false, false) => "a number has a decimal point, not a comma, and stands without its unit",
+    };
+    Some(format!(" ({how}: {point})"))
 }
 
 /// Where a key that is unknown here is meant to stand.

@@ -88,9 +88,9 @@ pub(super) fn read(table: &Table, has_place: bool, folder: &Path) -> Result<Sky>
 }
 
 fn image(table: &Table, folder: &Path) -> Result<SkyImage> {
-    let expected = "an OpenEXR file, lat-long, channels R, G, B";
-    let value = table.require("file", expected)?;
-    let name = value.text(expected)?;
+    let expected_file = "an OpenEXR file (.exr), lat-long, channels R, G, B";
+    let value = table.require("file", expected_file)?;
+    let name = value.text(expected_file)?;
     let path = folder.join(name);
     let expected = "kcd/m² per unit of the file, above 0";
     let scale = table.get("scale").map_or(Ok(1.0), |v| v.number(expected, |x| x > 0.0))?;
@@ -98,7 +98,7 @@ fn image(table: &Table, folder: &Path) -> Result<SkyImage> {
     let rotation = table.get("rotation").map_or(Ok(0.0), |v| v.number(expected, |x| x.abs() <= 360.0))?;
 
     // Whatever is wrong with the file is told at the line that names it.
-    let at = |error: Error| value.error(error);
+    let at = |error: Error| value.error(format!("{error}; expected {expected_file}"));
     let bytes = std::fs::read(&path).map_err(|e| at(Error::io(&path)(e)))?;
     let mut image = Image::read_exr(&path).map_err(at)?;
     if image.width != 2 * image.height {

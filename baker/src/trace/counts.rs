@@ -19,7 +19,7 @@ pub struct RayCounts {
     pub inside: u64,
     /// Walks that ended by reading the cache.
     pub cached: u64,
-    /// Walks that would never end: nothing absorbs them.
+    /// Walks in lit places that would never end: nothing absorbs them.
     pub endless: u64,
 }
 

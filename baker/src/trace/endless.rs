@@ -2,71 +2,115 @@
 
 use super::counts::RayCounts;
 use super::rays::Passed;
-use super::sampler::Sequence;
+use super::sampler::{Kind, Sequence};
+use super::space::Receiver;
+use super::triangle::Hit;
 use super::walk::{Transport, cosine_direction};
 use crate::Rgb;
 use crate::surface::SurfacePoint;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Bounces after which a path that kept half of its light is without end.
 const BOUNCES: u32 = 1500;
 /// So many of a path's first vertices are asked whether they are lit.
 const ASKED: u32 = 64;
+/// So many of a path's last vertices tell where it is caught.
+const LAST: u32 = 64;
+
+/// A path that kept half of its light for 1500 bounces.
+#[derive(Clone, Debug)]
+pub struct Endless {
+    /// The triangles that it met last.
+    pub triangles: Vec<u32>,
+    /// Whether any light reached its first vertices.
+    pub is_lit: bool,
+}
 
 impl Transport<'_> {
-    /// Whether a path from a triangle's middle keeps half of its light for 1500 bounces in a place that is lit.
-    pub fn is_endless(&self, triangle: u32, sequence: Sequence) -> bool {
+    /// Follows a path from the middle of a triangle's front, or its back, to its end; `None` if it has one. Where it is dark, it is
+    /// followed only if `in_the_dark`.
+    pub fn endless_path(
+        &self,
+        triangle: u32,
+        is_back: bool,
+        sequence: Sequence,
+        in_the_dark: bool,
+    ) -> Option<Endless> {
         if self.bounces.is_some() {
-            return false;
+            return None;
         }
-        let space = &self.space;
         let middle = SurfacePoint { triangle, barycentric: Vec3::splat(1.0 / 3.0) };
-        let Some(mut at) = space.receiver(&middle) else { return false };
-        let (mut weight, mut is_lit) = (Rgb::ONE, false);
-        let (mut light, mut counts) = (vec![Rgb::ZERO; self.lights.layers()], RayCounts::default());
+        let mut at = self.space.receiver_on(&middle, is_back)?;
+        let (mut weight, mut is_lit, mut triangles) = (Rgb::ONE, false, Vec::new());
         for bounce in 0..BOUNCES {
-            let sample = sequence.sample(bounce);
-            if bounce < ASKED && !is_lit {
-                self.add_direct(&at, Rgb::ONE, sample, 0, &mut light, &mut counts);
-                is_lit = light.iter().any(|light| *light != Rgb::ZERO);
+            is_lit |= bounce < ASKED && !is_lit && self.is_lit(&at, sequence, bounce);
+            if bounce == ASKED && !is_lit && !in_the_dark {
+                return None;
             }
-            if bounce == ASKED && !is_lit {
-                return false;
-            }
-            let direction = cosine_direction(at.normal, sample.pair(0));
-            if direction.dot(at.face_normal) <= 0.0 {
-                return false;
-            }
-            // What glass reflects counts as if it went on.
-            let mut passed = Passed::default();
-            let hit = loop {
-                let next = space.rays.beyond(at.origin, direction, at.triangle, &passed);
-                let Some(hit) = next else { return false };
-                let triangle = hit.triangle as usize;
-                if !space.geometry.is_glass(triangle) {
-                    break hit;
-                }
-                weight *= space.geometry.transmittance_at(triangle, hit.barycentric)
-                    + space.geometry.albedo_at(triangle, hit.barycentric);
-                if weight.max_element() < 0.5 {
-                    return false;
-                }
-                passed.add(&hit);
-            };
-            let material = space.material(hit.triangle);
-            let is_back = space.front(hit.triangle).dot(direction) > 0.0;
-            if is_back && !material.two_sided {
-                return false;
-            }
-            is_lit |= material.emission.is_some();
-            weight *= space.geometry.albedo_at(hit.triangle as usize, hit.barycentric);
+            let (next, hit) = self.step(&at, sequence.sample(bounce).pair(0), &mut weight)?;
+            is_lit |= self.space.material(hit.triangle).emission.is_some();
+            weight *= self.space.geometry.albedo_at(hit.triangle as usize, hit.barycentric);
             if weight.max_element() < 0.5 {
-                return false;
+                return None;
             }
-            let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
-            let Some(next) = space.receiver_on(&point, is_back) else { return false };
+            if bounce + LAST >= BOUNCES {
+                triangles.push(hit.triangle);
+            }
             at = next;
         }
-        true
+        Some(Endless { triangles, is_lit })
+    }
+
+    /// Whether light is found about a point of a walk that did not end: at its next vertices, or where it leaves the scene.
+    pub(super) fn is_lit_about(&self, start: &Receiver) -> bool {
+        let sequence = Sequence::new(0, Kind::PlanRay, start.triangle, 0);
+        let mut at = *start;
+        for bounce in 0..ASKED {
+            if self.is_lit(&at, sequence, bounce) {
+                return true;
+            }
+            let mut weight = Rgb::ONE;
+            let step = self.step(&at, sequence.sample(bounce).pair(0), &mut weight);
+            let Some((next, hit)) = step else { return true };
+            if self.space.material(hit.triangle).emission.is_some() {
+                return true;
+            }
+            at = next;
+        }
+        false
+    }
+
+    /// Whether a sample of the sampled lights reaches a point.
+    fn is_lit(&self, at: &Receiver, sequence: Sequence, number: u32) -> bool {
+        let (mut light, mut counts) = (vec![Rgb::ZERO; self.lights.layers()], RayCounts::default());
+        self.add_direct(at, Rgb::ONE, sequence.sample(number), 0, &mut light, &mut counts);
+        light.iter().any(|light| *light != Rgb::ZERO)
+    }
+
+    /// The next vertex of a path, and what it meets there; `None` where it ends. Glass on the way takes its part of `weight`.
+    fn step(&self, at: &Receiver, u: Vec2, weight: &mut Rgb) -> Option<(Receiver, Hit)> {
+        let space = &self.space;
+        let direction = cosine_direction(at.normal, u);
+        if direction.dot(at.face_normal) <= 0.0 {
+            return None;
+        }
+        // What glass reflects counts as if it went on.
+        let mut passed = Passed::default();
+        let hit = loop {
+            let hit = space.rays.beyond(at.origin, direction, at.triangle, &passed)?;
+            let triangle = hit.triangle as usize;
+            if !space.geometry.is_glass(triangle) {
+                break hit;
+            }
+            *weight *= space.geometry.transmittance_at(triangle, hit.barycentric)
+                + space.geometry.albedo_at(triangle, hit.barycentric);
+            passed.add(&hit);
+        };
+        let is_back = space.front(hit.triangle).dot(direction) > 0.0;
+        if is_back && !space.material(hit.triangle).two_sided {
+            return None;
+        }
+        let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
+        Some((space.receiver_on(&point, is_back)?, hit))
     }
 }

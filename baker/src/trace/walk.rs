@@ -291,7 +291,8 @@ impl<'a> Transport<'a> {
                 }
                 weight /= go_on;
                 if weight.max_element() > ENDLESS_WEIGHT {
-                    counts.endless += 1;
+                    // (Where it is dark no light grows.)
+                    counts.endless += u64::from(self.is_lit_about(&at));
                     return;
                 }
             }

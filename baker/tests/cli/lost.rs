@@ -110,6 +110,35 @@ fn a_block_that_is_older_than_the_finished_rounds_is_brought_on() {
 }
 
 #[test]
+fn a_bake_whose_time_ran_out_in_its_last_round_is_not_traced_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let bake = |out: &Path, limit: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
+        command.arg(fixture("court.toml")).args(["--hours", "12,18.1", "--time-limit", limit, "--json"]);
+        command.args(["--out", text(out)]);
+        command
+    };
+    let rounds = |out: &Path| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(work(out, "rounds.json")).unwrap()).unwrap()
+    };
+    // (Between two rounds the time runs out seldom.)
+    let is_late = |limit: &&str| {
+        let out = dir.path().join(limit);
+        stop_after_the_last_round(&mut bake(&out, limit), &out);
+        rounds(&out).as_array().unwrap().last().unwrap()["is_late"] == true
+    };
+    let limit = ["1s", "1.3s", "1.7s", "2s"].into_iter().find(is_late).expect("a round cut by the limit");
+    let out = dir.path().join(limit);
+    let before = rounds(&out);
+    let output = bake(&out, limit).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && !said.contains("unfinished work"), "{said}");
+    let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&object["rays"]["walk"], &object["out_of_time"]), (&0.into(), &true.into()), "{object}");
+    assert_eq!(object["rounds"], before);
+}
+
+#[test]
 fn where_a_decision_is_lost_the_work_starts_over() {
     let dir = tempfile::tempdir().unwrap();
     let whole = dir.path().join("whole");

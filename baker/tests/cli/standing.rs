@@ -55,6 +55,48 @@ fn a_second_run_says_in_a_line_that_nothing_is_to_do() {
 }
 
 #[test]
+fn a_damaged_or_missing_copy_of_the_geometry_is_made_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    assert!(court(&out, "2", "path").status().unwrap().success());
+    let (before, plain) = (data(&out), out.join("scene.glb"));
+    let whole = std::fs::read(&plain).unwrap();
+    let stored = before.iter().find(|(name, _)| name.starts_with("scene-")).unwrap();
+    let (stored, is_same) = (out.join("data").join(&stored.0), stored.1 == whole);
+    assert!(is_same);
+    let flipped = || {
+        let mut bytes = whole.clone();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        bytes
+    };
+    // A copy takes the link's place, or both names are of one damaged file.
+    let copy = |bytes: &[u8]| {
+        std::fs::remove_file(&plain).unwrap();
+        std::fs::write(&plain, bytes).unwrap();
+    };
+    type Damage<'a> = (&'a str, &'a dyn Fn());
+    let damages: [Damage; 5] = [
+        ("copy cut short", &|| copy(&whole[..whole.len() / 2])),
+        ("copy with a bit flipped", &|| copy(&flipped())),
+        ("no copy", &|| std::fs::remove_file(&plain).unwrap()),
+        ("file with a bit flipped", &|| std::fs::write(&stored, flipped()).unwrap()),
+        ("file cut short", &|| std::fs::write(&stored, &whole[..9]).unwrap()),
+    ];
+    for (how, damage) in damages {
+        damage();
+        let output = court(&out, "2", "path").arg("--json").output().unwrap();
+        assert!(output.status.success(), "{how}: {output:?}");
+        let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&object["up_to_date"], &object["layers"]["traced"]), (&false.into(), &0.into()), "{how}");
+        assert!(data(&out) == before && std::fs::read(&plain).unwrap() == whole, "{how}");
+    }
+    let output = court(&out, "2", "path").arg("--json").output().unwrap();
+    let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(object["up_to_date"], true);
+}
+
+#[test]
 fn a_dataset_is_not_replaced_by_less_unless_forced() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("court");

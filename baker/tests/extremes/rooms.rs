@@ -97,6 +97,44 @@ fn albedo_1_under_the_open_sky_is_no_error() {
     assert!((mean(&baked.first(), &baked.on("floor")) / PI - 1.0).abs() < 1e-5);
 }
 
+#[test]
+fn light_without_end_in_a_small_closed_box_is_told_before_the_rounds() {
+    // A white box of 2 cm around a lamp, beside a white floor of 400 m² in the open: of paths that start by area none begins in the box.
+    let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 20.0);
+    let text = obj.mesh("pocket").room(dvec3(0.0, 1.0, 0.0), dvec3(0.02, 1.02, 0.02)).text();
+    let stage = || Stage::new(&[("a.obj", text.clone())]);
+    let scene = |limit: &str| {
+        format!(
+            "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\nalbedo = 1\n[[group]]\nname = \"lamp\"\n\
+             [[group.sphere]]\ncentre = [0.01, 1.01, 0.01]\nradius = 0.001\nradiance = [1, 1, 1]\n[lightmap]\nsize = 64\n{limit}"
+        )
+    };
+    for integrator in INTEGRATORS {
+        let stage = stage().by(integrator);
+        let message = stage.refusal("12", &scene(""));
+        assert!(message.contains("light grows without end") && message.contains("pocket"), "{message}");
+        assert!(!message.contains("floor"), "{message}");
+        assert_eq!(std::fs::read_dir(stage.path("set-1/.bake")).expect("a folder").count(), 0, "{message}");
+    }
+    // With an end to the bounces there is none to the light.
+    stage().bake("12", 2, &scene("[bake]\nbounces = 9\n"));
+}
+
+#[test]
+fn a_dark_closed_box_that_absorbs_nothing_is_a_warning() {
+    let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 10.0);
+    let text = obj.mesh("cavity").room(dvec3(0.0, 1.0, 0.0), dvec3(1.0, 2.0, 1.0)).text();
+    let scene = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\nalbedo = 1\n[lightmap]\nsize = 32\n";
+    for integrator in INTEGRATORS {
+        let baked = Stage::new(&[("a.obj", text.clone())]).by(integrator).bake("12", 2, scene);
+        let told = baked.outcome.warnings.iter().find(|warning| warning.contains("dark closed spaces"));
+        let told = told.expect("a warning");
+        assert!(told.contains("cavity") && !told.contains("floor"), "{told}");
+        let on_the_floor = mean(&baked.first(), &baked.on("floor"));
+        assert!((on_the_floor / PI - 1.0).abs() < 0.2, "{on_the_floor}");
+    }
+}
+
 /// Two black closed boxes 20 m apart, with balls of radiance 10⁴ and 10⁻⁴ in their middles.
 fn bright_and_dim(one_group: bool) -> (Stage, String) {
     let size = DVec3::splat(0.5);

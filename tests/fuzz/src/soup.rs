@@ -5,6 +5,7 @@
 use baker::bake::forecast::forecast;
 use baker::bake::run::{Integrator, Options, bake, prepare};
 use baker::light::schedule::parse_hours;
+use baker::preview;
 use dataset::Error;
 use dataset::console::Console;
 use dataset::store::Dataset;
@@ -41,11 +42,32 @@ pub fn soup(scratch: &Path, bytes: &[u8]) -> bool {
             assert!(planned.is_none_or(|planned| planned), "the plan was refused, the bake was not");
             assert!(outcome.relative_error.is_finite() && outcome.relative_error >= 0.0);
             sound(&out);
+            if choices.one_in(3) {
+                shown(&scene, &out, choices.of(&[1, 3]));
+            }
             true
         }
         Err(Error::Invalid { place, what } | Error::Unsupported { place, what }) => {
             assert!(!place.is_empty() && !what.is_empty());
             false
+        }
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// A picture of the dataset is drawn, or the error says why there is none.
+fn shown(scene: &Path, out: &Path, samples: u32) {
+    let options = preview::options::Options {
+        dataset: Some(out.to_owned()),
+        out: Some(out.join("picture.png")),
+        size: [16, 9],
+        samples,
+        ..preview::options::Options::new(12.5)
+    };
+    match preview::run::preview(scene, &options, &Console::silent()) {
+        Ok(told) => assert!(told["exposure"].as_f64().is_some_and(f64::is_finite), "{told}"),
+        Err(Error::Invalid { place, what } | Error::Unsupported { place, what }) => {
+            assert!(!place.is_empty() && !what.is_empty());
         }
         Err(other) => panic!("{other}"),
     }
@@ -350,25 +372,31 @@ fn scene(model: &str, choices: &mut Choices) -> String {
     }
     if is_lit || choices.one_in(2) {
         text += "[[group]]\nname = \"g\"\n";
-        for _ in 0..choices.below(4) {
-            let [x, y, z] = choices.place();
+        // Few lamps, or as many as a tree is made of, at places of their own or all at one, on surfaces, in them or far beyond all.
+        let (lamps, far) = (choices.of(&[0, 1, 2, 3, 20]), choices.of(&[1.0, 1.0, 1.0, 1e9, 1e30, 1e200]));
+        let one_place = choices.one_in(3).then(|| choices.place());
+        for _ in 0..lamps {
+            let [x, y, z] = one_place.unwrap_or_else(|| choices.place()).map(|c| c * far);
             let light = choices.of(&["1e-9", "1", "1e6"]);
             let size = choices.of(&[1e-9, 1e-3, 0.5, 1e3]);
             let _ = match choices.below(4) {
                 0 => {
-                    writeln!(text, "[[group.point]]\nposition = [{x}, {y}, {z}]\nintensity = [{light}, 1, 1]")
+                    writeln!(
+                        text,
+                        "[[group.point]]\nposition = [{x:?}, {y:?}, {z:?}]\nintensity = [{light}, 1, 1]"
+                    )
                 }
                 1 => writeln!(
                     text,
-                    "[[group.sphere]]\ncentre = [{x}, {y}, {z}]\nradius = {size}\nradiance = [{light}, 1, 1]"
+                    "[[group.sphere]]\ncentre = [{x:?}, {y:?}, {z:?}]\nradius = {size}\nradiance = [{light}, 1, 1]"
                 ),
                 2 => writeln!(
                     text,
-                    "[[group.disc]]\ncentre = [{x}, {y}, {z}]\ndirection = [0, -1, 0]\nradius = {size}\nradiance = [{light}, 1, 1]"
+                    "[[group.disc]]\ncentre = [{x:?}, {y:?}, {z:?}]\ndirection = [0, -1, 0]\nradius = {size}\nradiance = [{light}, 1, 1]"
                 ),
                 _ => writeln!(
                     text,
-                    "[[group.rectangle]]\ncorner = [{x}, {y}, {z}]\nedge_u = [{size}, 0, 0]\nedge_v = [0, 0, {size}]\nradiance = [{light}, 1, 1]"
+                    "[[group.rectangle]]\ncorner = [{x:?}, {y:?}, {z:?}]\nedge_u = [{size}, 0, 0]\nedge_v = [0, 0, {size}]\nradiance = [{light}, 1, 1]"
                 ),
             };
         }

@@ -1,4 +1,4 @@
-use crate::geometry::{self, Geometry};
+use crate::geometry::{self, Geometry, LightmapPlace};
 use crate::scene::{self, Lightmap, LightmapSize, UvSource};
 use crate::{Result, atlas};
 use glam::Vec2;
@@ -121,28 +121,52 @@ fn triangles_off_the_page_get_no_texels() {
 
 #[test]
 fn islands_that_bilinear_filtering_mixes_are_told() {
-    // On 64 × 32 texels: ends at column 16, the next begins there, a texel on, two, and two rows below.
+    // On 64 × 32 texels: the first ends at column 16 and row 8, up to which the texels there are read for it.
     let first = [0.0, 0.0, 0.25, 0.25];
     let close = |second: [f64; 4]| {
         let atlas = build(&[("first", &[first]), ("second", &[second])]).unwrap();
         assert_eq!((atlas.faces.len(), atlas.charts), (4, 2));
-        let told = atlas.warnings.iter().find(|w| w.contains("2 islands less than 2 empty texels"));
+        let told = atlas.warnings.iter().find(|w| w.contains("2 islands so near another"));
         assert!(
             told.is_none_or(|w| w.contains("a.obj: first: 1") && w.contains("a.obj: second: 1")),
             "{told:?}"
         );
         told.is_some()
     };
-    // (Both touch the texels at their edges.)
-    let texel = |n: f64| (16.5 + n) / 64.0;
+    let (texel, row) = (|x: f64| x / 64.0, |y: f64| y / 32.0);
     assert!(close([0.25, 0.0, 0.5, 0.25]));
-    assert!(close([texel(1.0), 0.0, 0.5, 0.25]));
-    assert!(close([texel(2.0), 0.0, 0.5, 0.25]));
-    assert!(!close([texel(3.0), 0.0, 0.5, 0.25]));
-    let row = |n: f64| (8.5 + n) / 32.0;
-    assert!(close([0.0, row(2.0), 0.25, 0.6]));
-    assert!(!close([0.0, row(3.0), 0.25, 0.6]));
-    assert!(close([texel(2.0), row(2.0), 0.5, 0.6]));
+    assert!(close([texel(16.6), 0.0, 0.5, 0.25]));
+    assert!(close([texel(17.4), 0.0, 0.5, 0.25]));
+    // From half a texel further on, as the baker's own charts lie.
+    assert!(!close([texel(17.5), 0.0, 0.5, 0.25]));
+    assert!(!close([texel(18.2), 0.0, 0.5, 0.25]));
+    assert!(close([0.0, row(9.4), 0.25, 0.6]));
+    assert!(!close([0.0, row(9.5), 0.25, 0.6]));
+    // Across a corner.
+    assert!(close([texel(17.4), row(9.4), 0.5, 0.6]));
+    assert!(!close([texel(17.5), row(9.4), 0.5, 0.6]));
+}
+
+#[test]
+fn placements_of_one_mesh_are_islands_of_their_own_though_they_meet_in_space() {
+    // Two squares that share an edge, with equal coordinates along it.
+    let square = |name: &str, x: [f64; 2], u: [f64; 2]| {
+        let [[x0, x1], [u0, u1]] = [x, u];
+        let corners = [(x0, 0, u0, 0), (x1, 0, u1, 0), (x1, 1, u1, 1), (x0, 1, u0, 1)];
+        let corners = corners.map(|(x, y, u, v)| format!("v {x} {y} 0\nvt {u} {v}\n")).concat();
+        format!("o {name}\n{corners}f -4/-4 -3/-3 -2/-2 -1/-1\n")
+    };
+    let text = square("left", [0.0, 1.0], [0.0, 1.0]) + &square("right", [1.0, 2.0], [1.0, 0.0]);
+    let mut geometry = load(&text, "vt = \"lightmap\"");
+    let charts = |geometry: &Geometry| atlas::build(geometry, &kept(64, 32)).unwrap().charts;
+    for (instance, offset) in geometry.instances.iter_mut().zip([[0.0, 0.0], [0.5, 0.0]]) {
+        instance.lightmap_place = LightmapPlace::At { page: 0, scale: [0.4, 0.8], offset };
+    }
+    assert_eq!(charts(&geometry), 2);
+    // Where the edge lies at one place, they are one island.
+    let mirrored = LightmapPlace::At { page: 0, scale: [-0.4, 0.8], offset: [0.8, 0.0] };
+    geometry.instances[1].lightmap_place = mirrored;
+    assert_eq!(charts(&geometry), 1);
 }
 
 #[test]

@@ -74,6 +74,29 @@ fn a_mesh_too_large_for_one_page_is_spread() {
 }
 
 #[test]
+fn what_is_near_in_space_is_near_on_pages_of_a_given_density() {
+    let (mut geometry, mut noise) = (Geometry::default(), Noise(9));
+    let mut corner = Vec::new();
+    for _ in 0..700 {
+        let (at, size) = (noise.point() * 40.0, noise.point() + 0.2);
+        corner.extend((at.max_element() < 20.0).then_some(geometry.instances.len()));
+        add(&mut geometry, &cuboid(at, size));
+    }
+    let size = LightmapSize::TexelsPerMetre(12.0);
+    let atlas = build(&geometry, &Lightmap { size, ..fixed(1, 1) }).unwrap();
+    check(&geometry, &atlas, 2);
+    let tiles = (atlas.width.div_ceil(128) * atlas.height.div_ceil(128)) as usize;
+    let of_corner = |face: &&crate::atlas::Face| {
+        corner.iter().any(|&i| geometry.instances[i].triangles.contains(&(face.triangle as usize)))
+    };
+    let tile = |corner: &Vec2| (corner.x as u32 / 128, corner.y as u32 / 128);
+    let touched: std::collections::BTreeSet<(u32, u32)> =
+        atlas.faces.iter().filter(of_corner).flat_map(|face| face.corners.each_ref().map(tile)).collect();
+    // An eighth of the boxes. (By size alone they lie all over the page.)
+    assert!(tiles >= 25 && touched.len() * 2 < tiles, "{} of {tiles} tiles", touched.len());
+}
+
+#[test]
 fn pages_that_would_be_empty_are_left_out() {
     let mut geometry = Geometry::default();
     add(&mut geometry, &quad(DVec3::ZERO, DVec3::X, DVec3::Z));
