@@ -3,8 +3,8 @@
 //! It is the scene's files put together: their nodes, names, transforms, materials, cameras, lights and extras as they are.
 //! `primitive` writes vertices, `carry` what goes over, `transform` where files stand, `container` the bytes.
 
-mod carry;
 mod container;
+mod carry;
 mod primitive;
 mod transform;
 

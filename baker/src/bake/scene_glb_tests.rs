@@ -389,7 +389,7 @@ fn parts_of_one_place_stay_one_mesh_and_instances_become_nodes() {
     // Its extras hold both what was there and its place.
     let left = named(&root, "nodes", "left");
     assert!(left["extras"]["side"] == "l" && left["extras"]["lightmapPage"] == 0);
-    // Three instances of `alone`.
+    // Four instances of `alone`.
     asset["nodes"][3]["extensions"] =
         json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 0 } } });
     let geometry = load_with(

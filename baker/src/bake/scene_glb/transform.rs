@@ -13,9 +13,9 @@ pub fn nodes(transform: &DAffine3) -> Vec<Map<String, Value>> {
     if [x.dot(y), y.dot(z), z.dot(x)].into_iter().all(|cosine| cosine.abs() <= SHEAR) {
         return vec![properties(transform.translation, linear)];
     }
-    // M = U Σ Vᵀ: V diagonalises MᵀM, and M V = U Σ.
-    let v = eigenvectors(linear.transpose() * linear);
-    vec![properties(transform.translation, linear * v), properties(DVec3::ZERO, v.transpose())]
+    // M = U Σ Vᵀ, so that M V = U Σ has perpendicular columns.
+    let (columns, v) = perpendicular(linear);
+    vec![properties(transform.translation, columns), properties(DVec3::ZERO, v.transpose())]
 }
 
 /// A node's properties for a linear part whose columns are perpendicular; what is the default is left out.
@@ -39,25 +39,25 @@ fn properties(translation: DVec3, linear: DMat3) -> Map<String, Value> {
     properties
 }
 
-/// The eigenvectors of a symmetric matrix as the columns of a rotation, by Jacobi's method.
-fn eigenvectors(mut a: DMat3) -> DMat3 {
+/// M V and the rotation V that makes the columns of M V perpendicular, by Jacobi's method from one side.
+fn perpendicular(mut m: DMat3) -> (DMat3, DMat3) {
     let mut v = DMat3::IDENTITY;
     // It converges quadratically: far fewer sweeps are enough.
     for _ in 0..20 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let off = a.col(q)[p];
-            if off == 0.0 {
+            let (a, b) = (m.col(p), m.col(q));
+            if a.dot(b) == 0.0 {
                 continue;
             }
-            let (sin, cos) = (0.5 * f64::atan2(2.0 * off, a.col(q)[q] - a.col(p)[p])).sin_cos();
+            let angle = 0.5 * f64::atan2(2.0 * a.dot(b), b.length_squared() - a.length_squared());
+            let (sin, cos) = angle.sin_cos();
             let mut turn = DMat3::IDENTITY;
             (turn.col_mut(p)[p], turn.col_mut(q)[q]) = (cos, cos);
             (turn.col_mut(p)[q], turn.col_mut(q)[p]) = (-sin, sin);
-            a = turn.transpose() * a * turn;
-            v *= turn;
+            (m, v) = (m * turn, v * turn);
         }
     }
-    v
+    (m, v)
 }
 
 #[cfg(test)]

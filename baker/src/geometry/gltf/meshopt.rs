@@ -45,7 +45,7 @@ impl Decoded {
 /// Whether a buffer of the asset is only a stand-in for compressed views, and has no bytes of its own.
 pub(super) fn is_fallback(buffer: &Value) -> bool {
     let says = |name: &&str| buffer["extensions"][*name]["fallback"] == Value::Bool(true);
-    NAMES.iter().any(|name| says(name)) && buffer.get("uri").is_none()
+    NAMES.iter().any(says) && buffer.get("uri").is_none()
 }
 
 /// Decodes the compressed views of an asset: by the view's index, its bytes. `buffers` are the asset's.
