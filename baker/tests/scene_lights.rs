@@ -84,8 +84,11 @@ fn load(asset: &Value, lines: &str, keys: &str) -> (Scene, Geometry, Vec<String>
 }
 
 fn load_from(folder: &Path, lines: &str, file: &str, keys: &str) -> (Scene, Geometry, Vec<String>) {
-    fs::write(folder.join("scene.toml"), format!("{lines}\n[[object]]\nfile = \"{file}\"\n{keys}\n"))
-        .unwrap();
+    fs::write(
+        folder.join("scene.toml"),
+        format!("{lines}\n[bake]\nalbedo_max = 1\n[[object]]\nfile = \"{file}\"\n{keys}\n"),
+    )
+    .unwrap();
     let (mut scene, mut warnings) = scene::load(&folder.join("scene.toml")).unwrap_or_else(|e| panic!("{e}"));
     let geometry = geometry::load_with(&scene, &mut warnings).unwrap_or_else(|e| panic!("{e}"));
     geometry.lights.add_to(&mut scene);
