@@ -98,8 +98,10 @@ pub(super) fn lamps(
 /// Where a directional light is not used: why, and what to do. The sun and place of the scene go before it.
 fn why_no_sun(scene: &Scene, to_sun: DVec3, light: DVec3) -> Option<String> {
     let write = || {
-        let list = |v: DVec3| format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z);
-        format!("`track = [{{ hour = 0, direction = {}, irradiance = {} }}]`", list(to_sun), list(light))
+        // Ready to paste: as short as single precision has them, and no −0.
+        let list = |v: DVec3| format!("[{}, {}, {}]", v.x as f32, v.y as f32, v.z as f32);
+        let direction = (to_sun * 1e4).round() / 1e4 + DVec3::ZERO;
+        format!("`track = [{{ hour = 0, direction = {}, irradiance = {} }}]`", list(direction), list(light))
     };
     match (&scene.sun, &scene.place, &scene.sky) {
         (Some(_), ..) => Some("left out: the scene file has a [sun]".to_owned()),

@@ -153,7 +153,7 @@ impl<'a> Groups<'a> {
         let merged = (new.len() > MOST_GROUPS).then_some(first as u32);
         if merged.is_some() {
             warnings.push(format!(
-                "{} of files shine all day in one light group, \"{REST}\", because they have {} names ({}): a [[group]] with \
+                "lit all day: {} of files, in one light group, \"{REST}\", because they have {} names ({}): a [[group]] with \
                  `lights = [\"{}\"]` (* stands for any characters) takes some of them and switches them; `from_file = false` in [lights] leaves all out",
                 what.join(" and "),
                 new.len(),
@@ -163,7 +163,7 @@ impl<'a> Groups<'a> {
             new = vec![REST.to_owned()];
         } else if !new.is_empty() {
             warnings.push(format!(
-                "{} of files shine all day, in the {} {}: a [[group]] of such a name in the scene file switches them; `from_file = false` in \
+                "lit all day: {} of files, in the {} {}: a [[group]] of such a name in the scene file switches them; `from_file = false` in \
                  [lights] leaves them out",
                 what.join(" and "),
                 if new.len() == 1 { "light group" } else { "light groups" },
