@@ -1,12 +1,11 @@
-//! Light groups for what shines in geometry files: lamps, glowing materials, and a sun.
+//! Light groups for what shines in geometry files.
 
 use super::Emission;
-use super::contents::FileLampKind;
 use super::look::fits;
-use super::model::{FileMaterial, Model};
-use super::notes::{self, Notes};
+use super::model::FileMaterial;
+use super::notes;
 use super::texture::TextureStore;
-use crate::scene::{Group, Lamp, Look, Scene, Sky, Sun, SunKey, SunTrack};
+use crate::scene::{Group, Lamp, Look, Scene, Sun};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -15,14 +14,8 @@ use std::path::Path;
 const MOST_GROUPS: usize = 16;
 /// Name of the group of all that the scene file does not name, where it has that group or there is too much.
 const REST: &str = "file";
-/// A lamp of a file this near to one of the scene file is the same, in metres.
-const SAME_LAMP: f64 = 0.1;
-/// Full angle of the disc of a file's sun in degrees.
-const DISC_ANGLE: f64 = 0.533;
 /// The brightest light, in kcd or klx.
-const BRIGHTEST: f64 = 1e12;
-/// Candela per kilocandela, lux per kilolux.
-const KILO: f64 = 1000.0;
+pub(super) const BRIGHTEST: f64 = 1e12;
 
 /// What shines in geometry files and belongs among the lights of the scene.
 #[derive(Clone, Debug, Default)]
@@ -58,15 +51,16 @@ pub(super) struct Groups<'a> {
     names: BTreeSet<String>,
     /// Emission maps that are black all over.
     is_black: Vec<bool>,
-    /// Materials that emit: file and number in it.
+    /// Materials that emit in groups of their own: file and number in it.
     glowing: BTreeSet<(std::path::PathBuf, usize)>,
 }
 
 /// The lamps of all files in the world, and the sun.
 #[derive(Default)]
 pub(super) struct Lamps {
-    lamps: Vec<(u32, Lamp)>,
-    sun: Option<Sun>,
+    /// Each with its group.
+    pub lamps: Vec<(u32, Lamp)>,
+    pub sun: Option<Sun>,
 }
 
 impl<'a> Groups<'a> {
@@ -81,7 +75,7 @@ impl<'a> Groups<'a> {
 
     /// The group of something with these names, the first of which is its own, by the first that a group of the scene file has or lists; else
     /// a group of its own name.
-    fn of(&mut self, names: &[&str]) -> u32 {
+    pub fn of(&mut self, names: &[&str]) -> u32 {
         let own = names.first().copied().unwrap_or("unnamed");
         self.names.insert(own.to_owned());
         let of_scene = |name: &&str| {
@@ -134,7 +128,9 @@ impl<'a> Groups<'a> {
                 self.of(&names)
             }
         };
-        self.glowing.insert((place.0.to_owned(), place.1));
+        if group as usize >= self.scene.groups.len() {
+            self.glowing.insert((place.0.to_owned(), place.1));
+        }
         let radiance = radiance.min(DVec3::splat(BRIGHTEST)).as_vec3();
         Some(Emission { radiance, group, map: emission.texture })
     }
@@ -157,7 +153,7 @@ impl<'a> Groups<'a> {
         let merged = (new.len() > MOST_GROUPS).then_some(first as u32);
         if merged.is_some() {
             warnings.push(format!(
-                "{} of files shine all day in one light group, \"{REST}\", because they have {} names ({}): a [[group]] with \
+                "lit all day: {} of files, in one light group, \"{REST}\", because they have {} names ({}): a [[group]] with \
                  `lights = [\"{}\"]` (* stands for any characters) takes some of them and switches them; `from_file = false` in [lights] leaves all out",
                 what.join(" and "),
                 new.len(),
@@ -167,7 +163,7 @@ impl<'a> Groups<'a> {
             new = vec![REST.to_owned()];
         } else if !new.is_empty() {
             warnings.push(format!(
-                "{} of files shine all day, in the {} {}: a [[group]] of such a name in the scene file switches them; `from_file = false` in \
+                "lit all day: {} of files, in the {} {}: a [[group]] of such a name in the scene file switches them; `from_file = false` in \
                  [lights] leaves them out",
                 what.join(" and "),
                 if new.len() == 1 { "light group" } else { "light groups" },
@@ -196,130 +192,5 @@ impl<'a> Groups<'a> {
             sun: lamps.sun,
         };
         (lights, merged)
-    }
-}
-
-/// Places the lamps of all files in the world. `model_of` has the index of each object's model.
-pub(super) fn lamps(
-    scene: &Scene,
-    models: &[(String, Model)],
-    model_of: &[Option<usize>],
-    groups: &mut Groups,
-    notes: &mut Notes,
-) -> Lamps {
-    let mut found = Lamps::default();
-    if !scene.lights.from_file {
-        return found;
-    }
-    let taken: Vec<DVec3> = scene.groups.iter().flat_map(|g| &g.lamps).map(middle).collect();
-    let mut suns: Vec<(DVec3, DVec3)> = Vec::new();
-    for (object, model) in scene.objects.iter().zip(model_of) {
-        let Some(model) = model.map(|index| &models[index].1) else { continue };
-        let file = object.file.display().to_string();
-        for lamp in &model.contents.lamps {
-            let light = lamp.colour * (lamp.intensity / KILO * scene.lights.scale);
-            if light.max_element() <= 0.0 {
-                notes.add(&file, "lamp", &lamp.name, "gives no light: its colour or its intensity is 0");
-                continue;
-            }
-            let light = light.min(DVec3::splat(BRIGHTEST));
-            for world_from_file in &object.world_from_file {
-                let (position, direction) = (lamp.position(world_from_file), lamp.direction(world_from_file));
-                let direction = match (lamp.kind, direction) {
-                    (FileLampKind::Point, _) => DVec3::NEG_Y,
-                    (_, Some(direction)) => direction,
-                    (_, None) => {
-                        notes.add(
-                            &file,
-                            "lamp",
-                            &lamp.name,
-                            "left out: its transform leaves it no direction",
-                        );
-                        continue;
-                    }
-                };
-                if !position.is_finite() {
-                    notes.add(
-                        &file,
-                        "lamp",
-                        &lamp.name,
-                        "left out: its transform leads out of the range of numbers",
-                    );
-                    continue;
-                }
-                if taken.iter().any(|other| other.distance(position) < SAME_LAMP) {
-                    let what = "left out: a lamp of the scene file stands within 0.1 m of it";
-                    notes.add(&file, "lamp", &lamp.name, what);
-                    continue;
-                }
-                let made = match lamp.kind {
-                    FileLampKind::Directional => {
-                        if let Some(what) = why_no_sun(scene, -direction, light) {
-                            notes.add(&file, "directional light", &lamp.name, what);
-                        } else {
-                            suns.push((-direction, light));
-                        }
-                        continue;
-                    }
-                    FileLampKind::Point => Lamp::Point { position, intensity: light },
-                    FileLampKind::Spot { inner, outer } => {
-                        Lamp::Spot { position, direction, inner, outer, intensity: light }
-                    }
-                };
-                let names: Vec<&str> =
-                    [&lamp.name].into_iter().chain(&lamp.parents).map(String::as_str).collect();
-                found.lamps.push((groups.of(&names), made));
-            }
-        }
-    }
-    found.sun = sun(&suns, notes);
-    found
-}
-
-/// Where a directional light is not used: why, and what to do. The sun and place of the scene go before it.
-fn why_no_sun(scene: &Scene, to_sun: DVec3, light: DVec3) -> Option<String> {
-    let write = || {
-        let list = |v: DVec3| format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z);
-        format!("`track = [{{ hour = 0, direction = {}, irradiance = {} }}]`", list(to_sun), list(light))
-    };
-    match (&scene.sun, &scene.place, &scene.sky) {
-        (Some(_), ..) => Some("left out: the scene file has a [sun]".to_owned()),
-        (None, Some(_), _) => Some(format!(
-            "left out: the scene file has a [place], whose sun a [sun] turns on; for the file's light at all hours write {} into it",
-            write()
-        )),
-        (None, None, Some(Sky::Image(_))) => Some(format!(
-            "left out: the picture of the sky may hold a sun; for the file's light at all hours write {} into [sun]",
-            write()
-        )),
-        _ => None,
-    }
-}
-
-/// The brightest of the directional lights as the sun of all hours.
-fn sun(suns: &[(DVec3, DVec3)], notes: &mut Notes) -> Option<Sun> {
-    let brightness = |&(_, light): &(DVec3, DVec3)| light.element_sum();
-    let &(direction, irradiance) =
-        suns.iter().reduce(|best, sun| if brightness(sun) > brightness(best) { sun } else { best })?;
-    let others = match suns.len() - 1 {
-        0 => String::new(),
-        n => format!(" (the brightest; {} left out: a scene has one sun)", notes::plural(n, "other")),
-    };
-    notes.add(
-        "[sun]",
-        "source",
-        format!("a directional light of a file{others}"),
-        "it shines from the same direction at all hours; a [sun] with a [place] follows the day",
-    );
-    let track = SunTrack::Authored(vec![SunKey { hour: 0.0, direction, irradiance }]);
-    Some(Sun { disc_angle: DISC_ANGLE, track })
-}
-
-/// The middle of a lamp.
-fn middle(lamp: &Lamp) -> DVec3 {
-    match lamp {
-        Lamp::Sphere { centre, .. } | Lamp::Disc { centre, .. } => *centre,
-        Lamp::Point { position, .. } | Lamp::Spot { position, .. } | Lamp::Ies { position, .. } => *position,
-        Lamp::Rectangle { corner, edge_u, edge_v, .. } => *corner + 0.5 * (*edge_u + *edge_v),
     }
 }

@@ -1,6 +1,7 @@
 //! Flattening: every file read once, every placed mesh written out in world space.
 
-use super::lights::{self, Groups};
+use super::lamps::lamps;
+use super::lights::Groups;
 use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
 use super::notes::{self, Notes};
@@ -38,7 +39,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     let mut textures = TextureStore::default();
     let (models, model_of) = read_files(scene, &mut textures, &mut notes, &mut errors);
     let mut groups = Groups::new(scene, &mut textures);
-    let lamps = lights::lamps(scene, &models, &model_of, &mut groups, &mut notes);
+    let lamps = lamps(scene, &models, &model_of, &mut groups, &mut notes);
     let materials = MaterialStore::default();
     let mut store = Store { materials, textures, undefined: Vec::new(), limited: Vec::new() };
     let (mut placed, mut objects) = (Vec::new(), Vec::new());

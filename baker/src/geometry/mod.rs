@@ -13,6 +13,7 @@ mod gltf;
 mod survey;
 mod look;
 mod lights;
+mod lamps;
 mod load;
 mod point;
 mod bright;

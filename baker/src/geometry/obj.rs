@@ -150,12 +150,17 @@ fn statements_used(library: &[u8]) -> Vec<u8> {
     for line in library.split_inclusive(|&b| b == b'\n') {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         match words.next() {
-            Some(b"newmtl" | b"d" | b"Tr" | b"map_Kd" | b"map_d" | b"Ke" | b"map_Ke") => used.extend(line),
+            Some(b"newmtl" | b"d" | b"Tr" | b"map_Kd" | b"map_d" | b"map_Ke") => used.extend(line),
             // (The reader refuses others.)
             Some(b"illum")
                 if words.next().is_some_and(|w| w.iter().all(u8::is_ascii_digit) && w.len() < 3) =>
             {
                 used.extend(line);
+            }
+            // By another name: the reader would end at one that is wrong.
+            Some(b"Ke") => {
+                let numbers: Vec<_> = words.take(4).map(String::from_utf8_lossy).collect();
+                used.extend(format!("{} {}\n", emission::KE, numbers.join(" ")).as_bytes());
             }
             Some(key @ (b"Kd" | b"Tf")) => {
                 let numbers: Vec<&[u8]> = words.take(3).collect();

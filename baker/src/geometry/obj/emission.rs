@@ -8,6 +8,9 @@ use dataset::Error;
 use glam::Vec3;
 use std::path::Path;
 
+/// What the reader is shown in place of `Ke`.
+pub(super) const KE: &str = "as_written_Ke";
+
 /// Reads what a material emits; what is wrong is noted, and emits nothing.
 pub(super) fn read(
     material: &tobj::Material,
@@ -16,7 +19,7 @@ pub(super) fn read(
     textures: &mut TextureStore,
     notes: &mut Notes,
 ) -> Option<FileEmission> {
-    let ke = material.unknown_param.get("Ke").map(|ke| (ke, numbers(ke)));
+    let ke = material.unknown_param.get(KE).map(|ke| (ke, numbers(ke)));
     let map = material.unknown_param.get("map_Ke");
     let value = match ke {
         // A map alone means Ke 1; exporters write Ke 0 beside a map that is meant to shine.
