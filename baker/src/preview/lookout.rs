@@ -5,6 +5,7 @@ use crate::trace::lens::NOWHERE;
 use crate::trace::rays::Rays;
 use crate::trace::triangle::Hit;
 use glam::{DVec3, Vec3};
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 /// Directions that tell whether a place is inside a body.
@@ -57,8 +58,8 @@ impl Lookout<'_> {
         backs <= BACKS && closest >= room
     }
 
-    /// How much a view shows: over its rays, the root of the distance to what is lit, in units of `length`. What is dimmer than
-    /// `light` counts in proportion.
+    /// How much a view shows: over its rays, the root of the distance to what is lit, in units of `length`, and more for
+    /// many materials. What is dimmer than `light` counts in proportion.
     pub fn worth(&self, (place, look_at): View, length: f64, light: f32) -> f64 {
         let forward = (look_at - place).normalize_or(DVec3::NEG_Z);
         let right = forward.cross(DVec3::Y).normalize_or(DVec3::X);
@@ -69,12 +70,17 @@ impl Lookout<'_> {
             let (x, y) = (side(i % ACROSS, ACROSS), side(i / ACROSS, DOWN) * 9.0 / 16.0);
             (forward + right * x + up * y).normalize().as_vec3()
         });
-        let worth = |direction: Vec3| {
-            let hit = self.hit(place, direction).filter(|hit| !self.is_back(hit, direction))?;
-            let shown = f64::from(((self.luminance)(&hit) / light).min(1.0));
-            Some(shown * (f64::from(hit.t) / length).min(1.0).sqrt())
-        };
-        rays.filter_map(worth).sum::<f64>() / (ACROSS * DOWN) as f64
+        let mut seen = BTreeSet::new();
+        let mut sum = 0.0;
+        for direction in rays {
+            if let Some(hit) = self.hit(place, direction).filter(|hit| !self.is_back(hit, direction)) {
+                let shown = f64::from(((self.luminance)(&hit) / light).min(1.0));
+                sum += shown * (f64::from(hit.t) / length).min(1.0).sqrt();
+                seen.insert(self.geometry.material_of[hit.triangle as usize]);
+            }
+        }
+        // A bare wall is no view.
+        sum / (ACROSS * DOWN) as f64 * (seen.len() as f64).sqrt()
     }
 
     /// The mean luminance of what is seen from some places.

@@ -99,8 +99,8 @@ impl Bounds {
     }
 }
 
-/// Where most scenes show something, and whether that is inside: from outside and above, looking at the middle from the south-west; inside, where hardly any ray from the middle leaves the scene
-/// upwards: from the same side of the room.
+/// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the middle from the south-west.
+/// Inside, where hardly any ray from the middle leaves the scene upwards, it stands on the same side of the room.
 fn usual(geometry: &Geometry, rays: &Rays) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;

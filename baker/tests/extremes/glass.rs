@@ -1,6 +1,7 @@
 //! Glass as files and scene files say it is, through whole bakes.
 
 use crate::common::mesh::{Obj, gltf};
+use crate::common::texels::Texel;
 use crate::common::{Baked, INTEGRATORS, Measured, Stage, mean};
 use glam::{DVec3, Vec3, dvec3, vec3};
 
@@ -13,8 +14,12 @@ fn under(files: &[(&str, String)], sheet: &str) -> Vec3 {
          [[object]]\nfile = \"floor.obj\"\nalbedo = 0\n[[object]]\n{sheet}\n[lightmap]\nsize = 32\n"
     );
     let baked = stage.bake("12", 4, &scene);
-    let (image, texels) = (baked.first(), baked.on("floor"));
-    texels.iter().map(|t| Vec3::from_array(image.texels[t.index])).sum::<Vec3>() / texels.len() as f32 / 8.0
+    let image = baked.first();
+    // (Texels without any light are not valid.)
+    let light = |t: &Texel| if t.valid { Vec3::from_array(image.texels[t.index]) } else { Vec3::ZERO };
+    let texels: Vec<Vec3> = baked.covered("floor").into_iter().filter(|t| t.whole).map(light).collect();
+    assert!(!texels.is_empty());
+    texels.iter().sum::<Vec3>() / texels.len() as f32 / 8.0
 }
 
 /// A level sheet of 6 × 6 m, 1 m up.
