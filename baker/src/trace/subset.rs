@@ -81,7 +81,7 @@ mod tests {
                 }
                 // Of two that are not certain, chances are as worths; what is certain is worth no less.
                 for (i, j) in (0..c.len()).flat_map(|i| (0..c.len()).map(move |j| (i, j))) {
-                    if c[j] > 0.0 && c[i] < 1.0 && c[j] < 1.0 {
+                    if c[i].min(c[j]) > 0.0 && c[i].max(c[j]) < 1.0 {
                         assert!((c[i] / c[j] / (worth[i] / worth[j]) - 1.0).abs() < 1e-3);
                     }
                     assert!(c[i] < 1.0 || worth[i] >= worth[j] || c[j] >= 1.0);
