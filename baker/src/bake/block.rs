@@ -220,6 +220,12 @@ impl Worker<'_> {
             .collect()
     }
 
+    /// One of the probed points that are a texel's surface.
+    pub fn witness(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Option<Receiver> {
+        let at = |probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe));
+        indices(probes).find_map(at)
+    }
+
     fn probe_point(&self, surface: &BlockSurface, texel: usize, probe: u32) -> SurfacePoint {
         surface.sample(self.atlas, texel, Self::probed(probe))
     }

@@ -3,12 +3,16 @@
 //! How many they are is decided once, by a few *trial* samples that count for nothing else. Were it decided by the samples that
 //! count, the lucky ones would be kept; were each half to decide for the other, both would miss the same thin shadow together
 //! and agree on a light without it.
+//!
+//! Where light groups are many, each texel's samples go to those that give it most, beside what each gives all in all: the others have
+//! their numbers halved, once or more. By how much is a matter of places alone, not of samples.
 
 use super::block::{Stream, Worker, sum};
 use super::errors::cell_of;
 use super::state::{BlockState, CELLS, Direct};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
+use crate::trace::subset::ALL_UP_TO;
 use crate::trace::walk::sun_draw;
 use dataset::console::interrupted;
 use rayon::prelude::*;
@@ -17,19 +21,44 @@ use rayon::prelude::*;
 const TRIALS: u16 = 4;
 /// Samples in each half that every texel and light gets.
 const FIRST: u16 = 4;
-/// The `want` of twice as many direct samples as there are of indirect light on average; one less is half as many.
+/// The `log2` of twice as many direct samples as there are of indirect light on average; one less is half as many.
 const TWICE: u8 = 4;
 
-/// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial samples did not differ
-/// (`want` 0) one for 32, for they may all have missed a thin shadow; elsewhere samples × 2^(want − [`TWICE`]).
-fn wanted(want: u8, samples: u32) -> u16 {
-    /// What a counter holds.
-    const MOST: u64 = 1 << 15;
-    let samples = match want {
-        0 => u64::from(samples / 32),
-        _ => u64::from(samples) << want >> TWICE,
-    };
-    (samples.min(MOST) as u16).max(FIRST)
+/// How many direct samples a texel and light gets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Want {
+    /// log₂ of their number relative to the samples of indirect light, see [`Want::samples`].
+    log2: u8,
+    /// How often the numbers that go to every texel are halved for it.
+    halvings: u8,
+}
+
+impl Want {
+    /// As kept in a block's state.
+    fn to_byte(self) -> u8 {
+        self.halvings << 4 | self.log2
+    }
+
+    fn from_byte(byte: u8) -> Self {
+        Want { log2: byte & 15, halvings: byte >> 4 }
+    }
+
+    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial samples did not differ
+    /// (`log2` 0) one for 32, for they may all have missed a thin shadow; elsewhere samples × 2^(log2 − [`TWICE`]).
+    fn samples(self, samples: u32) -> u16 {
+        /// What a counter holds.
+        const MOST: u64 = 1 << 15;
+        let samples = match self.log2 {
+            0 => u64::from(samples / 32) >> self.halvings,
+            _ => u64::from(samples) << self.log2 >> TWICE,
+        };
+        (samples.min(MOST) as u16).max(halved(FIRST, self.halvings))
+    }
+}
+
+/// So many samples, halved, and one at least.
+fn halved(samples: u16, halvings: u8) -> u16 {
+    (samples >> halvings).max(1)
 }
 
 impl Worker<'_> {
@@ -37,10 +66,17 @@ impl Worker<'_> {
     pub fn first_direct(&self, surface: &BlockSurface, state: &mut BlockState) -> RayCounts {
         let lights = self.transport.lights.sampled();
         state.trials = vec![Direct::default(); state.taken.len() * lights];
-        let goals = vec![TRIALS; state.trials.len()];
-        let trial =
-            self.draw_direct(surface, &state.probes, &mut state.trials, &goals, &[(Stream::Trial, 0)]);
-        let goals = vec![FIRST; state.trials.len()];
+        let halvings = self.halvings_of(surface, &state.probes);
+        let goals = |samples| halvings.iter().map(|&h| halved(samples, h)).collect::<Vec<u16>>();
+        let goals_of_trials = goals(TRIALS);
+        let trial = self.draw_direct(
+            surface,
+            &state.probes,
+            &mut state.trials,
+            &goals_of_trials,
+            &[(Stream::Trial, 0)],
+        );
+        let goals = goals(FIRST);
         trial + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
@@ -56,16 +92,41 @@ impl Worker<'_> {
     ) -> RayCounts {
         if state.wants.is_empty() {
             let covered: Vec<usize> = surface.covered().collect();
-            state.wants = wants(surface, &covered, &state.trials, means, self.transport.lights.suns.len());
+            let halvings = self.halvings_of(surface, &state.probes);
+            let suns = self.transport.lights.suns.len();
+            state.wants = wants(surface, &covered, &state.trials, &halvings, means, suns);
             state.trials = Vec::new();
         }
         let goals =
             surface.covered().zip(state.wants.chunks(means.len().max(1))).flat_map(|(texel, wants)| {
                 let samples = if active[cell_of(surface, texel)] { samples } else { 0 };
-                wants.iter().map(move |&want| wanted(want, samples))
+                wants.iter().map(move |&want| Want::from_byte(want).samples(samples))
             });
         let goals: Vec<u16> = goals.collect();
         self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
+    }
+
+    /// How often the samples of each covered texel and light are halved (`[texel][light]`): as often as the chance with which the group would be
+    /// asked among all of them. Suns are never.
+    fn halvings_of(&self, surface: &BlockSurface, probes: &[u16]) -> Vec<u8> {
+        /// A group's light is looked at with one sample at least: more halvings change nothing but what goes with a thousand samples.
+        const MOST: f32 = 4.0;
+        /// Light groups, of many, that get all of their samples.
+        const ASKED: usize = 4;
+        let lights = self.transport.lights;
+        let (suns, groups) = (lights.suns.len(), lights.groups.len());
+        if groups <= ALL_UP_TO {
+            return vec![0; probes.len() * lights.sampled()];
+        }
+        let covered: Vec<usize> = surface.covered().collect();
+        let of_texel = |(&texel, &probes): (&usize, &u16)| {
+            let at = self.witness(surface, texel, probes);
+            let chances = at.and_then(|at| self.transport.chances(&at, ASKED));
+            let of_groups = chances.unwrap_or_else(|| vec![1.0; groups]).into_iter();
+            let halvings = of_groups.map(|chance| (-chance.log2()).floor().min(MOST) as u8);
+            std::iter::repeat_n(0, suns).chain(halvings).collect::<Vec<u8>>()
+        };
+        covered.par_iter().zip(probes).with_min_len(64).flat_map_iter(of_texel).collect()
     }
 
     /// Brings the direct light of each texel, stream and light (as `records` are ordered) to as many samples as `goals` says of
@@ -123,12 +184,13 @@ impl Worker<'_> {
 /// The streams of the samples that count.
 const HALVES: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Direct, 1)];
 
-/// The `want` of each covered texel and light (`[texel][light]`; [`wanted`] makes it a number of samples): how many are worth their
-/// rays, by its trial samples and those of the texels beside.
+/// The [`Want`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth their rays, by its trial samples and
+/// those of the texels beside.
 fn wants(
     surface: &BlockSurface,
     covered: &[usize],
     trials: &[Direct],
+    halvings: &[u8],
     means: &[f32],
     suns: usize,
 ) -> Vec<u8> {
@@ -138,6 +200,8 @@ fn wants(
     /// yard that costs 3 % of error and saves a fifth of the time; a quarter costs 12 % and saves a tenth more.)
     const LESS: u8 = 1;
     let lights = means.len();
+    // Of many groups each has its own bright texels, and those of all together are many.
+    let fewer = if lights - suns > ALL_UP_TO { LESS } else { 0 };
     // The place of each texel of the block among the covered ones. (Neighbours in other blocks are not asked: along their borders
     // some edges of shadows are found less surely.)
     let mut place = vec![None; surface.width * surface.height];
@@ -170,7 +234,11 @@ fn wants(
             let deviation = own.deviation().max(0.5 * step.unwrap_or(0.0));
             let large =
                 (deviation / means[light].max(f32::MIN_POSITIVE)).log2().round() + f32::from(TWICE) - 1.0;
-            wants[i * lights + light] = usual.max((large.clamp(0.0, MOST) as u8).saturating_sub(less));
+            let halvings = halvings[i * lights + light];
+            let usual: u8 = usual.saturating_sub(halvings);
+            let large = (large.clamp(0.0, MOST) as u8).saturating_sub(less + fewer);
+            let log2 = usual.max(large);
+            wants[i * lights + light] = Want { log2, halvings }.to_byte();
         }
     }
     wants
@@ -182,11 +250,23 @@ mod tests {
 
     #[test]
     fn samples_follow_the_want() {
+        let wanted = |log2, samples| Want { log2, halvings: 0 }.samples(samples);
         assert_eq!(wanted(0, 128), 4);
         assert_eq!(wanted(0, 1024), 32);
         assert_eq!([1, 3, 4, 6].map(|want| wanted(want, 128)), [16, 64, 128, 512]);
         assert_eq!(wanted(6, 2), 8);
         assert_eq!(wanted(6, u32::MAX), 1 << 15);
         assert_eq!(wanted(0, 0), FIRST);
+    }
+
+    #[test]
+    fn halvings_leave_one_sample_and_what_is_wanted() {
+        let of = |log2, halvings, samples| Want { log2, halvings }.samples(samples);
+        assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 64)), [4, 2, 1, 1]);
+        assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 1024)), [32, 16, 8, 2]);
+        assert_eq!([0, 4].map(|h| of(3, h, 64)), [32, 32]);
+        for want in (0..=6).flat_map(|log2| (0..=4).map(move |halvings| Want { log2, halvings })) {
+            assert_eq!(Want::from_byte(want.to_byte()), want);
+        }
     }
 }

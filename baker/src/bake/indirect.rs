@@ -9,9 +9,12 @@ use crate::surface::BlockSurface;
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
-use crate::trace::reflectors::{Reflectors, View};
+use crate::trace::facet_index::FacetIndex;
+use crate::trace::facets::{CLUSTERS, Facet, sides};
+use crate::trace::reflectors::{Part, Reflectors, View};
 use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
+use crate::trace::subset::{ALL_UP_TO, Comb, chances};
 use crate::trace::triangle::Hit;
 use crate::trace::walk::{Arrival, balance_heuristic};
 use dataset::console::interrupted;
@@ -27,34 +30,78 @@ pub struct Cache<'a> {
     pub halves: [CacheHalf; 2],
     /// Its bright surfaces: those of daylight and those of each group, where there are any.
     pub reflectors: Vec<Reflectors>,
+    /// Which of their facets hold a point.
+    index: FacetIndex,
+    /// The bright surfaces of light groups among `reflectors`, where groups are many.
+    of_many: Range<usize>,
     /// Per block and cell, what is seen of each of them, once somebody asked.
-    views: Vec<OnceLock<Vec<Option<View>>>>,
+    views: Vec<OnceLock<Vec<Option<Sight>>>>,
+}
+
+/// What a cell sees of the bright surfaces of one light group, or of daylight.
+struct Sight {
+    view: View,
+    /// The part of its walks that come with a look at them.
+    chance: f32,
 }
 
 impl<'a> Cache<'a> {
     /// Finds the bright surfaces.
     pub fn new(worker: &Worker, map: CacheMap<'a>, halves: [CacheHalf; 2]) -> Self {
         let (geometry, lights) = (worker.transport.space.geometry, worker.transport.lights);
-        let groups = (0..lights.groups.len()).map(|g| {
+        // Each cell looks at each cluster: many groups have fewer of them.
+        let clusters = match lights.groups.len() {
+            ..=ALL_UP_TO => CLUSTERS,
+            many => (MANY_CLUSTERS / many).clamp(LEAST_CLUSTERS, CLUSTERS),
+        };
+        let of_group = |g| {
             let layer = lights.group_layer(g);
-            (layer..layer + 1, lights.groups[g].key)
-        });
-        let parts = [(0..lights.sky_layers().end, 0)].into_iter().chain(groups);
-        let of_part = |(layers, key)| Reflectors::new(geometry, &map, &halves, layers, key);
+            Part { layers: layer..layer + 1, key: lights.groups[g].key, clusters }
+        };
+        let daylight = Part { layers: 0..lights.sky_layers().end, key: 0, clusters: CLUSTERS };
+        let parts = [daylight].into_iter().chain((0..lights.groups.len()).map(of_group));
+        let sides = sides(geometry, &map);
+        let of_part = |part| Reflectors::new(geometry, &map, &halves, &sides, part);
         let reflectors: Vec<Reflectors> = parts.filter_map(of_part).collect();
         let cells = if reflectors.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
         let views = (0..cells).map(|_| OnceLock::new()).collect();
-        Cache { map, halves, reflectors, views }
+        let facets: Vec<&[Facet]> = reflectors.iter().map(Reflectors::facets).collect();
+        let index = FacetIndex::new(geometry.triangles.len(), &facets);
+        // (Daylight stands first, if it has any.)
+        let first = reflectors.iter().take_while(|r| r.layers.end <= lights.sky_layers().end).count();
+        let of_many = if lights.groups.len() > ALL_UP_TO { first..reflectors.len() } else { 0..0 };
+        Cache { map, halves, reflectors, index, of_many, views }
     }
 
-    /// What a cell sees of the bright surfaces.
-    fn seen_from(&self, block: usize, cell: usize) -> Vec<(&Reflectors, &View)> {
-        let Some(views) = self.views.get(block * CELLS + cell).and_then(OnceLock::get) else {
-            return Vec::new();
-        };
-        self.reflectors.iter().zip(views).filter_map(|(r, view)| Some((r, view.as_ref()?))).collect()
+    /// Each view with the chance of a look: where groups are many, in proportion to the light that arrives beside the mean of their layers.
+    /// Daylight is always looked at.
+    fn sights(&self, views: Vec<Option<View>>) -> Vec<Option<Sight>> {
+        let mut taken = vec![1.0; views.len()];
+        let of_many = &mut taken[self.of_many.clone()];
+        let worth = |view: &Option<View>| view.as_ref().map_or(0.0, View::worth);
+        of_many.iter_mut().zip(&views[self.of_many.clone()]).for_each(|(chance, view)| *chance = worth(view));
+        chances(of_many, LOOKS);
+        let sight = |(view, chance): (Option<View>, f32)| Some(Sight { view: view?, chance });
+        views.into_iter().zip(taken).map(sight).collect()
+    }
+
+    /// What a cell sees of the bright surfaces of each light group, and of daylight.
+    fn seen_from(&self, block: usize, cell: usize) -> &[Option<Sight>] {
+        self.views.get(block * CELLS + cell).and_then(OnceLock::get).map_or(&[], Vec::as_slice)
     }
 }
+
+/// Clusters of bright facets of all light groups together, where there are more than [`ALL_UP_TO`].
+const MANY_CLUSTERS: usize = 1024;
+
+/// Those that a group has at least.
+const LEAST_CLUSTERS: usize = 16;
+
+/// Light groups whose bright surfaces are looked at with each walk, on average, where there are more than [`ALL_UP_TO`].
+const LOOKS: usize = 2;
+
+/// Of one group's look, whether it is taken: the random number for that.
+const LOOK: u32 = 0x6c6f_6f6b;
 
 /// An entry of the cache that a walk ended at, to be read a few samples later: by then it has come from memory.
 pub struct Reading {
@@ -73,10 +120,10 @@ const READ_EVERY: u32 = 8;
 
 /// One half of the cache, as the walks of one texel read it.
 pub struct Reader<'a> {
-    map: &'a CacheMap<'a>,
+    cache: &'a Cache<'a>,
     half: &'a CacheHalf,
-    /// The bright surfaces, and what the texel's cell sees of them.
-    seen: &'a [(&'a Reflectors, &'a View)],
+    /// What the texel's cell sees of the bright surfaces.
+    seen: &'a [Option<Sight>],
     readings: &'a mut Vec<Reading>,
 }
 
@@ -121,12 +168,12 @@ impl Worker<'_> {
                 if probes == 0 || !active[cell] || interrupted() {
                     return counts;
                 }
-                let seen = cache.map(|c| c.seen_from(block, cell)).unwrap_or_default();
+                let seen = cache.map_or(&[][..], |c| c.seen_from(block, cell));
                 for half in 0..2 {
                     let sequence = self.sequence(surface, texel, Stream::Indirect, half);
                     let out = &mut sums[half * layers..(half + 1) * layers];
                     let mut reader =
-                        cache.map(|c| Reader { map: &c.map, half: &c.halves[half], seen: &seen, readings });
+                        cache.map(|cache| Reader { cache, half: &cache.halves[half], seen, readings });
                     for i in *drawn..goal {
                         let sample = sequence.sample(i);
                         if let Some(at) = self.receiver(surface, texel, sample, probes, &mut counts) {
@@ -157,10 +204,10 @@ impl Worker<'_> {
         out: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
-        let Some(Reader { map, half, seen, readings }) = reader else {
+        let Some(Reader { cache, half, seen, readings }) = reader else {
             return self.transport.indirect(at, sample, |_, _, _| false, out, counts);
         };
-        let transport = &self.transport;
+        let (transport, map) = (&self.transport, &cache.map);
         let layers = out.len();
         let is_near = |hit: &Hit, is_back| {
             f64::from(hit.t) < NEAR * map.length_on(transport.space.geometry, hit.triangle, is_back)
@@ -176,9 +223,11 @@ impl Worker<'_> {
             // What a look at the bright surfaces finds too is shared between both.
             // (They stand in the order of their layers, which do not overlap.)
             let mut rest = 0;
-            let shared = if arrival.is_first { *seen } else { &[] };
-            for (reflectors, view) in shared {
-                let density = reflectors.density_at(view, hit, *is_back);
+            let held = if arrival.is_first && !seen.is_empty() { cache.index.at(hit, *is_back) } else { &[] };
+            for held in held {
+                let Some(Sight { view, chance }) = &seen[held.part as usize] else { continue };
+                let reflectors = &cache.reflectors[held.part as usize];
+                let density = chance * reflectors.density(view, held.facet as usize);
                 if density > 0.0 {
                     let from = transport.space.front(hit.triangle).dot(arrival.direction).abs();
                     let share = balance_heuristic(arrival.pdf, density * hit.t * hit.t / from);
@@ -191,9 +240,12 @@ impl Worker<'_> {
             true
         };
         transport.indirect(at, sample, land, out, counts);
-        for (reflectors, view) in *seen {
-            if let Some((hit, is_back, weight)) =
-                reflectors.reflected(&transport.space, at, view, sample, counts)
+        let mut comb = Comb::new(if seen.is_empty() { 0.0 } else { sample.number(LOOK) });
+        for (reflectors, sight) in cache.reflectors.iter().zip(*seen) {
+            if let Some(Sight { view, chance }) = sight
+                && comb.asks(*chance)
+                && let Some((hit, is_back, weight)) =
+                    reflectors.reflected(&transport.space, at, view, *chance, sample, counts)
                 && !is_near(&hit, is_back)
                 && let Some(entry) = map.entry(&transport.space, &hit, is_back, counts)
             {
@@ -233,7 +285,8 @@ impl Worker<'_> {
                 })
                 .collect();
             let view = |r: &Reflectors| r.view(&self.transport.space, &receivers, &mut counts);
-            let _ = known.set(cache.reflectors.iter().map(view).collect());
+            let views = cache.reflectors.iter().map(view).collect();
+            let _ = known.set(cache.sights(views));
             counts
         };
         sum((0..CELLS).into_par_iter().map(look).collect::<Vec<_>>())

@@ -1,7 +1,7 @@
 //! All lights of a group as one: its lamps and the emissive triangles of its meshes, one chosen for each sample.
 
 use super::emitter::Emitter;
-use super::lamp::{LampSample, LampSampler};
+use super::lamp::{LampSample, LampSampler, Outline};
 use super::luminance;
 use super::tree::LightTree;
 use crate::scene::Lamp;
@@ -24,6 +24,8 @@ pub struct GroupSampler {
     /// The lights after them: triangles, ascending by index.
     emitters: Vec<Emitter>,
     tree: Option<LightTree>,
+    /// Sum of the lights' luminous intensities.
+    intensity: f32,
 }
 
 impl GroupSampler {
@@ -35,11 +37,11 @@ impl GroupSampler {
         let mut emitters: Vec<Emitter> = emitters.iter().copied().filter(Emitter::is_usable).collect();
         emitters.sort_by_key(|emitter| emitter.triangle);
         emitters.dedup_by_key(|emitter| emitter.triangle);
-        let tree = (lamps.len() + emitters.len() >= TREE_FROM).then(|| {
-            let outlines = lamps.iter().map(LampSampler::outline);
-            LightTree::new(&outlines.chain(emitters.iter().map(Emitter::outline)).collect::<Vec<_>>())
-        });
-        Self { lamps, emitters, tree }
+        let outlines = lamps.iter().map(LampSampler::outline);
+        let outlines: Vec<Outline> = outlines.chain(emitters.iter().map(Emitter::outline)).collect();
+        let intensity = outlines.iter().map(|outline| outline.intensity).sum::<f64>() as f32;
+        let tree = (outlines.len() >= TREE_FROM).then(|| LightTree::new(&outlines));
+        Self { lamps, emitters, tree, intensity }
     }
 
     /// Whether it has no light.
@@ -78,6 +80,17 @@ impl GroupSampler {
         };
         (sample.irradiance.is_finite() && sample.direction.is_finite() && sample.distance > 0.0)
             .then_some(sample)
+    }
+
+    /// A guess of the irradiance of all its lights together, per unit of their intensity: 0 only where `sample` gives nothing.
+    pub fn worth(&self, point: Vec3, normal: Vec3) -> f32 {
+        let importance = |light| self.importance(light, point, normal);
+        let guess = match &self.tree {
+            Some(tree) => tree.all(point, normal, importance),
+            None => (0..self.len() as u32).map(importance).sum(),
+        };
+        let relative = guess / self.intensity.max(f32::MIN_POSITIVE);
+        if guess > 0.0 { relative.clamp(f32::MIN_POSITIVE, 1e30) } else { 0.0 }
     }
 
     /// The density over solid angle with which [`GroupSampler::sample`] gives the unit direction from `point` to the point at

@@ -365,3 +365,28 @@ fn lights_without_power_are_dropped() {
     assert!(none.is_empty() && none.sample(Vec3::ZERO, Vec3::Y, 0.0, Vec2::ZERO).is_none());
     assert_eq!(none.emitter_pdf(Vec3::ZERO, Vec3::Y, 0, Vec3::Y, 1.0), 0.0);
 }
+
+#[test]
+fn a_group_is_worth_nothing_only_where_it_gives_nothing() {
+    let (mut none, mut some) = (0, 0);
+    for n in [1, 2, 5, 200] {
+        // One lamp of each kind, or many of all.
+        for first in 0..if n == 1 { 5 } else { 1 } {
+            let group = GroupSampler::new(&mixed(first + n)[first..], &[], DVec3::ZERO);
+            let mut random = Random::new(11);
+            for _ in 0..1000 {
+                let mut at = || random.between(-12.0, 12.0) as f32;
+                let point = Vec3::new(at(), at(), at());
+                let normal = random.direction().as_vec3();
+                let worth = group.worth(point, normal);
+                assert!(worth >= 0.0 && worth.is_finite());
+                let mut sample =
+                    || group.sample(point, normal, random.next(), Vec2::new(random.next(), random.next()));
+                let gives = (0..16).any(|_| sample().is_some_and(|s| s.irradiance != Rgb::ZERO));
+                assert!(worth > 0.0 || !gives, "{n} {point} {normal}");
+                if worth > 0.0 { some += 1 } else { none += 1 }
+            }
+        }
+    }
+    assert!(none > 100 && some > 1000, "{none} {some}");
+}

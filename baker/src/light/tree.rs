@@ -68,6 +68,11 @@ impl LightTree {
         Self { nodes, lights, slots }
     }
 
+    /// A guess of the irradiance that all lights give.
+    pub(super) fn all(&self, p: Vec3, n: Vec3, exact: impl Fn(u32) -> f32) -> f32 {
+        self.importance(0, p, n, &exact)
+    }
+
     /// A light and the probability of choosing it; `u` in [0, 1). `exact` is the importance of a single light. `None` where no
     /// light has any.
     pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32, exact: impl Fn(u32) -> f32) -> Option<(u32, f32)> {

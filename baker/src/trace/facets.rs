@@ -22,8 +22,8 @@ const BRIGHT: f32 = 4.0;
 /// They are worth a look where they hold this part of the light's second moment over all surfaces, and so about of the variance of
 /// what walks find by chance (0.91 for daylight in the scene `room`, 0.39 in `yard`, 0.98 and more for lamps).
 const WORTH: f64 = 0.5;
-/// Clusters of facets.
-const CLUSTERS: usize = 256;
+/// Most clusters of facets.
+pub const CLUSTERS: usize = 256;
 
 /// The bright facets, ordered by cluster.
 pub struct Facets {
@@ -77,7 +77,7 @@ pub struct Cluster {
 
 /// A side of a triangle that has entries in the cache, cut into along² facets.
 #[derive(Clone, Copy)]
-struct Side {
+pub struct Side {
     triangle: u32,
     is_back: bool,
     along: u32,
@@ -100,16 +100,18 @@ struct Sent<'a> {
 }
 
 impl Facets {
-    /// The bright facets among all surfaces of the cache, by the light of `layers`; `None` where little comes from them.
+    /// The bright facets among all surfaces of the cache, in `most_clusters` at most, by the light of `layers`; `None` where little
+    /// comes from them.
     pub fn bright(
         geometry: &Geometry,
         map: &CacheMap,
         halves: &[CacheHalf; 2],
+        sides: &[Side],
         layers: Range<usize>,
+        most_clusters: usize,
     ) -> Option<Self> {
-        let sides = sides(geometry, map)?;
         let sent = Sent { geometry, map, halves, layers };
-        let brightness = sent.brightness(&sides);
+        let brightness = sent.brightness(sides);
         // Over all surfaces, the integrals of 1, brightness and its square.
         let [mut area, mut light, mut second] = [0f64; 3];
         for (side, brightness) in sides.iter().zip(&brightness) {
@@ -127,7 +129,7 @@ impl Facets {
         if bright < WORTH * second {
             return None;
         }
-        let (clusters, up_to) = cluster(&mut facets);
+        let (clusters, up_to) = cluster(&mut facets, most_clusters);
         Some(Facets { facets, up_to, clusters })
     }
 }
@@ -219,8 +221,8 @@ impl Sent<'_> {
     }
 }
 
-/// The sides of triangles that have entries, cut into no more than [`MOST`] facets; `None` where even long ones are more.
-fn sides(geometry: &Geometry, map: &CacheMap) -> Option<Vec<Side>> {
+/// The sides of triangles that have entries, cut into no more than [`MOST`] facets; none where even long ones are more.
+pub fn sides(geometry: &Geometry, map: &CacheMap) -> Vec<Side> {
     let cut = |length: f64| {
         let of_triangle = |triangle: usize| {
             let along = facets_along(geometry, triangle, length);
@@ -233,7 +235,7 @@ fn sides(geometry: &Geometry, map: &CacheMap) -> Option<Vec<Side>> {
     };
     let lengths = std::iter::successors(Some(LENGTH * map.entry_length()), |length| Some(2.0 * length));
     let facets = |sides: &Vec<Side>| sides.iter().map(|s| u64::from(s.along).pow(2)).sum::<u64>();
-    lengths.take(8).map(cut).find(|sides| facets(sides) <= MOST)
+    lengths.take(8).map(cut).find(|sides| facets(sides) <= MOST).unwrap_or_default()
 }
 
 /// How many facets of about this length lie along an edge of a triangle.
@@ -245,7 +247,7 @@ fn facets_along(geometry: &Geometry, triangle: usize, length: f64) -> u32 {
 
 /// Orders the facets by clusters: starting from six directions of their normals, the one with the greatest power × extent is halved
 /// until there are enough.
-fn cluster(facets: &mut [Facet]) -> (Vec<Cluster>, Vec<f32>) {
+fn cluster(facets: &mut [Facet], most: usize) -> (Vec<Cluster>, Vec<f32>) {
     let direction = |f: &Facet| {
         let n = f.normal;
         let axis = n.abs().max_position();
@@ -268,7 +270,7 @@ fn cluster(facets: &mut [Facet]) -> (Vec<Cluster>, Vec<f32>) {
         ranges.push((from, same.len(), worth(same)));
         from += same.len();
     }
-    while ranges.len() < CLUSTERS {
+    while ranges.len() < most {
         let best = (0..ranges.len()).max_by(|&a, &b| ranges[a].2.total_cmp(&ranges[b].2));
         let Some(best) = best.filter(|&b| ranges[b].2 > 0.0) else { break };
         let (first, count, _) = ranges[best];

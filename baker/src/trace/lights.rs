@@ -1,5 +1,6 @@
 //! The light a bake traces: the distinct suns, the lit skies and the traced groups, one layer each, in that order.
 
+use super::subset::{ALL_UP_TO, chances};
 use crate::Rgb;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
@@ -121,6 +122,22 @@ impl Lights {
     /// Number of lights that are sampled from a point: suns and groups.
     pub fn sampled(&self) -> usize {
         self.suns.len() + self.groups.len()
+    }
+
+    /// The chance with which each group is asked for its light at a point with a unit normal, where there are more than a few and `asked`
+    /// of them are asked: in proportion to a guess of it, beside all that the group gives anywhere. `None`: all are asked.
+    pub fn chances(&self, point: Vec3, normal: Vec3, asked: usize) -> Option<Vec<f32>> {
+        /// The part of `asked` that goes evenly to all that may give light: the guess knows of no shadows.
+        const EVEN: f32 = 0.2;
+        if self.groups.len() <= ALL_UP_TO {
+            return None;
+        }
+        let mut worth: Vec<f32> = self.groups.iter().map(|g| g.sampler.worth(point, normal)).collect();
+        let able = worth.iter().filter(|w| **w > 0.0).count();
+        let even = EVEN / (1.0 - EVEN) * worth.iter().sum::<f32>() / able.max(1) as f32;
+        worth.iter_mut().filter(|w| **w > 0.0).for_each(|w| *w += even);
+        chances(&mut worth, asked);
+        Some(worth)
     }
 
     /// The layer of a sampled light.

@@ -2,15 +2,15 @@
 //! light comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once the cache is solved, those are
 //! known: they are cut into facets, sampled, and weighted against the walk by the balance heuristic.
 //!
-//! Daylight has facets of its own, shared by all its layers, and so has every group: a group's light must not depend on what else
-//! is traced. A facet is chosen in proportion to √Σ (its light ÷ the layer's mean)² over those layers, the best choice for the
+//! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few groups some are looked at with
+//! each walk ([`super::subset`]). A facet is chosen in proportion to √Σ (its light ÷ the layer's mean)² over those layers, the best choice for the
 //! sum of their relative variances; and by how much of it arrives at the receiver, which a [`View`] holds for clusters of facets,
 //! shadows included.
 
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
 use super::counts::RayCounts;
-use super::facets::{Cluster, Facet, Facets, number_of, point_of};
+use super::facets::{Cluster, Facet, Facets, Side, point_of};
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
 use super::triangle::Hit;
@@ -20,8 +20,15 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 use std::ops::Range;
 
-/// No facet.
-const NONE: u32 = u32::MAX;
+/// Layers whose bright facets are one list.
+pub struct Part {
+    /// The layers.
+    pub layers: Range<usize>,
+    /// Tells its random numbers from those of other layers.
+    pub key: u32,
+    /// Most clusters of its facets.
+    pub clusters: usize,
+}
 
 /// The bright facets of a scene, for some of its layers.
 pub struct Reflectors {
@@ -29,10 +36,6 @@ pub struct Reflectors {
     pub layers: Range<usize>,
     /// Tells its random numbers from those of other layers.
     pub key: u32,
-    /// Per triangle and side, the place of its first facet in `facet_of`, and the facets along a side.
-    sides: Vec<[(u32, u32); 2]>,
-    /// Per facet of those sides, its place among `facets`.
-    facet_of: Vec<u32>,
     facets: Vec<Facet>,
     /// Per facet, the sum of the powers of its cluster's facets up to and with it, over that of all.
     up_to: Vec<f32>,
@@ -57,30 +60,29 @@ struct FacetPoint {
 #[derive(Clone, Debug)]
 pub struct View {
     up_to: Vec<f32>,
+    arrives: f32,
+}
+
+impl View {
+    /// Light that arrives from all of them, relative to the mean of their layers: what looking there is worth.
+    pub fn worth(&self) -> f32 {
+        self.arrives
+    }
 }
 
 impl Reflectors {
-    /// The bright facets among all surfaces of the cache, by the light of `layers`; `None` where little comes from them.
+    /// The bright facets among the `sides` of all surfaces of the cache; `None` where little comes from them.
     pub fn new(
         geometry: &Geometry,
         map: &CacheMap,
         halves: &[CacheHalf; 2],
-        layers: Range<usize>,
-        key: u32,
+        sides: &[Side],
+        part: Part,
     ) -> Option<Self> {
-        let Facets { facets, up_to, clusters } = Facets::bright(geometry, map, halves, layers.clone())?;
-        // From a hit back to its facet.
-        let mut sides = vec![[(NONE, 0); 2]; geometry.triangles.len()];
-        let mut facet_of = Vec::new();
-        for (i, facet) in facets.iter().enumerate() {
-            let place = &mut sides[facet.triangle as usize][usize::from(facet.is_back)];
-            if place.0 == NONE {
-                *place = (facet_of.len() as u32, facet.along);
-                facet_of.resize(facet_of.len() + (facet.along * facet.along) as usize, NONE);
-            }
-            facet_of[(place.0 + facet.number) as usize] = i as u32;
-        }
-        Some(Reflectors { layers, key, sides, facet_of, facets, up_to, clusters })
+        let Part { layers, key, clusters } = part;
+        let bright = Facets::bright(geometry, map, halves, sides, layers.clone(), clusters)?;
+        let Facets { facets, up_to, clusters } = bright;
+        Some(Reflectors { layers, key, facets, up_to, clusters })
     }
 
     /// What of their light arrives around some receivers; the samples are those the receivers were chosen by. `None` where nothing
@@ -142,16 +144,17 @@ impl Reflectors {
         if let Some(last) = up_to.last_mut() {
             *last = last.max(1.0);
         }
-        Some(View { up_to })
+        Some(View { up_to, arrives: total / places.len() as f32 })
     }
 
     /// One sample of the light that they reflect to `at`: where from, from which side, and the irradiance at `at` per unit of it there,
-    /// weighted against the walk that may meet them.
+    /// weighted against the walk that may meet them. `chance`: the probability with which such a sample is taken at all.
     pub fn reflected(
         &self,
         space: &Space,
         at: &Receiver,
         view: &View,
+        chance: f32,
         sample: Sample,
         counts: &mut RayCounts,
     ) -> Option<(Hit, bool, Rgb)> {
@@ -169,7 +172,7 @@ impl Reflectors {
             return None;
         }
         // Radiance is albedo ÷ π times the irradiance there; over the densities of both ways to find it.
-        let pdf = point.density * distance * distance / from;
+        let pdf = chance * point.density * distance * distance / from;
         let weight = cosine / (pdf + cosine / PI);
         if !(weight.is_finite() && weight > 0.0) {
             return None;
@@ -212,17 +215,13 @@ impl Reflectors {
         })
     }
 
-    /// The density over area with which a look gives a point of the surface; 0 where it is not bright.
-    pub fn density_at(&self, view: &View, hit: &Hit, is_back: bool) -> f32 {
-        let (first, n) = self.sides[hit.triangle as usize][usize::from(is_back)];
-        if first == NONE {
-            return 0.0;
-        }
-        let facet = self.facet_of[(first + number_of(n, hit.barycentric)) as usize];
-        if facet == NONE { 0.0 } else { self.density(view, facet as usize) }
+    /// The bright facets.
+    pub fn facets(&self) -> &[Facet] {
+        &self.facets
     }
 
-    fn density(&self, view: &View, facet: usize) -> f32 {
+    /// The density over area with which a look gives a point of a facet.
+    pub fn density(&self, view: &View, facet: usize) -> f32 {
         let facet = &self.facets[facet];
         let k = facet.cluster as usize;
         let before = if k > 0 { view.up_to[k - 1] } else { 0.0 };

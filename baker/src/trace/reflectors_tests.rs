@@ -4,6 +4,8 @@ use super::*;
 use crate::atlas::{Atlas, build};
 use crate::geometry::{Instance, Material, Texture, Wrap};
 use crate::scene::{Lightmap, LightmapSize};
+use crate::trace::facet_index::FacetIndex;
+use crate::trace::facets::{CLUSTERS, number_of, sides};
 use crate::trace::rays::Rays;
 use crate::trace::sampler::{Kind, Sequence};
 
@@ -84,7 +86,8 @@ fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<Reflectors>)
         });
         half
     };
-    test(&geometry, Reflectors::new(&geometry, &map, &[half(), half()], 0..2, 7));
+    let (sides, part) = (sides(&geometry, &map), Part { layers: 0..2, key: 7, clusters: CLUSTERS });
+    test(&geometry, Reflectors::new(&geometry, &map, &[half(), half()], &sides, part));
 }
 
 #[test]
@@ -96,6 +99,21 @@ fn even_light_has_no_bright_facets() {
 fn points_are_drawn_from_the_bright_square_with_the_density_told() {
     with_reflectors(100.0, |geometry, reflectors| {
         let reflectors = reflectors.expect("a bright square");
+        // Listed second, after a list of every other facet: both are found, in this order.
+        let others: Vec<Facet> = reflectors.facets().iter().copied().step_by(2).collect();
+        let index = FacetIndex::new(geometry.triangles.len(), &[&others, reflectors.facets()]);
+        let density_at = |view: &View, hit: &Hit, is_back: bool| match index.at(hit, is_back) {
+            [] => 0.0,
+            [held] => {
+                assert!(held.part == 1 && held.facet % 2 == 1);
+                reflectors.density(view, held.facet as usize)
+            }
+            [other, held] => {
+                assert!((other.part, held.part, 2 * other.facet) == (0, 1, held.facet));
+                reflectors.density(view, held.facet as usize)
+            }
+            more => panic!("{more:?}"),
+        };
         let receivers = [(Vec3::new(0.0, 2.0, 0.0), -Vec3::Y)];
         let number =
             |r: usize, k: usize| Sequence::new(3, Kind::Texel, r as u32, 0).sample(k as u32).number(0);
@@ -109,7 +127,7 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
         for i in 0..n {
             let sample = sequence.sample(i);
             let point = reflectors.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
-            let told = reflectors.density_at(&view, &hit(point.triangle, point.barycentric), point.is_back);
+            let told = density_at(&view, &hit(point.triangle, point.barycentric), point.is_back);
             strayed += u32::from((told / point.density - 1.0).abs() > 1e-5);
             let p = place(geometry, point.triangle, point.barycentric);
             assert!(p.distance(point.point) < 1e-5 && point.normal == Vec3::Y && !point.is_back);
@@ -127,8 +145,8 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
             let u = sequence.sample(i).pair(1);
             let b = if u.x + u.y > 1.0 { Vec2::ONE - u } else { u };
             let b = Vec3::new(1.0 - b.x - b.y, b.x, b.y);
-            let density = f64::from(reflectors.density_at(&view, &hit(i % 2, b), false));
-            assert_eq!(reflectors.density_at(&view, &hit(i % 2, b), true), 0.0);
+            let density = f64::from(density_at(&view, &hit(i % 2, b), false));
+            assert_eq!(density_at(&view, &hit(i % 2, b), true), 0.0);
             let p = place(geometry, i % 2, b);
             bright += if density > 0.0 { of_point } else { 0.0 };
             sum += density * of_point;
@@ -215,7 +233,7 @@ fn holes_of_a_cut_out_reflect_nothing() {
             for i in 0..1 << 10 {
                 let sample = sequence.sample(i);
                 if let Some((hit, is_back, weight)) =
-                    reflectors.reflected(&space, &receiver, &view, sample, &mut counts)
+                    reflectors.reflected(&space, &receiver, &view, 1.0, sample, &mut counts)
                 {
                     assert!(!is_back && weight.min_element() > 0.0);
                     let x = place(geometry, hit.triangle, hit.barycentric).x;

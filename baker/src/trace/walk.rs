@@ -11,6 +11,7 @@ use super::pane::{Fate, meet};
 use super::rays::Passed;
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
+use super::subset::{ALL_UP_TO, Comb};
 use super::triangle::Hit;
 use crate::Rgb;
 use crate::light::lamp::LampSample;
@@ -73,6 +74,10 @@ mod dimension {
     pub fn pane(vertex: u32, pane: u32) -> u32 {
         vertex.wrapping_mul(0x85eb_ca6b).wrapping_add(pane).wrapping_add(0x676c_6173)
     }
+    /// Which groups are asked.
+    pub fn asked(vertex: u32) -> u32 {
+        0x6173_6b00 + vertex
+    }
     /// Those of groups are spread by their key.
     pub fn group(vertex: u32, key: u32) -> u32 {
         key.wrapping_add(vertex.wrapping_mul(0x9e37_79b9))
@@ -108,7 +113,13 @@ impl<'a> Transport<'a> {
         self.direct_at(at, light, sample, draw, 0, counts)
     }
 
-    /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex of a walk (0: its start).
+    /// [`Lights::chances`] at a point of a surface.
+    pub fn chances(&self, at: &Receiver, asked: usize) -> Option<Vec<f32>> {
+        self.lights.chances(at.origin, at.normal, asked)
+    }
+
+    /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex of a walk (0: its start);
+    /// of more than a few groups some are asked ([`Lights::chances`]).
     pub fn add_direct(
         &self,
         at: &Receiver,
@@ -119,9 +130,17 @@ impl<'a> Transport<'a> {
         counts: &mut RayCounts,
     ) {
         let draw = SunDraw::new(sample.pair(dimension::sun(vertex)));
+        let suns = self.lights.suns.len();
+        let chances = self.chances(at, ALL_UP_TO);
+        let mut comb =
+            Comb::new(if chances.is_some() { sample.number(dimension::asked(vertex)) } else { 0.0 });
         for light in 0..self.lights.sampled() {
-            out[self.lights.layer_of_sampled(light)] +=
-                weight * self.direct_at(at, light, sample, &draw, vertex, counts);
+            // (How likely a group is asked does not change how its light is shared with the walk, which may meet it too.)
+            let chance = chances.as_ref().map_or(1.0, |c| if light < suns { 1.0 } else { c[light - suns] });
+            if comb.asks(chance) {
+                let found = self.direct_at(at, light, sample, &draw, vertex, counts);
+                out[self.lights.layer_of_sampled(light)] += weight * found / chance;
+            }
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod golden;
+mod groups;
 mod keep;
 mod pages;
 mod preview;
