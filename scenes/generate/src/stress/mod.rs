@@ -1,5 +1,6 @@
-//! Two stress scenes for tests. They are generated where they are needed and have no file in this folder.
+//! Stress scenes for tests. They are generated where they are needed and have no file in this folder.
 
+pub mod big;
 #[cfg(test)]
 mod tests;
 
