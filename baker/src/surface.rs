@@ -1,6 +1,7 @@
 //! Texels as pieces of surface: which parts of which triangles a texel covers, and points on them.
 
 use crate::atlas::Atlas;
+use crate::geometry::Geometry;
 use glam::{DVec2, DVec3, Vec2, Vec3, dvec2, dvec3};
 
 /// Side of the square blocks of texels that are worked on at a time; divides the metric tiles' side.
@@ -185,6 +186,17 @@ impl BlockSurface {
         let [a, b, c] = fragment.corners;
         let point = a * (1.0 - r) + b * (r * (1.0 - u.y)) + c * (r * u.y);
         fragment.point(atlas, point)
+    }
+
+    /// The direction in space in which the columns of the page run on a texel's surface; its length is that of a texel. The texel must
+    /// be covered.
+    pub fn along(&self, atlas: &Atlas, geometry: &Geometry, texel: usize) -> Vec3 {
+        let face = &atlas.faces[self.fragments[self.starts[texel] as usize].face as usize];
+        let [a, b, c] = face.corners.map(DVec2::from);
+        let [p, q, r] = geometry.corners(face.triangle as usize).map(Vec3::as_dvec3);
+        let twice_area = (b - a).perp_dot(c - a);
+        // How the weights of the second and third corner grow along x.
+        ((q - p) * ((c - a).y / twice_area) - (r - p) * ((b - a).y / twice_area)).as_vec3()
     }
 
     /// The outermost points of a texel's surface in each of eight directions on the page, equal ones once: of a whole texel its

@@ -1,13 +1,14 @@
 //! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, ten thousand tiny charts, and a
-//! compressed file with instances and vertex colours.
+//! compressed file with instances and vertex colours. And what many copies of a scene cost, counted in rays.
 
 use baker::bake::options::Preset;
-use baker::bake::run::{Options, bake};
+use baker::bake::run::{Integrator, Options, bake, prepare};
 use baker::light::schedule::parse_hours;
 use compressor::compress;
 use compressor::decode::Decoder;
 use dataset::console::{Console, ConsoleArgs};
 use dataset::store::Dataset;
+use std::path::{Path, PathBuf};
 
 fn bake_and_compress(mesh: &str, size: u32, warning: Option<&str>) {
     let dir = tempfile::tempdir().unwrap();
@@ -61,4 +62,47 @@ fn more_charts_than_the_page_has_blocks() {
 #[test]
 fn compressed_instances_with_coloured_vertices() {
     bake_and_compress("packed", 128, None);
+}
+
+/// Copies of the yard on a page, as a scene of their own in a folder.
+fn yards(folder: &Path, copies: usize, size: u32) -> PathBuf {
+    let big = generate::big("yard", copies, size).unwrap();
+    std::fs::write(folder.join("yard.glb"), &big.glb).unwrap();
+    let scene = folder.join(format!("yards-{copies}.toml"));
+    std::fs::write(&scene, &big.toml).unwrap();
+    scene
+}
+
+#[test]
+fn the_search_for_hidden_faces_does_not_grow_with_copies() {
+    let dir = tempfile::tempdir().unwrap();
+    let rays = |copies: usize, size: u32| {
+        // Texels of the same length, so that faces are looked at as closely.
+        let scene = yards(dir.path(), copies, size);
+        let prepared =
+            prepare(&scene, &Options::new(parse_hours("12").unwrap()), &Console::silent()).unwrap();
+        let (atlas, looking) = prepared.atlas().unwrap();
+        assert_eq!(prepared.geometry.triangles.len() % copies, 0);
+        (looking.inside, atlas.skipped.triangles / copies)
+    };
+    let (one, nine) = (rays(1, 256), rays(9, 768));
+    // Faces that all copies hide are looked at in each.
+    assert!(one.0 > 100_000 && nine.0 < 3 * one.0, "{one:?} {nine:?}");
+    assert!(one.1 > 1000 && nine.1.abs_diff(one.1) < one.1 / 20, "{one:?} {nine:?}");
+}
+
+#[test]
+fn few_rays_tell_which_texels_are_surface() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = yards(dir.path(), 4, 512);
+    let options = Options {
+        out: Some(dir.path().join("out")),
+        samples: Some(2),
+        integrator: Integrator::Path,
+        ..Options::new(parse_hours("12").unwrap())
+    };
+    let looking = prepare(&scene, &options, &Console::silent()).unwrap().atlas().unwrap().1;
+    let outcome = bake(&scene, &options, &Console::silent()).unwrap();
+    let per_texel = (outcome.rays.inside - looking.inside) as f64 / outcome.texels as f64;
+    assert!(outcome.texels > 50_000 && per_texel < 20.0, "{per_texel} rays, {} texels", outcome.texels);
 }

@@ -171,6 +171,12 @@ pub struct Face {
     pub chart: u32,
 }
 
+/// The lightmapped instances by shape: all members of a list share one layout, and have their triangles in the same order.
+pub fn shapes(geometry: &Geometry) -> Vec<Vec<usize>> {
+    let groups = sharing::groups(geometry).into_iter();
+    groups.map(|group| group.members.iter().map(|member| member.instance).collect()).collect()
+}
+
 /// Lays out all faces: [`build_without`] none.
 ///
 /// # Errors

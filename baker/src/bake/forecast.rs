@@ -90,7 +90,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     };
     let cache = solve::bytes(entries, plan.layers());
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
-    let rays = Rays::with_backend(&prepared.geometry, prepared.backend)?;
+    let rays = prepared.rays()?;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
         size: [atlas.width, atlas.page_height],

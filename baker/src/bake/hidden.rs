@@ -5,6 +5,7 @@
 //! its texels. The same scene has the same hidden faces, whatever the seed, the backend and the number of threads.
 
 use super::block::sum;
+use crate::atlas;
 use crate::geometry::{Geometry, Solids};
 use crate::scene::{HiddenFaces, Lightmap, LightmapSize, UvSource};
 use crate::surface::SurfacePoint;
@@ -30,7 +31,7 @@ const GAP_OF_SCENE: f64 = 1e-4;
 /// Faces that nobody can see.
 #[derive(Clone, Debug, Default)]
 pub struct Hidden {
-    /// Triangles of lightmapped instances, ascending.
+    /// Triangles of lightmapped instances, ascending: those hidden in every instance that shares their layout.
     pub triangles: Vec<u32>,
     /// The rays that it took to find them.
     pub rays: RayCounts,
@@ -38,29 +39,51 @@ pub struct Hidden {
 
 /// Finds the hidden faces of lightmapped instances; none if they are to have texels anyway.
 pub fn find(geometry: &Geometry, lightmap: &Lightmap) -> Hidden {
-    if lightmap.hidden == HiddenFaces::Keep || lightmap.uv == UvSource::Keep {
+    if !is_sought(lightmap) {
         return Hidden::default();
     }
     let rays = Rays::new(geometry);
-    let space = Space::new(geometry, &rays).with_solids(Solids::new(geometry));
+    find_in(&Space::new(geometry, &rays).with_solids(Solids::new(geometry)), lightmap)
+}
+
+/// Whether faces that nobody can see get no texels.
+pub fn is_sought(lightmap: &Lightmap) -> bool {
+    lightmap.hidden != HiddenFaces::Keep && lightmap.uv != UvSource::Keep
+}
+
+/// Finds the hidden faces of lightmapped instances. The space is to know its solids.
+///
+/// Instances that share a layout have texels on a face unless all of them hide it: the first one that shows it ends the search.
+pub fn find_in(space: &Space, lightmap: &Lightmap) -> Hidden {
+    let geometry = space.geometry;
     let texel = texel_length(geometry, lightmap);
     let gap = GAP_OF_SCENE * length(geometry);
-    let lightmapped = geometry.instances.iter().filter(|instance| instance.lightmap);
-    let faces: Vec<(u32, f64)> =
-        lightmapped.flat_map(|i| i.triangles.clone().map(|t| (t as u32, texel / i.density))).collect();
+    let shapes = atlas::shapes(geometry);
+    let triangles = |instance: usize| geometry.instances[instance].triangles.clone();
+    // A face: the shape it is of, and its place among the triangles of that.
+    let faces: Vec<(usize, usize)> = (shapes.iter().enumerate())
+        .flat_map(|(shape, members)| (0..triangles(members[0]).len()).map(move |face| (shape, face)))
+        .collect();
     let looked_at: Vec<(bool, RayCounts)> = faces
         .par_iter()
         .with_min_len(64)
-        .map(|&(triangle, texel)| {
+        .map(|&(shape, face)| {
             let mut counts = RayCounts::default();
-            (is_hidden(&space, triangle, texel, gap, &mut counts), counts)
+            let hidden = shapes[shape].iter().all(|&instance| {
+                let triangle = (triangles(instance).start + face) as u32;
+                let texel = texel / geometry.instances[instance].density;
+                is_hidden(space, triangle, texel, gap, &mut counts)
+            });
+            (hidden, counts)
         })
         .collect();
     let hidden = faces.iter().zip(&looked_at).filter(|(_, (hidden, _))| *hidden);
-    Hidden {
-        triangles: hidden.map(|((triangle, _), _)| *triangle).collect(),
-        rays: sum(looked_at.iter().map(|(_, counts)| *counts)),
-    }
+    let in_all = hidden.flat_map(|(&(shape, face), _)| {
+        shapes[shape].iter().map(move |&instance| (triangles(instance).start + face) as u32)
+    });
+    let mut hidden: Vec<u32> = in_all.collect();
+    hidden.sort_unstable();
+    Hidden { triangles: hidden, rays: sum(looked_at.iter().map(|(_, counts)| *counts)) }
 }
 
 /// Whether a face is hidden; `texel` is the length of its texels, `gap` the widest gap of any face.

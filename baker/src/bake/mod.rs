@@ -9,6 +9,7 @@ pub mod errors;
 pub mod open;
 pub mod allocate;
 pub mod block;
+pub mod probe;
 pub mod direct;
 pub mod indirect;
 pub mod endless;

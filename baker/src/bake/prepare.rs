@@ -1,22 +1,26 @@
 //! A scene read and planned, and the digests by which its layers and its dataset are known again.
 
 use super::errors::Parts;
-use super::hidden;
+use super::hidden::{self, Hidden};
 use super::json;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
 use super::transfer;
 use crate::atlas::{self, Atlas};
-use crate::geometry::{self, Geometry};
+use crate::geometry::{self, Geometry, Solids};
 use crate::light::schedule::Hours;
 use crate::scene::{Lightmap, LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
+use crate::trace::bvh8::Bvh8;
 use crate::trace::counts::RayCounts;
+use crate::trace::rays::Rays;
+use crate::trace::space::Space;
 use crate::{Error, Result};
 use dataset::config::Transfer;
 use dataset::console::Console;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
@@ -47,6 +51,10 @@ pub struct Prepared {
     base: blake3::Hash,
     /// Per layer, its digest.
     pub digests: Vec<String>,
+    /// Our own hierarchy over the triangles, once it is needed.
+    hierarchy: OnceLock<Arc<Bvh8>>,
+    /// The triangles that bound solids, once they are needed.
+    solids: OnceLock<Solids>,
 }
 
 impl Prepared {
@@ -66,13 +74,40 @@ impl Prepared {
         options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&self.scene.name))
     }
 
+    /// The ray tracer over the triangles. Our own hierarchy is built once, however often this is asked for.
+    ///
+    /// # Errors
+    /// As [`Rays::with_backend`].
+    pub fn rays(&self) -> Result<Rays<'_>> {
+        match self.backend {
+            Backend::Obvhs => Ok(self.own_rays()),
+            Backend::Embree => Rays::with_backend(&self.geometry, self.backend),
+        }
+    }
+
+    /// Rays through our own hierarchy, whatever the backend.
+    fn own_rays(&self) -> Rays<'_> {
+        let hierarchy = self.hierarchy.get_or_init(|| Arc::new(Bvh8::new(&self.geometry)));
+        Rays::with_hierarchy(&self.geometry, Arc::clone(hierarchy))
+    }
+
+    /// The space among the triangles, with its solids.
+    pub fn space<'a>(&'a self, rays: &'a Rays<'a>) -> Space<'a> {
+        let solids = self.solids.get_or_init(|| Solids::new(&self.geometry));
+        Space::new(&self.geometry, rays).with_solids(solids.clone())
+    }
+
     /// Lays out the texels, none of them on faces that nobody can see; gives also the rays that it took to find those.
     ///
     /// # Errors
     /// As [`atlas::build_without`]; what does not fit names the line that asks for it.
     pub fn atlas(&self) -> Result<(Atlas, RayCounts)> {
-        let hidden = hidden::find(&self.geometry, &self.scene.lightmap);
-        let atlas = atlas::build_without(&self.geometry, &self.scene.lightmap, &hidden.triangles);
+        let lightmap = &self.scene.lightmap;
+        let hidden = match hidden::is_sought(lightmap) {
+            true => hidden::find_in(&self.space(&self.own_rays()), lightmap),
+            false => Hidden::default(),
+        };
+        let atlas = atlas::build_without(&self.geometry, lightmap, &hidden.triangles);
         let atlas = atlas.map_err(|error| match error {
             Error::Unsupported { what, .. } => Error::unsupported(&self.scene.size_as_written, what),
             other => other,
@@ -172,6 +207,8 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         warnings,
         base,
         digests,
+        hierarchy: OnceLock::new(),
+        solids: OnceLock::new(),
     })
 }
 

@@ -17,10 +17,7 @@ use super::tracer::Tracer;
 use super::views;
 use super::work::WorkFolder;
 use crate::atlas::Atlas;
-use crate::geometry::Solids;
 use crate::surface::FaceBins;
-use crate::trace::rays::Rays;
-use crate::trace::space::Space;
 use crate::trace::walk::Transport;
 use crate::{Error, Result};
 use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
@@ -71,7 +68,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
     facts::skipped(&atlas).into_iter().for_each(|what| console.say(format!("  {what}")));
     if !scene.cameras.is_empty() {
-        let rays = Rays::with_backend(geometry, prepared.backend)?;
+        let rays = prepared.rays()?;
         let views = views::views(&scene.cameras, geometry, &atlas, &rays);
         let what = views::in_words(&views, views::lit_tiles(&atlas));
         what.into_iter().for_each(|what| console.say(format!("  {what}")));
@@ -306,9 +303,8 @@ fn with_worker<T>(
     let Prepared { scene, geometry, plan, .. } = prepared;
     let lights = plan.lights(scene, geometry, layers);
     let bins = FaceBins::new(atlas);
-    let rays = Rays::with_backend(geometry, prepared.backend)?;
-    let space = Space::new(geometry, &rays).with_solids(Solids::new(geometry));
-    let transport = Transport::new(space, &lights, scene.bake.bounces);
+    let rays = prepared.rays()?;
+    let transport = Transport::new(prepared.space(&rays), &lights, scene.bake.bounces);
     work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed })
 }
 

@@ -9,6 +9,7 @@ mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod lanes_x86;
 mod bvh8_walk;
+mod bvh8_box;
 mod bvh8_build;
 pub mod backend;
 #[cfg(feature = "embree")]
@@ -19,6 +20,7 @@ pub mod subset;
 pub mod lights;
 pub mod counts;
 pub mod space;
+pub mod clear;
 mod pane;
 pub mod walk;
 pub mod endless;

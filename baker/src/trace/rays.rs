@@ -13,6 +13,7 @@ use crate::geometry::{DARK, Geometry};
 use crate::{Result, Rgb};
 use glam::Vec3;
 use std::cell::Cell;
+use std::sync::Arc;
 
 /// The ray tracer: a hierarchy over all triangles, and what decides whether a hit counts.
 pub struct Rays<'a> {
@@ -21,7 +22,7 @@ pub struct Rays<'a> {
 }
 
 enum Hierarchy<'a> {
-    Own(Bvh8, std::marker::PhantomData<&'a ()>),
+    Own(Arc<Bvh8>, std::marker::PhantomData<&'a ()>),
     #[cfg(feature = "embree")]
     Embree(embree::Scene<'a>),
 }
@@ -29,7 +30,7 @@ enum Hierarchy<'a> {
 impl<'a> Rays<'a> {
     /// Builds our own hierarchy ([`Backend::Obvhs`]). Triangles without area neither hit nor harm.
     pub fn new(geometry: &'a Geometry) -> Self {
-        Rays { geometry, hierarchy: Hierarchy::Own(Bvh8::new(geometry), std::marker::PhantomData) }
+        Self::with_hierarchy(geometry, Bvh8::new(geometry))
     }
 
     /// Builds the ray tracer of `backend`.
@@ -49,8 +50,8 @@ impl<'a> Rays<'a> {
     }
 
     /// Rays through a hierarchy already built over `geometry`.
-    pub fn with_hierarchy(geometry: &'a Geometry, hierarchy: Bvh8) -> Self {
-        Rays { geometry, hierarchy: Hierarchy::Own(hierarchy, std::marker::PhantomData) }
+    pub fn with_hierarchy(geometry: &'a Geometry, hierarchy: impl Into<Arc<Bvh8>>) -> Self {
+        Rays { geometry, hierarchy: Hierarchy::Own(hierarchy.into(), std::marker::PhantomData) }
     }
 
     /// The nearest hit along the unit `direction`, glass included; `from` is the triangle the ray starts on, which it cannot hit.
@@ -150,6 +151,27 @@ impl<'a> Rays<'a> {
             }),
             #[cfg(feature = "embree")]
             Hierarchy::Embree(scene) => scene.occluded(origin, direction, t_max, from, passes),
+        }
+    }
+
+    /// Whether this triangle alone stands between `origin` and the point at distance `t_max`: then [`Rays::occluded`] is true.
+    /// Neither a cut-out nor glass ever does here.
+    pub fn stands_in(&self, origin: Vec3, direction: Vec3, t_max: f32, triangle: u32) -> bool {
+        let material = &self.geometry.materials[self.geometry.material_of[triangle as usize] as usize];
+        let corners = self.geometry.corners(triangle as usize);
+        material.alpha_cutoff.is_none()
+            && !self.geometry.is_glass(triangle as usize)
+            && Line::new(origin, direction)
+                .is_some_and(|line| line.exact.meet(&corners, f64::from(t_max)).is_some())
+    }
+
+    /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to `high`; true where that
+    /// cannot be asked (Embree).
+    pub fn any_in_box(&self, low: Vec3, high: Vec3, stands: impl FnMut(u32, [Vec3; 3]) -> bool) -> bool {
+        match &self.hierarchy {
+            Hierarchy::Own(bvh, _) => bvh.any_in_box(low, high, stands),
+            #[cfg(feature = "embree")]
+            Hierarchy::Embree(_) => true,
         }
     }
 

@@ -26,6 +26,15 @@ pub struct Space<'a> {
     solids: Solids,
 }
 
+/// Directions in which a point looks for the body it may lie in.
+const DIRECTIONS: usize = 5;
+
+/// What a point met in each of the directions that it looked in, so that no question asks for the same ray again.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Look {
+    met: [Option<Option<Hit>>; DIRECTIONS],
+}
+
 /// A point light arrives at, moved off its surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
@@ -85,14 +94,24 @@ impl<'a> Space<'a> {
 
     /// Whether a point lies inside a solid, closed or nearly so.
     pub fn is_inside(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
-        self.is_in_solid(at, counts) || self.is_enclosed(at, counts)
+        let mut look = Look::default();
+        self.is_in_solid(at, &mut look, counts) || self.is_enclosed(at, &mut look, counts)
     }
 
-    /// Directions close to the surface all around. Rays there count for no light: to leave out points by what they meet does not favour
-    /// the light that reaches the others.
-    fn around(at: &Receiver) -> [Vec3; 4] {
+    /// The normal, and directions close to the surface all around. Rays there count for no light: to leave out points by what they meet
+    /// does not favour the light that reaches the others.
+    fn around(at: &Receiver) -> [Vec3; DIRECTIONS] {
         let (tangent, bitangent) = at.face_normal.any_orthonormal_pair();
-        [tangent, bitangent, -tangent, -bitangent].map(|side| (side * SIN + at.face_normal * COS).normalize())
+        let aside = |side: Vec3| (side * SIN + at.face_normal * COS).normalize();
+        [at.face_normal, aside(tangent), aside(bitangent), aside(-tangent), aside(-bitangent)]
+    }
+
+    /// What is met first in one of those directions: found once for each.
+    fn meet(&self, at: &Receiver, k: usize, look: &mut Look, counts: &mut RayCounts) -> Option<Hit> {
+        *look.met[k].get_or_insert_with(|| {
+            counts.inside += 1;
+            self.rays.nearest_wall(at.origin, Self::around(at)[k], at.triangle)
+        })
     }
 
     /// Whether a hit is on the absorbing back of a one-sided triangle.
@@ -112,14 +131,13 @@ impl<'a> Space<'a> {
     /// Whether a point lies inside a closed solid: the first thing met along the normal, or in one of two directions close to the
     /// surface, is the back of one. From outside none is ever met back first, except where a front is met at once with it (sheets
     /// of two one-sided faces): such hits do not count.
-    pub fn is_in_solid(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
+    pub fn is_in_solid(&self, at: &Receiver, look: &mut Look, counts: &mut RayCounts) -> bool {
         if self.solids.is_empty() {
             return false;
         }
-        let [tangent, bitangent, ..] = Self::around(at);
-        [at.face_normal, tangent, bitangent].into_iter().any(|direction| {
-            counts.inside += 1;
-            let hit = self.rays.nearest_wall(at.origin, direction, at.triangle);
+        let directions = Self::around(at);
+        (0..3).any(|k| {
+            let (hit, direction) = (self.meet(at, k, look, counts), directions[k]);
             hit.is_some_and(|hit| {
                 self.solids.bound_by(hit.triangle) && self.is_absorbing_back(&hit, direction) && {
                     let other = self.met_at_once(at, direction, &hit, counts);
@@ -131,18 +149,23 @@ impl<'a> Space<'a> {
 
     /// Whether a point lies in a body that may be open a little: along the normal and in four directions close to the surface, the back
     /// of a one-sided triangle is met.
-    pub fn is_enclosed(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
-        self.meets_backs(at, |_| true, counts)
+    pub fn is_enclosed(&self, at: &Receiver, look: &mut Look, counts: &mut RayCounts) -> bool {
+        self.meets_backs(at, |_| true, look, counts)
     }
 
     /// Whether along the normal and in four directions close to the surface an absorbing back is met, of a material that counts.
-    fn meets_backs(&self, at: &Receiver, counting: fn(&Material) -> bool, counts: &mut RayCounts) -> bool {
+    fn meets_backs(
+        &self,
+        at: &Receiver,
+        counting: fn(&Material) -> bool,
+        look: &mut Look,
+        counts: &mut RayCounts,
+    ) -> bool {
         let is_back = |hit: &Hit, direction: Vec3| {
             self.is_absorbing_back(hit, direction) && counting(self.material(hit.triangle))
         };
-        [at.face_normal].into_iter().chain(Self::around(at)).all(|direction| {
-            counts.inside += 1;
-            let hit = self.rays.nearest_wall(at.origin, direction, at.triangle);
+        Self::around(at).into_iter().enumerate().all(|(k, direction)| {
+            let hit = self.meet(at, k, look, counts);
             hit.is_some_and(|hit| {
                 is_back(&hit, direction) || {
                     let other = self.met_at_once(at, direction, &hit, counts);
@@ -157,16 +180,16 @@ impl<'a> Space<'a> {
     ///
     /// Cut-outs hide nothing, nor does glass.
     pub fn is_hidden(&self, at: &Receiver, behind: &Receiver, gap: f32, counts: &mut RayCounts) -> bool {
-        counts.inside += 1;
-        let Some(hit) = self.rays.nearest_wall(at.origin, at.face_normal, at.triangle) else {
+        let mut look = Look::default();
+        let Some(hit) = self.meet(at, 0, &mut look, counts) else {
             return self.is_in_contact(at, behind, counts);
         };
         let is_seen_side = !self.is_absorbing_back(&hit, at.face_normal);
         if is_seen_side && hit.t <= gap && is_opaque(self.material(hit.triangle)) {
             return true;
         }
-        self.is_in_solid(at, counts)
-            || self.meets_backs(at, is_opaque, counts)
+        self.is_in_solid(at, &mut look, counts)
+            || self.meets_backs(at, is_opaque, &mut look, counts)
             || self.is_in_contact(at, behind, counts)
     }
 
@@ -206,8 +229,16 @@ impl<'a> Space<'a> {
 
     /// Whether nothing stands between two points.
     pub fn sees(&self, a: &Receiver, b: &Receiver, counts: &mut RayCounts) -> bool {
-        counts.inside += 1;
         let (direction, distance) = (b.origin - a.origin).normalize_and_length();
+        // What comes from behind a surface is stopped by it.
+        if b.triangle < u32::MAX
+            && b.triangle != a.triangle
+            && direction.dot(b.face_normal) > 0.0
+            && self.rays.stands_in(a.origin, direction, distance, b.triangle)
+        {
+            return false;
+        }
+        counts.inside += 1;
         !self.rays.occluded(a.origin, direction, distance, a.triangle)
     }
 

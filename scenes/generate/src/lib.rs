@@ -51,3 +51,19 @@ pub fn generate(name: &str) -> Option<Generated> {
     };
     Some(Generated { glb: glb::write(&model), table: model.table() })
 }
+
+/// Many copies of a scene: what its geometry file and its scene file hold.
+#[derive(Clone, Debug)]
+pub struct Big {
+    /// A binary glTF file, one copy of the scene.
+    pub glb: Vec<u8>,
+    /// The scene file that places the copies.
+    pub toml: String,
+}
+
+/// Copies a scene of [`SCENES`] many times over, for tests of size; `None` for another name. The scene file reads the geometry from
+/// `NAME.glb` beside it.
+pub fn big(name: &str, copies: usize, size: u32) -> Option<Big> {
+    let one = generate(name).filter(|_| SCENES.contains(&name))?;
+    Some(Big { glb: one.glb, toml: stress::big::scene(&format!("{name}.glb"), copies, size) })
+}

@@ -1,5 +1,6 @@
 //! Stress scenes for tests. They are generated where they are needed and have no file in this folder.
 
+pub mod big;
 pub mod packed;
 #[cfg(test)]
 mod tests;

@@ -4,10 +4,12 @@ use super::*;
 use crate::atlas;
 use crate::geometry::{Geometry, Instance, Material, Solids};
 use crate::scene::{Lightmap, LightmapSize};
+use crate::surface::FaceBins;
 use crate::trace::lights::Lights;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
-use glam::{DAffine3, Vec3, vec3};
+use crate::trace::walk::Transport;
+use glam::{DAffine3, Vec2, Vec3, vec3};
 
 fn material(two_sided: bool) -> Material {
     Material {
@@ -86,8 +88,13 @@ impl Builder {
         let mut found = Vec::new();
         for block in worker.blocks() {
             let surface = worker.surface(block);
-            for texel in surface.covered() {
+            // What squares tell is what every texel tells whose points are all asked.
+            let mut state = BlockState::empty(0, 0, 0);
+            worker.probe(&surface, &mut state);
+            for (k, texel) in surface.covered().enumerate() {
                 let mut counts = RayCounts::default();
+                let groups = worker.groups(worker.points(&surface, texel), &mut counts);
+                assert_eq!(state.probes[k], worker.probes_of_groups(groups, &mut counts));
                 let probes = worker.surface_probes(&surface, texel, &mut counts);
                 let is_split = probes != ALL_PROBES && worker.is_split(&surface, texel, probes, &mut counts);
                 let points = (0..PROBES).filter(|i| probes >> i & 1 == 1).map(|i| {
