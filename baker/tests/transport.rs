@@ -252,7 +252,7 @@ fn lamps_give_their_closed_forms() {
     let (centre, radius) = (p + dvec3(0.8, 1.5, -0.4), 0.3);
     let to = centre - p;
     let sphere = Lamp::Sphere { centre, radius, radiance: DVec3::splat(7.0) };
-    let l = group(&g, &[sphere.clone()]);
+    let l = group(&g, std::slice::from_ref(&sphere));
     let d2 = to.length_squared();
     expect(irradiance(&g, &l, None, 256), PI * 7.0 * radius * radius / d2 * (to.y / d2.sqrt()));
     // Rectangle parallel to the receiver over its corner.
@@ -267,7 +267,7 @@ fn lamps_give_their_closed_forms() {
     let factor = (x / (1.0 + x * x).sqrt() * (y / (1.0 + x * x).sqrt()).atan()
         + y / (1.0 + y * y).sqrt() * (x / (1.0 + y * y).sqrt()).atan())
         / (2.0 * PI);
-    let l = group(&g, &[rectangle.clone()]);
+    let l = group(&g, std::slice::from_ref(&rectangle));
     expect(irradiance(&g, &l, None, 256), PI * 2.0 * factor);
     // Two lamps of one group, one chosen per sample: the sum of both.
     let both = group(&g, &[sphere, rectangle]);

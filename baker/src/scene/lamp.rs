@@ -18,10 +18,13 @@ const SPOT: &[&str] =
     &["position", "direction", "inner", "outer", "intensity", "lumens", "kelvin", "ies", "up"];
 const POINT: &[&str] = &["position", "intensity", "lumens", "kelvin", "ies", "direction", "up"];
 
+/// Names of lamps and materials of files, each with its group's index.
+type Names = Vec<(String, usize)>;
+
 /// Reads `[[group]]`; names must be unique. Gives also the `lights` of each, with its index. Files are relative to
 /// `folder`.
-pub(super) fn read(tables: Vec<Table>, folder: &Path) -> Result<(Vec<Group>, Vec<(String, usize)>)> {
-    let (mut groups, mut names): (Vec<Group>, Vec<(String, usize)>) = (Vec::new(), Vec::new());
+pub(super) fn read(tables: Vec<Table>, folder: &Path) -> Result<(Vec<Group>, Names)> {
+    let (mut groups, mut names): (Vec<Group>, Names) = Default::default();
     for table in tables {
         let value = table.require("name", "a name")?;
         let name = value.text("a name")?;
