@@ -7,7 +7,11 @@ use serde_json::Value;
 const READ: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_texture_transform",
@@ -16,11 +20,9 @@ const READ: &[&str] = &[
 /// Those that change neither where surfaces are nor what a diffuse one reflects, or whose fallback says it.
 const WITHOUT_EFFECT: &[&str] = &[
     "EXT_texture_webp",
-    "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
     "KHR_materials_dispersion",
-    "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
     "KHR_materials_sheen",
