@@ -45,7 +45,7 @@ pub fn glb() -> Vec<u8> {
     let attributes = json!({ "TRANSLATION": vectors(&PLACES), "SCALE": vectors(&SCALES) });
     root["nodes"][1]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
     compress(&mut root, &mut binary);
-    let names = json!(["EXT_mesh_gpu_instancing", "EXT_meshopt_compression"]);
+    let names = json!(["EXT_mesh_gpu_instancing", "KHR_meshopt_compression"]);
     (root["extensionsUsed"], root["extensionsRequired"]) = (names.clone(), names);
     crate::glb::container(root.to_string().into_bytes(), binary)
 }
@@ -96,9 +96,9 @@ fn compress(root: &mut Value, binary: &mut Vec<u8>) {
         let extension = json!({ "buffer": 0, "byteOffset": packed.len(), "byteLength": encoded.len(), "byteStride": stride, "count": count, "mode": mode });
         packed.extend(encoded);
         view["buffer"] = json!(1);
-        view["extensions"] = json!({ "EXT_meshopt_compression": extension });
+        view["extensions"] = json!({ "KHR_meshopt_compression": extension });
     }
-    let fallback = json!({ "EXT_meshopt_compression": { "fallback": true } });
+    let fallback = json!({ "KHR_meshopt_compression": { "fallback": true } });
     root["buffers"] =
         json!([{ "byteLength": packed.len() }, { "byteLength": binary.len(), "extensions": fallback }]);
     packed.resize(packed.len().next_multiple_of(4), 0);
