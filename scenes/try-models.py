@@ -4,18 +4,20 @@
     scenes/try-models.py MODEL… > table.md
 
 For every .glb, .gltf or .obj: `bake new`, then `bake --draft --compress` at the defaults of the file, then a preview at 12 h. Everything is
-written under --out (models are not touched), which is made anew. Needs `cargo build --release` first. Ends with 1 if one of them failed.
+written under --out (models are not touched), which is made anew. Needs `cargo build --release` first; BAKE names another
+binary. Ends with 1 if one of them failed.
 """
 
 import argparse
 import json
+import os
 import pathlib
 import re
 import resource
 import subprocess
 import sys
 
-BAKE = pathlib.Path(__file__).resolve().parent.parent / "target/release/bake"
+BAKE = pathlib.Path(os.environ.get("BAKE", pathlib.Path(__file__).resolve().parent.parent / "target/release/bake"))
 
 
 def run(arguments, **options):
@@ -58,7 +60,10 @@ def row(model, out, hours):
         f"{100 * told['relative_error']:.1f} %",
         str(len(told["warnings"])),
     ]
-    return cells, preview.returncode == 0
+    drawn = preview.returncode == 0
+    if not drawn:
+        cells[-1] += f"; preview: {(preview.stderr.strip().splitlines() or ['killed'])[-1]}"
+    return cells, drawn
 
 
 def main():

@@ -342,7 +342,7 @@ fn a_texture_that_cannot_be_read_is_warned_about_and_grey_stands_in_for_it() {
     let folder = tempfile::tempdir().unwrap();
     for (pointer, value, reason) in [
         ("/images/0", json!({}), "expected a uri or a bufferView"),
-        ("/images/0", json!({ "uri": "lost.png" }), "uri lost.png"),
+        ("/images/0", json!({ "uri": "lost.png" }), "there is no file lost.png"),
         ("/images/0", json!({ "bufferView": 0 }), "the texture is neither PNG nor JPEG"),
         ("/bufferViews/3/byteLength", json!(60), "the texture cannot be decoded"),
         ("/bufferViews/3/byteLength", json!(1 << 30), "it ends outside its buffer"),
@@ -420,7 +420,7 @@ fn warnings_of_one_kind_are_one_line_and_come_with_errors_too() {
     assert!(loaded.is_ok());
     assert_eq!(warnings.len(), 5, "{warnings:#?}");
     for expected in [
-        "500 materials (m (uri lost.png",
+        "500 materials (m (there is no file lost.png",
         "500 materials (m, m, m, m, m, …): KHR_materials_volume",
         "501 primitives (",
         "1 primitive: points and lines",
@@ -446,7 +446,7 @@ fn hostile_assets_give_errors_that_say_where() {
         ("/buffers/0/uri", json!(nan), "square, primitive 0: vertex 1: position"),
         ("/buffers/0/uri", json!(uv_nan), "square, primitive 0: vertex 0: texture coordinate"),
         ("/buffers/0/uri", json!(replaced(82, &[9])), "a triangle names vertex 9: expected an index below 4"),
-        ("/buffers/0/uri", json!("nothing.bin"), "buffer 0: uri nothing.bin"),
+        ("/buffers/0/uri", json!("nothing.bin"), "buffer 0: there is no file nothing.bin"),
         ("/buffers/0/uri", json!("https://example.org/a.bin"), "expected a file beside the asset"),
         ("/buffers/0/uri", json!("data:;base64,@@"), "buffer 0: a data URI is not base64"),
         ("/buffers/0", json!({ "byteLength": 200 }), "the file no BIN chunk"),

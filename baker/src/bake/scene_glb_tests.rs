@@ -244,7 +244,7 @@ fn asset() -> Value {
     json!({
         "asset": { "version": "2.0", "copyright": "nobody", "extras": { "author": "someone" } },
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_clearcoat"],
-        "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "spot" }, { "type": "point", "name": "bulb", "intensity": 5 }] } },
+        "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "spot", "spot": {} }, { "type": "point", "name": "bulb", "intensity": 5 }] } },
         "scene": 1,
         "scenes": [{ "nodes": [4] }, { "nodes": [3, 0], "extras": { "scene": true } }],
         "nodes": [

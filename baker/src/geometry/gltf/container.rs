@@ -50,7 +50,10 @@ pub(super) fn read_uri(uri: &str, folder: &Path, place: &str) -> Result<Vec<u8>>
         return Err(Error::unsupported(place, format!("uri {uri}: expected a file beside the asset")));
     }
     let path = folder.join(percent_decoded(uri));
-    std::fs::read(&path).map_err(|e| Error::invalid(place, format!("uri {uri}: {}: {e}", path.display())))
+    std::fs::read(&path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => Error::invalid(place, format!("there is no file {uri} beside it")),
+        _ => Error::invalid(place, format!("uri {uri}: {}: {e}", path.display())),
+    })
 }
 
 /// Undoes %XX; a % without two hexadecimal digits stays.
