@@ -2,7 +2,7 @@
 
 use dataset::image::Mask;
 use dataset::store::Dataset;
-use glam::{DMat2, DMat4, DVec2, DVec3, dvec2};
+use glam::{DMat2, DMat4, DQuat, DVec2, DVec3, dvec2};
 
 /// A texel whose centre lies on a surface.
 #[derive(Clone, Debug)]
@@ -17,8 +17,6 @@ pub struct Texel {
     pub valid: bool,
     /// Whether all of it lies on this flat piece of surface.
     pub whole: bool,
-    /// Where the stored geometry's origin stands: positions about it keep `f32`'s full precision.
-    pub origin: DVec3,
     /// World position of its upper left corner.
     corner: DVec3,
     /// Steps to the next texel right and down, in metres.
@@ -95,35 +93,68 @@ impl Piece {
 /// All texels of page 0 whose centres lie on surface.
 pub fn of(dataset: &Dataset, mask: &Mask) -> Vec<Texel> {
     let file = dataset.path(dataset.config.geometry.as_ref().expect("a baked set has geometry"));
-    let glb = gltf::Gltf::from_slice(&std::fs::read(file).expect("readable")).expect("valid glTF");
+    let bytes = std::fs::read(file).expect("readable");
+    let glb = gltf::Gltf::from_slice(&bytes).expect("valid glTF");
+    // The transforms as they are written: the reader has them in single precision.
+    let json = gltf::Glb::from_slice(&bytes).expect("a GLB").json;
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
     let blob = glb.blob.as_deref().expect("a binary chunk");
     let size = dvec2(mask.width as f64, mask.height as f64);
-    let root = glb.document.nodes().find(|n| n.name() == Some("scene")).expect("a root node");
     let matrix = |n: &gltf::Node| {
-        DMat4::from_cols_array_2d(&n.transform().matrix().map(|column| column.map(f64::from)))
+        let node = &json["nodes"][n.index()];
+        let numbers = |key: &str| serde_json::from_value::<Vec<f64>>(node[key].clone()).ok();
+        if let Some(matrix) = numbers("matrix") {
+            return DMat4::from_cols_slice(&matrix);
+        }
+        let vector = |key: &str, default: DVec3| numbers(key).map_or(default, |v| DVec3::from_slice(&v));
+        let rotation = numbers("rotation").map_or(DQuat::IDENTITY, |q| DQuat::from_slice(&q).normalize());
+        let (scale, translation) = (vector("scale", DVec3::ONE), vector("translation", DVec3::ZERO));
+        DMat4::from_scale_rotation_translation(scale, rotation, translation)
     };
-    let origin = matrix(&root).transform_point3(DVec3::ZERO);
+    let scene = glb.document.default_scene().expect("a scene");
+    // Placed files of one name are numbered.
+    let mut stack: Vec<(gltf::Node, DMat4, String)> = Vec::new();
+    for node in scene.nodes() {
+        let number = stack.iter().filter(|(before, ..)| before.name() == node.name()).count();
+        stack.push((node, DMat4::IDENTITY, format!("#{number}")));
+    }
+    stack.reverse();
     let (mut names, mut pieces) = (Vec::new(), Vec::new());
-    for node in root.children() {
-        let Some(extras) = node.extras() else { continue };
-        let extras: serde_json::Value = serde_json::from_str(extras.get()).expect("JSON");
+    while let Some((node, world_from_parent, parents)) = stack.pop() {
+        let world_from_mesh = world_from_parent * matrix(&node);
+        let path = match parents.strip_prefix('#') {
+            Some(number) => format!("{} #{number}", node.name().unwrap_or("")),
+            None => format!("{parents}/{}", node.name().unwrap_or("")),
+        };
+        let children: Vec<_> = node.children().collect();
+        stack.extend(children.into_iter().rev().map(|child| (child, world_from_mesh, path.clone())));
+        let extras = node.extras().as_ref().map(|extras| serde_json::from_str(extras.get()).expect("JSON"));
+        let extras: serde_json::Value = extras.unwrap_or_default();
+        if extras["lightmapScale"].is_null() {
+            continue;
+        }
         let pair = |key: &str| dvec2(extras[key][0].as_f64().unwrap(), extras[key][1].as_f64().unwrap());
         let (scale, offset) = (pair("lightmapScale"), pair("lightmapOffset"));
-        let world_from_mesh = matrix(&root) * matrix(&node);
-        let primitive = node.mesh().and_then(|m| m.primitives().next()).expect("a mesh");
-        let reader = primitive.reader(|_| Some(blob));
-        let uvs = reader.read_tex_coords(1).expect("lightmap coordinates").into_f32();
-        let on_page = |uv: [f32; 2]| (dvec2(uv[0].into(), uv[1].into()) * scale + offset) * size;
-        let uvs: Vec<DVec2> = uvs.map(on_page).collect();
-        let positions = reader.read_positions().expect("positions");
-        let in_world = |p: [f32; 3]| world_from_mesh.transform_point3(DVec3::from(p.map(f64::from)));
-        let positions: Vec<DVec3> = positions.map(in_world).collect();
-        let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
-        for corners in indices.chunks_exact(3) {
-            let corners = [corners[0], corners[1], corners[2]].map(|c| c as usize);
-            pieces.extend(Piece::new(names.len(), corners.map(|c| uvs[c]), corners.map(|c| positions[c])));
+        for primitive in node.mesh().expect("a mesh").primitives() {
+            let reader = primitive.reader(|_| Some(blob));
+            let Some(uvs) = reader.read_tex_coords(1) else { continue };
+            let on_page = |uv: [f32; 2]| (dvec2(uv[0].into(), uv[1].into()) * scale + offset) * size;
+            let uvs: Vec<DVec2> = uvs.into_f32().map(on_page).collect();
+            let positions = reader.read_positions().expect("positions");
+            let in_world = |p: [f32; 3]| world_from_mesh.transform_point3(DVec3::from(p.map(f64::from)));
+            let positions: Vec<DVec3> = positions.map(in_world).collect();
+            let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
+            for corners in indices.chunks_exact(3) {
+                let corners = [corners[0], corners[1], corners[2]].map(|c| c as usize);
+                // A node that mirrors turns fronts over; two corners the other way round turn them back.
+                let [a, b, c] = corners;
+                let corners = if world_from_mesh.determinant() < 0.0 { [a, c, b] } else { corners };
+                let (page, world) = (corners.map(|c| uvs[c]), corners.map(|c| positions[c]));
+                pieces.extend(Piece::new(names.len(), page, world));
+            }
+            let material = primitive.material().name().unwrap_or("").to_owned();
+            names.push(format!("{path}/{material}"));
         }
-        names.push(node.name().unwrap_or("").to_owned());
     }
     let mut texels = Vec::new();
     for piece in &pieces {
@@ -155,7 +186,6 @@ pub fn of(dataset: &Dataset, mask: &Mask) -> Vec<Texel> {
                     normal: piece.normal,
                     valid: mask.valid[index],
                     whole,
-                    origin,
                     corner: piece.at(corner),
                     step,
                 });

@@ -59,10 +59,9 @@ fn off_the_grid_far_away_the_light_is_right() {
          radius = 0.2\nradiance = [3, 3, 3]\n[lightmap]\nsize = 16\n",
         lamp.x, lamp.y, lamp.z
     );
-    // (The stored geometry's origin, the floor's centre, is f32: positions are taken about it.)
     let read = |b: &Baked| {
         let expected = |p: DVec3| 3.0 * ball(lamp - centre, 0.2, p, DVec3::Y);
-        b.ratio(&b.first(), &b.on("floor"), |t| t.average(|p| expected(p - t.origin)))
+        b.ratio(&b.first(), &b.on("floor"), |t| t.average(|p| expected(p - centre)))
     };
     stage.measure("12", 64, &scene, read).expect(1.0, 2e-3);
 }
