@@ -255,7 +255,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     say_forecast(&forecast, console);
     let layout = skipped(&atlas).into_iter().chain(atlas.notes.iter().cloned());
     layout.for_each(|what| console.print(format!("  {what}")));
-    layers.iter().for_each(|name| console.print(format!("  trace {name}")));
+    in_short(&layers).iter().for_each(|what| console.print(format!("  trace {what}")));
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
     let standing = foretold(&prepared, options)?;
     standing.iter().for_each(|what| console.print(format!("  {what}")));
@@ -271,6 +271,27 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "forecast": forecast,
         "warnings": warnings,
     }))
+}
+
+/// Names of layers, those that differ in the hour alone on one line: `sun at 6:00, 7:00 … 21:00 (16 layers)`.
+fn in_short(layers: &[String]) -> Vec<String> {
+    let split = |name: &str| name.split_once(" at ").map(|(kind, hour)| (kind.to_owned(), hour.to_owned()));
+    let mut lines: Vec<(Option<String>, Vec<String>)> = Vec::new();
+    for name in layers {
+        match (split(name), lines.last_mut()) {
+            (Some((kind, hour)), Some((Some(last), hours))) if *last == kind => hours.push(hour),
+            (Some((kind, hour)), _) => lines.push((Some(kind), vec![hour])),
+            (None, _) => lines.push((None, vec![name.clone()])),
+        }
+    }
+    let line = |(kind, hours): (Option<String>, Vec<String>)| match (kind, &hours[..]) {
+        (Some(kind), [first, second, .., last]) if hours.len() > 3 => {
+            format!("{kind} at {first}, {second} … {last} ({} layers)", hours.len())
+        }
+        (Some(kind), _) => format!("{kind} at {}", hours.join(", ")),
+        (None, _) => hours.concat(),
+    };
+    lines.into_iter().map(line).collect()
 }
 
 /// What a bake would take, in words.

@@ -24,7 +24,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-18";
+const METHOD: &str = "walks-19";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]

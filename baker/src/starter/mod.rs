@@ -11,7 +11,7 @@ pub use units::Unit;
 use crate::geometry::{FileCamera, Geometry};
 use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
-use crate::scene::{Camera, MAX_FOV, Portal, Scene};
+use crate::scene::{Camera, MAX_FOV, Portal, Scene, SunKey, SunTrack};
 use crate::trace::rays::Rays;
 use crate::{Error, Result, geometry};
 use dataset::console::{Console, count};
@@ -36,8 +36,8 @@ pub struct Found {
     pub portals: Vec<Portal>,
     /// Light groups of what shines in it.
     pub groups: Vec<String>,
-    /// Whether it has a directional light.
-    pub has_sun: bool,
+    /// The directional light that would be its sun.
+    pub sun: Option<SunKey>,
     /// Viewpoints, metres.
     pub cameras: Vec<Camera>,
     /// The model has no cameras: those are made up.
@@ -51,7 +51,7 @@ pub struct Found {
 /// Where to write, and whether over a file that is there.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The scene file to write [default: beside the model, with its name].
+    /// The scene file to write [default: beside the model, with its name, or that of its folder if it is called scene or model].
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
     /// Replace a file that is there.
@@ -86,8 +86,9 @@ const GLOWING: [&str; 9] = ["lamp", "light", "bulb", "glow", "neon", "lantern", 
 /// # Errors
 /// A model that cannot be read; a scene file that is there already, or cannot be written.
 pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
-    let stem = model.file_stem().unwrap_or_default().to_string_lossy();
-    let name = plain(&stem);
+    // (Before anything is said of the file to write: a scene file may be what was given.)
+    Scene::of_model(model)?;
+    let name = plain(&name_of(model));
     let out = options.out.clone().unwrap_or_else(|| model.with_file_name(format!("{name}.toml")));
     if out.extension().is_none_or(|e| e != "toml") {
         return Err(Error::invalid(
@@ -117,7 +118,11 @@ pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_j
         found.side,
         found.texels_per_metre
     ));
-    console.say(format!("  next: bake {} --draft --compress", out.display()));
+    let shown = out.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);
+    let shown =
+        if shown.chars().all(is_plain) { shown } else { format!("'{}'", shown.replace('\'', "'\\''")) };
+    console.say(format!("  next: bake {shown} --draft --compress"));
     Ok(json!({
         "scene": out,
         "triangles": found.triangles,
@@ -139,7 +144,9 @@ pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_j
 /// As [`geometry::load`].
 pub fn find(model: &Path) -> Result<Found> {
     let scene = Scene::of_model(model)?;
-    let (mut geometry, warnings) = geometry::load(&scene)?;
+    let (mut geometry, mut warnings) = geometry::load(&scene)?;
+    // The scene file tells of the lights.
+    warnings.retain(|warning| !warning.starts_with("lit all day") && !warning.contains("directional light"));
     let unit = units::guess(&geometry);
     let extent = units::extent(&geometry);
     scale(&mut geometry, unit.metres);
@@ -171,6 +178,9 @@ pub fn find(model: &Path) -> Result<Found> {
         })
         .map(str::to_owned)
         .collect();
+    let groups: Vec<String> = lit.groups.into_iter().map(|group| group.name).collect();
+    // In a model that has light, what has none is not meant to.
+    glowing.retain(|_| groups.is_empty());
     glowing.sort_unstable();
     glowing.dedup();
     glowing.truncate(8);
@@ -183,8 +193,11 @@ pub fn find(model: &Path) -> Result<Found> {
         portals,
         cameras,
         cameras_are_ours,
-        groups: lit.groups.into_iter().map(|group| group.name).collect(),
-        has_sun: lit.sun.is_some(),
+        groups,
+        sun: lit.sun.and_then(|sun| match sun.track {
+            SunTrack::Authored(keys) => keys.first().copied(),
+            SunTrack::Place { .. } => None,
+        }),
         glowing,
         warnings,
     })
@@ -217,6 +230,19 @@ fn scale(geometry: &mut Geometry, metres: f64) {
     if metres != 1.0 {
         geometry.origin *= metres;
         geometry.positions.iter_mut().for_each(|p| *p *= metres as f32);
+    }
+}
+
+/// What a model is called: by its folder, where its own name is one that many have.
+fn name_of(model: &Path) -> String {
+    let stem = model.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let folder = std::path::absolute(model).ok();
+    let folder = folder.as_deref().and_then(Path::parent).and_then(Path::file_name);
+    match folder {
+        Some(folder) if ["scene", "model", "untitled"].contains(&stem.to_ascii_lowercase().as_str()) => {
+            folder.to_string_lossy().into_owned()
+        }
+        _ => stem,
     }
 }
 

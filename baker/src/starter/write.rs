@@ -29,8 +29,10 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     line("north = 0           # degrees from -Z, clockwise seen from above");
     line("");
     line("[sun]");
-    if found.has_sun {
-        line("# (The model has a directional light. It is not used where there is a [sun] or a [place].)");
+    if let Some(sun) = found.sun {
+        line("# The model has a sun of its own. For that one at all hours, take away the # of this line:");
+        let (direction, irradiance) = (vector(sun.direction), vector(sun.irradiance));
+        line(&format!("# track = [{{ hour = 0, direction = {direction}, irradiance = {irradiance} }}]"));
     }
     line("");
     line("[sky]");

@@ -165,6 +165,17 @@ impl<'a> Rays<'a> {
                 .is_some_and(|line| line.exact.meet(&corners, f64::from(t_max)).is_some())
     }
 
+    /// How far along a ray light from a point of a triangle, about `distance` away, must pass unhindered: to just before the triangle,
+    /// so that it does not stand in its own light and nothing that stands close in front of it is missed.
+    #[inline]
+    pub fn short_of(&self, origin: Vec3, direction: Vec3, distance: f32, triangle: u32) -> f32 {
+        /// What rounding may move a neighbour of the same plane, as a part of the distance.
+        const ROUNDING: f32 = 4e-6;
+        let corners = self.geometry.corners(triangle as usize);
+        let meeting = Line::new(origin, direction).and_then(|line| line.exact.meet(&corners, f64::INFINITY));
+        meeting.map_or(distance, |meeting| meeting.t as f32) * (1.0 - ROUNDING)
+    }
+
     /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to `high`; true where that
     /// cannot be asked (Embree).
     pub fn any_in_box(&self, low: Vec3, high: Vec3, stands: impl FnMut(u32, [Vec3; 3]) -> bool) -> bool {

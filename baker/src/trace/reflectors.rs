@@ -179,7 +179,8 @@ impl Reflectors {
         }
         counts.reflector += 1;
         // The ray must not be stopped by the very surface it looks for.
-        let through = space.rays.through(at.origin, direction, distance * (1.0 - 1e-4), at.triangle);
+        let reach = space.rays.short_of(at.origin, direction, distance, triangle);
+        let through = space.rays.through(at.origin, direction, reach, at.triangle);
         if through == Rgb::ZERO {
             return None;
         }

@@ -192,7 +192,10 @@ impl<'a> Transport<'a> {
         };
         counts.lamp += 1;
         // A ray to an emissive triangle must not be stopped by that very triangle.
-        let distance = if s.emitter.is_some() { s.distance * (1.0 - 1e-4) } else { s.distance };
+        let distance = match s.emitter {
+            Some((triangle, _)) => self.space.rays.short_of(at.origin, s.direction, s.distance, triangle),
+            None => s.distance,
+        };
         let through = self.space.rays.through(at.origin, s.direction, distance, at.triangle);
         if through == Rgb::ZERO {
             return None;

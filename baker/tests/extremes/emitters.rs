@@ -2,7 +2,7 @@
 
 use crate::common::closed::{ball, level_rectangle};
 use crate::common::mesh::Obj;
-use crate::common::{Baked, Stage, green};
+use crate::common::{Baked, Stage, green, mean};
 use baker::bake::run::Integrator;
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
@@ -88,6 +88,37 @@ fn a_glowing_surface_gives_its_closed_form() {
 fn a_glowing_surface_of_a_tenth_of_a_millimetre_gives_its_closed_form() {
     let (mean, sigma, expected) = under_a_glowing_square(1e-4, 0.5, 64);
     crate::common::Measured { mean, sigma }.expect(expected, 0.01);
+}
+
+#[test]
+fn what_stands_close_before_a_glowing_surface_keeps_its_light_back() {
+    // A sign thirty metres up, and a larger sheet two millimetres in front of it: less than 1/10,000 of the way.
+    let quad = |name: &str, half: f64, height: f64| {
+        // Its front looks down.
+        let (u, v) = (DVec3::X * (2.0 * half), DVec3::Z * (2.0 * half));
+        Obj::default().mesh(name).quad(dvec3(-half, height, -half), u, v).text()
+    };
+    let light = |sheet: &str| {
+        let files = [
+            ("floor.obj", Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0).text()),
+            ("sign.obj", quad("sign", 1.0, 30.0)),
+            ("sheet.obj", quad("sheet", 2.0, 29.998)),
+        ];
+        let scene = format!(
+            "[[object]]\nfile = \"floor.obj\"\nalbedo = 0\n[[object]]\nfile = \"sign.obj\"\nalbedo = 0\nlightmap = false\n\
+             emission = [5, 5, 5]\ngroup = \"sign\"\n[[group]]\nname = \"sign\"\n{sheet}[lightmap]\nsize = 16\n"
+        );
+        let baked = Stage::new(&files).bake("12", 64, &scene);
+        mean(&baked.first(), &baked.covered("floor"))
+    };
+    let sheet =
+        |more: &str| format!("[[object]]\nfile = \"sheet.obj\"\nalbedo = 0\nlightmap = false\n{more}");
+    let open = light("");
+    assert!(open > 0.01, "{open}");
+    let glass = light(&sheet("transmission = 0.25\ntwo_sided = true\n"));
+    assert!((glass / open - 0.25).abs() < 1e-3, "{glass} of {open}");
+    let opaque = light(&sheet("two_sided = true\n"));
+    assert_eq!(opaque, 0.0);
 }
 
 #[test]

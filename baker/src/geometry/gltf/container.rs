@@ -6,7 +6,13 @@ use std::path::Path;
 
 /// Splits a file into its JSON and, if it is a GLB with one, its binary chunk.
 pub(super) fn split<'a>(bytes: &'a [u8], place: &str) -> Result<(&'a [u8], Option<&'a [u8]>)> {
+    if bytes.is_empty() {
+        return Err(Error::invalid(place, "the file is empty: expected glTF"));
+    }
     if !bytes.starts_with(b"glTF") {
+        if place.to_ascii_lowercase().ends_with(".glb") && !bytes.trim_ascii_start().starts_with(b"{") {
+            return Err(Error::invalid(place, "not a GLB: expected it to begin with \"glTF\""));
+        }
         return Ok((bytes, None));
     }
     let torn = || Error::invalid(place, "the GLB is torn: its chunks do not fill the length it states");
