@@ -216,7 +216,12 @@ fn a_plan_traces_nothing_and_writes_nothing() {
         String::from_utf8(output.stdout).unwrap()
     };
     let words = run(&[]);
-    for expected in ["trace sun at 12:00", "trace sky at 12:00", "trace group \"lamp\"", "left out:"] {
+    for expected in [
+        "trace sun at 7:00, 8:00 … 18:06 (13 layers)",
+        "trace sky at 0:00, 5:00 … 19:00 (18 layers)",
+        "trace group \"lamp\"",
+        "left out:",
+    ] {
         assert!(words.contains(expected), "{words}");
     }
     let transfer = Command::new(env!("CARGO_BIN_EXE_bake"))
