@@ -221,7 +221,7 @@ impl Sent<'_> {
     }
 }
 
-/// The sides of triangles that have entries, cut into no more than [`MOST`] facets; none where even long ones are more.
+/// The sides of triangles that have entries, cut into no more than `MOST` facets; none where even long ones are more.
 pub fn sides(geometry: &Geometry, map: &CacheMap) -> Vec<Side> {
     let cut = |length: f64| {
         let of_triangle = |triangle: usize| {
