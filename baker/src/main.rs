@@ -68,6 +68,9 @@ struct Args {
     /// what `compress compare DATASET --transfer` needs for its comparison with precomputed radiance transfer.
     #[arg(long, conflicts_with_all = ["hours", "compress"])]
     transfer: bool,
+    /// Of the sun bake only what surfaces reflect, for games that draw the sun themselves: as `baked = "indirect"` under [sun].
+    #[arg(long, conflicts_with = "transfer")]
+    indirect: bool,
     /// Hand the dataset to the compressor (profile M), write the bundle and measure it.
     #[arg(long)]
     compress: bool,
@@ -177,6 +180,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     };
     let options = Options {
         transfer: args.transfer,
+        indirect: args.indirect,
         samples: args.samples,
         target_error: args.target_error,
         time_limit: args.time_limit,

@@ -119,7 +119,7 @@ fn means(backend: Backend, g: &Geometry, lights: &Lights, samples: u32) -> Vec<R
                 out[lights.layer_of_sampled(light)] +=
                     transport.direct(&at, light, sample, &sun_draw(sample), &mut counts);
             }
-            transport.indirect(&at, sample, |_, _, _| false, &mut out, &mut counts);
+            transport.indirect(&at, sample, |_, _, _| false, &mut out, None, &mut counts);
         }
         assert!(out.iter().all(|v| v.is_finite() && v.min_element() >= 0.0));
         out[0] / samples as f32

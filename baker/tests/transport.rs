@@ -126,7 +126,7 @@ fn irradiance_through(
                 out[lights.layer_of_sampled(light)] +=
                     transport.direct(&at, light, sample, &sun_draw(sample), &mut counts);
             }
-            transport.indirect(&at, sample, |_, _, _| false, &mut out, &mut counts);
+            transport.indirect(&at, sample, |_, _, _| false, &mut out, None, &mut counts);
         }
         assert!(out.iter().all(|v| v.is_finite() && v.min_element() >= 0.0));
         means.push(f64::from(out[0].y) / f64::from(samples));

@@ -2,7 +2,7 @@
 
 use super::errors::{Errors, Sums};
 use super::json;
-use super::layers::{Layers, Texel};
+use super::layers::{Layers, Part, Texel};
 use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};
@@ -76,8 +76,9 @@ impl<'a> Assembler<'a> {
     ) -> Result<Self> {
         let (width, height) = (atlas.width as usize, atlas.height as usize);
         let mut lit = vec![false; texels.len()];
-        for digest in digests {
-            for (lit, value) in lit.iter_mut().zip(layers.read(digest)?) {
+        // (By all that is kept, so that the mask does not hang on which part of a light lightmaps hold.)
+        for (layer, digest) in digests.iter().enumerate() {
+            for (lit, value) in lit.iter_mut().zip(layers.read_sum(digest, plan.parts_of(layer))?) {
                 *lit |= value.mean != Rgb::ZERO;
             }
         }
@@ -114,11 +115,11 @@ impl<'a> Assembler<'a> {
         self.texels.iter().enumerate().filter(is_valid).map(|(place, texel)| (place, texel.index))
     }
 
-    /// One layer as an image of the virtual page, dilated and, if asked, stitched.
-    fn layer(&self, layer: usize, stitched: bool) -> Result<Image> {
+    /// A part of a layer as an image of the virtual page, dilated and, if asked, stitched.
+    fn part(&self, layer: usize, part: Part, stitched: bool) -> Result<Image> {
         let mut image = Image::black(self.mask.width, self.mask.height);
         let scale = self.plan.scale_of(layer);
-        for (texel, value) in self.texels.iter().zip(self.layers.read(&self.digests[layer])?) {
+        for (texel, value) in self.texels.iter().zip(self.layers.read(&self.digests[layer], part)?) {
             if self.mask.valid[texel.index as usize] {
                 image.texels[texel.index as usize] = (value.mean * scale).to_array();
             }
@@ -128,6 +129,15 @@ impl<'a> Assembler<'a> {
             self.seams.stitch(&mut image);
         }
         Ok(image)
+    }
+
+    /// What lightmaps hold of a layer: the sum of its parts, each dilated and stitched.
+    fn held(&self, layer: usize) -> Result<Image> {
+        let mut sum = Image::black(self.mask.width, self.mask.height);
+        for &part in self.plan.held_parts_of(layer) {
+            add(&mut sum, &self.part(layer, part, true)?);
+        }
+        Ok(sum)
     }
 
     /// A page cut out of the virtual page.
@@ -154,7 +164,7 @@ impl<'a> Assembler<'a> {
         let black = Image::black(self.mask.width, self.mask.height);
         let (mut traced, mut is_dark) = (Vec::new(), Vec::new());
         for g in 0..self.plan.groups.len() {
-            let image = self.layer(first_group + g, true)?;
+            let image = self.held(first_group + g)?;
             is_dark.push(image == black);
             traced.push(self.add(writer, &format!("group{g}"), &image)?);
             each();
@@ -177,7 +187,7 @@ impl<'a> Assembler<'a> {
             let none = vec![None; self.atlas.pages as usize];
             let mut layer = |index: Option<usize>, kind: &str| -> Result<(Image, Vec<Option<FileRef>>)> {
                 let Some(index) = index else { return Ok((black.clone(), none.clone())) };
-                let image = self.layer(index, true)?;
+                let image = self.held(index)?;
                 if image == black {
                     return Ok((image, none.clone()));
                 }
@@ -191,7 +201,7 @@ impl<'a> Assembler<'a> {
             if on != local_of {
                 local = black.clone();
                 for &group in &on {
-                    add(&mut local, &self.layer(group, true)?);
+                    add(&mut local, &self.held(group)?);
                 }
                 local_of = on;
             }
@@ -249,7 +259,8 @@ impl<'a> Assembler<'a> {
         let mut sum = vec![(Rgb::ZERO, Rgb::ZERO); self.texels.len()];
         for layer in self.plan.layers_of(moment) {
             let scale = self.plan.scale_of(layer);
-            for (sum, value) in sum.iter_mut().zip(self.layers.read(&self.digests[layer])?) {
+            let parts = self.plan.held_parts_of(layer);
+            for (sum, value) in sum.iter_mut().zip(self.layers.read_sum(&self.digests[layer], parts)?) {
                 sum.0 += value.mean * scale;
                 sum.1 += value.error * scale;
             }
@@ -287,7 +298,9 @@ impl<'a> Assembler<'a> {
         ];
         for layer in self.plan.layers_of(moment) {
             for (stitched, image) in images.iter_mut().enumerate() {
-                add(image, &self.layer(layer, stitched == 1)?);
+                for &part in self.plan.held_parts_of(layer) {
+                    add(image, &self.part(layer, part, stitched == 1)?);
+                }
             }
         }
         let jump = |image: &Image| self.seams.jump(image);

@@ -79,6 +79,9 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let blocks = bins.occupied();
     let texels = atlas.touched().count();
     let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
+    // The parts in which layers are kept, and the groups that walks can meet, whose light has a sum of its own.
+    let parts = (0..plan.layers()).map(|layer| plan.parts_of(layer).len() as u64).sum::<u64>();
+    let met = plan.groups.iter().filter(|group| group.emission.iter().any(|e| *e != Rgb::ZERO)).count() as u64;
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
     let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
     let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
@@ -102,8 +105,8 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         texels_per_metre: atlas.texels_per_metre,
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
-        layers_bytes: n * (8 + 20 * layers) + CHECKSUM as u64 * (layers + 1),
-        work_bytes: n * (15 + 24 * layers + (3 * size_of::<Direct>() as u64) * sampled) + stored_cache,
+        layers_bytes: n * (8 + 20 * parts) + CHECKSUM as u64 * (parts + 1),
+        work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled) + stored_cache,
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
         lit_tiles: lit_tiles(atlas),
@@ -155,7 +158,8 @@ fn open(prepared: &Prepared, atlas: &Atlas, rays: &Rays, bins: &FaceBins, blocks
             let at = transport.space.receiver(&surface.sample(atlas, texel, point_pair(sample)));
             let mut out = [Rgb::ZERO];
             if let Some(at) = at {
-                transport.indirect(&at, sample, |_, _, _| false, &mut out, &mut RayCounts::default());
+                let mut counts = RayCounts::default();
+                transport.indirect(&at, sample, |_, _, _| false, &mut out, None, &mut counts);
             }
             out[0] != Rgb::ZERO
         };

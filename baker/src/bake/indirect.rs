@@ -147,14 +147,21 @@ impl Worker<'_> {
         target: u32,
         cache: Option<&Cache>,
     ) -> RayCounts {
-        let layers = self.transport.lights.layers();
+        let (layers, met) = (self.transport.lights.layers(), self.transport.lights.met());
         let covered: Vec<usize> = surface.covered().collect();
         let goal = |texel: usize| state.log2_shares.get(texel).map_or(target, |&share| shared(target, share));
         let goals: Vec<u32> = (0..covered.len()).map(goal).collect();
         let mut counts = self.views(block, surface, state, active, cache);
+        // (No group that can be met: an empty slice for each texel.)
+        let mut none: Vec<[Rgb; 0]> = vec![[]; covered.len()];
+        let met_of_texels: Vec<&mut [Rgb]> = match met {
+            0 => none.iter_mut().map(|none| &mut none[..]).collect(),
+            _ => state.met.chunks_mut(2 * met).collect(),
+        };
         let texels = state
             .sums
             .par_chunks_mut((2 * layers).max(1))
+            .zip(met_of_texels)
             .zip(&mut state.taken)
             .zip(&mut state.drawn)
             .zip(&goals)
@@ -162,7 +169,7 @@ impl Worker<'_> {
             .zip(&covered)
             .with_min_len(64);
         let traced =
-            texels.map_init(Vec::new, |readings, (((((sums, taken), drawn), &goal), &probes), &texel)| {
+            texels.map_init(Vec::new, |readings, ((((((sums, met_sums), taken), drawn), &goal), &probes), &texel)| {
                 let mut counts = RayCounts::default();
                 let cell = cell_of(surface, texel);
                 if probes == 0 || !active[cell] || interrupted() {
@@ -172,13 +179,14 @@ impl Worker<'_> {
                 for half in 0..2 {
                     let sequence = self.sequence(surface, texel, Stream::Indirect, half);
                     let out = &mut sums[half * layers..(half + 1) * layers];
+                    let met = &mut met_sums[half * met..(half + 1) * met];
                     let mut reader =
                         cache.map(|cache| Reader { cache, half: &cache.halves[half], seen, readings });
                     for i in *drawn..goal {
                         let sample = sequence.sample(i);
                         if let Some(at) = self.receiver(surface, texel, sample, probes, &mut counts) {
                             taken[half] += 1;
-                            self.walk(&at, sample, reader.as_mut(), out, &mut counts);
+                            self.walk(&at, sample, reader.as_mut(), out, met, &mut counts);
                         }
                         if let Some(reader) = &mut reader
                             && (i % READ_EVERY == READ_EVERY - 1 || i + 1 == goal)
@@ -195,17 +203,18 @@ impl Worker<'_> {
     }
 
     /// One walk, ended where the cache knows the light, and a look at its bright surfaces. What is to be read of the cache is put
-    /// down, and added with `Reader::read`.
+    /// down, and added with `Reader::read`; what is met straight of emissive surfaces goes to `met`.
     pub fn walk(
         &self,
         at: &Receiver,
         sample: Sample,
         reader: Option<&mut Reader>,
         out: &mut [Rgb],
+        met: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
         let Some(Reader { cache, half, seen, readings }) = reader else {
-            return self.transport.indirect(at, sample, |_, _, _| false, out, counts);
+            return self.transport.indirect(at, sample, |_, _, _| false, out, Some(met), counts);
         };
         let (transport, map) = (&self.transport, &cache.map);
         let layers = out.len();
@@ -239,7 +248,7 @@ impl Worker<'_> {
             put(*weight, rest..layers);
             true
         };
-        transport.indirect(at, sample, land, out, counts);
+        transport.indirect(at, sample, land, out, Some(met), counts);
         let mut comb = Comb::new(if seen.is_empty() { 0.0 } else { sample.number(LOOK) });
         for (reflectors, sight) in cache.reflectors.iter().zip(*seen) {
             if let Some(Sight { view, chance }) = sight

@@ -8,10 +8,13 @@ use crate::{Result, Rgb};
 use std::collections::BTreeSet;
 
 /// The layers, ascending, that are not kept.
-pub fn missing(layers: &Layers, base: &str, digests: &[String]) -> Vec<usize> {
+pub fn missing(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> Vec<usize> {
     let texels = layers.texels(base);
-    let is_missing = |digest: &String| texels.as_ref().is_none_or(|t| !layers.has(digest, t.len()));
-    (0..digests.len()).filter(|&l| is_missing(&digests[l])).collect()
+    let is_missing = |&layer: &usize| {
+        let has = |texels: &Vec<Texel>| layers.has(&digests[layer], texels.len(), plan.parts_of(layer));
+        !texels.as_ref().is_some_and(has)
+    };
+    (0..digests.len()).filter(is_missing).collect()
 }
 
 /// The layers, ascending, of the sets that miss a target error, where those layers were traced until they met it: by other
@@ -29,8 +32,8 @@ pub fn missing_target(
         return Ok(Vec::new());
     }
     let mut is_lit = vec![false; texels.len()];
-    for digest in digests {
-        let values = layers.read(digest)?;
+    for (layer, digest) in digests.iter().enumerate() {
+        let values = layers.read_sum(digest, plan.held_parts_of(layer))?;
         is_lit.iter_mut().zip(values).for_each(|(lit, value)| *lit |= value.mean != Rgb::ZERO);
     }
     let mut found = BTreeSet::new();
@@ -42,7 +45,7 @@ pub fn missing_target(
         let mut sum = vec![Value { mean: Rgb::ZERO, error: Rgb::ZERO }; texels.len()];
         for &layer in &of_moment {
             let scale = plan.scale_of(layer);
-            for (sum, value) in sum.iter_mut().zip(layers.read(&digests[layer])?) {
+            for (sum, value) in sum.iter_mut().zip(layers.read_sum(&digests[layer], plan.held_parts_of(layer))?) {
                 sum.mean += value.mean * scale;
                 sum.error += value.error * scale;
             }

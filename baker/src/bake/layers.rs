@@ -1,10 +1,11 @@
 //! The layers of a bake, kept beside the dataset: what a later bake of the same scene under other schedules, colours or
 //! intensities is put together from, without a ray.
 //!
-//! One file per layer, named by its digest: per covered texel, in the order of the blocks, the mean irradiance (3 × f32) and
-//! half the difference of the two halves (3 × bf16), which is an independent estimate of the standard error; both ÷ the scale of
-//! the layer's group. One file per page layout says which texels these are. Byte order: the machine's. Both kinds end in a checksum: 32
-//! bytes of BLAKE3 of the file's name and of all before. What does not fit it is not there, and traced again.
+//! One file per layer, named by its digest, and for suns and light groups a second one of the light that comes straight from them: per
+//! covered texel, in the order of the blocks, the mean irradiance (3 × f32) and half the difference of the two halves (3 × bf16), which is
+//! an independent estimate of the standard error; both ÷ the scale of the layer's group. One file per page layout says which texels these
+//! are. Byte order: the machine's. All end in a checksum: 32 bytes of BLAKE3 of the file's name and of all before. What does not fit it is
+//! not there, and traced again.
 
 use super::json;
 use super::rounds::Traced;
@@ -49,6 +50,22 @@ pub struct Value {
     pub error: Rgb,
 }
 
+impl Value {
+    /// The sum of independent ones.
+    fn plus(self, other: Value) -> Value {
+        Value { mean: self.mean + other.mean, error: self.error + other.error }
+    }
+}
+
+/// A part of a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The light that comes straight from a sun or a light group.
+    Direct,
+    /// The rest; of the sky, all that lightmaps hold.
+    Rest,
+}
+
 /// As stored.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -59,6 +76,12 @@ struct Stored {
 }
 
 impl Stored {
+    /// From the means of both halves.
+    fn new(a: Rgb, b: Rgb) -> Self {
+        let error = ((a - b) * 0.5).to_array().map(bf16::from_f32);
+        Stored { mean: ((a + b) * 0.5).to_array(), error, zero: 0 }
+    }
+
     fn value(self) -> Value {
         Value { mean: Rgb::from_array(self.mean), error: Rgb::from_array(self.error.map(bf16::to_f32)) }
     }
@@ -76,8 +99,12 @@ impl Layers {
         Layers { root: dataset.join(FOLDER) }
     }
 
-    fn path(&self, digest: &str) -> PathBuf {
-        self.root.join(format!("{}.layer", &digest[..32]))
+    fn path(&self, digest: &str, part: Part) -> PathBuf {
+        let extension = match part {
+            Part::Direct => "direct",
+            Part::Rest => "layer",
+        };
+        self.root.join(format!("{}.{extension}", &digest[..32]))
     }
 
     fn rounds_path(&self, base: &str) -> PathBuf {
@@ -95,15 +122,19 @@ impl Layers {
 
     /// Whether a layer is there, whatever its texels.
     pub fn holds(&self, digest: &str) -> bool {
-        self.changes().place(&self.path(digest)).exists()
+        self.changes().place(&self.path(digest, Part::Rest)).exists()
     }
 
-    /// Whether a layer is there, whole, for `texels` texels.
-    pub fn has(&self, digest: &str, texels: usize) -> bool {
-        let (path, length) = (self.path(digest), texels * size_of::<Stored>() + CHECKSUM);
-        let place = self.changes().place(&path);
-        // (The length first: a layer of other texels need not be read.)
-        std::fs::metadata(&place).is_ok_and(|m| m.len() == length as u64) && content(&path, &place).is_some()
+    /// Whether a layer of these parts is there, whole, for `texels` texels.
+    pub fn has(&self, digest: &str, texels: usize, parts: &[Part]) -> bool {
+        let is_whole = |&part: &Part| {
+            let (path, length) = (self.path(digest, part), texels * size_of::<Stored>() + CHECKSUM);
+            let place = self.changes().place(&path);
+            // (The length first: a layer of other texels need not be read.)
+            let is_as_long = std::fs::metadata(&place).is_ok_and(|m| m.len() == length as u64);
+            is_as_long && content(&path, &place).is_some()
+        };
+        parts.iter().all(is_whole)
     }
 
     /// The covered texels of the page that `base` describes, if a bake left them.
@@ -113,9 +144,20 @@ impl Layers {
         bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
     }
 
-    /// A layer's values, in the order of the texels.
-    pub fn read(&self, digest: &str) -> Result<Vec<Value>> {
-        let path = self.path(digest);
+    /// The sums of some parts of a layer, in the order of the texels.
+    pub fn read_sum(&self, digest: &str, parts: &[Part]) -> Result<Vec<Value>> {
+        let mut parts = parts.iter();
+        let first = parts.next().map_or(Ok(Vec::new()), |&part| self.read(digest, part))?;
+        parts.try_fold(first, |mut sum, &part| {
+            let values = self.read(digest, part)?;
+            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum = sum.plus(value));
+            Ok(sum)
+        })
+    }
+
+    /// A part of a layer, in the order of the texels.
+    pub fn read(&self, digest: &str, part: Part) -> Result<Vec<Value>> {
+        let path = self.path(digest, part);
         let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
         let values = &bytes[..bytes.len().saturating_sub(CHECKSUM)];
         if !values.len().is_multiple_of(size_of::<Stored>()) {
@@ -128,9 +170,18 @@ impl Layers {
         Ok(stored.into_iter().map(Stored::value).collect())
     }
 
-    /// A layer's values at some of the texels, by their places among all; no others are read.
-    pub fn read_at(&self, digest: &str, places: &[usize]) -> Result<Vec<Value>> {
-        let path = self.path(digest);
+    /// The sums of some parts of a layer at some of the texels, by their places among all; no others are read.
+    pub fn read_sum_at(&self, digest: &str, parts: &[Part], places: &[usize]) -> Result<Vec<Value>> {
+        let mut sums = vec![Value { mean: Rgb::ZERO, error: Rgb::ZERO }; places.len()];
+        for &part in parts {
+            let values = self.read_at(digest, part, places)?;
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum = sum.plus(value));
+        }
+        Ok(sums)
+    }
+
+    fn read_at(&self, digest: &str, part: Part, places: &[usize]) -> Result<Vec<Value>> {
+        let path = self.path(digest, part);
         let file = File::open(&path).map_err(Error::io(&path))?;
         let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
         let texels = length.saturating_sub(CHECKSUM) / size_of::<Stored>();
@@ -167,22 +218,31 @@ impl Layers {
         let blocks = worker.blocks();
         let mut rays = RayCounts::default();
         let progress = console.progress("keeping layers", blocks.len() as u64);
-        let mut files = digests.iter().map(|d| Partial::create(self.path(d))).collect::<Result<Vec<_>>>()?;
+        let is_split = |layer: usize| !lights.sky_layers().contains(&layer);
+        let parts: Vec<(usize, Part)> = (0..digests.len())
+            .flat_map(|l| is_split(l).then_some((l, Part::Direct)).into_iter().chain([(l, Part::Rest)]))
+            .collect();
+        let create = |&(layer, part): &(usize, Part)| Partial::create(self.path(&digests[layer], part));
+        let mut files = parts.iter().map(create).collect::<Result<Vec<_>>>()?;
         let mut texels: Vec<Texel> = Vec::new();
-        let (mut a, mut b) = (vec![Rgb::ZERO; lights.layers()], vec![Rgb::ZERO; lights.layers()]);
+        let black = || [0, 1].map(|_| vec![Rgb::ZERO; lights.layers()]);
+        let (mut direct, mut rest) = (black(), black());
         for block in blocks {
             let surface = worker.surface(block);
             let covered: Vec<usize> = surface.covered().collect();
             let state = tracer.standing(block, &surface, way, &mut rays)?;
-            let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); digests.len()];
+            let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;
                 texels.push(Texel { index, exposed: u32::from(state.is_exposed(i)) });
-                state.means(i, 0, lights, &mut a);
-                state.means(i, 1, lights, &mut b);
-                for ((stored, a), b) in stored.iter_mut().zip(&a).zip(&b) {
-                    let error = ((*a - *b) * 0.5).to_array().map(bf16::from_f32);
-                    stored.push(Stored { mean: ((*a + *b) * 0.5).to_array(), error, zero: 0 });
+                for half in 0..2 {
+                    state.indirect(i, half, lights, &mut rest[half]);
+                    direct[half].fill(Rgb::ZERO);
+                    state.add_direct(i, half, lights, |_| true, &mut direct[half]);
+                }
+                for (stored, &(layer, part)) in stored.iter_mut().zip(&parts) {
+                    let halves = if part == Part::Direct { &direct } else { &rest };
+                    stored.push(Stored::new(halves[0][layer], halves[1][layer]));
                 }
             }
             for (file, stored) in files.iter_mut().zip(&stored) {
@@ -206,7 +266,8 @@ impl Layers {
 
     /// Forgets some layers, all at once: a bake that is to trace them again, and is killed, finds them missing and goes on.
     pub fn forget<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
-        let remove = digests.map(|digest| file_name(&self.path(digest))).collect();
+        let names = |digest: &String| [Part::Direct, Part::Rest].map(|part| file_name(&self.path(digest, part)));
+        let remove = digests.flat_map(names).collect();
         self.change(&Changes { remove, ..Changes::default() })
     }
 
@@ -246,7 +307,8 @@ impl Layers {
 
     /// Removes all files but those of these layers and this page, and tells how many layers that were.
     pub fn keep_only(&self, base: &str, digests: &[String]) -> usize {
-        let mut keep: BTreeSet<PathBuf> = digests.iter().map(|d| self.path(d)).collect();
+        let paths = |digest: &String| [Part::Direct, Part::Rest].map(|part| self.path(digest, part));
+        let mut keep: BTreeSet<PathBuf> = digests.iter().flat_map(paths).collect();
         keep.extend([self.texels_path(base), self.rounds_path(base)]);
         let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
         let others = entries.flatten().map(|e| e.path()).filter(|path| !keep.contains(path));
@@ -357,30 +419,32 @@ mod tests {
         };
         let stored: Vec<Stored> = (0..100).map(record).collect();
         let write = || {
-            let mut file = Partial::create(layers.path(digest)).unwrap();
+            let mut file = Partial::create(layers.path(digest, Part::Rest)).unwrap();
             file.write(bytemuck::cast_slice(&stored)).unwrap();
             let (temporary, name) = file.seal().unwrap().finish().unwrap();
             std::fs::rename(layers.root.join(temporary), layers.root.join(name)).unwrap();
         };
         write();
-        let (all, places) = (layers.read(digest).unwrap(), [99, 0, 17, 17]);
-        assert_eq!(layers.read_at(digest, &places).unwrap(), places.map(|place| all[place]));
-        let error = layers.read_at(digest, &[100]).unwrap_err().to_string();
-        assert!(error.contains(layers.path(digest).to_str().unwrap()), "{error}");
+        let (all, places) = (layers.read(digest, Part::Rest).unwrap(), [99, 0, 17, 17]);
+        assert_eq!(layers.read_at(digest, Part::Rest, &places).unwrap(), places.map(|place| all[place]));
+        let error = layers.read_at(digest, Part::Rest, &[100]).unwrap_err().to_string();
+        assert!(error.contains(layers.path(digest, Part::Rest).to_str().unwrap()), "{error}");
+        // A layer of two parts is there with both of them.
+        assert!(!layers.has(digest, 100, &[Part::Direct, Part::Rest]));
         // Cut short, with any bit turned, or under another name it is not there.
-        let whole = std::fs::read(layers.path(digest)).unwrap();
-        assert!(layers.has(digest, 100) && !layers.has(digest, 99));
+        let whole = std::fs::read(layers.path(digest, Part::Rest)).unwrap();
+        assert!(layers.has(digest, 100, &[Part::Rest]) && !layers.has(digest, 99, &[Part::Rest]));
         for bit in (0..8 * whole.len()).step_by(61) {
             let mut bytes = whole.clone();
             bytes[bit / 8] ^= 1 << (bit % 8);
-            std::fs::write(layers.path(digest), bytes).unwrap();
-            assert!(!layers.has(digest, 100), "bit {bit}");
+            std::fs::write(layers.path(digest, Part::Rest), bytes).unwrap();
+            assert!(!layers.has(digest, 100, &[Part::Rest]), "bit {bit}");
         }
-        std::fs::write(layers.path(digest), &whole[..whole.len() - 1]).unwrap();
-        assert!(!layers.has(digest, 100));
+        std::fs::write(layers.path(digest, Part::Rest), &whole[..whole.len() - 1]).unwrap();
+        assert!(!layers.has(digest, 100, &[Part::Rest]));
         let other = "fedcba9876543210fedcba9876543210";
-        std::fs::write(layers.path(other), &whole).unwrap();
-        assert!(!layers.has(other, 100));
+        std::fs::write(layers.path(other, Part::Rest), &whole).unwrap();
+        assert!(!layers.has(other, 100, &[Part::Rest]));
     }
 
     #[test]
@@ -390,9 +454,9 @@ mod tests {
         std::fs::create_dir(&layers.root).unwrap();
         let digests = ["a", "b", "c"].map(|digest| digest.repeat(32));
         let bytes = vec![0; 2 * size_of::<Stored>()];
-        let held = || digests.iter().map(|digest| layers.has(digest, 2)).collect::<Vec<_>>();
+        let held = || digests.iter().map(|digest| layers.has(digest, 2, &[Part::Rest])).collect::<Vec<_>>();
         let partial = digests.iter().map(|digest| {
-            let mut file = Partial::create(layers.path(digest)).unwrap();
+            let mut file = Partial::create(layers.path(digest, Part::Rest)).unwrap();
             file.write(&bytes).unwrap();
             file.seal().unwrap().finish().unwrap()
         });
@@ -401,12 +465,12 @@ mod tests {
         std::fs::rename(layers.root.join(last), layers.root.join(path)).unwrap();
         assert_eq!(held(), [false, false, true]);
         // As a run leaves it that was killed after the first of its renames.
-        let changes = Changes { name: name.clone(), remove: vec![file_name(&layers.path(&digests[2]))] };
+        let changes = Changes { name: name.clone(), remove: vec![file_name(&layers.path(&digests[2], Part::Rest))] };
         std::fs::write(layers.root.join(CHANGES), json::bytes(&changes, "").unwrap()).unwrap();
-        std::fs::rename(layers.root.join(&name[0].0), layers.path(&digests[0])).unwrap();
+        std::fs::rename(layers.root.join(&name[0].0), layers.path(&digests[0], Part::Rest)).unwrap();
         let after = [true, true, false];
         assert_eq!(held(), after);
-        assert!(layers.path(&digests[2]).exists() && !layers.path(&digests[1]).exists());
+        assert!(layers.path(&digests[2], Part::Rest).exists() && !layers.path(&digests[1], Part::Rest).exists());
         layers.settle().unwrap();
         assert_eq!(held(), after);
         assert_eq!(std::fs::read_dir(&layers.root).unwrap().count(), 2);

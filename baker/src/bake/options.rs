@@ -16,6 +16,8 @@ pub struct Options {
     pub hours: Hours,
     /// The scene's transfer instead of its light.
     pub transfer: bool,
+    /// Of the sun only what surfaces reflect, as if the scene said `baked = "indirect"` of it.
+    pub indirect: bool,
     /// Samples of indirect light per texel; `None`: the scene's, or up to 65536 towards a target or under a time limit.
     pub samples: Option<u32>,
     /// Relative error at which 16×16 texels get no more samples.
@@ -42,6 +44,7 @@ impl Options {
         Options {
             hours,
             transfer: false,
+            indirect: false,
             samples: None,
             target_error: None,
             time_limit: None,

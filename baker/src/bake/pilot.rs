@@ -178,7 +178,7 @@ fn pilot(
             landings.extend(entry.map(|entry| Landing { entry, weight: at.weight.to_array() }));
             entry.is_some()
         };
-        worker.transport.indirect(&at, sample, land, &mut met, &mut counts);
+        worker.transport.indirect(&at, sample, land, &mut met, None, &mut counts);
     }
     let share = if walked > 0 { 1.0 / walked as f32 } else { 0.0 };
     source.iter_mut().zip(&met).for_each(|(s, m)| *s += *m * share);

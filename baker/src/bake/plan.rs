@@ -1,6 +1,7 @@
 //! What will be traced: moments, the distinct layers they need, and what was left out and why.
 
 use super::json;
+use super::layers::Part;
 use crate::geometry::Geometry;
 use crate::light::emitter::emitters;
 use crate::light::ground;
@@ -10,7 +11,7 @@ use crate::light::harmonics;
 use crate::light::schedule::{Hours, Moment, moments, switches_outside};
 use crate::light::sky::{self, SkyTable};
 use crate::light::sun::{self, SunDisc};
-use crate::scene::{Lamp, Scene, Sky};
+use crate::scene::{Baked, Lamp, Scene, Sky};
 use crate::trace::lights::{GroupLight, Lights, SunLight};
 use crate::{Result, Rgb};
 use dataset::config::TransferPart;
@@ -36,6 +37,10 @@ pub struct Plan {
     pub groups: Vec<PlannedGroup>,
     /// Per group of the scene, its place among `groups`.
     pub place_of_group: Vec<Option<usize>>,
+    /// Which part of the suns' light lightmaps hold.
+    sun_baked: Baked,
+    /// Which part of the skies' light they hold.
+    sky_baked: Baked,
     /// What is not traced, and why, in words.
     pub left_out: Vec<String>,
 }
@@ -55,6 +60,8 @@ pub struct PlannedGroup {
     pub emission: Vec<Rgb>,
     /// Digest of the emission maps, if it has any.
     maps: Option<blake3::Hash>,
+    /// Which part of its light lightmaps hold.
+    baked: Baked,
 }
 
 impl Plan {
@@ -76,6 +83,10 @@ impl Plan {
         let mut groups = Vec::new();
         let mut place_of_group = vec![None; scene.groups.len()];
         for (g, group) in scene.groups.iter().enumerate() {
+            if group.baked == Baked::None {
+                left_out.push(format!("group \"{}\" is not traced: baked = \"none\"", group.name));
+                continue;
+            }
             if !moments.iter().any(|m| m.groups_on[g]) {
                 left_out.push(format!("group \"{}\" is not traced: off at every moment baked", group.name));
                 continue;
@@ -100,7 +111,19 @@ impl Plan {
             left_out.push("no texture lookups: the scene has no textures".to_owned());
         }
         let sky_names = skies.iter().map(|&at| sky_name(scene, at)).collect();
-        Plan { moments, suns, sun_of, sky_hours: skies, sky_names, sky_of, groups, place_of_group, left_out }
+        Plan {
+            moments,
+            suns,
+            sun_of,
+            sky_hours: skies,
+            sky_names,
+            sky_of,
+            groups,
+            place_of_group,
+            sun_baked: scene.sun_baked,
+            sky_baked: scene.sky_baked,
+            left_out,
+        }
     }
 
     /// Number of layers: suns, skies, groups, in that order.
@@ -165,6 +188,10 @@ impl Plan {
                     }
                 } else {
                     hash.update(&json::bytes(&("sky", &scene.sky, &scene.portals), "sky")?);
+                    // (Of the sky, what lightmaps do not hold is not traced.)
+                    if !self.sky_baked.is_all() {
+                        hash.update(&json::bytes(&("baked", self.sky_baked), "sky")?);
+                    }
                     let hour = self.sky_hours[layer - self.suns.len()];
                     match part(scene, hour) {
                         Some(part) => hash.update(&json::bytes(&part, "part")?),
@@ -190,14 +217,38 @@ impl Plan {
         let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &hours);
         let ground = self.ground(scene, layers);
         let guide = SkyGuide::new(scene, &sky, geometry.origin);
-        let mut groups = Vec::new();
+        let mut groups: Vec<GroupLight> = Vec::new();
         let mut place_of_group = vec![None; self.place_of_group.len()];
         for &layer in layers.iter().filter(|&&l| l >= n + m) {
             let group = &self.groups[layer - n - m];
             place_of_group[group.index as usize] = Some(groups.len());
             groups.push(group.light(geometry));
         }
-        Lights { suns, sky, guide, ground, groups, place_of_group }
+        let straight = layers.iter().map(|&layer| self.baked_of(layer) == Baked::All).collect();
+        let mut met = 0..;
+        let shines = |group: &GroupLight| group.emission.iter().any(|radiance| *radiance != Rgb::ZERO);
+        let place_among_met = groups.iter().map(|g| shines(g).then(|| met.next()).flatten()).collect();
+        Lights { suns, sky, guide, ground, groups, place_of_group, straight, place_among_met }
+    }
+
+    /// Which part of a layer's light lightmaps hold.
+    pub fn baked_of(&self, layer: usize) -> Baked {
+        match (self.suns.get(layer), self.group_of_layer(layer)) {
+            (Some(_), _) => self.sun_baked,
+            (_, Some(group)) => group.baked,
+            _ => self.sky_baked,
+        }
+    }
+
+    /// The parts in which a layer is kept: what comes straight from suns and groups lies apart, of the sky it is part of the walks.
+    pub fn parts_of(&self, layer: usize) -> &'static [Part] {
+        let is_sky = self.suns.get(layer).is_none() && self.group_of_layer(layer).is_none();
+        if is_sky { &[Part::Rest] } else { &[Part::Direct, Part::Rest] }
+    }
+
+    /// The parts of a layer that lightmaps hold.
+    pub fn held_parts_of(&self, layer: usize) -> &'static [Part] {
+        if self.baked_of(layer) == Baked::All { self.parts_of(layer) } else { &[Part::Rest] }
     }
 
     /// Radiance of the ground below the horizon in those of some layers that are suns or skies; none where the scene has no ground.
@@ -228,10 +279,11 @@ fn plan_suns(
     left_out: &mut Vec<String>,
 ) -> (Vec<SunDisc>, Vec<Option<usize>>) {
     let mut suns: Vec<SunDisc> = Vec::new();
+    let traced = scene.sun.as_ref().filter(|_| scene.sun_baked != Baked::None);
     let sun_of: Vec<Option<usize>> = moments
         .iter()
         .map(|m| {
-            let disc = sun::at(scene.sun.as_ref()?, scene.place.as_ref(), m.hour)?;
+            let disc = sun::at(traced?, scene.place.as_ref(), m.hour)?;
             Some(suns.iter().position(|s| *s == disc).unwrap_or_else(|| {
                 suns.push(disc);
                 suns.len() - 1
@@ -243,6 +295,8 @@ fn plan_suns(
         // Told with the lamps.
     } else if scene.sun.is_none() {
         left_out.push("no sun rays: the scene has no sun".to_owned());
+    } else if scene.sun_baked == Baked::None {
+        left_out.push("no sun rays: [sun] baked = \"none\"".to_owned());
     } else if with_sun < moments.len() {
         left_out.push(format!(
             "no sun rays at {} of {}: the sun gives no light then",
@@ -266,7 +320,10 @@ fn plan_skies(
     let mut black = 0;
     let mut sky_of = vec![None; moments.len()];
     for (m, sky_of) in moments.iter().zip(&mut sky_of) {
-        let signature = signature(scene, m.hour);
+        let signature = match scene.sky_baked {
+            Baked::None => Vec::new(),
+            _ => signature(scene, m.hour),
+        };
         if signature.iter().all(|v| *v == Vec3::ZERO) {
             black += 1;
             continue;
@@ -279,6 +336,8 @@ fn plan_skies(
     let lit = moments.len() - black;
     if scene.sky.is_none() {
         left_out.push("no sky lookups: the scene has no sky".to_owned());
+    } else if scene.sky_baked == Baked::None {
+        left_out.push("no sky lookups: [sky] baked = \"none\"".to_owned());
     } else if lit == 0 {
         left_out.push("no sky lookups: the sky is black at every moment".to_owned());
     } else if black > 0 {
@@ -360,6 +419,7 @@ impl PlannedGroup {
             lamps: group.lamps.iter().map(|lamp| lamp.clone().with_light(unit(lamp.light()))).collect(),
             emission: emission.into_iter().map(|e| unit(e).as_vec3()).collect(),
             maps: geometry.emission_map_digest(index as u32),
+            baked: group.baked,
         }
     }
 

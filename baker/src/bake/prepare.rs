@@ -10,7 +10,7 @@ use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
 use crate::light::schedule::Hours;
-use crate::scene::{Lightmap, LightmapSize, MAX_SAMPLES, Scene};
+use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
 use crate::trace::bvh8::Bvh8;
 use crate::trace::counts::RayCounts;
@@ -221,6 +221,9 @@ fn inputs_of_the_day(scene_file: &Path, options: &Options) -> Result<String> {
 
 /// Overrides what the command line overrides.
 fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
+    if options.indirect && scene.sun_baked == Baked::All {
+        scene.sun_baked = Baked::Indirect;
+    }
     let (scale, note) = match options.preset {
         Preset::Draft => (0.5, ", halved by --draft"),
         Preset::Default => (1.0, ""),

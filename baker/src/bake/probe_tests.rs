@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::atlas;
+use crate::bake::state::Kinds;
 use crate::geometry::{Geometry, Instance, Material, Solids};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::surface::FaceBins;
@@ -89,7 +90,7 @@ impl Builder {
         for block in worker.blocks() {
             let surface = worker.surface(block);
             // What squares tell is what every texel tells whose points are all asked.
-            let mut state = BlockState::empty(0, 0, 0);
+            let mut state = BlockState::empty(0, Kinds { layers: 0, sampled: 0, met: 0 });
             worker.probe(&surface, &mut state);
             for (k, texel) in surface.covered().enumerate() {
                 let mut counts = RayCounts::default();

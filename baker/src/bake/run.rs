@@ -13,6 +13,7 @@ use super::kept;
 use super::layers::Layers;
 use super::rounds::Traced;
 use super::standing::{self, RUN};
+use super::state::Kinds;
 use super::tracer::Tracer;
 use super::views;
 use super::work::WorkFolder;
@@ -194,7 +195,7 @@ fn provide_layers(
 ) -> Result<(Traced, LayerCount, Vec<String>)> {
     let Prepared { plan, digests, .. } = prepared;
     let base = prepared.base();
-    let missing = kept::missing(layers, &base, digests);
+    let missing = kept::missing(plan, layers, &base, digests);
     if missing.len() < digests.len() {
         let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
         let kept = count(digests.len() - missing.len(), "layer");
@@ -260,7 +261,7 @@ fn trace(
             console.warn(&slow);
             warnings.push(slow);
         }
-        let folder = WorkFolder::open(out, &work, &wanted, worker.transport.lights.sampled())?;
+        let folder = WorkFolder::open(out, &work, &wanted, Kinds::of(worker.transport.lights))?;
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(chosen);
         let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };
@@ -287,7 +288,10 @@ fn check_layers(
     let all: Vec<usize> = (0..prepared.plan.layers()).collect();
     // Of every layer these texels alone: all of all layers may be more than memory holds.
     let places: Vec<usize> = chosen.iter().map(|texel| texel.place).collect();
-    let values = prepared.digests.iter().map(|d| layers.read_at(d, &places)).collect::<Result<Vec<_>>>()?;
+    let held = |&layer: &usize| {
+        layers.read_sum_at(&prepared.digests[layer], prepared.plan.held_parts_of(layer), &places)
+    };
+    let values = all.iter().map(held).collect::<Result<Vec<_>>>()?;
     with_worker(prepared, atlas, &all, |worker| {
         check(&worker, chosen, &values, &prepared.sets(&all), samples, console)
     })

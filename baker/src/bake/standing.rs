@@ -159,7 +159,7 @@ pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>
         return Ok(None);
     }
     let (layers, all) = (Layers::new(&out), prepared.digests.len());
-    let missing = kept::missing(&layers, &prepared.base(), &prepared.digests);
+    let missing = kept::missing(&prepared.plan, &layers, &prepared.base(), &prepared.digests);
     if !missing.is_empty()
         && let Err(error) = refuse_unfinished(&out, &prepared.work(&missing), &layers)
     {

@@ -2,6 +2,7 @@
 
 use crate::Rgb;
 use crate::surface::BLOCK;
+use crate::trace::lights::Lights;
 use bytemuck::{Pod, Zeroable};
 
 /// Side of a cell: the texels that are given samples together.
@@ -99,13 +100,34 @@ pub struct BlockState {
     pub drawn: Vec<u32>,
     /// Per texel and half, those of them that had a point to start from: what the sums are divided by.
     pub taken: Vec<[u32; 2]>,
-    /// `[texel][half][layer]`: sums of irradiance samples.
+    /// `[texel][half][layer]`: sums of irradiance samples, without what comes straight from sampled lights.
     pub sums: Vec<Rgb>,
+    /// `[texel][half][group that walks can meet]`: sums of what they met straight of its emissive surfaces, which is no part of `sums`.
+    pub met: Vec<Rgb>,
+}
+
+/// What a block holds sums of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kinds {
+    /// Layers.
+    pub layers: usize,
+    /// Lights that are sampled from a point.
+    pub sampled: usize,
+    /// Groups that walks can meet.
+    pub met: usize,
+}
+
+impl Kinds {
+    /// Those of some lights.
+    pub fn of(lights: &Lights) -> Self {
+        Kinds { layers: lights.layers(), sampled: lights.sampled(), met: lights.met() }
+    }
 }
 
 impl BlockState {
     /// No samples yet.
-    pub fn empty(texels: usize, layers: usize, sampled: usize) -> Self {
+    pub fn empty(texels: usize, kinds: Kinds) -> Self {
+        let Kinds { layers, sampled, met } = kinds;
         BlockState {
             round: 0,
             probes: Vec::new(),
@@ -116,6 +138,7 @@ impl BlockState {
             drawn: vec![0; texels],
             taken: vec![[0; 2]; texels],
             sums: vec![Rgb::ZERO; texels * 2 * layers],
+            met: vec![Rgb::ZERO; texels * 2 * met],
         }
     }
 
@@ -136,37 +159,68 @@ impl BlockState {
         (sums, exposed as f64)
     }
 
-    /// The estimate of each layer at a texel by one half; `lights` tells to which layers sampled lights add.
-    pub fn means(&self, texel: usize, half: usize, lights: &crate::trace::lights::Lights, out: &mut [Rgb]) {
+    /// The estimate of what lightmaps hold of each layer at a texel, by one half.
+    pub fn means(&self, texel: usize, half: usize, lights: &Lights, out: &mut [Rgb]) {
+        self.indirect(texel, half, lights, out);
+        self.add_direct(texel, half, lights, |layer| lights.straight[layer], out);
+    }
+
+    /// The estimate of each layer at a texel by one half, but for what comes straight from sampled lights.
+    pub fn indirect(&self, texel: usize, half: usize, lights: &Lights, out: &mut [Rgb]) {
         let layers = lights.layers();
         let from = (texel * 2 + half) * layers;
         let scale = 1.0 / (self.taken[texel][half].max(1) as f32);
         for (out, sum) in out.iter_mut().zip(&self.sums[from..from + layers]) {
             *out = *sum * scale;
         }
+    }
+
+    /// Adds the estimate of what comes straight from sampled lights, for layers that are `wanted`.
+    pub fn add_direct(
+        &self,
+        texel: usize,
+        half: usize,
+        lights: &Lights,
+        wanted: impl Fn(usize) -> bool,
+        out: &mut [Rgb],
+    ) {
         let from = (texel * 2 + half) * lights.sampled();
         for (light, direct) in self.direct[from..from + lights.sampled()].iter().enumerate() {
-            out[lights.layer_of_sampled(light)] += direct.mean();
+            let layer = lights.layer_of_sampled(light);
+            if wanted(layer) {
+                out[layer] += direct.mean();
+            }
+        }
+        let from = (texel * 2 + half) * lights.met();
+        let scale = 1.0 / (self.taken[texel][half].max(1) as f32);
+        for (group, place) in lights.place_among_met.iter().enumerate() {
+            let layer = lights.group_layer(group);
+            if let Some(place) = place
+                && wanted(layer)
+            {
+                out[layer] += self.met[from + place] * scale;
+            }
         }
     }
 }
 
-const MAGIC: &[u8; 8] = b"TLMBLK07";
-/// Magic, round, texels, layers, sampled lights, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
-const HEADER: usize = 8 + 5 * 4;
+const MAGIC: &[u8; 8] = b"TLMBLK08";
+/// Magic, round, texels, layers, sampled lights, groups that walks can meet, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
+const HEADER: usize = 8 + 6 * 4;
 
 impl BlockState {
-    /// What [`BlockState::to_bytes`] gave for a block of so many texels, layers and sampled lights; `None` where the bytes are of another.
-    pub fn from_bytes(bytes: &[u8], texels: usize, layers: usize, sampled: usize) -> Option<BlockState> {
-        let mut state = BlockState::empty(texels, layers, sampled);
+    /// What [`BlockState::to_bytes`] gave for a block of so many texels and these kinds of sums; `None` where the bytes are of another.
+    pub fn from_bytes(bytes: &[u8], texels: usize, kinds: Kinds) -> Option<BlockState> {
+        let Kinds { layers, sampled, met } = kinds;
+        let mut state = BlockState::empty(texels, kinds);
         let (header, mut rest) = bytes.split_at_checked(HEADER)?;
         let word = |i: usize| {
             let at = 8 + 4 * i;
             Some(u32::from_le_bytes(header.get(at..at + 4)?.try_into().ok()?))
         };
         let fits = header.starts_with(MAGIC)
-            && [word(1)?, word(2)?, word(3)?] == [texels as u32, layers as u32, sampled as u32];
-        let (known, records) = (word(4)?, texels * sampled);
+            && [word(1)?, word(2)?, word(3)?, word(4)?] == [texels, layers, sampled, met].map(|n| n as u32);
+        let (known, records) = (word(5)?, texels * sampled);
         state.probes = vec![0; if known & 1 == 1 { texels } else { 0 }];
         state.trials = vec![Direct::default(); if known & 2 == 2 { records } else { 0 }];
         state.wants = vec![0; if known & 4 == 4 { records } else { 0 }];
@@ -186,11 +240,13 @@ impl BlockState {
         fill(bytemuck::cast_slice_mut(&mut state.drawn))?;
         fill(bytemuck::cast_slice_mut(&mut state.taken))?;
         fill(bytemuck::cast_slice_mut(&mut state.sums))?;
+        fill(bytemuck::cast_slice_mut(&mut state.met))?;
         (fits && rest.is_empty()).then_some(state)
     }
 
     /// For keeping it, in the byte order of the machine: work in progress does not travel.
-    pub fn to_bytes(&self, layers: usize, sampled: usize) -> Vec<u8> {
+    pub fn to_bytes(&self, kinds: Kinds) -> Vec<u8> {
+        let Kinds { layers, sampled, met } = kinds;
         let mut bytes = Vec::with_capacity(HEADER + self.sums.len() * 12 + self.direct.len() * 20);
         bytes.extend_from_slice(MAGIC);
         let known = [
@@ -201,7 +257,7 @@ impl BlockState {
         ];
         let known = known.iter().rev().fold(0, |bits, is_empty| bits << 1 | u32::from(!is_empty));
         let texels = self.taken.len() as u32;
-        for word in [self.round, texels, layers as u32, sampled as u32, known] {
+        for word in [self.round, texels, layers as u32, sampled as u32, met as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
         bytes.extend_from_slice(bytemuck::cast_slice(&self.probes));
@@ -212,6 +268,7 @@ impl BlockState {
         bytes.extend_from_slice(bytemuck::cast_slice(&self.drawn));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.taken));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.sums));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.met));
         bytes
     }
 }
@@ -220,9 +277,11 @@ impl BlockState {
 mod tests {
     use super::*;
 
+    const KINDS: Kinds = Kinds { layers: 3, sampled: 2, met: 1 };
+
     #[test]
     fn a_block_reads_back_whole() {
-        let mut state = BlockState::empty(4, 3, 2);
+        let mut state = BlockState::empty(4, KINDS);
         state.round = 2;
         state.log2_shares = vec![-1, 0, 1, 3];
         state.drawn = vec![1, 2, 4, 16];
@@ -231,18 +290,20 @@ mod tests {
         state.wants = vec![1; 8];
         state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];
         state.direct[7].add(Rgb::new(1.0, 2.0, 3.0));
+        state.met[5] = Rgb::new(0.5, 0.25, 2.0);
         for (i, s) in state.sums.iter_mut().enumerate() {
             *s = Rgb::new(i as f32, 0.5 * i as f32, -1.0);
         }
-        let bytes = state.to_bytes(3, 2);
-        assert_eq!(BlockState::from_bytes(&bytes, 4, 3, 2), Some(state));
+        let bytes = state.to_bytes(KINDS);
+        assert_eq!(BlockState::from_bytes(&bytes, 4, KINDS), Some(state));
         // One of another size, or cut short, is not taken for it.
-        for (texels, layers, sampled) in [(3, 3, 2), (4, 2, 2), (4, 3, 1)] {
-            assert_eq!(BlockState::from_bytes(&bytes, texels, layers, sampled), None);
+        let others = [(3, KINDS), (4, Kinds { layers: 2, ..KINDS }), (4, Kinds { sampled: 1, ..KINDS }), (4, Kinds { met: 2, ..KINDS })];
+        for (texels, kinds) in others {
+            assert_eq!(BlockState::from_bytes(&bytes, texels, kinds), None);
         }
-        assert!((0..bytes.len()).all(|end| BlockState::from_bytes(&bytes[..end], 4, 3, 2).is_none()));
-        let empty = BlockState::empty(4, 3, 2);
-        assert_eq!(BlockState::from_bytes(&empty.to_bytes(3, 2), 4, 3, 2), Some(empty));
+        assert!((0..bytes.len()).all(|end| BlockState::from_bytes(&bytes[..end], 4, KINDS).is_none()));
+        let empty = BlockState::empty(4, KINDS);
+        assert_eq!(BlockState::from_bytes(&empty.to_bytes(KINDS), 4, KINDS), Some(empty));
     }
 
     #[test]

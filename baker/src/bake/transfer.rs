@@ -3,7 +3,7 @@
 use crate::light::harmonics::{hours, parts};
 use crate::light::project::{coefficients, is_upper};
 use crate::light::schedule::{Hours, moments};
-use crate::scene::{LightsOfFiles, Look, Scene, Sky};
+use crate::scene::{Baked, LightsOfFiles, Look, Scene, Sky};
 use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
@@ -29,6 +29,12 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
         return Err(Error::invalid(
             scene_file.display(),
             "has a ground below the horizon, which --transfer does not know; expected `ground = false` in [sky] for it",
+        ));
+    }
+    if scene.sun_baked != Baked::All || scene.sky_baked != Baked::All {
+        return Err(Error::invalid(
+            scene_file.display(),
+            "leaves a part of its sun or sky to the game (`baked`), which --transfer does not know; expected `baked = \"all\"` for it",
         ));
     }
     let upper = is_upper(&scene);

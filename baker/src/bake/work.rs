@@ -19,7 +19,7 @@
 
 use super::json;
 use super::sealed;
-use super::state::BlockState;
+use super::state::{BlockState, Kinds};
 use crate::{Error, Result};
 use dataset::files::write_atomically;
 use rayon::prelude::*;
@@ -50,21 +50,20 @@ pub struct WorkFolder {
     root: PathBuf,
     /// Digest of the work.
     digest: String,
-    layers: usize,
-    sampled: usize,
+    kinds: Kinds,
 }
 
 impl WorkFolder {
-    /// Opens or creates the folder of the work with this digest below `dataset`, which traces the layers of these digests from so many
-    /// sampled lights, and removes those of other work.
-    pub fn open(dataset: &Path, digest: &str, layers: &[String], sampled: usize) -> Result<Self> {
+    /// Opens or creates the folder of the work with this digest below `dataset`, which traces the layers of these digests as sums of these
+    /// kinds, and removes those of other work.
+    pub fn open(dataset: &Path, digest: &str, layers: &[String], kinds: Kinds) -> Result<Self> {
         for other in Self::others(dataset, digest) {
             let _ = std::fs::remove_dir_all(other);
         }
         let root = dataset.join(FOLDER).join(&digest[..16]);
         std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
         dataset::files::remove_stale_temporaries(&root)?;
-        let folder = WorkFolder { root, digest: digest.to_owned(), layers: layers.len(), sampled };
+        let folder = WorkFolder { root, digest: digest.to_owned(), kinds };
         folder.write(LAYERS, &layers)?;
         Ok(folder)
     }
@@ -128,13 +127,13 @@ impl WorkFolder {
 
     /// A block of so many texels without samples.
     pub fn empty_block(&self, texels: usize) -> BlockState {
-        BlockState::empty(texels, self.layers, self.sampled)
+        BlockState::empty(texels, self.kinds)
     }
 
     /// Reads a block; `None` where it was not written yet, or what is there is not whole or not of this work.
     pub fn read_block(&self, block: usize, texels: usize) -> Result<Option<BlockState>> {
         let bytes = self.read_sealed(&block_name(block))?;
-        Ok(bytes.and_then(|bytes| BlockState::from_bytes(&bytes, texels, self.layers, self.sampled)))
+        Ok(bytes.and_then(|bytes| BlockState::from_bytes(&bytes, texels, self.kinds)))
     }
 
     /// A block that this run has read or written before.
@@ -144,7 +143,7 @@ impl WorkFolder {
 
     /// Writes a block, replacing what was there: whole or absent for a run that is killed, and durable after [`Self::sync_blocks`].
     pub fn write_block(&self, block: usize, state: &BlockState) -> Result<()> {
-        let (name, bytes) = (block_name(block), state.to_bytes(self.layers, self.sampled));
+        let (name, bytes) = (block_name(block), state.to_bytes(self.kinds));
         sealed::write_unsynced(&self.path(&name), &self.label(&name), &[&bytes])
     }
 
@@ -230,14 +229,16 @@ fn is_finished(folder: &Path, is_kept: impl Fn(&str) -> bool) -> bool {
 mod tests {
     use super::*;
 
+    const KINDS: Kinds = Kinds { layers: 3, sampled: 2, met: 1 };
+
     #[test]
     fn blocks_are_kept_and_torn_ones_are_not_believed() {
         let dir = tempfile::tempdir().unwrap();
         let digest = "0123456789abcdef0123";
         let names = |names: [&str; 3]| names.map(str::to_owned);
-        let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), 2).unwrap();
+        let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), KINDS).unwrap();
         assert_eq!(folder.read_block(5, 4).unwrap(), None);
-        let state = BlockState { round: 2, wants: vec![1; 8], ..BlockState::empty(4, 3, 2) };
+        let state = BlockState { round: 2, wants: vec![1; 8], ..BlockState::empty(4, KINDS) };
         folder.write_block(5, &state).unwrap();
         folder.sync_blocks(&[5, 6]).unwrap();
         assert_eq!(folder.expect_block(5, 4).unwrap(), state);
@@ -268,12 +269,12 @@ mod tests {
         WorkFolder::remove_finished(dir.path(), other, |_| true);
         assert!(!folder.root.exists());
         // Another bake's work is removed.
-        let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), 2).unwrap();
-        let new = WorkFolder::open(dir.path(), other, &[], 2).unwrap();
+        let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), KINDS).unwrap();
+        let new = WorkFolder::open(dir.path(), other, &[], KINDS).unwrap();
         assert!(!folder.root.exists() && new.root.exists());
         new.remove();
         assert_eq!(std::fs::read_dir(dir.path().join(FOLDER)).unwrap().count(), 0);
-        WorkFolder::open(dir.path(), other, &[], 2).unwrap();
+        WorkFolder::open(dir.path(), other, &[], KINDS).unwrap();
         WorkFolder::clear(dir.path()).unwrap();
         assert_eq!(std::fs::read_dir(dir.path().join(FOLDER)).unwrap().count(), 0);
     }
@@ -281,7 +282,7 @@ mod tests {
     #[test]
     fn what_was_decided_once_stays_decided() {
         let dir = tempfile::tempdir().unwrap();
-        let folder = WorkFolder::open(dir.path(), "0123456789abcdef", &[], 0).unwrap();
+        let folder = WorkFolder::open(dir.path(), "0123456789abcdef", &[], Kinds { layers: 0, sampled: 0, met: 0 }).unwrap();
         assert_eq!(folder.kept(DIRECT, || Ok(vec![1.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(PIVOT, || Ok(None::<i16>)).unwrap(), None);

@@ -5,7 +5,7 @@ use super::look::fits;
 use super::model::FileMaterial;
 use super::notes;
 use super::texture::TextureStore;
-use crate::scene::{Group, Lamp, Look, Scene, Sun};
+use crate::scene::{Baked, Group, Lamp, Look, Scene, Sun};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -184,7 +184,7 @@ impl<'a> Groups<'a> {
                 warnings.push(format!("group \"{}\" has no lamp and no emission ({have})", group.name));
             }
         }
-        let group = |name| Group { name, on: vec![[0.0, 24.0]], lamps: Vec::new() };
+        let group = |name| Group { name, on: vec![[0.0, 24.0]], lamps: Vec::new(), baked: Baked::All };
         let to = |group: u32| merged.map_or(group, |most| group.min(most)) as usize;
         let lights = FileLights {
             groups: new.into_iter().map(group).collect(),

@@ -1,7 +1,7 @@
 //! Tests of the sky guide: its density against its samples, portals that overlap, pictures with a sun.
 
 use super::*;
-use crate::scene::{Lightmap, Sampling, Sky, SkyImage};
+use crate::scene::{Baked, Lightmap, Sampling, Sky, SkyImage};
 use dataset::image::Image;
 use std::sync::Arc;
 
@@ -20,6 +20,8 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         place: Some(PLACE),
         sun: None,
         sky,
+        sun_baked: Baked::All,
+        sky_baked: Baked::All,
         ground: None,
         portals,
         objects: Vec::new(),

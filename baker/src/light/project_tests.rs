@@ -1,7 +1,7 @@
 //! Tests of the fit against light whose coefficients are known.
 
 use super::*;
-use crate::scene::{Lightmap, Place, Sampling, Sun, SunKey};
+use crate::scene::{Baked, Lightmap, Place, Sampling, Sun, SunKey};
 
 fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
     Scene {
@@ -16,6 +16,8 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         }),
         sun,
         sky,
+        sun_baked: Baked::All,
+        sky_baked: Baked::All,
         ground: None,
         portals: Vec::new(),
         objects: Vec::new(),

@@ -3,7 +3,7 @@
 //! Times are compared as whole micro-hours (3.6 ms), so that 18 + 0.1 is 18.1 and no switch is missed by rounding.
 //! The day is a circle: 24 is 0.
 
-use crate::scene::Group;
+use crate::scene::{Baked, Group};
 use dataset::typed::clock;
 
 /// The moments to bake, before the switch extras.
@@ -114,7 +114,7 @@ fn is_within(hours: &Hours, requested: &[i64], instant: i64) -> bool {
 /// The switches, in hours, that lie before the first or after the last of the hours, ascending: they get no sets beside them.
 pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
-    let switches = sorted(groups.iter().flat_map(|g| switches_of(&g.on)).collect());
+    let switches = sorted(baked(groups).flat_map(|g| switches_of(&g.on)).collect());
     switches.into_iter().filter(|&at| !is_within(hours, &requested, at)).map(self::hours).collect()
 }
 
@@ -126,7 +126,7 @@ pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
 /// lacks are added together. An extra for which less than two micro-hours are left is dropped.
 pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
-    let switches = sorted(groups.iter().flat_map(|g| switches_of(&g.on)).collect());
+    let switches = sorted(baked(groups).flat_map(|g| switches_of(&g.on)).collect());
     let mut extras = Vec::new();
     for (i, &instant) in switches.iter().enumerate() {
         if !is_within(hours, &requested, instant) {
@@ -138,7 +138,7 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
         let next = switches[(i + 1) % switches.len()];
         for side in [-1, 1] {
             // A set at the instant shows every group off: the side is lacking only for groups that are lit there.
-            let lacking = groups.iter().any(|group| {
+            let lacking = baked(groups).any(|group| {
                 let (before, after) = (lit_before(&group.on, instant), lit_after(&group.on, instant));
                 before != after && (!at_instant || if side < 0 { before } else { after })
             });
@@ -165,6 +165,11 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
         extra: requested.binary_search(&time).is_err(),
     };
     all.into_iter().map(moment).collect()
+}
+
+/// The groups whose switches lightmaps show.
+fn baked(groups: &[Group]) -> impl Iterator<Item = &Group> {
+    groups.iter().filter(|group| group.baked != Baked::None)
 }
 
 /// The instants at which a group's state changes, in [0, DAY).

@@ -1,9 +1,10 @@
 //! Tests of the schedule: the stated examples, and random schedules against a brute-force reading of the rule.
 
 use super::*;
+use crate::scene::Baked;
 
 fn group(on: &[[f64; 2]]) -> Group {
-    Group { name: "lamp".into(), on: on.to_vec(), lamps: Vec::new() }
+    Group { name: "lamp".into(), on: on.to_vec(), lamps: Vec::new(), baked: Baked::All }
 }
 
 /// Hours of the extras for whole-hour sets over a whole day.
@@ -340,4 +341,17 @@ fn switches_outside_the_hours_are_told() {
     assert_eq!(outside("0..24/2"), [0.0; 0]);
     assert_eq!(outside("0,2,4,6,8,10,12,14,16,18,20,22"), [23.0]);
     assert_eq!(outside("12"), [20.25, 23.0]);
+}
+
+#[test]
+fn groups_that_are_not_baked_switch_nothing() {
+    let left = Group { baked: Baked::None, ..group(&[[20.25, 23.0]]) };
+    let indirect = Group { baked: Baked::Indirect, ..group(&[[7.25, 8.5]]) };
+    let hours = |groups: &[Group]| {
+        moments(&parse_hours("0..24").unwrap(), groups).iter().map(|m| m.hour).collect::<Vec<_>>()
+    };
+    let extras = |groups: &[Group]| hours(groups).into_iter().filter(|hour| hour.fract() != 0.0).collect::<Vec<_>>();
+    assert_eq!(extras(&[left.clone()]), [0.0; 0]);
+    assert_eq!(extras(&[left.clone(), indirect.clone()]), extras(&[indirect]));
+    assert_eq!(switches_outside(&parse_hours("12").unwrap(), &[left]), [0.0; 0]);
 }

@@ -82,11 +82,13 @@ impl Shader<'_> {
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
         let space = &self.transport.space;
         let Some(at) = space.receiver_on(&point, is_back) else { return Rgb::ZERO };
-        let (mut layers, mut read) = (vec![Rgb::ZERO; self.light.lights.layers()], Rgb::ZERO);
+        let lights = &self.light.lights;
+        let (mut layers, mut read) = (vec![Rgb::ZERO; lights.layers()], Rgb::ZERO);
+        let (mut direct, mut met) = (layers.clone(), vec![Rgb::ZERO; lights.met()]);
         let mut counts = RayCounts::default();
         for walk in number * self.walks..(number + 1) * self.walks {
             let sample = walks.sample(walk);
-            self.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut layers, &mut counts);
+            self.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut direct, &mut counts);
             self.transport.indirect(
                 &at,
                 sample,
@@ -98,9 +100,11 @@ impl Shader<'_> {
                     None => false,
                 },
                 &mut layers,
+                Some(&mut met),
                 &mut counts,
             );
         }
+        lights.add_held(&direct, &met, &mut layers);
         (self.light.sum(&layers) + read) / self.walks as f32
     }
 }

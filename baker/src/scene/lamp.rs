@@ -2,7 +2,7 @@
 
 use super::colour::{KELVIN, black_body};
 use super::raw::Table;
-use super::{Group, Lamp, Profile, schedule};
+use super::{Group, Lamp, Profile, load, schedule};
 use dataset::Result;
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Keys of `[[group]]`.
-pub(super) const KEYS: &[&str] = &["name", "on", "lights", "sphere", "rectangle", "disc", "spot", "point"];
+pub(super) const KEYS: &[&str] = &["name", "on", "baked", "lights", "sphere", "rectangle", "disc", "spot", "point"];
 const SPHERE: &[&str] = &["centre", "radius", "radiance", "lumens", "kelvin"];
 const RECTANGLE: &[&str] = &["corner", "edge_u", "edge_v", "radiance", "lumens", "kelvin"];
 const DISC: &[&str] = &["centre", "direction", "radius", "radiance", "lumens", "kelvin"];
@@ -57,7 +57,7 @@ pub(super) fn read(tables: Vec<Table>, folder: &Path) -> Result<(Vec<Group>, Nam
         for t in table.tables("point", POINT)? {
             lamps.push(point(&t, folder)?);
         }
-        groups.push(Group { name: name.to_owned(), on, lamps });
+        groups.push(Group { name: name.to_owned(), on, lamps, baked: load::baked(&table)? });
     }
     Ok((groups, names))
 }

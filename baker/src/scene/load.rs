@@ -2,7 +2,7 @@
 
 use super::raw::{Source, Table, parse};
 use super::{
-    HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey,
+    Baked, HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey,
     SunTrack, UvSource, camera, lamp, lights, object, sky,
 };
 use dataset::{Error, Result};
@@ -24,7 +24,7 @@ const TOP: &[&str] = &[
     "camera",
 ];
 const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
-const SUN: &[&str] = &["disc_angle", "turbidity", "track"];
+const SUN: &[&str] = &["disc_angle", "turbidity", "track", "baked"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
 const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
 const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding", "hidden", "uv"];
@@ -71,8 +71,11 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let of_sky = top.table("sky", sky::KEYS)?;
     let ground = of_sky.as_ref().map(sky::ground).transpose()?.flatten();
+    let sky_baked = of_sky.as_ref().map(baked).transpose()?.unwrap_or_default();
     let sky = of_sky.map(|t| sky::read(&t, place.is_some(), folder)).transpose()?;
-    let sun = top.table("sun", SUN)?.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
+    let of_sun = top.table("sun", SUN)?;
+    let sun_baked = of_sun.as_ref().map(baked).transpose()?.unwrap_or_default();
+    let sun = of_sun.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
     let portals: Result<Vec<Portal>> = top
         .tables("portal", PORTAL)?
         .iter()
@@ -106,6 +109,8 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         place,
         sun,
         sky,
+        sun_baked,
+        sky_baked,
         ground,
         portals,
         objects,
@@ -211,6 +216,18 @@ fn sun(table: &Table, has_place: bool, sky: Option<&Sky>) -> Result<Sun> {
         }
     };
     Ok(Sun { disc_angle, track })
+}
+
+/// Reads `baked` of a light.
+pub(super) fn baked(table: &Table) -> Result<Baked> {
+    let expected = r#""all", "indirect" or "none""#;
+    let Some(value) = table.get("baked") else { return Ok(Baked::All) };
+    match value.text(expected)? {
+        "all" => Ok(Baked::All),
+        "indirect" => Ok(Baked::Indirect),
+        "none" => Ok(Baked::None),
+        _ => Err(value.error(format!("expected {expected}"))),
+    }
 }
 
 fn sun_key(table: &Table, before: Option<&SunKey>) -> Result<SunKey> {

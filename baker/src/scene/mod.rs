@@ -46,6 +46,12 @@ pub struct Scene {
     pub sun: Option<Sun>,
     /// The sky; `None`: black.
     pub sky: Option<Sky>,
+    /// Which part of the sun's light lightmaps hold.
+    #[serde(skip_serializing_if = "Baked::is_all")]
+    pub sun_baked: Baked,
+    /// Which part of the sky's light they hold.
+    #[serde(skip_serializing_if = "Baked::is_all")]
+    pub sky_baked: Baked,
     /// Albedo of the ground that is seen below the horizon, lit by sun and sky; `None`: what the sky shows there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<DVec3>,
@@ -99,6 +105,8 @@ impl Scene {
             place: None,
             sun: None,
             sky: None,
+            sun_baked: Baked::All,
+            sky_baked: Baked::All,
             ground: None,
             portals: Vec::new(),
             objects: vec![object],
@@ -152,6 +160,26 @@ pub struct Sun {
     pub disc_angle: f64,
     /// Where its position and irradiance come from.
     pub track: SunTrack,
+}
+
+/// Which part of a light the lightmaps hold. What they do not hold is left to the game.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Baked {
+    /// What comes straight from the light and what surfaces reflect of it.
+    #[default]
+    All,
+    /// What surfaces reflect of it.
+    Indirect,
+    /// Nothing: the light is not traced.
+    None,
+}
+
+impl Baked {
+    /// Whether nothing is left to the game.
+    pub fn is_all(&self) -> bool {
+        *self == Baked::All
+    }
 }
 
 /// The sun's course.
@@ -289,6 +317,9 @@ pub struct Group {
     pub on: Vec<[f64; 2]>,
     /// Its lamps.
     pub lamps: Vec<Lamp>,
+    /// Which part of its light lightmaps hold.
+    #[serde(skip_serializing_if = "Baked::is_all")]
+    pub baked: Baked,
 }
 
 /// A lamp: invisible to camera and paths, sampled directly.

@@ -22,6 +22,10 @@ pub struct Lights {
     pub groups: Vec<GroupLight>,
     /// Per group of the scene, its place among `groups`; `None`: not traced.
     pub place_of_group: Vec<Option<usize>>,
+    /// Per layer, whether lightmaps hold what comes straight from its light.
+    pub straight: Vec<bool>,
+    /// Per traced group, its place among those with emissive surfaces, which walks can meet.
+    pub place_among_met: Vec<Option<usize>>,
 }
 
 /// A sun, ready for sampling.
@@ -92,7 +96,35 @@ impl Lights {
     pub fn none() -> Self {
         let sky = SkyTable::new(None, None, &[]);
         let (suns, ground) = (Vec::new(), Vec::new());
-        Lights { suns, sky, guide: None, ground, groups: Vec::new(), place_of_group: Vec::new() }
+        let (groups, place_of_group) = (Vec::new(), Vec::new());
+        let (straight, place_among_met) = (Vec::new(), Vec::new());
+        Lights { suns, sky, guide: None, ground, groups, place_of_group, straight, place_among_met }
+    }
+
+    /// Whether lightmaps hold what comes straight from the sky. (All of its hours are alike.)
+    pub fn holds_sky(&self) -> bool {
+        self.straight.get(self.suns.len()).is_none_or(|holds| *holds || self.sky.lit.is_empty())
+    }
+
+    /// Adds to each layer what lightmaps hold of the light that comes straight from it: `direct` as sampled (by layer), `met` as walks met it.
+    pub fn add_held(&self, direct: &[Rgb], met: &[Rgb], out: &mut [Rgb]) {
+        let held = |(_, holds): &((&mut Rgb, &Rgb), &bool)| **holds;
+        for ((out, direct), _) in out.iter_mut().zip(direct).zip(&self.straight).filter(held) {
+            *out += *direct;
+        }
+        for (group, place) in self.place_among_met.iter().enumerate() {
+            let layer = self.group_layer(group);
+            if let Some(place) = place
+                && self.straight[layer]
+            {
+                out[layer] += met[*place];
+            }
+        }
+    }
+
+    /// How many groups have emissive surfaces, whose light walks can meet.
+    pub fn met(&self) -> usize {
+        self.place_among_met.iter().flatten().count()
     }
 
     /// Number of layers.
@@ -104,6 +136,12 @@ impl Lights {
     #[inline]
     pub fn add_from_outside(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb]) {
         self.sky.add(direction, beta, &mut out[self.sky_layers()]);
+        self.add_ground(direction, beta, out);
+    }
+
+    /// Adds the light of the ground below the horizon alone.
+    #[inline]
+    pub fn add_ground(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb]) {
         if direction.y < 0.0 {
             out.iter_mut().zip(&self.ground).for_each(|(o, radiance)| *o += beta * *radiance);
         }
