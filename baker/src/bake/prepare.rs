@@ -24,7 +24,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-19";
+const METHOD: &str = "walks-20";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
@@ -162,6 +162,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     }
     let (mut scene, hours, transfer) = if options.transfer {
         let inputs = inputs_of_the_day(scene_file, options)?;
+        warnings.extend(transfer::omitted(&scene));
         let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs)?;
         (scene, hours, Some(transfer))
     } else {

@@ -226,7 +226,8 @@ fn place<'a>(
     }
     let all: Vec<&str> = model.placements.iter().flat_map(names).collect();
     let unmet_parts = object.parts.iter().zip(&met).filter(|(_, met)| !**met);
-    errors.extend(unmet_parts.map(|(part, _)| unmet(object, part, &all)));
+    let lamps = || model.contents.lamps.iter().map(|lamp| lamp.name.as_str());
+    errors.extend(unmet_parts.map(|(part, _)| unmet(object, part, &all, lamps())));
     if !undefined.is_empty() {
         let meshes = notes::plural(undefined.len(), "mesh");
         undefined.retain(|name| !name.is_empty());

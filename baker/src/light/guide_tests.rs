@@ -21,6 +21,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         sun: None,
         sky,
         ground: None,
+        ground_is_written: false,
         portals,
         objects: Vec::new(),
         groups: Vec::new(),

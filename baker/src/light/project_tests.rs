@@ -17,6 +17,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         sun,
         sky,
         ground: None,
+        ground_is_written: false,
         portals: Vec::new(),
         objects: Vec::new(),
         groups: Vec::new(),

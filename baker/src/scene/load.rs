@@ -70,8 +70,12 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let place = top.table("place", PLACE)?.map(|t| self::place(&t)).transpose()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let of_sky = top.table("sky", sky::KEYS)?;
-    let ground = of_sky.as_ref().map(sky::ground).transpose()?.flatten();
-    let sky = of_sky.map(|t| sky::read(&t, place.is_some(), folder)).transpose()?;
+    let sky = of_sky.as_ref().map(|t| sky::read(t, place.is_some(), folder)).transpose()?;
+    let ground = match (&of_sky, &sky) {
+        (Some(table), Some(sky)) => sky::ground(table, sky)?,
+        _ => None,
+    };
+    let ground_is_written = of_sky.as_ref().is_some_and(|table| table.get("ground").is_some());
     let sun = top.table("sun", SUN)?.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
     let portals: Result<Vec<Portal>> = top
         .tables("portal", PORTAL)?
@@ -82,7 +86,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     if !portals.is_empty() && sky.is_none() {
         warnings.push(format!("{}: [[portal]] has no use: the scene has no sky", path.display()));
     }
-    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?, folder)?;
+    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?, folder, &mut warnings)?;
     let lights = lights::read(top.table("lights", lights::KEYS)?, names)?;
     let objects = object::read(top.tables("object", object::KEYS)?, folder, &groups, &mut warnings)?;
     if objects.is_empty() {
@@ -107,6 +111,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         sun,
         sky,
         ground,
+        ground_is_written,
         portals,
         objects,
         groups,

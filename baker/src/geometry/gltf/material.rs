@@ -159,11 +159,11 @@ pub(super) fn texture(
     let Some(number) = webp.or_else(|| texture.source().map(|image| image.index())) else {
         let what = match () {
             _ if named.get("KHR_texture_basisu").is_some() => {
-                format!("it is in KTX2 alone: {}", extensions::KTX2)
+                format!("it is in KTX2 alone: {}", extensions::without_ktx2(asset.file))
             }
             #[cfg(not(feature = "webp"))]
             _ if named.get("EXT_texture_webp").is_some() => {
-                format!("it is in WebP alone: {}", extensions::WEBP)
+                format!("it is in WebP alone: {}", extensions::with_png(asset.file))
             }
             _ => "expected a source".to_owned(),
         };
