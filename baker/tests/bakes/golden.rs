@@ -21,7 +21,7 @@ fn path(case: &Case, first: u64, samples: u32) -> Bakes {
 }
 
 /// Bound of what the cache's texels are wrong by.
-const OF_TEXELS: f64 = 0.02;
+pub const OF_TEXELS: f64 = 0.02;
 
 #[track_caller]
 fn golden(case: &Case, name: &str) -> Bakes {
@@ -30,6 +30,14 @@ fn golden(case: &Case, name: &str) -> Bakes {
 
 #[track_caller]
 fn golden_within(case: &Case, name: &str, bound: f64) -> Bakes {
+    let [_, cached] = golden_pair(case, name, bound);
+    cached
+}
+
+/// Tests a case by both integrators and all backends; `bound` is what the cache's texels may be wrong by. Gives the bakes by
+/// paths and by the cache.
+#[track_caller]
+pub fn golden_pair(case: &Case, name: &str, bound: f64) -> [Bakes; 2] {
     let reference = path(case, 1, REFERENCE);
     let precision = reference.relative_error_of_mean();
     assert!(precision < 0.005, "{name}: the reference is no test: {precision}");
@@ -57,7 +65,7 @@ fn golden_within(case: &Case, name: &str, bound: f64) -> Bakes {
     for (bakes, what) in [(&reference, "reference"), (&few, "few samples"), (&cached, "cached")] {
         expect_honest(bakes, &format!("{name}, {what}"));
     }
-    cached
+    [reference, cached]
 }
 
 /// The error that bakes tell is the one they have.

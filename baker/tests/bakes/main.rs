@@ -8,6 +8,7 @@ mod pages;
 mod preview;
 mod relight;
 mod scenes;
+mod shining;
 mod statistics;
 mod transfer;
 
