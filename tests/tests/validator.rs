@@ -30,7 +30,7 @@ fn geometry_files_are_valid_gltf() {
         files.push(geometry(&scene, dir.path().join(format!("{name}.out.glb"))));
     }
     let head = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[lightmap]\nsize = 256\n[[object]]\n";
-    for name in ["packed", "slivers", "yard"] {
+    for name in ["packed", "slivers", "glass", "glow", "yard"] {
         std::fs::write(dir.path().join(format!("{name}.glb")), generate::generate(name).unwrap().glb)
             .unwrap();
         let scene = dir.path().join(format!("{name}.toml"));
@@ -51,7 +51,7 @@ fn geometry_files_are_valid_gltf() {
     let told = String::from_utf8_lossy(&output.stdout);
     eprintln!("{told}");
     assert!(output.status.success(), "{told}{}", String::from_utf8_lossy(&output.stderr));
-    assert!(told.contains("6 files, 0 errors"), "{told}");
+    assert!(told.contains("8 files, 0 errors"), "{told}");
     // A file that breaks a rule does not pass.
     let broken = dir.path().join("broken.gltf");
     std::fs::write(&broken, "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":0}]}").unwrap();
