@@ -1,5 +1,8 @@
 //! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
 
+#[path = "shining.rs"]
+mod shining;
+
 use crate::scenes::{
     Case, coarse_corner, corner, furnace, glazed_room, instances, low_walls, outdoors, room, sunlit_floor,
     sunlit_room, wires,
@@ -21,7 +24,7 @@ fn path(case: &Case, first: u64, samples: u32) -> Bakes {
 }
 
 /// Bound of what the cache's texels are wrong by.
-pub const OF_TEXELS: f64 = 0.02;
+const OF_TEXELS: f64 = 0.02;
 
 #[track_caller]
 fn golden(case: &Case, name: &str) -> Bakes {
@@ -37,7 +40,7 @@ fn golden_within(case: &Case, name: &str, bound: f64) -> Bakes {
 /// Tests a case by both integrators and all backends; `bound` is what the cache's texels may be wrong by. Gives the bakes by
 /// paths and by the cache.
 #[track_caller]
-pub fn golden_pair(case: &Case, name: &str, bound: f64) -> [Bakes; 2] {
+fn golden_pair(case: &Case, name: &str, bound: f64) -> [Bakes; 2] {
     let reference = path(case, 1, REFERENCE);
     let precision = reference.relative_error_of_mean();
     assert!(precision < 0.005, "{name}: the reference is no test: {precision}");

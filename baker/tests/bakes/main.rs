@@ -8,7 +8,6 @@ mod pages;
 mod preview;
 mod relight;
 mod scenes;
-mod shining;
 mod statistics;
 mod transfer;
 

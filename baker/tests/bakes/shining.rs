@@ -1,7 +1,7 @@
 //! Glass under a sky and what shines in geometry files: goldens of each, and beside them a scene that says the same in other words.
 
+use super::{OF_TEXELS, golden_pair};
 use crate::Stage;
-use crate::golden::{OF_TEXELS, golden_pair};
 use crate::scenes::{Case, Obj, shell};
 use crate::statistics::bakes;
 use baker::bake::run::Integrator;
