@@ -142,7 +142,7 @@ fn from_day_through_dusk_to_night_it_has_what_the_hour_has() {
     let sun = |hour: f64| sun::at(place.sun.as_ref().unwrap(), place.place.as_ref(), hour);
     // The minute at which the disc is on the horizon: some of its light arrives, and hardly any of that on a level plane.
     let dusk = (1000..1200).map(|minute| f64::from(minute) / 60.0);
-    let dusk = dusk.filter(|&hour| sun(hour).is_some()).last().unwrap();
+    let dusk = dusk.rev().find(|&hour| sun(hour).is_some()).unwrap();
     assert!(dusk > 17.0 && dusk < 19.0 && sun(dusk).unwrap().direction.y < 0.01);
     let hours = [0.0, 9.0, dusk, 19.0, 23.0];
     let list = hours.map(|hour| hour.to_string()).join(",");
