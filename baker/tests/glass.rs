@@ -300,6 +300,7 @@ fn a_portal_looks_for_the_sky_through_glass() {
         sun: None,
         sky: Some(Sky::Constant { radiance: DVec3::ONE }),
         ground: None,
+        ground_is_written: false,
         portals: vec![portal],
         objects: Vec::new(),
         groups: Vec::new(),
