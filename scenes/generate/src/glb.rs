@@ -172,10 +172,13 @@ pub fn split(glb: &[u8]) -> (Value, Vec<u8>) {
     (root, glb[28 + length..].to_vec())
 }
 
-/// The file's bytes with changed JSON.
+/// The file's bytes with changed JSON, without lists that hold nothing.
 pub fn write_with(model: &Model, change: impl FnOnce(&mut Value)) -> Vec<u8> {
     let (mut root, binary) = split(&write(model));
     change(&mut root);
+    if let Some(root) = root.as_object_mut() {
+        root.retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));
+    }
     container(root.to_string().into_bytes(), binary)
 }
 

@@ -141,3 +141,33 @@ pub(super) fn is_in_a_required_format(root: &Value, texture: usize) -> bool {
     let mut named = required.filter_map(Value::as_str).filter(|name| name.contains("_texture_"));
     texture.get("source").is_none() && named.any(|name| texture["extensions"].get(name).is_some())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_have_the_names_that_files_have() {
+        for (place, expected) in [
+            ("nodes[3].extensions.khrLightsPunctual.light", "nodes[3].extensions.KHR_lights_punctual.light"),
+            (
+                "materials[0].extensions.khrMaterialsPbrSpecularGlossiness",
+                "materials[0].extensions.KHR_materials_pbrSpecularGlossiness",
+            ),
+            (
+                "meshes[0].primitives[1].attributes[\"POSITION\"]",
+                "meshes[0].primitives[1].attributes[\"POSITION\"]",
+            ),
+        ] {
+            assert_eq!(as_written(place), expected);
+        }
+    }
+
+    #[test]
+    fn commands_name_the_file_and_one_beside_it() {
+        let copy = |file: &str| command("copy", file, "");
+        assert_eq!(copy("a/car.glb"), "`npx @gltf-transform/cli copy a/car.glb a/car-plain.glb`");
+        let spaced = "`npx @gltf-transform/cli copy \"my car.gltf\" \"my car-plain.glb\"`";
+        assert_eq!(copy("my car.gltf"), spaced);
+    }
+}
