@@ -6,6 +6,7 @@ use super::json;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
+use super::scene_glb;
 use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
@@ -139,6 +140,7 @@ impl Prepared {
             hash.update(&json::bytes(transfer, "transfer")?);
         }
         // What the geometry file carries over.
+        hash.update(scene_glb::VERSION.as_bytes());
         self.geometry.originals.update_digest(&mut hash);
         self.geometry.instances.iter().for_each(|i| {
             hash.update(i.name.as_bytes()).update(&[0]);

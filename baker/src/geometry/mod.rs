@@ -28,7 +28,7 @@ pub use lights::FileLights;
 pub use load::{load, load_with};
 pub(crate) use model::{Asset, Mesh};
 pub use originals::Originals;
-pub(crate) use originals::Source;
+pub(crate) use originals::{File, Source};
 pub use similarity::Similarity;
 pub use solids::Solids;
 pub use survey::contents;

@@ -1,6 +1,7 @@
 //! What the scene's files hold beside surfaces: kept, so that they can be written again with a lightmap.
 
 use super::model::{Asset, Mesh, Model};
+use crate::scene::Look;
 use glam::DMat4;
 
 /// The files of a scene as they were read, and where everything in the geometry comes from.
@@ -12,6 +13,8 @@ pub struct Originals {
     pub(crate) objects: Vec<Object>,
     /// Where each instance of the geometry comes from, in the same order.
     pub(crate) sources: Vec<Source>,
+    /// Radiance in kcd/m² where a file's emission is 1.
+    pub(crate) emission_unit: f64,
 }
 
 /// A geometry file.
@@ -45,8 +48,31 @@ pub(crate) struct Source {
     pub node: Option<usize>,
     /// Where it stands relative to its node, and as which of the node's instances.
     pub repeat: Option<(usize, DMat4)>,
-    /// Whether the scene file gives its material another look.
-    pub is_restyled: bool,
+    /// What of its material the scene file gives another look.
+    pub changed: Changed,
+}
+
+/// What of a material the scene file replaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Changed {
+    /// Colour, sides or what passes.
+    pub surface: bool,
+    /// The colour, and with it the colours of the vertices.
+    pub colour: bool,
+    /// What it emits.
+    pub emission: bool,
+}
+
+impl Changed {
+    /// What a look replaces.
+    pub(super) fn by(look: &Look) -> Self {
+        let colour = look.albedo.is_some();
+        Changed {
+            surface: colour || look.two_sided.is_some() || look.transmission.is_some(),
+            colour,
+            emission: look.emission.is_some(),
+        }
+    }
 }
 
 impl File {

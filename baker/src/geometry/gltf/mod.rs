@@ -41,6 +41,11 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
     if let Some(unread) = extensions::check(&root, &file)? {
         notes.add_line(&file, unread);
     }
+    let animations = root["animations"].as_array().map_or(0, Vec::len);
+    if animations > 0 {
+        let what = "not played: everything stays where the nodes place it, and scene.glb has no animations";
+        notes.add_line(&file, format!("{} {what}", plural(animations, "animation")));
+    }
     let document = document(json, &file)?;
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
