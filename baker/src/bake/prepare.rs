@@ -30,6 +30,8 @@ const METHOD: &str = "walks-19";
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
 pub struct Prepared {
+    /// The file that the scene was read of.
+    pub scene_file: PathBuf,
     /// The scene, with what the command line overrides.
     pub scene: Scene,
     /// The hours that are baked.
@@ -198,6 +200,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let digests = plan.digests(&scene, &base)?;
     let backend = options.backend;
     Ok(Prepared {
+        scene_file: scene_file.to_owned(),
         scene,
         hours,
         transfer,

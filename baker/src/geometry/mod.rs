@@ -1,5 +1,6 @@
 //! Triangles in world space, flattened from files and instances, and what they are made of.
 
+mod bounds;
 mod notes;
 mod contents;
 mod model;
@@ -22,6 +23,7 @@ mod digest;
 mod similarity;
 mod solids;
 
+pub use bounds::Bounds;
 pub use contents::{Contents, FileCamera, FileLamp, FileLampKind};
 pub use glass::{DARK, Glass};
 pub use lights::FileLights;

@@ -1,5 +1,6 @@
 //! What the scene's files hold beside surfaces: kept, so that they can be written again with a lightmap.
 
+use super::contents::FileCamera;
 use super::model::{Asset, Mesh, Model};
 use crate::scene::Look;
 use glam::DMat4;
@@ -25,6 +26,8 @@ pub(crate) struct File {
     pub meshes: Vec<Mesh>,
     /// Names of the materials that meshes name by index.
     pub materials: Vec<String>,
+    /// Its cameras.
+    pub cameras: Vec<FileCamera>,
     /// What only a glTF holds.
     pub gltf: Option<Asset>,
 }
@@ -79,11 +82,17 @@ impl File {
     /// Keeps what is left of a model when its meshes are placed.
     pub(super) fn new(name: String, model: Model) -> Self {
         let materials = model.materials.into_iter().map(|material| material.name).collect();
-        File { name, meshes: model.meshes, materials, gltf: model.asset }
+        let cameras = model.contents.cameras;
+        File { name, meshes: model.meshes, materials, cameras, gltf: model.asset }
     }
 }
 
 impl Originals {
+    /// The cameras of all files, each in the space of its file.
+    pub fn cameras(&self) -> impl Iterator<Item = &FileCamera> {
+        self.files.iter().flat_map(|file| &file.cameras)
+    }
+
     /// Feeds all that is written again, but triangles, into a hash.
     pub fn update_digest(&self, hash: &mut blake3::Hasher) {
         for file in &self.files {

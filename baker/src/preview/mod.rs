@@ -7,6 +7,7 @@
 pub mod options;
 mod standing;
 mod moment;
+mod places;
 mod baked;
 mod light;
 mod lookout;

@@ -2,7 +2,7 @@
 
 use super::lookout::Lookout;
 use super::options::{Options, parse_point};
-use crate::geometry::Geometry;
+use crate::geometry::{Bounds, Geometry};
 use crate::scene::{Camera, Scene};
 use crate::trace::lens::NOWHERE;
 use crate::trace::rays::Rays;
@@ -35,7 +35,7 @@ pub fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Op
             Camera {
                 name: "view".to_owned(),
                 position,
-                look_at: Bounds::new(geometry).middle(),
+                look_at: Lit::new(geometry).middle(),
                 fov: Camera::FOV,
             }
         }
@@ -53,9 +53,9 @@ pub fn default(
     rays: &Rays,
     luminance: &dyn Fn(&Hit) -> f32,
 ) -> Result<Camera> {
-    let (mut camera, is_inside) = usual(geometry, rays);
-    let bounds = Bounds::new(geometry);
+    let bounds = Lit::new(geometry);
     let lookout = Lookout { geometry, rays, luminance };
+    let (mut camera, is_inside) = usual(&lookout, &bounds);
     // From outside everything is in view, unless something stands there that has no texels.
     if is_inside || !lookout.is_free(camera.position, 0.0) {
         let usual = (camera.position, camera.look_at);
@@ -78,20 +78,21 @@ fn aimed(mut camera: Camera, options: &Options) -> Result<Camera> {
 /// Angle of view inside, in degrees.
 const INSIDE_FOV: f64 = 80.0;
 
+/// The least length in metres of something that people stand in: what is smaller is looked at from outside.
+pub const SMALLEST_ROOM: f64 = 3.0;
+
 /// The box around what has texels, in the world.
-struct Bounds {
+struct Lit {
     low: DVec3,
     high: DVec3,
 }
 
-impl Bounds {
+impl Lit {
     fn new(geometry: &Geometry) -> Self {
         let lit = geometry.instances.iter().filter(|instance| instance.lightmap);
         let points = lit.flat_map(|instance| &geometry.positions[instance.vertices.clone()]);
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) =
-            points.fold(empty, |(low, high), p| (low.min(p.as_dvec3()), high.max(p.as_dvec3())));
-        Bounds { low: low + geometry.origin, high: high + geometry.origin }
+        let bounds = Bounds::of(points.copied());
+        Lit { low: bounds.low.as_dvec3() + geometry.origin, high: bounds.high.as_dvec3() + geometry.origin }
     }
 
     fn middle(&self) -> DVec3 {
@@ -100,23 +101,31 @@ impl Bounds {
 }
 
 /// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the middle from the south-west.
-/// Inside, where hardly any ray from the middle leaves the scene upwards, it stands on the same side of the room.
-fn usual(geometry: &Geometry, rays: &Rays) -> (Camera, bool) {
+/// Inside, where hardly any ray leaves the scene upwards from the middle and from most free places, it stands on the same side of the room.
+fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;
-    let bounds = Bounds::new(geometry);
+    let (geometry, rays) = (lookout.geometry, lookout.rays);
     let (middle, size) = (bounds.middle(), bounds.high - bounds.low);
     let local = |point: DVec3| (point - geometry.origin).as_vec3();
-    let leaves = |i: &usize| {
-        // Evenly over the upper hemisphere, turned by the golden ratio.
-        let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
-        let r = (1.0 - y * y).sqrt();
-        let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
-        rays.nearest_wall(local(middle), direction, NOWHERE).is_none()
+    let is_covered = |place: DVec3| {
+        let leaves = |i: &usize| {
+            // Evenly over the upper hemisphere, turned by the golden ratio.
+            let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
+            let r = (1.0 - y * y).sqrt();
+            let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
+            rays.nearest_wall(local(place), direction, NOWHERE).is_none()
+        };
+        (0..RAYS).filter(leaves).count() <= MOST_LEAVING
+    };
+    // The middle of a tree or a statue is covered, too, and what is around it is not.
+    let is_room = || {
+        let free = lookout.free_places(bounds.low, bounds.high);
+        2 * free.iter().filter(|place| is_covered(**place)).count() > free.len()
     };
     let name = "default".to_owned();
-    if (0..RAYS).filter(leaves).count() <= MOST_LEAVING {
+    if size.max_element() >= SMALLEST_ROOM && is_covered(middle) && is_room() {
         // As far towards that corner as nothing stands in the way, and a little back.
         let back = DVec3::new(-size.x, 0.3 * size.y, size.z);
         let (distance, direction) = (0.5 * back.length(), back.normalize());

@@ -1,7 +1,7 @@
 //! One mesh of a file as a primitive: its own vertices, those on edges of charts once per chart.
 
 use super::container::{FLOAT, Glb, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, VERTICES};
-use crate::geometry::Mesh;
+use crate::geometry::{Bounds, Mesh};
 use glam::{DVec3, Vec2, Vec3};
 use serde_json::{Map, Value, json};
 
@@ -62,8 +62,7 @@ pub fn write(
     let mut attributes = Map::new();
     let rest = (mesh.origin - origin(mesh)).as_vec3();
     let positions: Vec<Vec3> = vertices.iter().map(|v| mesh.positions[v.0 as usize] + rest).collect();
-    let low = positions.iter().fold(Vec3::INFINITY, |m, p| m.min(*p));
-    let high = positions.iter().fold(Vec3::NEG_INFINITY, |m, p| m.max(*p));
+    let Bounds { low, high } = Bounds::of(positions.iter().copied());
     let mut position = out.accessor(bytemuck::cast_slice(&positions), count, FLOAT, "VEC3", VERTICES);
     position["min"] = json!(low.to_array());
     position["max"] = json!(high.to_array());

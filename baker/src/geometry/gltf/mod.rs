@@ -20,7 +20,7 @@ use accessor::{Buffers, read_floats, read_indices};
 use dataset::{Error, Result};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use gltf::mesh::{Mode, Semantic};
-use material::{Asset, UvSource};
+use material::{OpenAsset, UvSource};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -50,7 +50,7 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
     let buffers = Buffers { plain, decoded };
-    let asset = Asset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
+    let asset = OpenAsset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
     Reader { asset, textures, notes, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }.read()
 }
 
@@ -111,7 +111,7 @@ fn buffers<'a>(
 
 /// The state of reading one asset.
 struct Reader<'a> {
-    asset: Asset<'a>,
+    asset: OpenAsset<'a>,
     textures: &'a mut TextureStore,
     notes: &'a mut Notes,
     model: Model,
