@@ -144,14 +144,14 @@ fn sphere(count: usize) -> impl Iterator<Item = Vec3> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::geometry::Material;
     use glam::{Vec2, dvec3};
 
     /// A room of 6 × 3 × 6 m, divided by a wall half a metre thick through its middle; all materials two-sided. In the eastern half
     /// (x > 0) there is light.
-    fn divided() -> Geometry {
+    pub fn divided() -> Geometry {
         let material = Material {
             albedo: Vec3::splat(0.5),
             albedo_max: 1.0,
@@ -168,7 +168,7 @@ mod tests {
     }
 
     /// The six sides of a box, seen from inside or outside.
-    fn block(g: &mut Geometry, low: Vec3, high: Vec3, inside: bool) {
+    pub fn block(g: &mut Geometry, low: Vec3, high: Vec3, inside: bool) {
         for axis in 0..3 {
             for upper in [false, true] {
                 let (size, one) = (high - low, Vec3::AXES);

@@ -145,3 +145,61 @@ fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
     let distance = 0.5 * size.length() / (0.5 * Camera::FOV.to_radians()).sin();
     (Camera { name, position: middle + direction * distance, look_at: middle, fov: Camera::FOV }, false)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lookout::tests::{block, divided};
+    use super::*;
+    use glam::Vec3;
+
+    /// The camera by default, and whether it stands in the box around the geometry.
+    fn camera(geometry: &Geometry) -> (Camera, bool) {
+        let rays = Rays::new(geometry);
+        let camera = default(&Options::new(12.0), geometry, &rays, &|_| 1.0).unwrap();
+        let lit = Lit::new(geometry);
+        let at = camera.position;
+        let is_within = at.cmpge(lit.low).all() && at.cmple(lit.high).all();
+        (camera, is_within)
+    }
+
+    /// Boxes seen from outside, in a geometry of one instance.
+    fn blocks(boxes: &[[[f32; 3]; 2]]) -> Geometry {
+        let mut geometry = Geometry { materials: divided().materials, ..Geometry::default() };
+        boxes.iter().for_each(|[low, high]| block(&mut geometry, Vec3::from(*low), Vec3::from(*high), false));
+        of_one_instance(geometry)
+    }
+
+    fn of_one_instance(mut geometry: Geometry) -> Geometry {
+        geometry.instances = vec![crate::geometry::Instance {
+            name: String::new(),
+            mesh: 0,
+            world_from_mesh: glam::DAffine3::IDENTITY,
+            triangles: 0..geometry.triangles.len(),
+            vertices: 0..geometry.positions.len(),
+            lightmap: true,
+            has_lightmap_uvs: false,
+            lightmap_place: crate::geometry::LightmapPlace::Unsaid,
+            density: 1.0,
+        }];
+        geometry
+    }
+
+    #[test]
+    fn rooms_are_seen_from_inside_and_things_from_outside() {
+        let (camera_of_room, is_within) = camera(&of_one_instance(divided()));
+        assert!(is_within && camera_of_room.fov == INSIDE_FOV, "{camera_of_room:?}");
+        // A crate; a box that is open at the front, as a shelf; a tree of which the middle lies in the trunk below the crown.
+        let shelf = [
+            [[0.0, 0.0, 0.0], [0.1, 2.0, 0.5]],
+            [[0.9, 0.0, 0.0], [1.0, 2.0, 0.5]],
+            [[0.1, 0.0, 0.0], [0.9, 2.0, 0.1]],
+            [[0.1, 1.9, 0.1], [0.9, 2.0, 0.5]],
+            [[0.1, 0.0, 0.1], [0.9, 0.1, 0.5]],
+        ];
+        let tree = [[[-0.15, 0.0, -0.15], [0.15, 5.0, 0.15]], [[-2.0, 5.0, -2.0], [2.0, 5.6, 2.0]]];
+        for things in [&[[[0.0; 3], [0.5, 1.0, 0.5]]][..], &shelf, &tree] {
+            let (camera, is_within) = camera(&blocks(things));
+            assert!(!is_within && camera.fov == Camera::FOV, "{things:?}: {camera:?}");
+        }
+    }
+}
