@@ -101,11 +101,13 @@ impl Lit {
 }
 
 /// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the middle from the south-west.
-/// Inside, where hardly any ray leaves the scene upwards from the middle and from most free places, it stands on the same side of the room.
+/// Inside, where hardly any ray leaves the scene upwards from the middle and from some free places, it stands on the same side of the room.
 fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;
+    /// Of this many free places, one in a room makes it one.
+    const ROOMY: usize = 8;
     let (geometry, rays) = (lookout.geometry, lookout.rays);
     let (middle, size) = (bounds.middle(), bounds.high - bounds.low);
     let local = |point: DVec3| (point - geometry.origin).as_vec3();
@@ -119,10 +121,10 @@ fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
         };
         (0..RAYS).filter(leaves).count() <= MOST_LEAVING
     };
-    // The middle of a tree or a statue is covered, too, and what is around it is not.
+    // The middle of a tree or a statue is covered, too, and nothing around it is. Of a flat or a house much may be open, or outside.
     let is_room = || {
         let free = lookout.free_places(bounds.low, bounds.high);
-        2 * free.iter().filter(|place| is_covered(**place)).count() > free.len()
+        ROOMY * free.iter().filter(|place| is_covered(**place)).count() > free.len()
     };
     let name = "default".to_owned();
     if size.max_element() >= SMALLEST_ROOM && is_covered(middle) && is_room() {
