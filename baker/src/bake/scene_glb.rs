@@ -1,10 +1,12 @@
 //! The baked geometry with its lightmap coordinates, as glTF binary: what a viewer or a game needs beside the maps.
 //!
 //! It is the scene's files put together: their nodes, names, transforms, materials, cameras, lights and extras as they are.
-//! `primitive` writes vertices, `carry` what goes over, `transform` where files stand, `container` the bytes.
+//! `primitive` writes vertices, `carry` what goes over (`emission_glb` and `glass_glb` what the scene file changed), `transform` where files
+//! stand, `container` the bytes.
 
 mod container;
 mod emission_glb;
+mod glass_glb;
 mod carry;
 mod primitive;
 mod transform;

@@ -127,6 +127,15 @@ fn looks_of_an_obj_come_back_under_its_names() {
 }
 
 #[test]
+fn an_obj_without_names_is_called_after_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("hut.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let (_, _, root) = there_and_back(folder.path(), "[[object]]\nfile = \"hut.obj\"\n");
+    assert_eq!(named(&root, "meshes", "hut")["primitives"].as_array().map(Vec::len), Some(1));
+    assert!(root["nodes"].as_array().unwrap().iter().all(|node| node["name"] == "hut"));
+}
+
+#[test]
 fn the_scene_of_a_single_file_keeps_its_name() {
     let mut asset = asset();
     asset["scenes"][1]["name"] = json!("the yard");
@@ -137,4 +146,22 @@ fn the_scene_of_a_single_file_keeps_its_name() {
     let geometry = load_with(of_two, &asset);
     let (_, root, _) = read(&geometry, &built(&geometry, 128, 128, 1));
     assert!(root["scenes"][0].get("name").is_none());
+}
+
+#[test]
+fn animations_are_warned_of_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let warnings = |animations: usize| {
+        let mut asset = asset();
+        asset["animations"] = json!(vec![json!({ "channels": [], "samplers": [] }); animations]);
+        std::fs::write(folder.path().join("a.gltf"), asset.to_string()).unwrap();
+        let text = "[[object]]\nfile = \"a.gltf\"\n[[object]]\nfile = \"a.gltf\"\ntranslate = [9, 0, 0]\n";
+        std::fs::write(folder.path().join("scene.toml"), text).unwrap();
+        let (scene, _) = scene::load(&folder.path().join("scene.toml")).unwrap();
+        let (_, warnings) = geometry::load(&scene).unwrap();
+        warnings.into_iter().filter(|line| line.contains("animation")).collect::<Vec<_>>()
+    };
+    assert!(warnings(0).is_empty());
+    let [line] = &warnings(3)[..] else { panic!("one line is expected") };
+    assert!(line.contains("a.gltf: 3 animations"), "{line}");
 }

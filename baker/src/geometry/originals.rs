@@ -5,6 +5,9 @@ use super::model::{Asset, Mesh, Model};
 use crate::scene::Look;
 use glam::DMat4;
 
+/// What the reader of OBJ files calls a mesh without a name.
+const UNNAMED: &str = "unnamed_object";
+
 /// The files of a scene as they were read, and where everything in the geometry comes from.
 #[derive(Clone, Debug, Default)]
 pub struct Originals {
@@ -80,7 +83,10 @@ impl Changed {
 
 impl File {
     /// Keeps what is left of a model when its meshes are placed.
-    pub(super) fn new(name: String, model: Model) -> Self {
+    pub(super) fn new(name: String, mut model: Model) -> Self {
+        // An OBJ without `o` and `g` has one mesh of no name of its own.
+        let unnamed = model.meshes.iter_mut().filter(|mesh| mesh.primitive.is_none() && mesh.name == UNNAMED);
+        unnamed.for_each(|mesh| mesh.name.clone_from(&name));
         let materials = model.materials.into_iter().map(|material| material.name).collect();
         let cameras = model.contents.cameras;
         File { name, meshes: model.meshes, materials, cameras, gltf: model.asset }

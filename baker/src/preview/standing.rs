@@ -119,8 +119,6 @@ fn of_dataset(
         return Err(Error::invalid(folder.display(), what));
     };
     scene.objects = Scene::of_model(&folder.join(&file.path))?.objects;
-    // What it holds was limited when it was baked, if at all.
-    scene.bake.albedo_max = 1.0;
     let (mut geometry, _) = geometry::load(&scene)?;
     for instance in &mut geometry.instances {
         instance.lightmap = matches!(instance.lightmap_place, LightmapPlace::At { .. });

@@ -1,8 +1,7 @@
 //! What goes over from the files as it is: materials, textures, cameras and lights, each where something first names it.
 
 use super::container::Glb;
-use super::emission_glb;
-use crate::bake::glass_glb;
+use super::{emission_glb, glass_glb};
 use crate::geometry::{Asset, Geometry, Material, Wrap};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
