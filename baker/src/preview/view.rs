@@ -101,7 +101,7 @@ impl Lit {
 }
 
 /// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the middle from the south-west.
-/// Inside, where hardly any ray leaves the scene upwards from the middle and from some free places, it stands on the same side of the room.
+/// Inside, where hardly any ray leaves the scene upwards from the middle, and that is no body alone, it stands on the same side of the room.
 fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
@@ -121,8 +121,11 @@ fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
         };
         (0..RAYS).filter(leaves).count() <= MOST_LEAVING
     };
-    // The middle of a tree or a statue is covered, too, and nothing around it is. Of a flat or a house much may be open, or outside.
+    // The middle of a trunk or a statue is covered, too, and nothing around it is. In a room a piece of furniture may stand there.
     let is_room = || {
+        if lookout.is_free(middle, 0.0) {
+            return true;
+        }
         let free = lookout.free_places(bounds.low, bounds.high);
         ROOMY * free.iter().filter(|place| is_covered(**place)).count() > free.len()
     };
