@@ -9,6 +9,7 @@ use super::state::Direct;
 use super::views::{View, lit_tiles, views};
 use crate::Rgb;
 use crate::atlas::Atlas;
+use crate::geometry::Bounds;
 use crate::scene::Sky;
 use crate::surface::{BlockSurface, FaceBins};
 use crate::trace::cache::CacheMap;
@@ -119,10 +120,7 @@ pub fn scale(extent: [f64; 3], texels_per_metre: f64) -> String {
 
 /// Length of the box around positions.
 pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
-    let (low, high) = positions
-        .iter()
-        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-    (high - low).max(Vec3::ZERO).as_dvec3().to_array()
+    Bounds::of(positions.iter().copied()).size().to_array()
 }
 
 /// Entries of the cache.

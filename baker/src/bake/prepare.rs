@@ -6,6 +6,7 @@ use super::json;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
+use super::scene_glb;
 use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
@@ -29,6 +30,8 @@ const METHOD: &str = "walks-20";
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
 pub struct Prepared {
+    /// The file that the scene was read of.
+    pub scene_file: PathBuf,
     /// The scene, with what the command line overrides.
     pub scene: Scene,
     /// The hours that are baked.
@@ -139,6 +142,7 @@ impl Prepared {
             hash.update(&json::bytes(transfer, "transfer")?);
         }
         // What the geometry file carries over.
+        hash.update(scene_glb::VERSION.as_bytes());
         self.geometry.originals.update_digest(&mut hash);
         self.geometry.instances.iter().for_each(|i| {
             hash.update(i.name.as_bytes()).update(&[0]);
@@ -197,6 +201,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let digests = plan.digests(&scene, &base)?;
     let backend = options.backend;
     Ok(Prepared {
+        scene_file: scene_file.to_owned(),
         scene,
         hours,
         transfer,

@@ -124,14 +124,17 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     Ok((scene, warnings))
 }
 
+/// Whether a scene may not have this name: the folder of the datasets has folders of these names that are no dataset's.
+pub fn is_reserved(name: &str) -> bool {
+    ["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+}
+
 /// The scene's name: the folder its dataset is written to.
 fn name(top: &Table, path: &Path) -> Result<String> {
     let expected = "letters, digits, _ and -, and not src, tests, benches or python";
     let good = |name: &str| {
         let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
-        !name.is_empty()
-            && name.bytes().all(plain)
-            && !["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+        !name.is_empty() && name.bytes().all(plain) && !is_reserved(name)
     };
     match top.get("name") {
         Some(value) => {

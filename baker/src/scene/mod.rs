@@ -12,7 +12,7 @@ mod camera;
 mod load;
 
 pub use ies::Profile;
-pub use load::load;
+pub use load::{is_reserved, load};
 pub use sky::SkyImage;
 
 use dataset::{Error, Result};

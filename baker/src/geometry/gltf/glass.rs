@@ -1,6 +1,6 @@
 //! What glTF materials let through: `KHR_materials_transmission`, and `alphaMode` BLEND as coverage.
 
-use super::material::{Asset, UvSource, texture, uv_source};
+use super::material::{OpenAsset, UvSource, texture, uv_source};
 use crate::geometry::Glass;
 use crate::geometry::model::{FileMaterial, reason};
 use crate::geometry::notes::Notes;
@@ -15,7 +15,7 @@ const CUTOFF: f32 = 0.5;
 /// Reads what a material lets through. `is_thinned` says that vertex colours have an alpha below 1; `found` is what else was read of
 /// it; `uv` its texture coordinates, which a transmission texture decides where there is no other.
 pub(super) fn read(
-    asset: &Asset,
+    asset: &OpenAsset,
     material: &gltf::Material,
     is_thinned: bool,
     found: &mut FileMaterial,

@@ -21,7 +21,7 @@ use dataset::{Error, Result};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3, Vec4};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
-use material::{Asset, UvSource};
+use material::{OpenAsset, UvSource};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -43,11 +43,16 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
         notes.add_line(&file, unread);
     }
     lights::check(&root, &file)?;
+    let animations = root["animations"].as_array().map_or(0, Vec::len);
+    if animations > 0 {
+        let what = "not played: everything stays where the nodes place it, and scene.glb has no animations";
+        notes.add_line(&file, format!("{} {what}", plural(animations, "animation")));
+    }
     let document = document(json, &file)?;
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
     let buffers = Buffers { plain, decoded };
-    let asset = Asset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
+    let asset = OpenAsset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
     Reader { asset, textures, notes, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }.read()
 }
 
@@ -110,7 +115,7 @@ fn buffers<'a>(
 
 /// The state of reading one asset.
 struct Reader<'a> {
-    asset: Asset<'a>,
+    asset: OpenAsset<'a>,
     textures: &'a mut TextureStore,
     notes: &'a mut Notes,
     model: Model,
