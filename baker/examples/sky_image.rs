@@ -1,12 +1,13 @@
 //! Writes a scene's sun and sky at given hours for other renderers: `sky_image SCENE.toml HOURS FOLDER [HEIGHT]`.
 //!
 //! FOLDER/lights.json: per hour the sun (unit vector towards it in the scene's space, +Y up; perpendicular irradiance in
-//! kilolux; full angle of the disc in degrees) or null. FOLDER/sky-HH.HHHH.f32 per hour: the sky's radiance at the centres
-//! of the pixels of a lat-long map, little-endian f32 RGB, rows from the zenith down, 2·HEIGHT columns; column c looks
-//! along φ = 2π (c + ½) / columns − π, that is (cos φ, sin φ) in (x, z) at the horizon. (So Blender reads it.)
+//! kilolux; full angle of the disc in degrees) or null. FOLDER/sky-HH.HHHH.f32 per hour: the radiance of the sky, and of the
+//! ground below the horizon, at the centres of the pixels of a lat-long map, little-endian f32 RGB, rows from the zenith down,
+//! 2·HEIGHT columns; column c looks along φ = 2π (c + ½) / columns − π, that is (cos φ, sin φ) in (x, z) at the horizon. (So
+//! Blender reads it.)
 
 use baker::light::sky::SkyTable;
-use baker::light::{schedule, sun};
+use baker::light::{ground, schedule, sun};
 use baker::scene;
 use glam::Vec3;
 use serde_json::json;
@@ -30,6 +31,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut entries = Vec::new();
     for &hour in &hours {
         let disc = scene.sun.as_ref().and_then(|s| sun::at(s, place, hour));
+        let below = match (scene.ground, &scene.sky) {
+            (Some(albedo), Some(sky)) => {
+                let of_sun = disc.as_ref().map_or(Vec3::ZERO, |disc| ground::under_sun(albedo, disc));
+                ground::under_sky(albedo, sky, place, hour) + of_sun
+            }
+            _ => Vec3::ZERO,
+        };
         let disc = disc.map(|d| {
             let degrees = 2.0 * d.half_angle.to_degrees();
             json!({ "direction": d.direction.to_array(), "irradiance": d.irradiance.to_array(), "angle": degrees })
@@ -45,6 +53,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let mut radiance = [Vec3::ZERO];
                 let direction = Vec3::new(sin * cos_phi, cos, sin * sin_phi);
                 table.add(direction, Vec3::ONE, &mut radiance[..table.lit.len()]);
+                if direction.y < 0.0 {
+                    radiance[0] += below;
+                }
                 bytes.extend(radiance[0].to_array().iter().flat_map(|v| v.to_le_bytes()));
             }
         }

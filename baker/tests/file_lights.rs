@@ -206,6 +206,8 @@ fn a_photometric_file_shines_as_it_says() {
         "{BLACK}[[group]]\nname = \"lamp\"\n[[group.point]]\nposition = [0, 0.7, 0]\nies = \"dark.ies\"\nup = [1, 0, 0]\n{PAGE}"
     );
     let baked = stage.bake("12", 4, &dark);
+    let told = "case.toml:8: ies = \"dark.ies\": the lamp gives no light";
+    assert!(baked.outcome.warnings.iter().any(|w| w.contains(told)), "{:?}", baked.outcome.warnings);
     assert!(baked.first().texels.iter().all(|t| *t == [0.0; 3]));
     let no_up = stage.refusal("12", &dark.replace("up = [1, 0, 0]\n", ""));
     assert!(no_up.contains("case.toml:8") && no_up.contains("expected `up` beside it"), "{no_up}");

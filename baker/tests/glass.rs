@@ -6,7 +6,7 @@ use baker::light::group::{GroupSampler, emitters};
 use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
 use baker::light::sun::SunDisc;
-use baker::scene::{Lamp, Lightmap, Portal, Sampling, Scene, Sky};
+use baker::scene::{Baked, Lamp, Lightmap, Portal, Sampling, Scene, Sky};
 use baker::surface::SurfacePoint;
 use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
@@ -299,7 +299,10 @@ fn a_portal_looks_for_the_sky_through_glass() {
         place: None,
         sun: None,
         sky: Some(Sky::Constant { radiance: DVec3::ONE }),
+        sun_baked: Baked::All,
+        sky_baked: Baked::All,
         ground: None,
+        ground_is_written: false,
         portals: vec![portal],
         objects: Vec::new(),
         groups: Vec::new(),

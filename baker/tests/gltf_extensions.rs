@@ -376,6 +376,36 @@ fn vertex_colours_multiply_the_base_colour_and_are_interpolated() {
 }
 
 #[test]
+fn a_blend_whose_alpha_comes_from_its_vertices_is_glass() {
+    let with = |alphas: [f32; 4], mode: &str| {
+        let mut asset = Asset::square();
+        let colours = alphas.map(|alpha| [1.0f32, 1.0, 1.0, alpha]).concat();
+        let view = asset.view(&floats(&colours), None);
+        let accessor = asset.accessor(view, 5126, 4, "VEC4", false);
+        asset.attribute("COLOR_0", accessor);
+        asset.root["materials"][0]["alphaMode"] = json!(mode);
+        asset
+    };
+    let (g, warnings) = load(&with([0.25, 0.25, 0.75, 0.25], "BLEND").finish()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let middle = Vec3::new(0.5, 0.0, 0.5);
+    for (at, open) in [(Vec3::X, 0.75), (Vec3::Z, 0.25), (middle, 0.5)] {
+        assert!(g.transmittance_at(0, at).distance(Vec3::splat(open)) < 1e-6, "{at}");
+    }
+    // Opaque vertices, and a material that does not blend, are no glass.
+    for asset in [with([1.0; 4], "BLEND"), with([0.25; 4], "OPAQUE")] {
+        assert!(!load(&asset.finish()).unwrap().0.has_glass());
+    }
+    // Two primitives share the material, and one of them has no colours: that one is opaque.
+    let mut asset = with([0.25; 4], "BLEND");
+    let mut plain = asset.root["meshes"][0]["primitives"][0].clone();
+    plain["attributes"].as_object_mut().unwrap().remove("COLOR_0");
+    asset.root["meshes"][0]["primitives"].as_array_mut().unwrap().push(plain);
+    let (g, _) = load(&asset.finish()).unwrap();
+    assert!(g.is_glass(0) && !g.is_glass(2));
+}
+
+#[test]
 fn a_scene_without_vertex_colours_holds_none() {
     let (plain, _) = load(&Asset::square().finish()).unwrap();
     assert!(plain.colours.is_empty());
@@ -397,7 +427,9 @@ fn what_is_in_the_way_is_told_with_the_command_that_converts_it() {
         load(&asset.finish()).unwrap_err().to_string()
     };
     let error = refused("extensionsRequired", json!(["KHR_draco_mesh_compression"]));
-    assert!(error.contains("npx @gltf-transform/cli copy"), "{error}");
+    // The command can be pasted: it names the file.
+    let out = error.split("npx @gltf-transform/cli copy ").nth(1).expect("the command");
+    assert!(out.contains("a.gltf ") && out.contains("a-plain.glb` writes it without"), "{error}");
     let error = refused("extensionsRequired", json!(["ACME_spheres"]));
     assert!(error.contains("requires ACME_spheres, which is not read: export it without"), "{error}");
     // Draco without a plain copy, though nothing says that it is required.

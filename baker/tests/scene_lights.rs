@@ -209,6 +209,11 @@ fn many_names_become_one_group() {
         ),
         "{warning}"
     );
+    // Patterns that take all, and those of one kind.
+    assert!(
+        warning.contains("`lights = [\"*\"]`") && warning.contains("`lights = [\"lamp*\"]`"),
+        "{warning}"
+    );
 }
 
 #[test]
@@ -317,6 +322,69 @@ fn lamps_that_break_their_rules_are_left_out_or_refused() {
         let nodes = json!([{ "name": "a", "extensions": light(index) }]);
         fs::write(&path, asset(nodes, lights, json!([{}])).to_string()).unwrap();
         let error = geometry::contents(&path).unwrap_err().to_string();
-        assert!(error.contains("not glTF 2.0"), "{error}");
+        assert!(error.contains("not glTF 2.0: KHR_lights_punctual, "), "{error}");
+        assert!(!error.contains("khrLightsPunctual"), "{error}");
     }
+}
+
+#[test]
+fn a_lamp_that_is_none_is_told_with_its_key_and_value() {
+    for (lights, nodes, told) in [
+        (json!([{ "type": "area", "name": "big" }]), json!([]), "lamp 0 (\"big\"): `type` = \"area\""),
+        (json!([{ "type": "point" }, {}]), json!([]), "lamp 1: `type` is missing"),
+        (json!([{ "type": "point", "intensity": "9" }]), json!([]), "lamp 0: `intensity` = \"9\""),
+        (json!([{ "type": "point", "color": [1, 1] }]), json!([]), "lamp 0: `color` = [1,1]: expected three"),
+        (json!([{ "type": "spot", "spot": 3 }]), json!([]), "lamp 0: `spot` = 3: expected an object"),
+        (json!({}), json!([]), "the file: `lights` = {}: expected a list"),
+        (
+            json!([{ "type": "point" }]),
+            json!([{ "extensions": light(7) }]),
+            "node 1: `light` = 7: expected an index below 1",
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gltf");
+        fs::write(&path, asset(nodes, lights, json!([{}])).to_string()).unwrap();
+        let error = geometry::contents(&path).unwrap_err().to_string();
+        assert!(
+            error.contains("a.gltf: not glTF 2.0: KHR_lights_punctual, ") && error.contains(told),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn a_group_that_lists_what_another_has_is_told_which() {
+    let groups = "[[group]]\nname = \"all\"\nlights = [\"*\"]\n[[group]]\nname = \"one\"\nlights = [\"le*\"]";
+    let (scene, _, warnings) = load(&lanterns(), groups, "");
+    assert_eq!(names(&scene), [("all", 3), ("one", 0)]);
+    let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+    assert!(
+        warning.contains("group \"one\" has no lamp") && warning.contains("lights = [\"le*\"]"),
+        "{warning}"
+    );
+    assert!(warning.contains("belongs to group \"all\""), "{warning}");
+    // The narrow one first: both have something.
+    let groups = "[[group]]\nname = \"one\"\nlights = [\"le*\"]\n[[group]]\nname = \"all\"\nlights = [\"*\"]";
+    let (scene, _, warnings) = load(&lanterns(), groups, "");
+    assert_eq!((names(&scene), warnings.len()), (vec![("one", 1), ("all", 2)], 0));
+}
+
+#[test]
+fn a_part_with_the_name_of_a_lamp_is_pointed_to_groups() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.gltf"), lanterns().to_string()).unwrap();
+    let error = |part: &str| {
+        let path = folder.path().join("scene.toml");
+        let text =
+            format!("[[object]]\nfile = \"a.gltf\"\n[[object.part]]\nname = \"{part}\"\nalbedo = 0.5\n");
+        fs::write(&path, text).unwrap();
+        geometry::load(&scene::load(&path).unwrap().0).unwrap_err().to_string()
+    };
+    let told = error("le*t");
+    assert!(
+        told.contains("\"left\" is a lamp and no part: a [[group]] with `lights = [\"le*t\"]`"),
+        "{told}"
+    );
+    assert!(!error("nothing").contains("lamp"));
 }

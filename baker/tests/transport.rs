@@ -485,6 +485,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         sun: None,
         sky: Some(sky),
         ground: None,
+        ground_is_written: false,
         portals,
         objects: Vec::new(),
         groups: Vec::new(),

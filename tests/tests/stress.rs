@@ -1,5 +1,5 @@
-//! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, ten thousand tiny charts, and a
-//! compressed file with instances and vertex colours. And what many copies of a scene cost, counted in rays.
+//! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, ten thousand tiny charts, a
+//! compressed file with instances and vertex colours, glass, and what shines. And what many copies of a scene cost, counted in rays.
 
 use baker::bake::options::Preset;
 use baker::bake::run::{Integrator, Options, bake, prepare};
@@ -8,22 +8,34 @@ use compressor::compress;
 use compressor::decode::Decoder;
 use dataset::console::{Console, ConsoleArgs};
 use dataset::store::Dataset;
+use pipeline_tests::Probe;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
+/// Bakes and compresses a stress scene under an even sky; warnings must be none, or some of which one holds `warning`.
 fn bake_and_compress(mesh: &str, size: u32, warning: Option<&str>) {
+    let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
+    bake_and_compress_under(sky, mesh, [size, 2], warning);
+}
+
+/// The same under any light, with this size of page and these samples. Gives the dataset and the folder it lies in.
+fn bake_and_compress_under(
+    light: &str,
+    mesh: &str,
+    [size, samples]: [u32; 2],
+    warning: Option<&str>,
+) -> (Dataset, TempDir) {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("mesh.glb"), generate::generate(mesh).unwrap().glb).unwrap();
     let scene = dir.path().join("stress.toml");
-    let text = format!(
-        "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"mesh.glb\"\n[lightmap]\nsize = {size}\n"
-    );
+    let text = format!("{light}[[object]]\nfile = \"mesh.glb\"\n[lightmap]\nsize = {size}\n");
     std::fs::write(&scene, text).unwrap();
     let out = dir.path().join("out");
     let console = Console::new(ConsoleArgs { quiet: true, json: false, threads: None });
     let options = Options {
         out: Some(out.clone()),
         preset: Preset::Draft,
-        samples: Some(2),
+        samples: Some(samples),
         ..Options::new(parse_hours("12").unwrap())
     };
     let outcome = bake(&scene, &options, &console).unwrap();
@@ -42,6 +54,7 @@ fn bake_and_compress(mesh: &str, size: u32, warning: Option<&str>) {
     let bundle =
         Decoder::open(&out.join("out.ndgi")).or_else(|_| Decoder::open(&out.join("stress.ndgi"))).unwrap();
     assert!(bundle.sample(0, 0.5, 0.5, 12.0).unwrap().iter().all(|v| v.is_finite()));
+    (dataset, dir)
 }
 
 #[test]
@@ -62,6 +75,54 @@ fn more_charts_than_the_page_has_blocks() {
 #[test]
 fn compressed_instances_with_coloured_vertices() {
     bake_and_compress("packed", 128, None);
+}
+
+/// What noise and the size of texels may do to the mean over some hundred texels of 64 samples, relative to it: each sample's light has a
+/// standard deviation of about its mean, so a ratio of two such means one of 2 %, and ten deviations never happen.
+const NOISE: f64 = 0.1;
+
+#[test]
+fn bays_behind_glass_have_what_it_lets_through() {
+    let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
+    let (dataset, _dir) = bake_and_compress_under(sky, "glass", [256, 64], None);
+    let map = dataset.map(0, 0).unwrap();
+    let floor = |bay: f32| {
+        let probe = Probe::new(&dataset, [1.1 * bay, 0.0, 0.1], [0.0, 1.0, 0.0], 0.25);
+        assert!(probe.texels.len() > 20, "{} texels", probe.texels.len());
+        probe.mean(&map)
+    };
+    let open = floor(0.0);
+    // Tinted: the mean of its channels. Blended: what its alpha leaves. The body: two faces.
+    for (bay, expected) in [(1.0, (0.8 + 0.5 + 0.2) / 3.0), (2.0, 1.0 - 0.7), (3.0, 0.8 * 0.8)] {
+        let found = floor(bay) / open;
+        assert!((found / expected - 1.0).abs() < NOISE, "bay {bay}: {found}, expected {expected}");
+    }
+}
+
+#[test]
+fn what_shines_in_a_file_lights_what_is_near_it() {
+    let (dataset, _dir) = bake_and_compress_under("", "glow", [256, 64], Some("lit all day"));
+    let names: Vec<&str> = dataset.config.groups.iter().map(|group| group.name.as_str()).collect();
+    assert_eq!(names.len(), 4, "{names:?}");
+    let at = |group: &str, x: f32, z: f32| {
+        let group = dataset.config.groups.iter().find(|g| g.name == group).expect("the group");
+        let probe = Probe::new(&dataset, [x, 0.0, z], [0.0, 1.0, 0.0], 0.2);
+        probe.mean(&dataset.image(&group.layers[0], 0).unwrap())
+    };
+    // In front of the screen's bright side and of its dark one, which has 1/128 of that light.
+    let (bright, dark) = (at("screen", 0.5, -0.6), at("screen", 1.5, -0.6));
+    assert!(bright > 2.0 * dark && dark > 0.0, "{bright} {dark}");
+    assert!(at("sign", -3.0, -2.5) > 10.0 * at("sign", 3.0, 3.0));
+    // Under the bulb I / h² = 0.4 kcd / 4 m², a little of it as reflections of the screen; under the spot 0.9 / 4, and beside its cone
+    // nothing but reflections.
+    let (bulb, spot) = (at("bulb", -2.0, 2.0), at("spot", 2.5, 2.5));
+    assert!((bulb / 0.1 - 1.0).abs() < NOISE && (spot / 0.225 - 1.0).abs() < NOISE, "{bulb} {spot}");
+    assert!(at("spot", -2.0, 2.0) < 0.01 * spot);
+    // The directional light is the sun, 5 klx on level ground.
+    let sun = dataset.config.sets[0].maps[0].sun.as_ref().expect("the sun");
+    let probe = Probe::new(&dataset, [-1.0, 0.0, 3.0], [0.0, 1.0, 0.0], 0.2);
+    let sun = probe.mean(&dataset.image(sun, 0).unwrap());
+    assert!((sun / 5.0 - 1.0).abs() < NOISE, "{sun}");
 }
 
 /// Copies of the yard on a page, as a scene of their own in a folder.

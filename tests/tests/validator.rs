@@ -30,7 +30,7 @@ fn geometry_files_are_valid_gltf() {
         files.push(geometry(&scene, dir.path().join(format!("{name}.out.glb"))));
     }
     let head = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[lightmap]\nsize = 256\n[[object]]\n";
-    for name in ["packed", "slivers", "yard"] {
+    for name in ["packed", "slivers", "glass", "glow", "yard"] {
         std::fs::write(dir.path().join(format!("{name}.glb")), generate::generate(name).unwrap().glb)
             .unwrap();
         let scene = dir.path().join(format!("{name}.toml"));
@@ -45,13 +45,18 @@ fn geometry_files_are_valid_gltf() {
         .unwrap();
         files.push(geometry(&scene, dir.path().join(format!("{name}.out.glb"))));
     }
+    // Colours and emission of the scene file, on vertices that have colours of their own.
+    let scene = dir.path().join("looks.toml");
+    let look = "albedo = [0.5, 0.25, 0.125]\nemission = [4, 2, 1]\ngroup = \"all\"\n[[group]]\nname = \"all\"\non = \"always\"\n";
+    std::fs::write(&scene, format!("{head}file = \"packed.glb\"\n{look}")).unwrap();
+    files.push(geometry(&scene, dir.path().join("looks.out.glb")));
     let script = here.join("gltf/validate.mjs");
     let output = Command::new("node").arg(script).arg(&folder).args(&files).output();
     let output = output.expect("node runs, since NDGI_GLTF_VALIDATOR is set");
     let told = String::from_utf8_lossy(&output.stdout);
     eprintln!("{told}");
     assert!(output.status.success(), "{told}{}", String::from_utf8_lossy(&output.stderr));
-    assert!(told.contains("6 files, 0 errors"), "{told}");
+    assert!(told.contains("9 files, 0 errors"), "{told}");
     // A file that breaks a rule does not pass.
     let broken = dir.path().join("broken.gltf");
     std::fs::write(&broken, "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":0}]}").unwrap();

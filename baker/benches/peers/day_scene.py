@@ -25,6 +25,7 @@ disc_angle = 0.533
 
 [sky]
 model = "hosek-wilkie"
+ground = false
 
 [[object]]
 file = "day.obj"

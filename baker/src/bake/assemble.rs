@@ -140,6 +140,12 @@ impl<'a> Assembler<'a> {
         Ok(sum)
     }
 
+    /// Whether no part of a layer holds any light.
+    fn is_dark(&self, layer: usize) -> Result<bool> {
+        let values = self.layers.read_sum(&self.digests[layer], self.plan.parts_of(layer))?;
+        Ok(values.iter().all(|value| value.mean == Rgb::ZERO))
+    }
+
     /// A page cut out of the virtual page.
     fn page(&self, image: &Image, page: u32) -> Image {
         let rows = self.atlas.page_rows(page);
@@ -165,7 +171,7 @@ impl<'a> Assembler<'a> {
         let (mut traced, mut is_dark) = (Vec::new(), Vec::new());
         for g in 0..self.plan.groups.len() {
             let image = self.held(first_group + g)?;
-            is_dark.push(image == black);
+            is_dark.push(image == black && self.is_dark(first_group + g)?);
             traced.push(self.add(writer, &format!("group{g}"), &image)?);
             each();
         }

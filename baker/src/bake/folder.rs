@@ -3,7 +3,7 @@
 use crate::{Error, Result};
 use dataset::{files, lock, store};
 use std::ffi::OsStr;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
 
@@ -50,7 +50,27 @@ pub fn leave(out: &Path) {
     }
 }
 
+/// The path of a file from a folder: up as far as both have in common, then down. Both are absolute.
+pub fn relative_to(folder: &Path, file: &Path) -> PathBuf {
+    let common = file.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().count() - common;
+    std::iter::repeat_n(Component::ParentDir, up).chain(file.components().skip(common)).collect()
+}
+
 /// Keeps other bakes out of the dataset's folder until it is dropped (or the process ends).
 pub fn lock(out: &Path) -> Result<lock::Lock> {
     lock::lock(out, "another bake is writing here", "wait for it, or choose another --out")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_go_up_and_down() {
+        let of = |folder: &str, file: &str| relative_to(Path::new(folder), Path::new(file));
+        assert_eq!(of("/a/b", "/a/b/c.toml"), Path::new("c.toml"));
+        assert_eq!(of("/a/b", "/a/d/c.toml"), Path::new("../d/c.toml"));
+        assert_eq!(of("/a/b", "/c.toml"), Path::new("../../c.toml"));
+    }
 }

@@ -9,7 +9,8 @@ use super::state::Direct;
 use super::views::{View, lit_tiles, views};
 use crate::Rgb;
 use crate::atlas::Atlas;
-use crate::scene::Sky;
+use crate::geometry::Bounds;
+use crate::scene::{Baked, Sky};
 use crate::surface::{BlockSurface, FaceBins};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
@@ -79,9 +80,11 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let blocks = bins.occupied();
     let texels = atlas.touched().count();
     let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
-    // The parts in which layers are kept, and the groups that walks can meet, whose light has a sum of its own.
+    // The parts in which layers are kept, and the lights that walks can meet, which have a sum of their own.
     let parts = (0..plan.layers()).map(|layer| plan.parts_of(layer).len() as u64).sum::<u64>();
-    let met = plan.groups.iter().filter(|group| group.emission.iter().any(|e| *e != Rgb::ZERO)).count() as u64;
+    let shining = plan.groups.iter().filter(|group| group.emission.iter().any(|e| *e != Rgb::ZERO)).count();
+    let is_sky_apart = prepared.scene.sky_baked == Baked::Indirect;
+    let met = (shining + if is_sky_apart { plan.sky_hours.len() } else { 0 }) as u64;
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
     let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
     let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
@@ -106,7 +109,8 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
         layers_bytes: n * (8 + 20 * parts) + CHECKSUM as u64 * (parts + 1),
-        work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled) + stored_cache,
+        work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled)
+            + stored_cache,
         memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
         lit_tiles: lit_tiles(atlas),
@@ -122,10 +126,7 @@ pub fn scale(extent: [f64; 3], texels_per_metre: f64) -> String {
 
 /// Length of the box around positions.
 pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
-    let (low, high) = positions
-        .iter()
-        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-    (high - low).max(Vec3::ZERO).as_dvec3().to_array()
+    Bounds::of(positions.iter().copied()).size().to_array()
 }
 
 /// Entries of the cache.

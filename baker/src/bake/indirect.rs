@@ -168,8 +168,9 @@ impl Worker<'_> {
             .zip(&state.probes)
             .zip(&covered)
             .with_min_len(64);
-        let traced =
-            texels.map_init(Vec::new, |readings, ((((((sums, met_sums), taken), drawn), &goal), &probes), &texel)| {
+        let traced = texels.map_init(
+            Vec::new,
+            |readings, ((((((sums, met_sums), taken), drawn), &goal), &probes), &texel)| {
                 let mut counts = RayCounts::default();
                 let cell = cell_of(surface, texel);
                 if probes == 0 || !active[cell] || interrupted() {
@@ -197,7 +198,8 @@ impl Worker<'_> {
                 }
                 *drawn = goal.max(*drawn);
                 counts
-            });
+            },
+        );
         counts += sum(traced.collect::<Vec<_>>());
         counts
     }

@@ -45,7 +45,9 @@ pub fn missing_target(
         let mut sum = vec![Value { mean: Rgb::ZERO, error: Rgb::ZERO }; texels.len()];
         for &layer in &of_moment {
             let scale = plan.scale_of(layer);
-            for (sum, value) in sum.iter_mut().zip(layers.read_sum(&digests[layer], plan.held_parts_of(layer))?) {
+            for (sum, value) in
+                sum.iter_mut().zip(layers.read_sum(&digests[layer], plan.held_parts_of(layer))?)
+            {
                 sum.mean += value.mean * scale;
                 sum.error += value.error * scale;
             }

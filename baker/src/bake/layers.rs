@@ -218,7 +218,7 @@ impl Layers {
         let blocks = worker.blocks();
         let mut rays = RayCounts::default();
         let progress = console.progress("keeping layers", blocks.len() as u64);
-        let is_split = |layer: usize| !lights.sky_layers().contains(&layer);
+        let is_split = |layer: usize| lights.is_sky_apart || !lights.sky_layers().contains(&layer);
         let parts: Vec<(usize, Part)> = (0..digests.len())
             .flat_map(|l| is_split(l).then_some((l, Part::Direct)).into_iter().chain([(l, Part::Rest)]))
             .collect();
@@ -266,7 +266,8 @@ impl Layers {
 
     /// Forgets some layers, all at once: a bake that is to trace them again, and is killed, finds them missing and goes on.
     pub fn forget<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
-        let names = |digest: &String| [Part::Direct, Part::Rest].map(|part| file_name(&self.path(digest, part)));
+        let names =
+            |digest: &String| [Part::Direct, Part::Rest].map(|part| file_name(&self.path(digest, part)));
         let remove = digests.flat_map(names).collect();
         self.change(&Changes { remove, ..Changes::default() })
     }
@@ -465,12 +466,15 @@ mod tests {
         std::fs::rename(layers.root.join(last), layers.root.join(path)).unwrap();
         assert_eq!(held(), [false, false, true]);
         // As a run leaves it that was killed after the first of its renames.
-        let changes = Changes { name: name.clone(), remove: vec![file_name(&layers.path(&digests[2], Part::Rest))] };
+        let changes =
+            Changes { name: name.clone(), remove: vec![file_name(&layers.path(&digests[2], Part::Rest))] };
         std::fs::write(layers.root.join(CHANGES), json::bytes(&changes, "").unwrap()).unwrap();
         std::fs::rename(layers.root.join(&name[0].0), layers.path(&digests[0], Part::Rest)).unwrap();
         let after = [true, true, false];
         assert_eq!(held(), after);
-        assert!(layers.path(&digests[2], Part::Rest).exists() && !layers.path(&digests[1], Part::Rest).exists());
+        assert!(
+            layers.path(&digests[2], Part::Rest).exists() && !layers.path(&digests[1], Part::Rest).exists()
+        );
         layers.settle().unwrap();
         assert_eq!(held(), after);
         assert_eq!(std::fs::read_dir(&layers.root).unwrap().count(), 2);

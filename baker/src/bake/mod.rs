@@ -25,7 +25,6 @@ pub mod check;
 pub mod post;
 pub mod seams;
 pub mod assemble;
-mod glass_glb;
 pub mod scene_glb;
 pub mod options;
 pub mod transfer;

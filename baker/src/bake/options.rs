@@ -87,6 +87,9 @@ pub struct Outcome {
     pub scene: String,
     /// The dataset's folder.
     pub dataset: PathBuf,
+    /// The scene file, from the dataset's folder.
+    #[serde(default)]
+    pub scene_file: Option<PathBuf>,
     /// The digest of all that decides the dataset, as in its manifest.
     pub inputs: String,
     /// True when the folder held this very bake already and nothing was traced.

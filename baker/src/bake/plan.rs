@@ -188,7 +188,7 @@ impl Plan {
                     }
                 } else {
                     hash.update(&json::bytes(&("sky", &scene.sky, &scene.portals), "sky")?);
-                    // (Of the sky, what lightmaps do not hold is not traced.)
+                    // (It is another sum.)
                     if !self.sky_baked.is_all() {
                         hash.update(&json::bytes(&("baked", self.sky_baked), "sky")?);
                     }
@@ -228,7 +228,8 @@ impl Plan {
         let mut met = 0..;
         let shines = |group: &GroupLight| group.emission.iter().any(|radiance| *radiance != Rgb::ZERO);
         let place_among_met = groups.iter().map(|g| shines(g).then(|| met.next()).flatten()).collect();
-        Lights { suns, sky, guide, ground, groups, place_of_group, straight, place_among_met }
+        let is_sky_apart = self.sky_baked == Baked::Indirect;
+        Lights { suns, sky, guide, ground, groups, place_of_group, straight, place_among_met, is_sky_apart }
     }
 
     /// Which part of a layer's light lightmaps hold.
@@ -240,10 +241,10 @@ impl Plan {
         }
     }
 
-    /// The parts in which a layer is kept: what comes straight from suns and groups lies apart, of the sky it is part of the walks.
+    /// The parts in which a layer is kept: what comes straight from suns and groups lies apart; from the sky only where it is not baked.
     pub fn parts_of(&self, layer: usize) -> &'static [Part] {
         let is_sky = self.suns.get(layer).is_none() && self.group_of_layer(layer).is_none();
-        if is_sky { &[Part::Rest] } else { &[Part::Direct, Part::Rest] }
+        if is_sky && self.sky_baked.is_all() { &[Part::Rest] } else { &[Part::Direct, Part::Rest] }
     }
 
     /// The parts of a layer that lightmaps hold.

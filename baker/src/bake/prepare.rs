@@ -6,6 +6,7 @@ use super::json;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
+use super::scene_glb;
 use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
@@ -24,11 +25,13 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-19";
+const METHOD: &str = "walks-21";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
 pub struct Prepared {
+    /// The file that the scene was read of.
+    pub scene_file: PathBuf,
     /// The scene, with what the command line overrides.
     pub scene: Scene,
     /// The hours that are baked.
@@ -139,6 +142,7 @@ impl Prepared {
             hash.update(&json::bytes(transfer, "transfer")?);
         }
         // What the geometry file carries over.
+        hash.update(scene_glb::VERSION.as_bytes());
         self.geometry.originals.update_digest(&mut hash);
         self.geometry.instances.iter().for_each(|i| {
             hash.update(i.name.as_bytes()).update(&[0]);
@@ -162,6 +166,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     }
     let (mut scene, hours, transfer) = if options.transfer {
         let inputs = inputs_of_the_day(scene_file, options)?;
+        warnings.extend(transfer::omitted(&scene));
         let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs)?;
         (scene, hours, Some(transfer))
     } else {
@@ -196,6 +201,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let digests = plan.digests(&scene, &base)?;
     let backend = options.backend;
     Ok(Prepared {
+        scene_file: scene_file.to_owned(),
         scene,
         hours,
         transfer,

@@ -127,6 +127,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let outcome = Outcome {
         scene: scene.name.clone(),
         dataset: out.clone(),
+        scene_file: standing::scene_file_from(&out, &prepared),
         inputs,
         up_to_date: false,
         integrator: if traced.is_unsettled { Integrator::Path } else { prepared.integrator },

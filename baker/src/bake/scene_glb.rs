@@ -1,26 +1,32 @@
 //! The baked geometry with its lightmap coordinates, as glTF binary: what a viewer or a game needs beside the maps.
 //!
 //! It is the scene's files put together: their nodes, names, transforms, materials, cameras, lights and extras as they are.
-//! `primitive` writes vertices, `carry` what goes over, `transform` where files stand, `container` the bytes.
+//! `primitive` writes vertices, `carry` what goes over (`emission_glb` and `glass_glb` what the scene file changed), `transform` where files
+//! stand, `container` the bytes.
 
 mod container;
+mod emission_glb;
+mod glass_glb;
 mod carry;
 mod primitive;
 mod transform;
 
 use crate::atlas::{Atlas, Face, Placement};
-use crate::geometry::{Geometry, Source};
+use crate::geometry::{File, Geometry, Source};
 use crate::{Error, Result};
 use carry::{Carried, MaterialKey, asset};
 use container::Glb;
 use dataset::config::Instance as Place;
 use glam::{DAffine3, DVec3, Vec2};
-use primitive::Layout;
+use primitive::{Layout, Own};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The name under which the dataset's geometry is found.
 pub const NAME: &str = "scene.glb";
+
+/// Changes whenever the same scene would give another file.
+pub const VERSION: &str = "scene-glb-2";
 
 /// Files that stand further from zero than this, in metres, are placed about a point near them: readers in single precision
 /// then lose nothing.
@@ -276,12 +282,21 @@ impl Writer<'_> {
         let placements = &self.atlas.placements[i];
         let is_laid = !placements.is_empty();
         let material = match mesh.primitive {
-            None => Some(MaterialKey { of, original: None, look: Some(look), moved: None }),
+            None => Some(MaterialKey {
+                of,
+                original: None,
+                look: Some(look),
+                emission: Some(look),
+                is_recoloured: source.changed.colour,
+                moved: None,
+            }),
             Some((number, primitive)) => {
                 let root = &asset(geometry, file).root;
                 let original = root["meshes"][number]["primitives"][primitive]["material"].as_u64();
                 let original = original.map(|index| (file, index as usize));
-                let look = source.is_restyled.then_some(look);
+                let changed = source.changed;
+                let emission = changed.emission.then_some(look);
+                let look = changed.surface.then_some(look);
                 let reads =
                     original.is_some_and(|(_, index)| carry::reads_second_set(&root["materials"][index]));
                 let sets = mesh.attributes.iter().filter(|a| a.name.starts_with("TEXCOORD_")).count() as u32;
@@ -291,7 +306,14 @@ impl Writer<'_> {
                 } else {
                     1
                 });
-                (original.is_some() || look.is_some()).then_some(MaterialKey { of, original, look, moved })
+                (original.is_some() || look.is_some() || emission.is_some()).then_some(MaterialKey {
+                    of,
+                    original,
+                    look,
+                    emission,
+                    is_recoloured: changed.colour,
+                    moved,
+                })
             }
         };
         let key = |part| (file, source.mesh, part, material);
@@ -338,25 +360,28 @@ impl Writer<'_> {
         let file_of = &self.geometry.originals.files[file];
         let mesh = &file_of.meshes[number];
         let all = 0..mesh.triangles.len() as u32;
-        let moved = material.and_then(|material| material.moved);
+        let own = Own {
+            moved: material.and_then(|material| material.moved),
+            is_recoloured: material.is_some_and(|material| material.is_recoloured),
+        };
         let out = &mut self.out;
         let mut json = match part {
-            Part::Plain => primitive::write(mesh, all, None, moved, out),
+            Part::Plain => primitive::write(mesh, all, None, own, out),
             Part::Shared(layout) => {
                 let layout = &self.atlas.layouts[layout as usize];
                 let layout =
                     as_of_mesh(self.geometry, layout.instance as usize, layout.faces.iter().copied());
-                primitive::write(mesh, all, Some(&layout), moved, out)
+                primitive::write(mesh, all, Some(&layout), own, out)
             }
             Part::Whole(instance) => {
                 let page = self.atlas.placements[instance].first().map_or(0, |p| p.page);
                 let layout = own_layout(self.geometry, self.atlas, instance, page);
-                primitive::write(mesh, all, Some(&layout), moved, out)
+                primitive::write(mesh, all, Some(&layout), own, out)
             }
             Part::OnPage { instance, page, is_first } => {
                 let layout = own_layout(self.geometry, self.atlas, instance, page);
                 let part = part_on_page(self.geometry, self.atlas, instance, page, is_first);
-                primitive::write(mesh, part.into_iter(), Some(&layout), moved, out)
+                primitive::write(mesh, part.into_iter(), Some(&layout), own, out)
             }
         };
         let root = &asset(self.geometry, file).root;
@@ -387,11 +412,15 @@ impl Writer<'_> {
         if let ([_], Some(extras)) = (&originals.files[..], extras) {
             header["extras"] = extras.clone();
         }
+        let mut scene = json!({ "nodes": roots });
+        if let ([_], Some(name)) = (&originals.files[..], originals.files.iter().find_map(scene_name)) {
+            scene["name"] = json!(name);
+        }
         let extensions = self.carried.root_extensions();
         let mut root = json!({
             "asset": header,
             "scene": 0,
-            "scenes": [{ "nodes": roots }],
+            "scenes": [scene],
             "nodes": self.nodes,
             "meshes": self.meshes,
             "materials": self.carried.materials,
@@ -416,6 +445,11 @@ impl Writer<'_> {
         let glb = self.out.finish(&without_empty(root))?;
         Ok(Written { glb, places })
     }
+}
+
+/// The name of the scene that was read of a file.
+fn scene_name(file: &File) -> Option<&str> {
+    file.gltf.as_ref()?.scene["name"].as_str()
 }
 
 /// What a node tells of its place on the page.

@@ -6,6 +6,9 @@ use crate::{atlas, geometry, scene};
 use base64::Engine;
 use glam::{DMat3, DMat4, Vec3};
 
+#[path = "scene_glb_look_tests.rs"]
+mod looks;
+
 /// A unit cube, and a plate that shares no vertex with it, in an OBJ of two materials.
 const THINGS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
     v 2 0 0\nv 4 0 0\nv 4 0 -1\no cube\nusemtl a\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 4 8 7 3\nf 1 5 8 4\n\

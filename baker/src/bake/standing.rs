@@ -108,7 +108,8 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
         }
     };
     let held = format!("{}, baked with {}", count(standing.sets.len(), "set"), samples(standing.samples));
-    let lost = lost(&standing, prepared, options);
+    let mut lost = lost(&standing, prepared, options);
+    lost.extend(other_file(out, &standing, prepared));
     if !lost.is_empty() && !options.force {
         return Err(Error::invalid(
             out.display(),
@@ -205,6 +206,21 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     let size = serde_json::from_value(settings["lightmap"]["size"].clone()).ok();
     lost.extend(size.and_then(|size| coarser(size, prepared.scene.lightmap.size)));
     lost
+}
+
+/// In words, where the dataset was baked from another scene file that is still there. (One that is gone was moved or renamed.)
+fn other_file(out: &Path, standing: &Config, prepared: &Prepared) -> Option<String> {
+    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
+    let before = out.join(run.scene_file.filter(|_| run.inputs == standing.inputs)?).canonicalize().ok()?;
+    let now = prepared.scene_file.canonicalize().ok()?;
+    (before.is_file() && before != now)
+        .then(|| format!("it is of {}, which has the same name as {}", before.display(), now.display()))
+}
+
+/// The scene file's path from the dataset's folder: it holds where both are moved or copied together.
+pub fn scene_file_from(out: &Path, prepared: &Prepared) -> Option<PathBuf> {
+    let (out, scene) = (out.canonicalize().ok()?, prepared.scene_file.canonicalize().ok()?);
+    Some(folder::relative_to(&out, &scene))
 }
 
 /// The names of the geometry files that a dataset was baked from.

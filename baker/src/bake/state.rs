@@ -102,7 +102,8 @@ pub struct BlockState {
     pub taken: Vec<[u32; 2]>,
     /// `[texel][half][layer]`: sums of irradiance samples, without what comes straight from sampled lights.
     pub sums: Vec<Rgb>,
-    /// `[texel][half][group that walks can meet]`: sums of what they met straight of its emissive surfaces, which is no part of `sums`.
+    /// `[texel][half][light that walks can meet]`: sums of what they met of it straight from their start ([`Lights::layers_of_met`]), which is no
+    /// part of `sums`.
     pub met: Vec<Rgb>,
 }
 
@@ -113,7 +114,7 @@ pub struct Kinds {
     pub layers: usize,
     /// Lights that are sampled from a point.
     pub sampled: usize,
-    /// Groups that walks can meet.
+    /// Lights that walks can meet, whose light is summed apart.
     pub met: usize,
 }
 
@@ -193,19 +194,14 @@ impl BlockState {
         }
         let from = (texel * 2 + half) * lights.met();
         let scale = 1.0 / (self.taken[texel][half].max(1) as f32);
-        for (group, place) in lights.place_among_met.iter().enumerate() {
-            let layer = lights.group_layer(group);
-            if let Some(place) = place
-                && wanted(layer)
-            {
-                out[layer] += self.met[from + place] * scale;
-            }
+        for (layer, place) in lights.layers_of_met().filter(|(layer, _)| wanted(*layer)) {
+            out[layer] += self.met[from + place] * scale;
         }
     }
 }
 
 const MAGIC: &[u8; 8] = b"TLMBLK08";
-/// Magic, round, texels, layers, sampled lights, groups that walks can meet, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
+/// Magic, round, texels, layers, sampled lights, lights that walks can meet, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
 const HEADER: usize = 8 + 6 * 4;
 
 impl BlockState {
@@ -297,7 +293,12 @@ mod tests {
         let bytes = state.to_bytes(KINDS);
         assert_eq!(BlockState::from_bytes(&bytes, 4, KINDS), Some(state));
         // One of another size, or cut short, is not taken for it.
-        let others = [(3, KINDS), (4, Kinds { layers: 2, ..KINDS }), (4, Kinds { sampled: 1, ..KINDS }), (4, Kinds { met: 2, ..KINDS })];
+        let others = [
+            (3, KINDS),
+            (4, Kinds { layers: 2, ..KINDS }),
+            (4, Kinds { sampled: 1, ..KINDS }),
+            (4, Kinds { met: 2, ..KINDS }),
+        ];
         for (texels, kinds) in others {
             assert_eq!(BlockState::from_bytes(&bytes, texels, kinds), None);
         }

@@ -25,7 +25,7 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
             "has neither sun nor sky; expected one of them for --transfer, which is of daylight",
         ));
     }
-    if scene.ground.is_some() {
+    if scene.ground.is_some() && scene.ground_is_written {
         return Err(Error::invalid(
             scene_file.display(),
             "has a ground below the horizon, which --transfer does not know; expected `ground = false` in [sky] for it",
@@ -54,12 +54,21 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
         name: format!("{}-transfer", scene.name),
         sun: None,
         sky: Some(Sky::Harmonics { upper }),
+        ground: None,
         objects,
         groups: Vec::new(),
         lights: LightsOfFiles { from_file: false, ..Default::default() },
         ..scene
     };
     Ok((scene, Hours { list: hours(upper), whole_day: false }, transfer))
+}
+
+/// What a transfer leaves out of a scene's light, if anything.
+pub fn omitted(scene: &Scene) -> Option<String> {
+    (scene.ground.is_some() && !scene.ground_is_written).then(|| {
+        "--transfer leaves out the ground below the horizon, which the bake of the day has; `ground = false` in [sky] leaves it out of both"
+            .to_owned()
+    })
 }
 
 /// Surfaces that shine do so with a group.

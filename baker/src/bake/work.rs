@@ -282,7 +282,9 @@ mod tests {
     #[test]
     fn what_was_decided_once_stays_decided() {
         let dir = tempfile::tempdir().unwrap();
-        let folder = WorkFolder::open(dir.path(), "0123456789abcdef", &[], Kinds { layers: 0, sampled: 0, met: 0 }).unwrap();
+        let folder =
+            WorkFolder::open(dir.path(), "0123456789abcdef", &[], Kinds { layers: 0, sampled: 0, met: 0 })
+                .unwrap();
         assert_eq!(folder.kept(DIRECT, || Ok(vec![1.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(PIVOT, || Ok(None::<i16>)).unwrap(), None);

@@ -47,6 +47,8 @@ pub(super) struct Groups<'a> {
     new: Vec<String>,
     /// Per group of the scene, whether something of a file belongs to it.
     met: Vec<bool>,
+    /// Per group of the scene, a pattern of its `lights` and the group that has what fits it instead.
+    lost: Vec<Option<(&'a str, usize)>>,
     /// All names by which a group could have something of a file.
     names: BTreeSet<String>,
     /// Emission maps that are black all over.
@@ -70,7 +72,15 @@ impl<'a> Groups<'a> {
         let is_black =
             maps.iter().map(|map| map.rgba.iter().all(|[r, g, b, _]| [r, g, b] == [&0; 3])).collect();
         let met = vec![false; scene.groups.len()];
-        Groups { scene, new: Vec::new(), met, names: BTreeSet::new(), is_black, glowing: BTreeSet::new() }
+        Groups {
+            scene,
+            new: Vec::new(),
+            lost: vec![None; met.len()],
+            met,
+            names: BTreeSet::new(),
+            is_black,
+            glowing: BTreeSet::new(),
+        }
     }
 
     /// The group of something with these names, the first of which is its own, by the first that a group of the scene file has or lists; else
@@ -85,7 +95,7 @@ impl<'a> Groups<'a> {
         };
         let group = names.iter().find_map(of_scene).or_else(|| of_scene(&REST));
         if let Some(group) = group {
-            self.met[group] = true;
+            self.give(group, names);
             return group as u32;
         }
         let at = self.new.iter().position(|name| name == own).unwrap_or_else(|| {
@@ -93,6 +103,16 @@ impl<'a> Groups<'a> {
             self.new.len() - 1
         });
         (self.scene.groups.len() + at) as u32
+    }
+
+    /// Notes that a group of the scene has something with these names, and that others do not which list it.
+    fn give(&mut self, group: usize, names: &[&str]) {
+        self.met[group] = true;
+        for (pattern, other) in &self.scene.lights.names {
+            if *other != group && names.iter().any(|name| fits(pattern, name)) {
+                self.lost[*other].get_or_insert((pattern, group));
+            }
+        }
     }
 
     /// What a material of a file emits under a look: what that says, else what the file says. `named` are the names of node, mesh and
@@ -116,17 +136,15 @@ impl<'a> Groups<'a> {
         if is_black || radiance.max_element() <= 0.0 {
             return None;
         }
+        let own = (!material.name.is_empty()).then_some(material.name.as_str());
+        let mut names: Vec<&str> = own.into_iter().chain(named.iter().copied()).collect();
+        names.dedup();
         let group = match by_look {
             Some(group) => {
-                self.met[group] = true;
+                self.give(group, &names);
                 group as u32
             }
-            None => {
-                let own = (!material.name.is_empty()).then_some(material.name.as_str());
-                let mut names: Vec<&str> = own.into_iter().chain(named.iter().copied()).collect();
-                names.dedup();
-                self.of(&names)
-            }
+            None => self.of(&names),
         };
         if group as usize >= self.scene.groups.len() {
             self.glowing.insert((place.0.to_owned(), place.1));
@@ -142,7 +160,7 @@ impl<'a> Groups<'a> {
         lamps: Lamps,
         warnings: &mut Vec<String>,
     ) -> (FileLights, Option<u32>) {
-        let Groups { mut new, met, names, glowing, .. } = self;
+        let Groups { mut new, met, lost, names, glowing, .. } = self;
         let first = scene.groups.len();
         let of_files = |n: usize, noun: &str| (n > 0).then(|| notes::plural(n, noun));
         let free = lamps.lamps.iter().filter(|(group, _)| *group as usize >= first).count();
@@ -154,11 +172,12 @@ impl<'a> Groups<'a> {
         if merged.is_some() {
             warnings.push(format!(
                 "lit all day: {} of files, in one light group, \"{REST}\", because they have {} names ({}): a [[group]] with \
-                 `lights = [\"{}\"]` (* stands for any characters) takes some of them and switches them; `from_file = false` in [lights] leaves all out",
+                 `lights = [\"*\"]` takes them all and switches them, one with `lights = [{:?}]` some (* stands for any characters); \
+                 `from_file = false` in [lights] leaves all out",
                 what.join(" and "),
                 new.len(),
                 notes::list(&new, new.len()),
-                new[0]
+                pattern_like(&new[0])
             ));
             new = vec![REST.to_owned()];
         } else if !new.is_empty() {
@@ -171,13 +190,18 @@ impl<'a> Groups<'a> {
             ));
         }
         let names: Vec<String> = names.into_iter().collect();
-        for (group, met) in scene.groups.iter().zip(met) {
+        for ((group, met), lost) in scene.groups.iter().zip(met).zip(lost) {
             let looks = scene.objects.iter().flat_map(|o| o.parts.iter().map(|p| &p.look).chain([&o.look]));
             let shines = |look: &Look| look.emission.is_some() && look.group.as_ref() == Some(&group.name);
             if group.lamps.is_empty() && !met && !looks.into_iter().any(shines) {
-                let have = match names.is_empty() {
-                    true => "nothing of the files shines".to_owned(),
-                    false => {
+                let have = match lost {
+                    Some((pattern, other)) => format!(
+                        "what fits `lights = [{pattern:?}]` belongs to group {:?}; of groups that list the same, the first has it, so a group \
+                         with fewer names should stand before one with more",
+                        scene.groups[other].name
+                    ),
+                    None if names.is_empty() => "nothing of the files shines".to_owned(),
+                    None => {
                         format!("what shines in the files is called {}", notes::list(&names, names.len()))
                     }
                 };
@@ -193,4 +217,10 @@ impl<'a> Groups<'a> {
         };
         (lights, merged)
     }
+}
+
+/// A pattern that fits a name and those that differ from it in a number at the end.
+fn pattern_like(name: &str) -> String {
+    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit() || "._- #".contains(c));
+    if stem.is_empty() || stem == name { name.to_owned() } else { format!("{stem}*") }
 }

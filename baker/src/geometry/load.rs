@@ -5,7 +5,7 @@ use super::lights::Groups;
 use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
 use super::notes::{self, Notes};
-use super::originals::{self, File, Source};
+use super::originals::{self, Changed, File, Source};
 use super::texture::TextureStore;
 use super::{Geometry, Instance, LightmapPlace, gltf, obj};
 use crate::scene::{Object, Scene};
@@ -69,6 +69,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     let mut geometry = write_out(&placed, has_emission_maps)?;
     geometry.originals.sources = placed.iter().map(|p| p.source).collect();
     geometry.originals.objects = objects;
+    geometry.originals.emission_unit = scene.lights.emission;
     geometry.originals.files = models.into_iter().map(|(name, model)| File::new(name, model)).collect();
     geometry.glass = store.materials.take_glass();
     geometry.materials = store.materials.materials;
@@ -226,7 +227,8 @@ fn place<'a>(
     }
     let all: Vec<&str> = model.placements.iter().flat_map(names).collect();
     let unmet_parts = object.parts.iter().zip(&met).filter(|(_, met)| !**met);
-    errors.extend(unmet_parts.map(|(part, _)| unmet(object, part, &all)));
+    let lamps = || model.contents.lamps.iter().map(|lamp| lamp.name.as_str());
+    errors.extend(unmet_parts.map(|(part, _)| unmet(object, part, &all, lamps())));
     if !undefined.is_empty() {
         let meshes = notes::plural(undefined.len(), "mesh");
         undefined.retain(|name| !name.is_empty());
@@ -265,7 +267,7 @@ fn place<'a>(
                 mesh: placement.mesh,
                 node: placement.node_index,
                 repeat: placement.repeat,
-                is_restyled: look.albedo.is_some() || look.two_sided.is_some() || look.transmission.is_some(),
+                changed: Changed::by(look),
             },
             world_from_mesh: world_from_file * placement.file_from_mesh,
             material: *material,

@@ -53,8 +53,21 @@ pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look
     look
 }
 
-/// An error about a part that fits no mesh; `names` are those it could have fitted.
-pub(super) fn unmet(object: &Object, part: &Part, names: &[&str]) -> Error {
+/// An error about a part that fits no mesh; `names` are those it could have fitted, `lamps` the names of the file's lamps.
+pub(super) fn unmet<'a>(
+    object: &Object,
+    part: &Part,
+    names: &[&str],
+    mut lamps: impl Iterator<Item = &'a str>,
+) -> Error {
+    let lamp = lamps.find(|lamp| fits(&part.pattern, lamp));
+    let hint = lamp.map_or_else(String::new, |lamp| {
+        let lights = &part.pattern;
+        format!(
+            "; {lamp:?} is a lamp and no part: a [[group]] with `lights = [{lights:?}]` has its light and says when it is on"
+        )
+    });
+
     let mut names: Vec<&str> = names.iter().copied().filter(|n| !n.is_empty()).collect();
     names.sort_unstable();
     names.dedup();
@@ -62,7 +75,7 @@ pub(super) fn unmet(object: &Object, part: &Part, names: &[&str]) -> Error {
     names.truncate(20);
     let have = if names.is_empty() { "it names nothing".to_owned() } else { names.join(", ") };
     let what = format!(
-        "part name = {:?}: fits no node, mesh or material of {}: {have}{more}",
+        "part name = {:?}: fits no node, mesh or material of {}: {have}{more}{hint}",
         part.pattern,
         object.file.display()
     );

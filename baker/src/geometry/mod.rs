@@ -1,5 +1,6 @@
 //! Triangles in world space, flattened from files and instances, and what they are made of.
 
+mod bounds;
 mod notes;
 mod contents;
 mod model;
@@ -22,13 +23,14 @@ mod digest;
 mod similarity;
 mod solids;
 
+pub use bounds::Bounds;
 pub use contents::{Contents, FileCamera, FileLamp, FileLampKind};
 pub use glass::{DARK, Glass};
 pub use lights::FileLights;
 pub use load::{load, load_with};
 pub(crate) use model::{Asset, Mesh};
 pub use originals::Originals;
-pub(crate) use originals::Source;
+pub(crate) use originals::{File, Source};
 pub use similarity::Similarity;
 pub use solids::Solids;
 pub use survey::contents;

@@ -1,7 +1,12 @@
 //! What the scene's files hold beside surfaces: kept, so that they can be written again with a lightmap.
 
+use super::contents::FileCamera;
 use super::model::{Asset, Mesh, Model};
+use crate::scene::Look;
 use glam::DMat4;
+
+/// What the reader of OBJ files calls a mesh without a name.
+const UNNAMED: &str = "unnamed_object";
 
 /// The files of a scene as they were read, and where everything in the geometry comes from.
 #[derive(Clone, Debug, Default)]
@@ -12,6 +17,8 @@ pub struct Originals {
     pub(crate) objects: Vec<Object>,
     /// Where each instance of the geometry comes from, in the same order.
     pub(crate) sources: Vec<Source>,
+    /// Radiance in kcd/m² where a file's emission is 1.
+    pub(crate) emission_unit: f64,
 }
 
 /// A geometry file.
@@ -22,6 +29,8 @@ pub(crate) struct File {
     pub meshes: Vec<Mesh>,
     /// Names of the materials that meshes name by index.
     pub materials: Vec<String>,
+    /// Its cameras.
+    pub cameras: Vec<FileCamera>,
     /// What only a glTF holds.
     pub gltf: Option<Asset>,
 }
@@ -45,19 +54,51 @@ pub(crate) struct Source {
     pub node: Option<usize>,
     /// Where it stands relative to its node, and as which of the node's instances.
     pub repeat: Option<(usize, DMat4)>,
-    /// Whether the scene file gives its material another look.
-    pub is_restyled: bool,
+    /// What of its material the scene file gives another look.
+    pub changed: Changed,
+}
+
+/// What of a material the scene file replaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Changed {
+    /// Colour, sides or what passes.
+    pub surface: bool,
+    /// The colour, and with it the colours of the vertices.
+    pub colour: bool,
+    /// What it emits.
+    pub emission: bool,
+}
+
+impl Changed {
+    /// What a look replaces.
+    pub(super) fn by(look: &Look) -> Self {
+        let colour = look.albedo.is_some();
+        Changed {
+            surface: colour || look.two_sided.is_some() || look.transmission.is_some(),
+            colour,
+            emission: look.emission.is_some(),
+        }
+    }
 }
 
 impl File {
     /// Keeps what is left of a model when its meshes are placed.
-    pub(super) fn new(name: String, model: Model) -> Self {
+    pub(super) fn new(name: String, mut model: Model) -> Self {
+        // An OBJ without `o` and `g` has one mesh of no name of its own.
+        let unnamed = model.meshes.iter_mut().filter(|mesh| mesh.primitive.is_none() && mesh.name == UNNAMED);
+        unnamed.for_each(|mesh| mesh.name.clone_from(&name));
         let materials = model.materials.into_iter().map(|material| material.name).collect();
-        File { name, meshes: model.meshes, materials, gltf: model.asset }
+        let cameras = model.contents.cameras;
+        File { name, meshes: model.meshes, materials, cameras, gltf: model.asset }
     }
 }
 
 impl Originals {
+    /// The cameras of all files, each in the space of its file.
+    pub fn cameras(&self) -> impl Iterator<Item = &FileCamera> {
+        self.files.iter().flat_map(|file| &file.cameras)
+    }
+
     /// Feeds all that is written again, but triangles, into a hash.
     pub fn update_digest(&self, hash: &mut blake3::Hasher) {
         for file in &self.files {

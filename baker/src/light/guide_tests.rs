@@ -23,6 +23,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         sun_baked: Baked::All,
         sky_baked: Baked::All,
         ground: None,
+        ground_is_written: false,
         portals,
         objects: Vec::new(),
         groups: Vec::new(),

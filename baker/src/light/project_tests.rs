@@ -19,6 +19,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         sun_baked: Baked::All,
         sky_baked: Baked::All,
         ground: None,
+        ground_is_written: false,
         portals: Vec::new(),
         objects: Vec::new(),
         groups: Vec::new(),

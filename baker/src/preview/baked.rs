@@ -1,27 +1,21 @@
 //! The texels of a moment, read as a game reads them.
 
 use super::moment::Moment;
-use crate::atlas::Atlas;
-use crate::geometry::Geometry;
+use super::places::Places;
 use crate::{Result, Rgb};
 use dataset::image::Image;
 use dataset::store::Dataset;
 use glam::{Vec2, Vec3};
 
-/// No texels.
-const NONE: u32 = u32::MAX;
-
 /// Baked irradiance.
 pub struct Baked {
-    atlas: Atlas,
-    /// Per triangle, its face of the atlas.
-    face_of: Vec<u32>,
+    places: Places,
     pages: Vec<Image>,
 }
 
 impl Baked {
     /// Reads the sets of a moment and sums them.
-    pub fn read(dataset: &Dataset, moment: &Moment, geometry: &Geometry, atlas: Atlas) -> Result<Self> {
+    pub fn read(dataset: &Dataset, moment: &Moment, places: Places) -> Result<Self> {
         let sum = |page: usize| -> Result<Image> {
             let mut sum: Option<Image> = None;
             for &(set, weight) in &moment.parts {
@@ -32,22 +26,15 @@ impl Baked {
             }
             Ok(sum.unwrap_or_else(|| Image::black(1, 1)))
         };
-        let pages = (0..atlas.pages as usize).map(sum).collect::<Result<_>>()?;
-        let mut face_of = vec![NONE; geometry.triangles.len()];
-        for (i, face) in atlas.faces.iter().enumerate() {
-            face_of[face.triangle as usize] = i as u32;
-        }
-        Ok(Baked { atlas, face_of, pages })
+        let pages = (0..dataset.config.pages.len()).map(sum).collect::<Result<_>>()?;
+        Ok(Baked { places, pages })
     }
 
     /// Irradiance at a point of the front of a triangle; `None` where it has no texels.
     pub fn irradiance(&self, triangle: u32, barycentric: Vec3) -> Option<Rgb> {
-        let face = self.atlas.faces.get(self.face_of[triangle as usize] as usize)?;
-        let page = self.atlas.page_of(face);
-        let [a, b, c] = face.corners;
+        let (page, [a, b, c]) = self.places.of(triangle)?;
         let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
-        let top = Vec2::new(0.0, self.atlas.page_rows(page).start as f32);
-        Some(bilinear(&self.pages[page as usize], texel - top))
+        Some(bilinear(&self.pages[page], texel))
     }
 }
 

@@ -46,7 +46,7 @@ impl Light {
     /// Radiance of the sky, and of the ground below the horizon.
     pub fn sky(&self, direction: Vec3) -> Rgb {
         let mut radiance = vec![Rgb::ZERO; self.lights.layers()];
-        self.lights.add_from_outside(direction, Rgb::ONE, &mut radiance);
+        self.lights.add_from_outside(direction, Rgb::ONE, &mut radiance, None);
         self.sum(&radiance)
     }
 

@@ -94,16 +94,22 @@ impl Lookout<'_> {
         ((sum / f64::from(count.max(1))) as f32).max(f32::MIN_POSITIVE)
     }
 
-    /// `first`, if it lies outside all bodies and shows half of what the best view does; else the best view from a lattice of places in
-    /// a box; `first` all the same where none of them is free.
-    pub fn best(&self, first: View, low: DVec3, high: DVec3) -> View {
+    /// Those places of a lattice in a box that lie outside all bodies and have room around them.
+    pub fn free_places(&self, low: DVec3, high: DVec3) -> Vec<DVec3> {
         let (size, length) = (high - low, (high - low).length());
         let at = |i: usize, height: f64| {
             let of = |k: usize| (k as f64 + 0.5) / ALONG as f64;
             low + size * DVec3::new(of(i % ALONG), height, of(i / ALONG))
         };
         let places = HEIGHTS.into_iter().flat_map(|height| (0..ALONG * ALONG).map(move |i| at(i, height)));
-        let places: Vec<DVec3> = places.filter(|place| self.is_free(*place, TIGHT * length)).collect();
+        places.filter(|place| self.is_free(*place, TIGHT * length)).collect()
+    }
+
+    /// `first`, if it lies outside all bodies and shows half of what the best view does; else the best view from a lattice of places in
+    /// a box; `first` all the same where none of them is free.
+    pub fn best(&self, first: View, low: DVec3, high: DVec3) -> View {
+        let length = (high - low).length();
+        let places = self.free_places(low, high);
         let light = self.light(&places);
         let mut best: Option<(f64, View)> = None;
         for &place in &places {
@@ -138,14 +144,14 @@ fn sphere(count: usize) -> impl Iterator<Item = Vec3> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::geometry::Material;
     use glam::{Vec2, dvec3};
 
     /// A room of 6 × 3 × 6 m, divided by a wall half a metre thick through its middle; all materials two-sided. In the eastern half
     /// (x > 0) there is light.
-    fn divided() -> Geometry {
+    pub fn divided() -> Geometry {
         let material = Material {
             albedo: Vec3::splat(0.5),
             albedo_max: 1.0,
@@ -162,7 +168,7 @@ mod tests {
     }
 
     /// The six sides of a box, seen from inside or outside.
-    fn block(g: &mut Geometry, low: Vec3, high: Vec3, inside: bool) {
+    pub fn block(g: &mut Geometry, low: Vec3, high: Vec3, inside: bool) {
         for axis in 0..3 {
             for upper in [false, true] {
                 let (size, one) = (high - low, Vec3::AXES);

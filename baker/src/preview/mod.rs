@@ -1,10 +1,11 @@
 //! Pictures of baked light: camera rays meet the scene's surfaces, which are shown by the irradiance that a dataset holds for them.
 //!
-//! `options` says what is asked for, `standing` opens the dataset and holds it to the scene, `moment` finds the sets to show,
-//! `baked` reads their texels, `light` holds what shines then, `lookout` finds a place with a view, `view` is the camera, `shade`
+//! `options` says what is asked for, `places` where triangles lie on the pages, `standing` opens the dataset and finds the geometry to
+//! show it on, `moment` finds the sets to show, `baked` reads their texels, `light` holds what shines then, `lookout` finds a place with a view, `view` is the camera, `shade`
 //! what a ray of it sees, `tone` what a screen shows of that, `picture` all pixels, `run` the whole of it.
 
 pub mod options;
+mod places;
 mod standing;
 mod moment;
 mod baked;

@@ -13,7 +13,7 @@ pub struct Options {
     #[arg(long, value_name = "HOUR", value_parser = dataset::typed::hour)]
     pub hour: f64,
     /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
-    /// above open scenes, inside closed ones, or where most that is lit is in view if a wall is there].
+    /// above open scenes and single things, inside rooms, or where most that is lit is in view if a wall is there].
     #[arg(long, value_name = "NAME|X,Y,Z", allow_hyphen_values = true)]
     pub camera: Option<String>,
     /// The point in the middle of the picture [default: the camera's; else the middle of the lightmapped surfaces].

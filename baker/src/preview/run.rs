@@ -6,6 +6,7 @@ use super::moment::Moment;
 use super::options::Options;
 use super::picture::Picture;
 use super::shade::Shader;
+use super::standing::Shown;
 use super::{standing, view};
 use crate::light::luminance;
 use crate::scene::{Scene, Sky, SunTrack};
@@ -44,17 +45,17 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     if let Some(out) = &options.out {
         expect_output(out, "png", "--out")?;
     }
-    let (mut scene, mut warnings) = scene::load(scene_file)?;
+    let (scene, mut warnings) = scene::load(scene_file)?;
     let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
     standing::expect_finished(&folder, scene_file, &scene.name)?;
     let (geometry, geometry_warnings) = geometry::load(&scene)?;
-    geometry.lights.add_to(&mut scene);
     warnings.extend(geometry_warnings);
     warnings.iter().for_each(|warning| console.warn(warning));
-    let rays = Rays::with_backend(&geometry, options.backend)?;
     let asked = view::asked(options, &scene, &geometry)?;
-    let (dataset, atlas, changed) = standing::open(&folder, scene_file, &scene, &geometry, console)?;
+    let Shown { dataset, scene, geometry, places, warnings: changed } =
+        standing::open(&folder, scene_file, scene, geometry, console)?;
     warnings.extend(changed);
+    let rays = Rays::with_backend(&geometry, options.backend)?;
 
     let moment = Moment::new(&dataset.config, options.hour);
     if moment.is_doubtful {
@@ -70,7 +71,7 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
         warnings.push(far);
     }
     let light = Light::new(&scene, &geometry, &dataset.config, &moment);
-    let baked = Baked::read(&dataset, &moment, &geometry, atlas)?;
+    let baked = Baked::read(&dataset, &moment, places)?;
     let camera = match asked {
         Some(camera) => camera,
         None => {

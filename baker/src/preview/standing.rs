@@ -1,16 +1,32 @@
-//! The finished dataset to look at, and whether it is of this scene.
+//! The finished dataset to look at, and the geometry to show it on.
 
+use super::places::Places;
 use crate::atlas::{self, Atlas};
 use crate::bake::hidden;
 use crate::bake::scene_glb::to_glb;
-use crate::geometry::Geometry;
+use crate::geometry::{self, Geometry, LightmapPlace};
 use crate::scene::{Lightmap, Scene};
 use crate::{Error, Result};
+use dataset::config::Config;
 use dataset::console::Console;
 use dataset::store::{Dataset, MANIFEST, UNFINISHED, WORK};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
+
+/// A dataset, and what it is shown on.
+pub struct Shown {
+    /// The finished dataset.
+    pub dataset: Dataset,
+    /// The scene whose light it is, with that of its files.
+    pub scene: Scene,
+    /// That of the scene file as it is now, or, where it is another, that of the dataset.
+    pub geometry: Geometry,
+    /// Where it lies on the pages.
+    pub places: Places,
+    /// What has been warned of.
+    pub warnings: Vec<String>,
+}
 
 /// An error where a folder holds no finished dataset.
 pub fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<()> {
@@ -27,66 +43,93 @@ pub fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<
     Err(Error::invalid(folder.display(), what))
 }
 
-/// Opens a dataset and lays out its texels.
+/// Opens a dataset of a scene, and finds out on what to show it: on the scene's geometry where that was baked, else on the dataset's own.
 ///
 /// # Errors
-/// [`Error::Invalid`] where it is one of another geometry or layout than the scene has.
+/// [`Error::Invalid`] where it is of another scene, or has no geometry of its own where it needs one.
 pub fn open(
     folder: &Path,
     scene_file: &Path,
-    scene: &Scene,
-    geometry: &Geometry,
+    mut scene: Scene,
+    geometry: Geometry,
     console: &Console,
-) -> Result<(Dataset, Atlas, Vec<String>)> {
-    let scene_file = scene_file.display();
+) -> Result<Shown> {
     let dataset = Dataset::open(folder)?;
     dataset.expect_moments()?;
-    let config = &dataset.config;
-    let other = |what: &str| {
-        let expected = format!("expected a dataset that `bake {scene_file}` made of the scene as it is now");
-        Error::invalid(folder.display(), format!("{what}; {expected}"))
+    let Some(atlas) = as_baked(&dataset.config, &geometry, console)? else {
+        return of_dataset(folder, scene_file, scene, dataset, console);
     };
-    // As it was baked: a draft has other pages than the scene asks for.
-    let lightmap = Lightmap::deserialize(&config.settings["lightmap"]);
-    let lightmap = lightmap.map_err(|_| other("its settings do not say how its texels were laid out"))?;
-    let atlas = {
-        let progress = console.progress("unwrapping", 1);
-        let hidden = hidden::find(geometry, &lightmap).triangles;
-        let atlas = atlas::build_without(geometry, &lightmap, &hidden)?;
-        progress.advance(1);
-        atlas
-    };
-    // The geometry with its lightmap coordinates is a file of the dataset: the same bytes, the same texels at the same places.
-    let glb = blake3::hash(&to_glb(geometry, &atlas)?.glb).to_hex();
-    if config.geometry.as_ref().is_none_or(|file| file.blake3 != glb.as_str()) {
-        return Err(other(&format!(
-            "it is of the scene {:?}, whose geometry, materials or layout are not those that {scene_file} gives now",
-            config.scene
-        )));
-    }
-    let names = |names: Vec<&str>| format!("light groups {names:?}");
-    let (baked, now) = (
-        names(config.groups.iter().map(|g| g.name.as_str()).collect()),
-        names(scene.groups.iter().map(|g| g.name.as_str()).collect()),
-    );
-    if baked != now {
-        return Err(other(&format!("it has the {baked}, and {scene_file} the {now}")));
-    }
+    geometry.lights.add_to(&mut scene);
     // Through text, as the manifest went: reading a number back may round it.
-    let settings = serde_json::to_string(scene).and_then(|text| serde_json::from_str::<Value>(&text));
+    let settings = serde_json::to_string(&scene).and_then(|text| serde_json::from_str::<Value>(&text));
     let settings = settings.map_err(|e| Error::invalid("scene", e))?;
     let changed: Vec<&str> = ["place", "sun", "sky", "groups"]
         .into_iter()
-        .filter(|key| settings[key] != config.settings[key])
+        .filter(|key| settings[key] != dataset.config.settings[key])
         .collect();
     let warnings = match changed.is_empty() {
         true => Vec::new(),
         false => vec![format!(
-            "{scene_file} gives other light now than when {} was baked ({}): what has no texels shows the light as it is now",
+            "{} gives other light now than when {} was baked ({}): what has no texels shows the light as it is now",
+            scene_file.display(),
             folder.display(),
             changed.join(", ")
         )],
     };
     warnings.iter().for_each(|w| console.warn(w));
-    Ok((dataset, atlas, warnings))
+    let places = Places::of_atlas(&geometry, &atlas);
+    Ok(Shown { dataset, scene, geometry, places, warnings })
+}
+
+/// The texels of a geometry, if a dataset has the same; `None` where geometry, materials or layout are others.
+fn as_baked(config: &Config, geometry: &Geometry, console: &Console) -> Result<Option<Atlas>> {
+    // As it was baked: a draft has other pages than the scene asks for.
+    let Ok(lightmap) = Lightmap::deserialize(&config.settings["lightmap"]) else { return Ok(None) };
+    let progress = console.progress("unwrapping", 1);
+    let hidden = hidden::find(geometry, &lightmap).triangles;
+    let atlas = match atlas::build_without(geometry, &lightmap, &hidden) {
+        Ok(atlas) => atlas,
+        // It does not fit the pages that the other one did.
+        Err(Error::Unsupported { .. }) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    progress.advance(1);
+    // The geometry with its lightmap coordinates is a file of the dataset: the same bytes, the same texels at the same places.
+    let glb = blake3::hash(&to_glb(geometry, &atlas)?.glb).to_hex();
+    let is_same = config.geometry.as_ref().is_some_and(|file| file.blake3 == glb.as_str());
+    Ok(is_same.then_some(atlas))
+}
+
+/// A dataset on its own geometry, in the light of a scene.
+fn of_dataset(
+    folder: &Path,
+    scene_file: &Path,
+    mut scene: Scene,
+    dataset: Dataset,
+    console: &Console,
+) -> Result<Shown> {
+    let (config, shown) = (&dataset.config, scene_file.display());
+    let file = config.geometry.as_ref().filter(|_| config.scene == scene.name);
+    let Some(file) = file else {
+        let what = format!(
+            "it is of the scene {:?}, whose geometry, materials or layout are not those that {shown} gives now; expected a dataset \
+             that `bake {shown}` made of the scene {:?}",
+            config.scene, scene.name
+        );
+        return Err(Error::invalid(folder.display(), what));
+    };
+    scene.objects = Scene::of_model(&folder.join(&file.path))?.objects;
+    let (mut geometry, _) = geometry::load(&scene)?;
+    for instance in &mut geometry.instances {
+        instance.lightmap = matches!(instance.lightmap_place, LightmapPlace::At { .. });
+    }
+    geometry.lights.add_to(&mut scene);
+    let warning = format!(
+        "{} was baked with other geometry, materials or layout than {shown} gives now, or by another version of the baker: the picture \
+         shows the dataset's own geometry file, and what has no texels in the light of {shown}; `bake {shown}` makes a new dataset",
+        folder.display()
+    );
+    console.warn(&warning);
+    let places = Places::of_file(&geometry, &config.pages);
+    Ok(Shown { dataset, scene, geometry, places, warnings: vec![warning] })
 }

@@ -2,7 +2,7 @@
 
 use super::lookout::Lookout;
 use super::options::{Options, parse_point};
-use crate::geometry::Geometry;
+use crate::geometry::{Bounds, Geometry};
 use crate::scene::{Camera, Scene};
 use crate::trace::lens::NOWHERE;
 use crate::trace::rays::Rays;
@@ -35,7 +35,7 @@ pub fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Op
             Camera {
                 name: "view".to_owned(),
                 position,
-                look_at: Bounds::new(geometry).middle(),
+                look_at: Lit::new(geometry).middle(),
                 fov: Camera::FOV,
             }
         }
@@ -53,9 +53,9 @@ pub fn default(
     rays: &Rays,
     luminance: &dyn Fn(&Hit) -> f32,
 ) -> Result<Camera> {
-    let (mut camera, is_inside) = usual(geometry, rays);
-    let bounds = Bounds::new(geometry);
+    let bounds = Lit::new(geometry);
     let lookout = Lookout { geometry, rays, luminance };
+    let (mut camera, is_inside) = usual(&lookout, &bounds);
     // From outside everything is in view, unless something stands there that has no texels.
     if is_inside || !lookout.is_free(camera.position, 0.0) {
         let usual = (camera.position, camera.look_at);
@@ -78,20 +78,21 @@ fn aimed(mut camera: Camera, options: &Options) -> Result<Camera> {
 /// Angle of view inside, in degrees.
 const INSIDE_FOV: f64 = 80.0;
 
+/// The least length in metres of something that people stand in: what is smaller is looked at from outside.
+pub const SMALLEST_ROOM: f64 = 3.0;
+
 /// The box around what has texels, in the world.
-struct Bounds {
+struct Lit {
     low: DVec3,
     high: DVec3,
 }
 
-impl Bounds {
+impl Lit {
     fn new(geometry: &Geometry) -> Self {
         let lit = geometry.instances.iter().filter(|instance| instance.lightmap);
         let points = lit.flat_map(|instance| &geometry.positions[instance.vertices.clone()]);
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) =
-            points.fold(empty, |(low, high), p| (low.min(p.as_dvec3()), high.max(p.as_dvec3())));
-        Bounds { low: low + geometry.origin, high: high + geometry.origin }
+        let bounds = Bounds::of(points.copied());
+        Lit { low: bounds.low.as_dvec3() + geometry.origin, high: bounds.high.as_dvec3() + geometry.origin }
     }
 
     fn middle(&self) -> DVec3 {
@@ -100,23 +101,36 @@ impl Bounds {
 }
 
 /// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the middle from the south-west.
-/// Inside, where hardly any ray from the middle leaves the scene upwards, it stands on the same side of the room.
-fn usual(geometry: &Geometry, rays: &Rays) -> (Camera, bool) {
+/// Inside, where hardly any ray leaves the scene upwards from the middle, and that is no body alone, it stands on the same side of the room.
+fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;
-    let bounds = Bounds::new(geometry);
+    /// Of this many free places, one in a room makes it one.
+    const ROOMY: usize = 8;
+    let (geometry, rays) = (lookout.geometry, lookout.rays);
     let (middle, size) = (bounds.middle(), bounds.high - bounds.low);
     let local = |point: DVec3| (point - geometry.origin).as_vec3();
-    let leaves = |i: &usize| {
-        // Evenly over the upper hemisphere, turned by the golden ratio.
-        let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
-        let r = (1.0 - y * y).sqrt();
-        let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
-        rays.nearest_wall(local(middle), direction, NOWHERE).is_none()
+    let is_covered = |place: DVec3| {
+        let leaves = |i: &usize| {
+            // Evenly over the upper hemisphere, turned by the golden ratio.
+            let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
+            let r = (1.0 - y * y).sqrt();
+            let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
+            rays.nearest_wall(local(place), direction, NOWHERE).is_none()
+        };
+        (0..RAYS).filter(leaves).count() <= MOST_LEAVING
+    };
+    // The middle of a trunk or a statue is covered, too, and nothing around it is. In a room a piece of furniture may stand there.
+    let is_room = || {
+        if lookout.is_free(middle, 0.0) {
+            return true;
+        }
+        let free = lookout.free_places(bounds.low, bounds.high);
+        ROOMY * free.iter().filter(|place| is_covered(**place)).count() > free.len()
     };
     let name = "default".to_owned();
-    if (0..RAYS).filter(leaves).count() <= MOST_LEAVING {
+    if size.max_element() >= SMALLEST_ROOM && is_covered(middle) && is_room() {
         // As far towards that corner as nothing stands in the way, and a little back.
         let back = DVec3::new(-size.x, 0.3 * size.y, size.z);
         let (distance, direction) = (0.5 * back.length(), back.normalize());
@@ -135,4 +149,62 @@ fn usual(geometry: &Geometry, rays: &Rays) -> (Camera, bool) {
     let direction = DVec3::new(-0.6, 0.6, 1.0).normalize();
     let distance = 0.5 * size.length() / (0.5 * Camera::FOV.to_radians()).sin();
     (Camera { name, position: middle + direction * distance, look_at: middle, fov: Camera::FOV }, false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lookout::tests::{block, divided};
+    use super::*;
+    use glam::Vec3;
+
+    /// The camera by default, and whether it stands in the box around the geometry.
+    fn camera(geometry: &Geometry) -> (Camera, bool) {
+        let rays = Rays::new(geometry);
+        let camera = default(&Options::new(12.0), geometry, &rays, &|_| 1.0).unwrap();
+        let lit = Lit::new(geometry);
+        let at = camera.position;
+        let is_within = at.cmpge(lit.low).all() && at.cmple(lit.high).all();
+        (camera, is_within)
+    }
+
+    /// Boxes seen from outside, in a geometry of one instance.
+    fn blocks(boxes: &[[[f32; 3]; 2]]) -> Geometry {
+        let mut geometry = Geometry { materials: divided().materials, ..Geometry::default() };
+        boxes.iter().for_each(|[low, high]| block(&mut geometry, Vec3::from(*low), Vec3::from(*high), false));
+        of_one_instance(geometry)
+    }
+
+    fn of_one_instance(mut geometry: Geometry) -> Geometry {
+        geometry.instances = vec![crate::geometry::Instance {
+            name: String::new(),
+            mesh: 0,
+            world_from_mesh: glam::DAffine3::IDENTITY,
+            triangles: 0..geometry.triangles.len(),
+            vertices: 0..geometry.positions.len(),
+            lightmap: true,
+            has_lightmap_uvs: false,
+            lightmap_place: crate::geometry::LightmapPlace::Unsaid,
+            density: 1.0,
+        }];
+        geometry
+    }
+
+    #[test]
+    fn rooms_are_seen_from_inside_and_things_from_outside() {
+        let (camera_of_room, is_within) = camera(&of_one_instance(divided()));
+        assert!(is_within && camera_of_room.fov == INSIDE_FOV, "{camera_of_room:?}");
+        // A crate; a box that is open at the front, as a shelf; a tree of which the middle lies in the trunk below the crown.
+        let shelf = [
+            [[0.0, 0.0, 0.0], [0.1, 2.0, 0.5]],
+            [[0.9, 0.0, 0.0], [1.0, 2.0, 0.5]],
+            [[0.1, 0.0, 0.0], [0.9, 2.0, 0.1]],
+            [[0.1, 1.9, 0.1], [0.9, 2.0, 0.5]],
+            [[0.1, 0.0, 0.1], [0.9, 0.1, 0.5]],
+        ];
+        let tree = [[[-0.15, 0.0, -0.15], [0.15, 5.0, 0.15]], [[-2.0, 5.0, -2.0], [2.0, 5.6, 2.0]]];
+        for things in [&[[[0.0; 3], [0.5, 1.0, 0.5]]][..], &shelf, &tree] {
+            let (camera, is_within) = camera(&blocks(things));
+            assert!(!is_within && camera.fov == Camera::FOV, "{things:?}: {camera:?}");
+        }
+    }
 }

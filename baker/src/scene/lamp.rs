@@ -10,7 +10,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Keys of `[[group]]`.
-pub(super) const KEYS: &[&str] = &["name", "on", "baked", "lights", "sphere", "rectangle", "disc", "spot", "point"];
+pub(super) const KEYS: &[&str] =
+    &["name", "on", "baked", "lights", "sphere", "rectangle", "disc", "spot", "point"];
 const SPHERE: &[&str] = &["centre", "radius", "radiance", "lumens", "kelvin"];
 const RECTANGLE: &[&str] = &["corner", "edge_u", "edge_v", "radiance", "lumens", "kelvin"];
 const DISC: &[&str] = &["centre", "direction", "radius", "radiance", "lumens", "kelvin"];
@@ -23,7 +24,11 @@ type Names = Vec<(String, usize)>;
 
 /// Reads `[[group]]`; names must be unique. Gives also the `lights` of each, with its index. Files are relative to
 /// `folder`.
-pub(super) fn read(tables: Vec<Table>, folder: &Path) -> Result<(Vec<Group>, Names)> {
+pub(super) fn read(
+    tables: Vec<Table>,
+    folder: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Group>, Names)> {
     let (mut groups, mut names): (Vec<Group>, Names) = Default::default();
     for table in tables {
         let value = table.require("name", "a name")?;
@@ -52,10 +57,10 @@ pub(super) fn read(tables: Vec<Table>, folder: &Path) -> Result<(Vec<Group>, Nam
             lamps.push(disc(&t)?);
         }
         for t in table.tables("spot", SPOT)? {
-            lamps.push(spot(&t, folder)?);
+            lamps.push(spot(&t, folder, warnings)?);
         }
         for t in table.tables("point", POINT)? {
-            lamps.push(point(&t, folder)?);
+            lamps.push(point(&t, folder, warnings)?);
         }
         groups.push(Group { name: name.to_owned(), on, lamps, baked: load::baked(&table)? });
     }
@@ -99,11 +104,11 @@ fn disc(table: &Table) -> Result<Lamp> {
     Ok(Lamp::Disc { centre, direction, radius, radiance })
 }
 
-fn point(table: &Table, folder: &Path) -> Result<Lamp> {
+fn point(table: &Table, folder: &Path, warnings: &mut Vec<String>) -> Result<Lamp> {
     let position = vector(table, "position")?;
     if table.get("ies").is_some() {
         let direction = table.get("direction").map_or(Ok(DVec3::NEG_Y), |value| direction(&value))?;
-        return ies(table, position, direction, [PI, PI], folder);
+        return ies(table, position, direction, [PI, PI], folder, warnings);
     }
     expect_ies(table, &["direction", "up"])?;
     // Φ = 4π I.
@@ -111,7 +116,7 @@ fn point(table: &Table, folder: &Path) -> Result<Lamp> {
     Ok(Lamp::Point { position, intensity })
 }
 
-fn spot(table: &Table, folder: &Path) -> Result<Lamp> {
+fn spot(table: &Table, folder: &Path, warnings: &mut Vec<String>) -> Result<Lamp> {
     let position = vector(table, "position")?;
     let value = table.require("direction", "a vector [x, y, z]")?;
     let direction = direction(&value)?;
@@ -123,7 +128,7 @@ fn spot(table: &Table, folder: &Path) -> Result<Lamp> {
         .number(expected, |x| x >= 0.0 && x.to_radians() <= outer)?
         .to_radians();
     if table.get("ies").is_some() {
-        return ies(table, position, direction, [inner, outer], folder);
+        return ies(table, position, direction, [inner, outer], folder, warnings);
     }
     expect_ies(table, &["up"])?;
     // Φ = ∫ I dω = 2π I [(1 − cos inner) + ∫ smoothstep d cos] = 2π I [1 − (cos inner + cos outer) / 2].
@@ -139,10 +144,15 @@ fn ies(
     direction: DVec3,
     [inner, outer]: [f64; 2],
     folder: &Path,
+    warnings: &mut Vec<String>,
 ) -> Result<Lamp> {
     let expected = "the path of an IES file (LM-63)";
     let value = table.require("ies", expected)?;
     let profile = Profile::read(&folder.join(value.text(expected)?)).map_err(|error| value.error(error))?;
+    if profile.peak <= 0.0 {
+        let what = "the lamp gives no light, since all candela values of the file are 0; expected a file with light, or no such lamp";
+        warnings.push(format!("{}: {}: {what}", value.place(), value.shown()));
+    }
     let up = match table.get("up") {
         Some(value) => {
             let up = self::direction(&value)?.reject_from_normalized(direction);

@@ -2,8 +2,8 @@
 
 use super::raw::{Source, Table, parse};
 use super::{
-    Baked, HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun, SunKey,
-    SunTrack, UvSource, camera, lamp, lights, object, sky,
+    Baked, HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun,
+    SunKey, SunTrack, UvSource, camera, lamp, lights, object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
@@ -70,9 +70,13 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let place = top.table("place", PLACE)?.map(|t| self::place(&t)).transpose()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let of_sky = top.table("sky", sky::KEYS)?;
-    let ground = of_sky.as_ref().map(sky::ground).transpose()?.flatten();
+    let sky = of_sky.as_ref().map(|t| sky::read(t, place.is_some(), folder)).transpose()?;
+    let ground = match (&of_sky, &sky) {
+        (Some(table), Some(sky)) => sky::ground(table, sky)?,
+        _ => None,
+    };
+    let ground_is_written = of_sky.as_ref().is_some_and(|table| table.get("ground").is_some());
     let sky_baked = of_sky.as_ref().map(baked).transpose()?.unwrap_or_default();
-    let sky = of_sky.map(|t| sky::read(&t, place.is_some(), folder)).transpose()?;
     let of_sun = top.table("sun", SUN)?;
     let sun_baked = of_sun.as_ref().map(baked).transpose()?.unwrap_or_default();
     let sun = of_sun.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
@@ -85,7 +89,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     if !portals.is_empty() && sky.is_none() {
         warnings.push(format!("{}: [[portal]] has no use: the scene has no sky", path.display()));
     }
-    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?, folder)?;
+    let (groups, names) = lamp::read(top.tables("group", lamp::KEYS)?, folder, &mut warnings)?;
     let lights = lights::read(top.table("lights", lights::KEYS)?, names)?;
     let objects = object::read(top.tables("object", object::KEYS)?, folder, &groups, &mut warnings)?;
     if objects.is_empty() {
@@ -112,6 +116,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         sun_baked,
         sky_baked,
         ground,
+        ground_is_written,
         portals,
         objects,
         groups,
@@ -124,14 +129,17 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     Ok((scene, warnings))
 }
 
+/// Whether a scene may not have this name: the folder of the datasets has folders of these names that are no dataset's.
+pub fn is_reserved(name: &str) -> bool {
+    ["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+}
+
 /// The scene's name: the folder its dataset is written to.
 fn name(top: &Table, path: &Path) -> Result<String> {
     let expected = "letters, digits, _ and -, and not src, tests, benches or python";
     let good = |name: &str| {
         let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
-        !name.is_empty()
-            && name.bytes().all(plain)
-            && !["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+        !name.is_empty() && name.bytes().all(plain) && !is_reserved(name)
     };
     match top.get("name") {
         Some(value) => {

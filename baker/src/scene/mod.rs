@@ -12,7 +12,7 @@ mod camera;
 mod load;
 
 pub use ies::Profile;
-pub use load::load;
+pub use load::{is_reserved, load};
 pub use sky::SkyImage;
 
 use dataset::{Error, Result};
@@ -55,6 +55,9 @@ pub struct Scene {
     /// Albedo of the ground that is seen below the horizon, lit by sun and sky; `None`: what the sky shows there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<DVec3>,
+    /// Whether the scene file says so; a computed sky has a ground by default.
+    #[serde(skip)]
+    pub ground_is_written: bool,
     /// Openings to the sky, in file order.
     pub portals: Vec<Portal>,
     /// Geometry, in file order.
@@ -108,6 +111,7 @@ impl Scene {
             sun_baked: Baked::All,
             sky_baked: Baked::All,
             ground: None,
+            ground_is_written: false,
             portals: Vec::new(),
             objects: vec![object],
             groups: Vec::new(),

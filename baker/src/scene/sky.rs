@@ -37,13 +37,15 @@ pub(super) fn turbidity(table: &Table) -> Result<Option<f64>> {
     table.get("turbidity").map(|v| v.number(expected, |x| (1.0..=10.0).contains(&x))).transpose()
 }
 
-/// Reads `[sky] ground`: what the ground reflects that is seen below the horizon, where nothing of the scene is; `None`: black.
-pub(super) fn ground(table: &Table) -> Result<Option<DVec3>> {
+/// Reads `[sky] ground`: the albedo of the ground that is seen below the horizon, where nothing of the scene is; `None`: what the
+/// sky shows there. A computed sky has the ground of its `ground_albedo`, unless the key says otherwise.
+pub(super) fn ground(table: &Table, sky: &Sky) -> Result<Option<DVec3>> {
     let expected = "false, a number from 0 to 1, or [r, g, b]";
-    match table.get("ground") {
-        Some(value) if value.boolean().is_ok_and(|is_there| !is_there) => Ok(None),
-        Some(value) => value.vector_or_number(expected, |x| (0.0..=1.0).contains(&x)).map(Some),
-        None => Ok(None),
+    match (table.get("ground"), sky) {
+        (Some(value), _) if value.boolean().is_ok_and(|is_there| !is_there) => Ok(None),
+        (Some(value), _) => value.vector_or_number(expected, |x| (0.0..=1.0).contains(&x)).map(Some),
+        (None, Sky::HosekWilkie { ground_albedo, .. }) => Ok(Some(DVec3::splat(*ground_albedo))),
+        (None, _) => Ok(None),
     }
 }
 

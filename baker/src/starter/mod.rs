@@ -1,17 +1,19 @@
 //! A scene file to begin with, written for a model: what `bake new` does.
 //!
-//! `units` guesses the unit of length, `openings` finds windows, `write` makes the text.
+//! `glowing` knows names of lamps, `units` guesses the unit of length, `openings` finds windows, `write` makes the text.
 
+mod glowing;
 mod units;
 mod openings;
 mod write;
 
 pub use units::Unit;
 
-use crate::geometry::{FileCamera, Geometry};
+use crate::bake::folder::relative_to;
+use crate::geometry::{Bounds, FileCamera, Geometry};
 use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
-use crate::scene::{Camera, MAX_FOV, Portal, Scene, SunKey, SunTrack};
+use crate::scene::{Camera, MAX_FOV, Portal, Scene, SunKey, SunTrack, is_reserved};
 use crate::trace::rays::Rays;
 use crate::{Error, Result, geometry};
 use dataset::console::{Console, count};
@@ -78,8 +80,6 @@ const DENSITIES: [(f64, f64); 4] = [(30.0, 24.0), (100.0, 12.0), (300.0, 6.0), (
 const SIDES: std::ops::RangeInclusive<u32> = 256..=2048;
 /// Share of the page that charts fill, about.
 const FILLED: f64 = 0.7;
-/// Words in names of parts that shine.
-const GLOWING: [&str; 9] = ["lamp", "light", "bulb", "glow", "neon", "lantern", "candle", "led", "emiss"];
 
 /// Writes a scene file for a model; gives what `--json` prints.
 ///
@@ -148,7 +148,7 @@ pub fn find(model: &Path) -> Result<Found> {
     // The scene file tells of the lights.
     warnings.retain(|warning| !warning.starts_with("lit all day") && !warning.contains("directional light"));
     let unit = units::guess(&geometry);
-    let extent = units::extent(&geometry);
+    let extent = Bounds::of(geometry.positions.iter().copied()).size();
     scale(&mut geometry, unit.metres);
     let longest = extent.max_element() * unit.metres;
     let wanted = DENSITIES.iter().find(|(most, _)| longest <= *most).map_or(3.0, |(_, density)| *density);
@@ -157,14 +157,18 @@ pub fn find(model: &Path) -> Result<Found> {
     let side = side.next_power_of_two().clamp(*SIDES.start(), *SIDES.end());
     let texels_per_metre = f64::from(side) * (FILLED / area.max(f64::MIN_POSITIVE)).sqrt();
     let rays = Rays::new(&geometry);
-    let portals = openings::openings(&geometry, &rays);
+    // A prop has gaps, and no windows.
+    let portals = match longest < view::SMALLEST_ROOM {
+        true => Vec::new(),
+        false => openings::openings(&geometry, &rays),
+    };
     let mut lit = scene;
     geometry.lights.add_to(&mut lit);
-    let of_file = geometry::contents(model)?.cameras;
-    let cameras_are_ours = of_file.is_empty();
+    let cameras = cameras(geometry.originals.cameras(), unit);
+    let cameras_are_ours = cameras.is_empty();
     let cameras = match cameras_are_ours {
         true => vec![view::default(&PreviewOptions::new(12.0), &geometry, &rays, &|_| 1.0)?],
-        false => cameras(&of_file, unit),
+        false => cameras,
     };
     let mut glowing: Vec<String> = geometry
         .instances
@@ -172,10 +176,7 @@ pub fn find(model: &Path) -> Result<Found> {
         .filter_map(|instance| {
             instance.name.split_once(": ").map(|(_, name)| name.split('/').next().unwrap_or(name))
         })
-        .filter(|name| {
-            let name = name.to_ascii_lowercase();
-            GLOWING.iter().any(|word| name.contains(word))
-        })
+        .filter(|name| glowing::is_glowing(name))
         .map(str::to_owned)
         .collect();
     let groups: Vec<String> = lit.groups.into_iter().map(|group| group.name).collect();
@@ -204,7 +205,7 @@ pub fn find(model: &Path) -> Result<Found> {
 }
 
 /// The model's cameras, under names that no two of them have.
-fn cameras(of_file: &[FileCamera], unit: Unit) -> Vec<Camera> {
+fn cameras<'a>(of_file: impl Iterator<Item = &'a FileCamera>, unit: Unit) -> Vec<Camera> {
     /// How far the point that a camera looks at is from it, in metres.
     const AHEAD: f64 = 4.0;
     let mut cameras: Vec<Camera> = Vec::new();
@@ -255,23 +256,15 @@ fn plain(text: &str) -> String {
     let plain = plain.trim_matches('-');
     match plain {
         "" => "scene".to_owned(),
-        taken if ["src", "tests", "benches", "python"].iter().any(|t| taken.eq_ignore_ascii_case(t)) => {
-            format!("{taken}-scene")
-        }
+        taken if is_reserved(taken) => format!("{taken}-scene"),
         plain => plain.to_owned(),
     }
 }
 
-/// The path of a model as a scene file in another folder names it: relative where that needs no more than going up.
+/// The path of a model as a scene file in another folder names it, with slashes also where folders are divided otherwise.
 fn from_folder_of(scene_file: &Path, model: &Path) -> Result<String> {
     let absolute = |path: &Path| std::path::absolute(path).map_err(Error::io(path));
     let (model, scene) = (absolute(model)?, absolute(scene_file)?);
-    let folder = scene.parent().unwrap_or(Path::new(""));
-    let common = model.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
-    let up = folder.components().count() - common;
-    let relative: PathBuf = std::iter::repeat_n(std::path::Component::ParentDir, up)
-        .chain(model.components().skip(common))
-        .collect();
-    // (With slashes, also where folders are divided otherwise.)
+    let relative = relative_to(scene.parent().unwrap_or(Path::new("")), &model);
     Ok(relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
 }

@@ -1,6 +1,6 @@
 //! Window-like openings of rooms: rectangles through which the sky is seen from inside.
 
-use crate::geometry::Geometry;
+use crate::geometry::{Bounds, Geometry};
 use crate::scene::Portal;
 use crate::trace::lens::NOWHERE;
 use crate::trace::rays::{Rays, offset_point};
@@ -32,7 +32,7 @@ const FEWEST: usize = 3;
 
 /// A rectangle across an opening, in its own axes.
 #[derive(Clone, Copy, Debug)]
-struct Frame {
+struct Opening {
     /// Which of the three axes it is perpendicular to.
     axis: usize,
     /// Place along that axis, and from where to where along the two others.
@@ -43,7 +43,7 @@ struct Frame {
     votes: usize,
 }
 
-impl Frame {
+impl Opening {
     fn area(&self) -> f32 {
         (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
     }
@@ -95,15 +95,15 @@ impl Frame {
     }
 
     /// Whether two are parts of one opening.
-    fn touches(&self, other: &Frame) -> bool {
+    fn touches(&self, other: &Opening) -> bool {
         let near = |i: usize| self.low[i] <= other.high[i] + BARS && other.low[i] <= self.high[i] + BARS;
         self.axis == other.axis && (self.depth - other.depth).abs() < 2.0 * BARS && near(0) && near(1)
     }
 
     /// Both as one.
-    fn with(&self, other: &Frame) -> Frame {
+    fn with(&self, other: &Opening) -> Opening {
         let (a, b) = (self.votes as f32, other.votes as f32);
-        Frame {
+        Opening {
             axis: self.axis,
             depth: (self.depth * a + other.depth * b) / (a + b),
             low: [0, 1].map(|i| self.low[i].min(other.low[i])),
@@ -118,41 +118,41 @@ impl Frame {
 pub fn openings(geometry: &Geometry, rays: &Rays) -> Vec<Portal> {
     let axes = axes(geometry);
     let leaving = leaving(geometry, rays);
-    let bounds = bounds(geometry);
+    let bounds = Bounds::of(geometry.positions.iter().copied());
     let stride = leaving.len().div_ceil(FOLLOWED).max(1);
-    let mut frames: Vec<Frame> = Vec::new();
+    let mut found: Vec<Opening> = Vec::new();
     for &ray in leaving.iter().step_by(stride) {
-        let Some(frame) = narrowest(rays, &axes, ray, leave_distance(bounds, ray)) else { continue };
+        let Some(opening) = narrowest(rays, &axes, ray, leave_distance(bounds, ray)) else { continue };
         // The same opening was met before, a little deeper in its wall or by another pane.
-        match frames.iter_mut().find(|known| known.touches(&frame)) {
-            Some(known) => *known = known.with(&frame),
-            None => frames.push(frame),
+        match found.iter_mut().find(|known| known.touches(&opening)) {
+            Some(known) => *known = known.with(&opening),
+            None => found.push(opening),
         }
     }
     // Those that grew may touch by now.
-    let mut merged: Vec<Frame> = Vec::new();
-    for frame in frames {
-        match merged.iter_mut().find(|known| known.touches(&frame)) {
-            Some(known) => *known = known.with(&frame),
-            None => merged.push(frame),
+    let mut merged: Vec<Opening> = Vec::new();
+    for opening in found {
+        match merged.iter_mut().find(|known| known.touches(&opening)) {
+            Some(known) => *known = known.with(&opening),
+            None => merged.push(opening),
         }
     }
-    merged.retain(|frame| {
-        let is_wide = frame.high.iter().zip(frame.low).all(|(h, l)| h - l >= NARROWEST);
-        frame.votes >= FEWEST && is_wide && frame.leads_out(rays, &axes)
+    merged.retain(|opening| {
+        let is_wide = opening.high.iter().zip(opening.low).all(|(h, l)| h - l >= NARROWEST);
+        opening.votes >= FEWEST && is_wide && opening.leads_out(rays, &axes)
     });
     merged.sort_by(|a, b| b.votes.cmp(&a.votes).then(b.area().total_cmp(&a.area())));
     merged.truncate(MOST);
-    merged.iter().map(|frame| portal(frame, &axes, geometry.origin)).collect()
+    merged.iter().map(|opening| portal(opening, &axes, geometry.origin)).collect()
 }
 
-/// The frame as a portal in the world, to the centimetre.
-fn portal(frame: &Frame, axes: &[Vec3; 3], origin: DVec3) -> Portal {
-    let [n, u, v] = others(frame.axis).map(|i| axes[i].as_dvec3());
+/// The opening as a portal in the world, to the centimetre.
+fn portal(opening: &Opening, axes: &[Vec3; 3], origin: DVec3) -> Portal {
+    let [n, u, v] = others(opening.axis).map(|i| axes[i].as_dvec3());
     let round = |x: DVec3| (x * 100.0).round() / 100.0;
-    let size = [0, 1].map(|i| f64::from(frame.high[i] - frame.low[i]));
+    let size = [0, 1].map(|i| f64::from(opening.high[i] - opening.low[i]));
     let corner =
-        origin + n * f64::from(frame.depth) + u * f64::from(frame.low[0]) + v * f64::from(frame.low[1]);
+        origin + n * f64::from(opening.depth) + u * f64::from(opening.low[0]) + v * f64::from(opening.low[1]);
     // Edges along the axes of the world stay perpendicular when rounded; others are left as they are.
     let is_straight = axes[0] == Vec3::X;
     let edge = |edge: DVec3| if is_straight { round(edge) } else { edge };
@@ -235,13 +235,19 @@ fn leaving(geometry: &Geometry, rays: &Rays) -> Vec<(Vec3, Vec3)> {
 }
 
 /// The place by which a ray leaves its room: the narrowest one across any of the axes.
-fn narrowest(rays: &Rays, axes: &[Vec3; 3], ray: (Vec3, Vec3), reach: f32) -> Option<Frame> {
-    let frames = (0..3).filter_map(|axis| frame_along(rays, axes, axis, ray, reach));
-    frames.min_by(|a, b| a.area().total_cmp(&b.area())).filter(|frame| frame.is_framed(rays, axes))
+fn narrowest(rays: &Rays, axes: &[Vec3; 3], ray: (Vec3, Vec3), reach: f32) -> Option<Opening> {
+    let found = (0..3).filter_map(|axis| opening_along(rays, axes, axis, ray, reach));
+    found.min_by(|a, b| a.area().total_cmp(&b.area())).filter(|opening| opening.is_framed(rays, axes))
 }
 
 /// The narrowest of the last places along a ray that are bounded on all four sides across an axis.
-fn frame_along(rays: &Rays, axes: &[Vec3; 3], axis: usize, ray: (Vec3, Vec3), reach: f32) -> Option<Frame> {
+fn opening_along(
+    rays: &Rays,
+    axes: &[Vec3; 3],
+    axis: usize,
+    ray: (Vec3, Vec3),
+    reach: f32,
+) -> Option<Opening> {
     let (origin, direction) = ray;
     let [n, u, v] = others(axis).map(|i| axes[i]);
     // Free space to both sides of a place.
@@ -249,7 +255,7 @@ fn frame_along(rays: &Rays, axes: &[Vec3; 3], axis: usize, ray: (Vec3, Vec3), re
         let [plus, minus] = [d, -d].map(|d| rays.nearest(p, d, NOWHERE).map(|hit| hit.t));
         Some([minus?, plus?]).filter(|[minus, plus]| minus + plus <= WIDEST)
     };
-    let mut best: Option<(Frame, f32)> = None;
+    let mut best: Option<(Opening, f32)> = None;
     for step in (1..=(reach / STEP) as u32).rev() {
         let t = step as f32 * STEP;
         let p = origin + direction * t;
@@ -261,30 +267,24 @@ fn frame_along(rays: &Rays, axes: &[Vec3; 3], axis: usize, ray: (Vec3, Vec3), re
         let [at_u, at_v] = [u.dot(p), v.dot(p)];
         let low = [at_u - us[0], at_v - vs[0]];
         let high = [at_u + us[1], at_v + vs[1]];
-        let frame = Frame { axis, depth: n.dot(p), low, high, votes: 1 };
+        let opening = Opening { axis, depth: n.dot(p), low, high, votes: 1 };
         match &mut best {
-            None => best = Some((frame, t)),
+            None => best = Some((opening, t)),
             Some((_, outer)) if *outer - t > THICKEST => break,
-            Some((narrowest, _)) if frame.area() < 0.98 * narrowest.area() => *narrowest = frame,
+            Some((narrowest, _)) if opening.area() < 0.98 * narrowest.area() => *narrowest = opening,
             Some(_) => {}
         }
     }
-    best.map(|(frame, _)| frame)
+    best.map(|(opening, _)| opening)
 }
 
 /// How far along a ray anything of the box may lie.
-fn leave_distance((low, high): (Vec3, Vec3), (origin, direction): (Vec3, Vec3)) -> f32 {
+fn leave_distance(Bounds { low, high }: Bounds, (origin, direction): (Vec3, Vec3)) -> f32 {
     let far = |i: usize| {
         let side = if direction[i] > 0.0 { high[i] } else { low[i] };
         if direction[i] == 0.0 { f32::INFINITY } else { (side - origin[i]) / direction[i] }
     };
     (0..3).map(far).fold(FARTHEST, f32::min).max(0.0)
-}
-
-/// The box around the geometry.
-fn bounds(geometry: &Geometry) -> (Vec3, Vec3) {
-    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    geometry.positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
 #[cfg(test)]

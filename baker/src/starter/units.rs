@@ -1,7 +1,6 @@
 //! The unit of length of a model, guessed from its size and detail.
 
-use crate::geometry::Geometry;
-use glam::Vec3;
+use crate::geometry::{Bounds, Geometry};
 
 /// A unit that modelling programs export in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +29,7 @@ const EDGE: [f64; 2] = [0.005, 20.0];
 pub fn guess(geometry: &Geometry) -> Unit {
     /// Another unit than glTF's must fit by this much better, as the logarithm of a length.
     const MARGIN: f64 = std::f64::consts::LN_2;
-    let extent = extent(geometry).max_element();
+    let extent = Bounds::of(geometry.positions.iter().copied()).size().max_element();
     let edge = median_edge(geometry);
     let misfit = |unit: &Unit| {
         let (extent, edge) = (extent * unit.metres, edge * unit.metres);
@@ -39,13 +38,6 @@ pub fn guess(geometry: &Geometry) -> Unit {
     let [metres, others @ ..] = UNITS;
     let best = others.into_iter().min_by(|a, b| misfit(a).total_cmp(&misfit(b)));
     best.filter(|unit| misfit(unit) < misfit(&metres) - MARGIN).unwrap_or(metres)
-}
-
-/// The sides of the box around a geometry, in its own unit.
-pub fn extent(geometry: &Geometry) -> glam::DVec3 {
-    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = geometry.positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)));
-    (high.as_dvec3() - low.as_dvec3()).max(glam::DVec3::ZERO)
 }
 
 /// The median of the triangles' longest edges.
@@ -72,6 +64,7 @@ fn outside(length: f64, [low, high]: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     /// A box of this size whose sides are cut into squares of this length; only along X.
     fn strip(length: f32, edge: f32) -> Geometry {

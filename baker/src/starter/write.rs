@@ -38,7 +38,9 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     line("[sky]");
     line("model = \"hosek-wilkie\"");
     line("turbidity = 3       # 2 is very clear, 10 is murky");
-    line("ground = 0.2        # albedo of the land far below, seen where the model ends");
+    line(
+        "ground_albedo = 0.2 # of the land around, which is seen where the model ends; `ground = false` makes it black there",
+    );
     line("");
     let [x, y, z] = (found.extent * found.unit.metres).to_array();
     line("[[object]]");

@@ -26,6 +26,8 @@ pub struct Lights {
     pub straight: Vec<bool>,
     /// Per traced group, its place among those with emissive surfaces, which walks can meet.
     pub place_among_met: Vec<Option<usize>>,
+    /// Whether what comes straight from the sky is summed apart.
+    pub is_sky_apart: bool,
 }
 
 /// A sun, ready for sampling.
@@ -97,13 +99,17 @@ impl Lights {
         let sky = SkyTable::new(None, None, &[]);
         let (suns, ground) = (Vec::new(), Vec::new());
         let (groups, place_of_group) = (Vec::new(), Vec::new());
-        let (straight, place_among_met) = (Vec::new(), Vec::new());
-        Lights { suns, sky, guide: None, ground, groups, place_of_group, straight, place_among_met }
-    }
-
-    /// Whether lightmaps hold what comes straight from the sky. (All of its hours are alike.)
-    pub fn holds_sky(&self) -> bool {
-        self.straight.get(self.suns.len()).is_none_or(|holds| *holds || self.sky.lit.is_empty())
+        Lights {
+            suns,
+            sky,
+            guide: None,
+            ground,
+            groups,
+            place_of_group,
+            straight: Vec::new(),
+            place_among_met: Vec::new(),
+            is_sky_apart: false,
+        }
     }
 
     /// Adds to each layer what lightmaps hold of the light that comes straight from it: `direct` as sampled (by layer), `met` as walks met it.
@@ -112,19 +118,28 @@ impl Lights {
         for ((out, direct), _) in out.iter_mut().zip(direct).zip(&self.straight).filter(held) {
             *out += *direct;
         }
-        for (group, place) in self.place_among_met.iter().enumerate() {
-            let layer = self.group_layer(group);
-            if let Some(place) = place
-                && self.straight[layer]
-            {
-                out[layer] += met[*place];
-            }
+        for (layer, place) in self.layers_of_met().filter(|(layer, _)| self.straight[*layer]) {
+            out[layer] += met[place];
         }
     }
 
-    /// How many groups have emissive surfaces, whose light walks can meet.
+    /// How many lights walks can meet straight from their start whose light is summed apart there: groups with emissive surfaces, then
+    /// the hours of the sky if it is one.
     pub fn met(&self) -> usize {
-        self.place_among_met.iter().flatten().count()
+        self.place_among_met.iter().flatten().count() + self.sky_among_met().len()
+    }
+
+    /// The places of the sky's layers among what is met.
+    fn sky_among_met(&self) -> std::ops::Range<usize> {
+        let groups = self.place_among_met.iter().flatten().count();
+        groups..groups + if self.is_sky_apart { self.sky.lit.len() } else { 0 }
+    }
+
+    /// What is met, each by its layer and its place.
+    pub fn layers_of_met(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let places = self.place_among_met.iter().enumerate();
+        let groups = places.filter_map(|(group, place)| Some((self.group_layer(group), (*place)?)));
+        groups.chain(self.sky_layers().zip(self.sky_among_met()))
     }
 
     /// Number of layers.
@@ -132,16 +147,14 @@ impl Lights {
         self.suns.len() + self.sky.lit.len() + self.groups.len()
     }
 
-    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, and of the ground below the horizon.
+    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, to `met` if it is there and the sky is
+    /// summed apart, and of the ground below the horizon.
     #[inline]
-    pub fn add_from_outside(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb]) {
-        self.sky.add(direction, beta, &mut out[self.sky_layers()]);
-        self.add_ground(direction, beta, out);
-    }
-
-    /// Adds the light of the ground below the horizon alone.
-    #[inline]
-    pub fn add_ground(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb]) {
+    pub fn add_from_outside(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb], met: Option<&mut [Rgb]>) {
+        match met {
+            Some(met) if self.is_sky_apart => self.sky.add(direction, beta, &mut met[self.sky_among_met()]),
+            _ => self.sky.add(direction, beta, &mut out[self.sky_layers()]),
+        }
         if direction.y < 0.0 {
             out.iter_mut().zip(&self.ground).for_each(|(o, radiance)| *o += beta * *radiance);
         }

@@ -229,8 +229,8 @@ impl<'a> Transport<'a> {
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is called where the
     /// walk arrives at a surface; it returns true where it knows the light there, has added it, and the walk may end.
     ///
-    /// With `met`, what comes straight from emissive surfaces to the start is added there, a place per group that has some, and what comes
-    /// straight from the sky is left out where lightmaps do not hold it ([`Lights::holds_sky`]).
+    /// With `met`, what comes straight from emissive surfaces to the start is added there, and from the sky if it is summed apart
+    /// ([`Lights::layers_of_met`]).
     pub fn indirect(
         &self,
         start: &Receiver,
@@ -245,10 +245,11 @@ impl<'a> Transport<'a> {
         // Irradiance at the start, per unit of it at the vertex.
         let mut weight = Rgb::ONE;
         for vertex in 0.. {
-            let is_apart = vertex == 0 && met.is_some();
-            let is_dark = is_apart && !lights.holds_sky();
-            if !is_dark && let Some(light) = self.guided_sky(&at, sample, vertex, counts) {
-                lights.add_from_outside(light.0, weight * light.1, out);
+            if vertex > 0 {
+                met = None;
+            }
+            if let Some(light) = self.guided_sky(&at, sample, vertex, counts) {
+                lights.add_from_outside(light.0, weight * light.1, out, met.as_deref_mut());
             }
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
             let direction = cosine_direction(at.normal, sample.pair(dimension::onwards(vertex)));
@@ -262,13 +263,9 @@ impl<'a> Transport<'a> {
             let (hit, is_back) = loop {
                 let beta = weight * PI;
                 let Some(hit) = self.space.rays.beyond(at.origin, direction, at.triangle, &passed) else {
-                    if is_dark {
-                        lights.add_ground(direction, beta, out);
-                        return;
-                    }
                     let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
                     let share = guided.map_or(1.0, |guided| balance_heuristic(pdf, guided));
-                    lights.add_from_outside(direction, beta * share, out);
+                    lights.add_from_outside(direction, beta * share, out, met.as_deref_mut());
                     return;
                 };
                 let triangle = hit.triangle as usize;
@@ -293,7 +290,7 @@ impl<'a> Transport<'a> {
                     let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
                     let light = beta * radiance * balance_heuristic(pdf, sampled);
                     match (&mut met, lights.place_among_met.get(g)) {
-                        (Some(met), Some(&Some(place))) if is_apart => met[place] += light,
+                        (Some(met), Some(&Some(place))) => met[place] += light,
                         _ => out[lights.group_layer(g)] += light,
                     }
                 }

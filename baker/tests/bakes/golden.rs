@@ -1,5 +1,8 @@
 //! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
 
+#[path = "shining.rs"]
+mod shining;
+
 use crate::scenes::{
     Case, coarse_corner, corner, furnace, glazed_room, instances, low_walls, outdoors, room, sunlit_floor,
     sunlit_room, wires,
@@ -30,6 +33,14 @@ fn golden(case: &Case, name: &str) -> Bakes {
 
 #[track_caller]
 fn golden_within(case: &Case, name: &str, bound: f64) -> Bakes {
+    let [_, cached] = golden_pair(case, name, bound);
+    cached
+}
+
+/// Tests a case by both integrators and all backends; `bound` is what the cache's texels may be wrong by. Gives the bakes by
+/// paths and by the cache.
+#[track_caller]
+fn golden_pair(case: &Case, name: &str, bound: f64) -> [Bakes; 2] {
     let reference = path(case, 1, REFERENCE);
     let precision = reference.relative_error_of_mean();
     assert!(precision < 0.005, "{name}: the reference is no test: {precision}");
@@ -57,7 +68,7 @@ fn golden_within(case: &Case, name: &str, bound: f64) -> Bakes {
     for (bakes, what) in [(&reference, "reference"), (&few, "few samples"), (&cached, "cached")] {
         expect_honest(bakes, &format!("{name}, {what}"));
     }
-    cached
+    [reference, cached]
 }
 
 /// The error that bakes tell is the one they have.

@@ -5,6 +5,7 @@ mod golden;
 mod groups;
 mod keep;
 mod pages;
+mod parts;
 mod preview;
 mod relight;
 mod scenes;

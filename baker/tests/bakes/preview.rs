@@ -182,10 +182,24 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
     changed("2026-06-21", "2026-07-21");
     let (told, _) = case.stage.draw(small()).unwrap();
     assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("(place)")), "{told}");
+    // The scene with another material: what was baked is shown on the dataset's own geometry.
     changed("[0.6, 0.5, 0.3]", "[0.6, 0.5, 0.4]");
+    let (told, other) = case.stage.draw(small()).unwrap();
+    let [warning] = told["warnings"].as_array().unwrap().as_slice() else { panic!("{told}") };
+    assert!(warning.as_str().is_some_and(|w| w.contains("the dataset's own geometry file")), "{warning}");
+    changed("2026-06-21", "2026-06-21");
+    let (told, same) = case.stage.draw(small()).unwrap();
+    assert_eq!(told["warnings"].as_array().map(Vec::len), Some(0), "{told}");
+    let differs = |(a, b): (&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 2);
+    // (Its positions are rounded otherwise, so a pixel at an edge may show the other side.)
+    let differing = same.pixels().zip(other.pixels()).filter(|pair| differs(*pair)).count();
+    assert!(differing <= 3, "{differing} of 144 pixels");
+    // Another scene altogether is refused.
+    let renamed = case.text.replace("[0.6, 0.5, 0.3]", "[0.6, 0.5, 0.4]");
+    case.stage.write("case.toml", format!("name = \"other\"\n{renamed}{SAMPLES}").as_bytes());
     let message = case.stage.refusal(small());
     assert!(
-        message.contains("geometry, materials or layout") && message.contains("expected a dataset"),
+        message.contains("of the scene \"case\"") && message.contains("made of the scene \"other\""),
         "{message}"
     );
 }

@@ -51,7 +51,8 @@ impl Obj {
         self.text.into_bytes()
     }
 
-    fn line(mut self, line: &str) -> Self {
+    /// A line as it is.
+    pub fn line(mut self, line: &str) -> Self {
         writeln!(self.text, "{line}").expect("written");
         self
     }
@@ -75,7 +76,7 @@ pub fn outdoors() -> Case {
 }
 
 /// The floor of a room of 2 × 2 × 2 m, and its walls and ceiling with a window.
-fn shell() -> [Obj; 2] {
+pub fn shell() -> [Obj; 2] {
     let floor = Obj::default().mesh("floor").floor([-1.0, 0.0, -1.0], 2.0, 2.0);
     let walls = Obj::default()
         .mesh("walls")

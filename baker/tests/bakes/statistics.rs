@@ -152,6 +152,13 @@ impl Bakes {
         expect_chance(deviations(a, b), 1, what);
     }
 
+    /// The same bakes with all light of each channel multiplied.
+    pub fn scaled(mut self, by: [f64; 3]) -> Self {
+        self.mean.iter_mut().enumerate().for_each(|(i, mean)| *mean *= by[i % 3]);
+        self.variance.iter_mut().enumerate().for_each(|(i, variance)| *variance *= by[i % 3].powi(2));
+        self
+    }
+
     /// All values must be `expected`, but for chance.
     #[track_caller]
     pub fn expect_everywhere(&self, expected: f64, what: &str) {

@@ -2,8 +2,11 @@
 
 use crate::scenes::{Obj, outdoors};
 use crate::{Stage, assert_same};
+use baker::bake::run::Options;
 use baker::light::harmonics::harmonics;
+use baker::light::schedule::parse_hours;
 use dataset::config::Transfer;
+use dataset::console::Console;
 use dataset::image::Image;
 use dataset::store::Dataset;
 use glam::Vec3;
@@ -208,4 +211,29 @@ fn surfaces_that_shine_do_so_for_lamps_alone_and_a_scene_of_lamps_has_no_transfe
         baker::bake::run::bake(&stage.path("case.toml"), &options, &dataset::console::Console::silent());
     let error = error.expect_err("refused").to_string();
     assert!(error.contains("case.toml: has neither sun nor sky"), "{error}");
+}
+
+#[test]
+fn a_ground_that_is_there_by_default_is_left_out_and_told() {
+    let case = outdoors();
+    let bake = |ground: &str| {
+        let text = case.text.replace("\"hosek-wilkie\"\n", &format!("\"hosek-wilkie\"\n{ground}"));
+        let text = format!("{text}[bake]\nseed = 1\nsamples = 2\n");
+        case.stage.bake(&text, "transfer", "12", |o| (o.transfer, o.force) = (true, true))
+    };
+    let told = |warnings: &[String]| warnings.iter().filter(|w| w.contains("leaves out the ground")).count();
+    let (by_default, dataset) = bake("");
+    assert_eq!(told(&by_default.warnings), 1, "{:?}", by_default.warnings);
+    let light = dataset.map(0, 0).expect("a map");
+    let (without, dataset) = bake("ground = false\n");
+    assert_eq!(told(&without.warnings), 0, "{:?}", without.warnings);
+    assert!(light == dataset.map(0, 0).expect("a map"), "the same light");
+    // One that is written is refused.
+    let mut options = Options { transfer: true, ..Options::new(parse_hours("12").expect("hours")) };
+    options.out = Some(case.stage.path("refused"));
+    let text = case.text.replace("\"hosek-wilkie\"\n", "\"hosek-wilkie\"\nground = 0.2\n");
+    case.stage.write("written.toml", text.as_bytes());
+    let error = baker::bake::run::bake(&case.stage.path("written.toml"), &options, &Console::silent());
+    let error = error.expect_err("a ground is not known").to_string();
+    assert!(error.contains("expected `ground = false`"), "{error}");
 }

@@ -77,3 +77,34 @@ fn what_is_no_model_is_refused() {
         assert!(!refused.status.success() && said.contains(expected), "{said}");
     }
 }
+
+#[test]
+fn a_prop_has_no_windows_and_is_seen_from_outside() {
+    let dir = tempfile::tempdir().unwrap();
+    // A lantern: posts between two plates, with four openings that a room would call windows.
+    let mut obj = String::new();
+    let mut count = 0;
+    let mut block = |low: [f64; 3], high: [f64; 3]| {
+        for i in 0..8 {
+            let at = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            obj += &format!("v {} {} {}\n", at(0), at(1), at(2));
+        }
+        for side in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+            obj += &format!("f {}\n", side.map(|v| (v + count).to_string()).join(" "));
+        }
+        count += 8;
+    };
+    block([-0.5, 0.0, -0.5], [0.5, 0.1, 0.5]);
+    block([-0.5, 1.1, -0.5], [0.5, 1.2, 0.5]);
+    for (x, z) in [(-0.5, -0.5), (0.4, -0.5), (-0.5, 0.4), (0.4, 0.4)] {
+        block([x, 0.1, z], [x + 0.1, 1.1, z + 0.1]);
+    }
+    let model = dir.path().join("lantern.obj");
+    std::fs::write(&model, obj).unwrap();
+    let found = json(&bake(&["new", text(&model), "--json"]));
+    assert_eq!((&found["unit"], &found["portals"]), (&"metres".into(), &0.into()));
+    let written = std::fs::read_to_string(dir.path().join("lantern.toml")).unwrap();
+    let scene: toml::Value = toml::from_str(&written).unwrap();
+    let position: Vec<f64> = scene["camera"][0]["position"].clone().try_into().unwrap();
+    assert!(position.iter().any(|x| x.abs() > 1.2), "{position:?}");
+}

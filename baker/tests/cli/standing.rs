@@ -279,3 +279,40 @@ fn a_scene_of_the_same_name_and_other_geometry_does_not_replace_a_dataset() {
     assert!(planned(&b).contains("would be refused"), "{}", planned(&b));
     assert!(planned(&a).contains("already holds this bake"), "{}", planned(&a));
 }
+
+#[test]
+fn another_scene_file_of_the_same_name_is_told_from_one_that_was_moved() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("dataset/court");
+    let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 32");
+    let scene = |folder: &str, words: &str| {
+        std::fs::create_dir_all(dir.path().join(folder)).unwrap();
+        std::fs::copy(fixture("court.obj"), dir.path().join(folder).join("court.obj")).unwrap();
+        let path = dir.path().join(folder).join("court.toml");
+        std::fs::write(&path, words).unwrap();
+        path
+    };
+    let run = |scene: &Path, more: &[&str]| {
+        let output = bake(&[&[text(scene), "--hours", "12", "--out", text(&out)], more].concat());
+        (output.status.success(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (first, second) = (scene("a", &words), scene("b", &words.replace("kelvin = 3000", "kelvin = 4000")));
+    assert!(run(&first, &[]).0);
+    let before = data(&out);
+    let (done, said) = run(&second, &[]);
+    assert!(
+        !done && said.contains("a/court.toml, which has the same name as") && said.contains("--force"),
+        "{said}"
+    );
+    assert!(before == data(&out));
+    // Its copy is the same bake.
+    assert!(run(&scene("c", &words), &[]).0);
+    // A changed file is the same scene.
+    std::fs::write(&first, words.replace("kelvin = 3000", "kelvin = 3500")).unwrap();
+    assert!(run(&first, &[]).0);
+    // So is one that is no longer where it was, and one that was moved together with its dataset.
+    std::fs::remove_file(&first).unwrap();
+    assert!(run(&second, &[]).0);
+    let (done, said) = run(&scene("d", &words), &["--force"]);
+    assert!(done, "{said}");
+}

@@ -10,6 +10,7 @@ mod emitters;
 mod errors;
 mod geometry;
 mod glass;
+mod ground;
 mod hard;
 mod keyhole;
 mod leaks;

@@ -165,6 +165,23 @@ pub fn write(model: &Model) -> Vec<u8> {
     container(root.to_string().into_bytes(), buffer.bytes)
 }
 
+/// A file's JSON and its binary chunk, as [`write`] makes them.
+pub fn split(glb: &[u8]) -> (Value, Vec<u8>) {
+    let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) as usize;
+    let root = serde_json::from_slice(&glb[20..20 + length]).expect("what was just written");
+    (root, glb[28 + length..].to_vec())
+}
+
+/// The file's bytes with changed JSON, without lists that hold nothing.
+pub fn write_with(model: &Model, change: impl FnOnce(&mut Value)) -> Vec<u8> {
+    let (mut root, binary) = split(&write(model));
+    change(&mut root);
+    if let Some(root) = root.as_object_mut() {
+        root.retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));
+    }
+    container(root.to_string().into_bytes(), binary)
+}
+
 /// One primitive's accessors.
 fn primitive(buffer: &mut Buffer, mesh: &Mesh, material: usize, textured: bool) -> Value {
     let vectors =

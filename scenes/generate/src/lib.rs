@@ -22,7 +22,7 @@ mod yard;
 /// Names of the scenes whose GLB files stand in this folder.
 pub const SCENES: [&str; 5] = ["city", "extremes", "farmland", "room", "yard"];
 /// Names of the stress scenes, which tests generate where they need them.
-pub const STRESS: [&str; 3] = ["slivers", "charts", "packed"];
+pub const STRESS: [&str; 5] = ["slivers", "charts", "packed", "glass", "glow"];
 
 /// What a scene's generator makes.
 #[derive(Clone, Debug)]
@@ -46,6 +46,14 @@ pub fn generate(name: &str) -> Option<Generated> {
         "packed" => {
             let table = "a patch of ground, and a block at four places\n".to_owned();
             return Some(Generated { glb: stress::packed::glb(), table });
+        }
+        "glass" => {
+            let table = "four bays of a room: an open one, and one behind glass of each kind\n".to_owned();
+            return Some(Generated { glb: stress::glass::glb(), table });
+        }
+        "glow" => {
+            let table = "a patch of ground, a screen, a sign, and lamps of three kinds\n".to_owned();
+            return Some(Generated { glb: stress::glow::glb(), table });
         }
         _ => return None,
     };

@@ -1,7 +1,7 @@
 //! What goes over from the files as it is: materials, textures, cameras and lights, each where something first names it.
 
 use super::container::Glb;
-use crate::bake::glass_glb;
+use super::{emission_glb, glass_glb};
 use crate::geometry::{Asset, Geometry, Material, Wrap};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
@@ -12,6 +12,18 @@ const NODE_EXTENSIONS: &[&str] = &["KHR_node_hoverability", "KHR_node_selectabil
 /// The extension of lights.
 const LIGHTS: &str = "KHR_lights_punctual";
 
+/// The extension that says a colour in an older way.
+const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
+
+/// A texture of the geometry, by its index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Baked {
+    /// Of base colour or transmission.
+    Surface(u32),
+    /// Of emission.
+    Emission(u32),
+}
+
 /// A material as primitives name it.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MaterialKey {
@@ -21,6 +33,10 @@ pub struct MaterialKey {
     pub original: Option<(usize, usize)>,
     /// The material of the geometry that is written in its place, or as its base.
     pub look: Option<u32>,
+    /// The material of the geometry whose emission is written in place of the file's.
+    pub emission: Option<u32>,
+    /// The scene file gives the colour, so those of the vertices are not written.
+    pub is_recoloured: bool,
     /// The set that the file's `TEXCOORD_1` now is.
     pub moved: Option<u32>,
 }
@@ -36,7 +52,7 @@ pub struct Carried {
     pub lights: Vec<Value>,
     known: BTreeMap<(&'static str, usize, usize), usize>,
     known_materials: BTreeMap<MaterialKey, usize>,
-    known_looks: BTreeMap<u32, usize>,
+    known_looks: BTreeMap<Baked, usize>,
 }
 
 impl Carried {
@@ -59,6 +75,9 @@ impl Carried {
         if let Some(look) = key.look {
             self.restyle(&mut material, geometry, look, key.original.is_none(), out)?;
         }
+        if let Some(look) = key.emission {
+            self.shine(&mut material, geometry, look, out)?;
+        }
         self.materials.push(material);
         self.known_materials.insert(key, self.materials.len() - 1);
         Ok(self.materials.len() - 1)
@@ -74,8 +93,15 @@ impl Carried {
         out: &mut Glb,
     ) -> Result<()> {
         let material: &Material = &geometry.materials[look as usize];
+        // The older way to say a colour would go before the newer one.
+        let older =
+            json.get_mut("extensions").and_then(|extensions| extensions.as_object_mut()?.remove(GLOSSINESS));
+        drop_empty(json, "extensions");
         let base = &mut json["pbrMetallicRoughness"];
-        let texture = base["baseColorTexture"].take();
+        let texture = match older {
+            Some(mut older) => older["diffuseTexture"].take(),
+            None => base["baseColorTexture"].take(),
+        };
         if is_new {
             *base = json!({ "metallicFactor": 0.0, "roughnessFactor": 1.0 });
         }
@@ -85,7 +111,7 @@ impl Carried {
             None => drop(base.as_object_mut().and_then(|base| base.remove("baseColorTexture"))),
             Some(index) => {
                 let mut info = if texture.is_object() { texture } else { json!({}) };
-                info["index"] = json!(self.texture_of_geometry(geometry, index, out)?);
+                info["index"] = json!(self.texture_of_geometry(geometry, Baked::Surface(index), out)?);
                 base["baseColorTexture"] = info;
             }
         }
@@ -94,11 +120,15 @@ impl Carried {
             json["alphaMode"] = json!("MASK");
             json["alphaCutoff"] = json!(cutoff);
         }
-        self.let_through(json, geometry, look, out)?;
-        // The older way to say a colour would go before the one above.
-        if let Some(extensions) = json.get_mut("extensions").and_then(Value::as_object_mut) {
-            extensions.remove("KHR_materials_pbrSpecularGlossiness");
-        }
+        self.let_through(json, geometry, look, out)
+    }
+
+    /// Gives a material the emission that was baked, or none.
+    fn shine(&mut self, json: &mut Value, geometry: &Geometry, look: u32, out: &mut Glb) -> Result<()> {
+        emission_glb::clear(json);
+        let Some(emission) = geometry.materials[look as usize].emission else { return Ok(()) };
+        let map = emission.map.map(|map| self.texture_of_geometry(geometry, Baked::Emission(map), out));
+        emission_glb::add(json, emission.radiance, geometry.originals.emission_unit, map.transpose()?);
         Ok(())
     }
 
@@ -106,18 +136,20 @@ impl Carried {
     fn let_through(&mut self, json: &mut Value, geometry: &Geometry, look: u32, out: &mut Glb) -> Result<()> {
         glass_glb::clear(json);
         let Some(glass) = geometry.glass_of(look) else { return Ok(()) };
-        let texture =
-            glass.texture.map(|texture| self.texture_of_geometry(geometry, texture, out)).transpose()?;
-        glass_glb::add(json, glass, texture);
+        let texture = glass.texture.map(|at| self.texture_of_geometry(geometry, Baked::Surface(at), out));
+        glass_glb::add(json, glass, texture.transpose()?);
         Ok(())
     }
 
     /// A texture as it was baked, as PNG.
-    fn texture_of_geometry(&mut self, geometry: &Geometry, index: u32, out: &mut Glb) -> Result<usize> {
+    fn texture_of_geometry(&mut self, geometry: &Geometry, index: Baked, out: &mut Glb) -> Result<usize> {
         if let Some(&known) = self.known_looks.get(&index) {
             return Ok(known);
         }
-        let texture = &geometry.textures[index as usize];
+        let texture = match index {
+            Baked::Surface(index) => &geometry.textures[index as usize],
+            Baked::Emission(index) => &geometry.emission_maps[index as usize],
+        };
         let wrap = |w: Wrap| match w {
             Wrap::Repeat => 10497,
             Wrap::Clamp => 33071,
@@ -125,7 +157,7 @@ impl Carried {
         };
         let pixels: Vec<u8> = texture.rgba.iter().flatten().copied().collect();
         let Some(buffer) = image::RgbaImage::from_raw(texture.width, texture.height, pixels) else {
-            let what = format!("texture {index}: its texels are not width × height");
+            let what = format!("texture {index:?}: its texels are not width × height");
             return Err(Error::invalid("scene.glb", what));
         };
         let mut png = std::io::Cursor::new(Vec::new());

@@ -1,12 +1,21 @@
 //! One mesh of a file as a primitive: its own vertices, those on edges of charts once per chart.
 
 use super::container::{FLOAT, Glb, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, VERTICES};
-use crate::geometry::Mesh;
+use crate::geometry::{Bounds, Mesh};
 use glam::{DVec3, Vec2, Vec3};
 use serde_json::{Map, Value, json};
 
 /// Lightmap coordinates per triangle of a mesh, by its number, ascending, in the order of the mesh's corners.
 pub type Layout = Vec<(u32, [Vec2; 3])>;
+
+/// How a mesh's own attributes are written.
+#[derive(Clone, Copy, Default)]
+pub struct Own {
+    /// The set that the file's `TEXCOORD_1` becomes, where the material reads it.
+    pub moved: Option<u32>,
+    /// The scene file gives the surface another colour, so the vertices keep no more than their alpha.
+    pub is_recoloured: bool,
+}
 
 /// What a mesh's positions are relative to as they are written: in whole numbers of single precision.
 pub fn origin(mesh: &Mesh) -> DVec3 {
@@ -15,13 +24,13 @@ pub fn origin(mesh: &Mesh) -> DVec3 {
 
 /// The attributes and indices of some triangles, by their numbers, ascending. Triangles that the layout leaves out have (0, 0).
 ///
-/// `TEXCOORD_1` holds the layout, and the file's own, if `moved` is a set, is that one. Without a layout the file's own stay where
-/// they are, if `moved` asks for any.
+/// `TEXCOORD_1` holds the layout, and the file's own, if `own.moved` is a set, is that one. Without a layout the file's own stay where
+/// they are, if `own.moved` asks for any.
 pub fn write(
     mesh: &Mesh,
     triangles: impl Iterator<Item = u32>,
     layout: Option<&Layout>,
-    moved: Option<u32>,
+    own: Own,
     out: &mut Glb,
 ) -> Map<String, Value> {
     let mut vertices: Vec<(u32, Vec2)> = Vec::new();
@@ -53,8 +62,7 @@ pub fn write(
     let mut attributes = Map::new();
     let rest = (mesh.origin - origin(mesh)).as_vec3();
     let positions: Vec<Vec3> = vertices.iter().map(|v| mesh.positions[v.0 as usize] + rest).collect();
-    let low = positions.iter().fold(Vec3::INFINITY, |m, p| m.min(*p));
-    let high = positions.iter().fold(Vec3::NEG_INFINITY, |m, p| m.max(*p));
+    let Bounds { low, high } = Bounds::of(positions.iter().copied());
     let mut position = out.accessor(bytemuck::cast_slice(&positions), count, FLOAT, "VEC3", VERTICES);
     position["min"] = json!(low.to_array());
     position["max"] = json!(high.to_array());
@@ -66,7 +74,13 @@ pub fn write(
         attributes.insert("NORMAL".into(), out.push(normal));
     }
     for attribute in &mesh.attributes {
-        let bytes: Vec<u8> = vertices.iter().flat_map(|v| attribute.of(v.0 as usize)).copied().collect();
+        let mut bytes: Vec<u8> = vertices.iter().flat_map(|v| attribute.of(v.0 as usize)).copied().collect();
+        if own.is_recoloured && attribute.name == "COLOR_0" {
+            if attribute.kind != "VEC4" {
+                continue;
+            }
+            bytes.chunks_exact_mut(attribute.stride).for_each(|colour| whiten(colour, attribute.component));
+        }
         let mut accessor = out.accessor(&bytes, count, attribute.component, attribute.kind, VERTICES);
         if attribute.normalized {
             accessor["normalized"] = json!(true);
@@ -88,7 +102,7 @@ pub fn write(
     if mesh.primitive.is_none() && !mesh.uvs.is_empty() {
         attributes.insert("TEXCOORD_0".into(), pairs(of_mesh(&mesh.uvs)));
     }
-    if let (Some(set), false) = (moved, mesh.lightmap_uvs.is_empty()) {
+    if let (Some(set), false) = (own.moved, mesh.lightmap_uvs.is_empty()) {
         attributes.insert(format!("TEXCOORD_{set}"), pairs(of_mesh(&mesh.lightmap_uvs)));
     }
     if layout.is_some() {
@@ -109,6 +123,16 @@ pub fn write(
     primitive.insert("attributes".into(), Value::Object(attributes));
     primitive.insert("indices".into(), out.push(indices));
     primitive
+}
+
+/// Makes a colour with alpha white, whose components are of this type.
+fn whiten(colour: &mut [u8], component: u32) {
+    let one: &[u8] = match component {
+        FLOAT => &1f32.to_le_bytes(),
+        UNSIGNED_SHORT => &[0xff; 2],
+        _ => &[0xff],
+    };
+    colour.chunks_exact_mut(one.len()).take(3).for_each(|channel| channel.copy_from_slice(one));
 }
 
 /// A mesh's normals, those that are not of unit length made so; where there is none, that of the triangles around.

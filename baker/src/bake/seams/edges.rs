@@ -2,7 +2,7 @@
 
 use super::weld::Welder;
 use crate::atlas::Atlas;
-use crate::geometry::Geometry;
+use crate::geometry::{Bounds, Geometry};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -68,9 +68,7 @@ pub fn find(geometry: &Geometry, atlas: &Atlas) -> Vec<SeamEdge> {
 /// In metres.
 fn tolerance(geometry: &Geometry, atlas: &Atlas) -> f64 {
     let corners = atlas.faces.iter().flat_map(|f| geometry.corners(f.triangle as usize));
-    let (low, high) =
-        corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-    let extent = (high - low).as_dvec3().max(DVec3::ZERO).max_element();
+    let extent = Bounds::of(corners).size().max_element();
     // Not zero where all is one point.
     (WELD_TEXELS / atlas.texels_per_metre).max(WELD_EXTENT * extent).max(1e-30)
 }
@@ -113,10 +111,10 @@ fn pairs_of(geometry: &Geometry, atlas: &Atlas, group: &[HalfEdge]) -> Vec<Pair>
     }
     let mut found: Vec<(usize, usize)> = Vec::new();
     for (i, side) in group.iter().enumerate() {
-        let Some(frame) = Frame::new(geometry, side) else { continue };
+        let Some(plane) = EdgePlane::new(geometry, side) else { continue };
         // The first face met on the way round in front of this one.
         let others = (0..group.len()).filter(|&j| j != i);
-        let angles = others.filter_map(|j| Some((frame.angle(geometry, &group[j])?, j)));
+        let angles = others.filter_map(|j| Some((plane.angle(geometry, &group[j])?, j)));
         let Some((_, j)) = angles.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))) else { continue };
         let other = &group[j];
         if side.forward != other.forward && !joined(side, other) && is_smooth(geometry, side, other) {
@@ -126,7 +124,7 @@ fn pairs_of(geometry: &Geometry, atlas: &Atlas, group: &[HalfEdge]) -> Vec<Pair>
     found.sort_unstable();
     found.dedup();
     for (i, j) in found {
-        let angle = Frame::new(geometry, &group[i]).and_then(|frame| frame.angle(geometry, &group[j]));
+        let angle = EdgePlane::new(geometry, &group[i]).and_then(|plane| plane.angle(geometry, &group[j]));
         pairs.extend(angle.map(|angle| Pair { sides: [group[i], group[j]], angle }));
     }
     pairs
@@ -161,8 +159,8 @@ fn remove_obstructed(geometry: &Geometry, atlas: &Atlas, welder: &Welder, pairs:
                 sides(points, triangle, u32::MAX, |side| {
                     let from = keys.partition_point(|k| k.0 < side.ends);
                     for &(_, i) in keys[from..].iter().take_while(|k| k.0 == side.ends) {
-                        let frame = Frame::new(geometry, &pairs[i].sides[0]);
-                        let angle = frame.and_then(|frame| frame.angle(geometry, &side));
+                        let plane = EdgePlane::new(geometry, &pairs[i].sides[0]);
+                        let angle = plane.and_then(|plane| plane.angle(geometry, &side));
                         met.extend(angle.filter(|&angle| angle < pairs[i].angle - FLAT).map(|_| i));
                     }
                 });
@@ -179,7 +177,7 @@ fn remove_obstructed(geometry: &Geometry, atlas: &Atlas, welder: &Welder, pairs:
 }
 
 /// The plane across an edge as a face sees it.
-struct Frame {
+struct EdgePlane {
     along: DVec3,
     /// From the edge into the face, unit.
     into: DVec3,
@@ -187,13 +185,13 @@ struct Frame {
     normal: DVec3,
 }
 
-impl Frame {
+impl EdgePlane {
     /// `None` for a face without area.
-    fn new(geometry: &Geometry, side: &HalfEdge) -> Option<Frame> {
+    fn new(geometry: &Geometry, side: &HalfEdge) -> Option<EdgePlane> {
         let [a, b, c] = corners_from(geometry, side);
         let along = (b - a).try_normalize()?;
         let into = (c - a).reject_from_normalized(along).try_normalize()?;
-        Some(Frame { along, into, normal: along.cross(into) })
+        Some(EdgePlane { along, into, normal: along.cross(into) })
     }
 
     /// The angle to another face at the edge, turning through the space in front of this one, in (0, 2π] radians: a face that lies

@@ -1,6 +1,6 @@
 //! What glTF materials emit: `emissiveFactor`, `emissiveTexture`, `KHR_materials_emissive_strength`.
 
-use super::material::{Asset, UvSource, texture, uv_source};
+use super::material::{OpenAsset, UvSource, texture, uv_source};
 use crate::geometry::model::{FileEmission, reason};
 use crate::geometry::notes::Notes;
 use crate::geometry::texture::TextureStore;
@@ -9,7 +9,7 @@ use glam::{Mat2, Vec2, Vec3};
 
 /// Reads what a material emits, and where the coordinates of its texture come from. A texture that cannot be read is noted.
 pub(super) fn emission(
-    asset: &Asset,
+    asset: &OpenAsset,
     material: &gltf::Material,
     textures: &mut TextureStore,
     notes: &mut Notes,

@@ -1,6 +1,6 @@
 //! What glTF materials let through: `KHR_materials_transmission`, and `alphaMode` BLEND as coverage.
 
-use super::material::{Asset, UvSource, texture, uv_source};
+use super::material::{OpenAsset, UvSource, texture, uv_source};
 use crate::geometry::Glass;
 use crate::geometry::model::{FileMaterial, reason};
 use crate::geometry::notes::Notes;
@@ -12,18 +12,19 @@ use gltf::material::AlphaMode;
 /// Where the surface of a BLEND that is a cut-out begins.
 const CUTOFF: f32 = 0.5;
 
-/// Reads what a material lets through. `found` is what else was read of it; `uv` its texture coordinates, which a transmission
-/// texture decides where there is no other.
+/// Reads what a material lets through. `is_thinned` says that vertex colours have an alpha below 1; `found` is what else was read of
+/// it; `uv` its texture coordinates, which a transmission texture decides where there is no other.
 pub(super) fn read(
-    asset: &Asset,
+    asset: &OpenAsset,
     material: &gltf::Material,
+    is_thinned: bool,
     found: &mut FileMaterial,
     uv: &mut UvSource,
     textures: &mut TextureStore,
     notes: &mut Notes,
 ) -> Result<()> {
     let mut is_blended = material.alpha_mode() == AlphaMode::Blend;
-    if is_blended && found.alpha == 1.0 {
+    if is_blended && found.alpha == 1.0 && !is_thinned {
         let alpha = found.texture.map(|texture| textures.textures[texture as usize].alpha());
         match alpha {
             None | Some(Alpha::Opaque) => is_blended = false,

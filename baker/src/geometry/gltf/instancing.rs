@@ -1,7 +1,7 @@
 //! `EXT_mesh_gpu_instancing`: a node whose mesh stands at several places.
 
 use super::accessor::read_floats;
-use super::material::Asset;
+use super::material::OpenAsset;
 use dataset::{Error, Result};
 use glam::{DMat4, DQuat, DVec3};
 use serde_json::Value;
@@ -10,7 +10,7 @@ use serde_json::Value;
 const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// Where the node's mesh stands, each relative to the node; `None` for a node that is not instanced. `node` is its JSON.
-pub(super) fn transforms(asset: &Asset, node: &Value, place: &str) -> Result<Option<Vec<DMat4>>> {
+pub(super) fn transforms(asset: &OpenAsset, node: &Value, place: &str) -> Result<Option<Vec<DMat4>>> {
     let Some(extension) = node["extensions"].get(NAME) else { return Ok(None) };
     let place = format!("{place}: {NAME}");
     let attributes = &extension["attributes"];
@@ -53,7 +53,7 @@ pub(super) fn transforms(asset: &Asset, node: &Value, place: &str) -> Result<Opt
 
 /// An attribute of the instances, if there is one of this name.
 fn attribute<const N: usize>(
-    asset: &Asset,
+    asset: &OpenAsset,
     attributes: &Value,
     name: &str,
     place: &str,

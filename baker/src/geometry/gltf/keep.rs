@@ -14,7 +14,7 @@ const LEFT_OUT: &[&str] = &["accessors", "animations", "bufferViews", "buffers",
 
 /// The asset but its triangles. `materials` are those in use.
 pub(super) fn asset(
-    asset: &material::Asset,
+    asset: &material::OpenAsset,
     nodes: Vec<usize>,
     roots: Vec<usize>,
     scene: Option<usize>,
@@ -53,7 +53,7 @@ fn images(texture: &Value) -> impl Iterator<Item = usize> {
 }
 
 /// The encoded bytes of an image, if they can be had.
-fn image_bytes(asset: &material::Asset, index: usize) -> Option<Vec<u8>> {
+fn image_bytes(asset: &material::OpenAsset, index: usize) -> Option<Vec<u8>> {
     let image = asset.document.as_json().images.get(index)?;
     match (&image.buffer_view, &image.uri) {
         (Some(view), _) => {

@@ -2,12 +2,76 @@
 
 use crate::geometry::contents::{Contents, FileCamera, FileLamp, FileLampKind, direction};
 use crate::geometry::notes::Notes;
+use dataset::{Error, Result};
 use glam::{DMat4, DVec3};
 use gltf::camera::Projection;
 use gltf::khr_lights_punctual::Kind;
+use serde_json::Value;
+
+/// The extension by which a glTF has lamps.
+const EXTENSION: &str = "KHR_lights_punctual";
 
 /// Aspect ratio of a camera that gives none.
 const ASPECT: f64 = 16.0 / 9.0;
+
+/// Checks the form of the lamps and of the nodes that have one, which the crate tells in names of its own.
+///
+/// # Errors
+/// [`Error::Invalid`] names the extension, the lamp or node, the value and what was expected.
+pub(super) fn check(root: &Value, file: &str) -> Result<()> {
+    let lamps = &root["extensions"][EXTENSION]["lights"];
+    let wrong = |of: String, key: &str, value: &Value, expected: &str| {
+        let value = if value.is_null() { "is missing".to_owned() } else { format!("= {value}") };
+        let what = format!("not glTF 2.0: {EXTENSION}, {of}: `{key}` {value}: expected {expected}");
+        Err(Error::invalid(file, what))
+    };
+    let number = |value: &Value| value.is_null() || value.is_number();
+    let lamps = match lamps {
+        Value::Null => &[][..],
+        Value::Array(lamps) => lamps,
+        other => return wrong("the file".to_owned(), "lights", other, "a list"),
+    };
+    for (i, lamp) in lamps.iter().enumerate() {
+        let of = || match lamp["name"].as_str() {
+            Some(name) => format!("lamp {i} ({name:?})"),
+            None => format!("lamp {i}"),
+        };
+        let kind = lamp["type"].as_str().unwrap_or("");
+        if !["directional", "point", "spot"].contains(&kind) {
+            return wrong(of(), "type", &lamp["type"], "\"directional\", \"point\" or \"spot\"");
+        }
+        let colour = &lamp["color"];
+        let three = |list: &Vec<Value>| list.len() == 3 && list.iter().all(Value::is_number);
+        if !(colour.is_null() || colour.as_array().is_some_and(three)) {
+            return wrong(of(), "color", colour, "three numbers");
+        }
+        for key in ["intensity", "range"] {
+            if !number(&lamp[key]) {
+                return wrong(of(), key, &lamp[key], "a number");
+            }
+        }
+        if kind == "spot" && !lamp["spot"].is_object() {
+            return wrong(of(), "spot", &lamp["spot"], "an object, which may be empty");
+        }
+        for key in ["innerConeAngle", "outerConeAngle"] {
+            if !number(&lamp["spot"][key]) {
+                return wrong(of(), key, &lamp["spot"][key], "a number of radians");
+            }
+        }
+    }
+    for (i, node) in root["nodes"].as_array().into_iter().flatten().enumerate() {
+        let Some(named) = node["extensions"].get(EXTENSION) else { continue };
+        let index = named["light"].as_u64().and_then(|index| usize::try_from(index).ok());
+        if index.is_none_or(|index| index >= lamps.len()) {
+            let expected = match lamps.len() {
+                0 => "none, since the file lists no lamps".to_owned(),
+                n => format!("an index below {n}"),
+            };
+            return wrong(format!("node {i}"), "light", &named["light"], &expected);
+        }
+    }
+    Ok(())
+}
 
 /// Adds what shines and looks at a node. `parents` are the names of the nodes above, nearest first.
 pub(super) fn read(
@@ -52,7 +116,9 @@ pub(super) fn read(
 }
 
 /// Kind, colour and intensity of a light; an error says what is wrong with it.
-fn lamp(light: &gltf::khr_lights_punctual::Light) -> Result<(FileLampKind, DVec3, f64), &'static str> {
+fn lamp(
+    light: &gltf::khr_lights_punctual::Light,
+) -> std::result::Result<(FileLampKind, DVec3, f64), &'static str> {
     let colour = DVec3::from(light.color().map(f64::from));
     let intensity = f64::from(light.intensity());
     if !(colour.is_finite() && colour.min_element() >= 0.0 && intensity.is_finite() && intensity >= 0.0) {

@@ -24,8 +24,8 @@ pub(super) struct UvSource {
     pub offset: Vec2,
 }
 
-/// What reading materials needs of the asset.
-pub(super) struct Asset<'a> {
+/// An asset while it is read.
+pub(super) struct OpenAsset<'a> {
     pub file: &'a str,
     pub folder: &'a Path,
     pub document: &'a gltf::Document,
@@ -36,7 +36,7 @@ pub(super) struct Asset<'a> {
 
 /// Reads a material. The one a primitive has that names none is grey.
 pub(super) fn material(
-    asset: &Asset,
+    asset: &OpenAsset,
     material: &gltf::Material,
     textures: &mut TextureStore,
     notes: &mut Notes,
@@ -139,7 +139,7 @@ pub(super) fn uv_source(info: &gltf::texture::Info, place: &str) -> Result<UvSou
 
 /// Loads a texture's image.
 pub(super) fn texture(
-    asset: &Asset,
+    asset: &OpenAsset,
     texture: &gltf::Texture,
     textures: &mut TextureStore,
     place: &str,
@@ -159,11 +159,11 @@ pub(super) fn texture(
     let Some(number) = webp.or_else(|| texture.source().map(|image| image.index())) else {
         let what = match () {
             _ if named.get("KHR_texture_basisu").is_some() => {
-                format!("it is in KTX2 alone: {}", extensions::KTX2)
+                format!("it is in KTX2 alone: {}", extensions::without_ktx2(asset.file))
             }
             #[cfg(not(feature = "webp"))]
             _ if named.get("EXT_texture_webp").is_some() => {
-                format!("it is in WebP alone: {}", extensions::WEBP)
+                format!("it is in WebP alone: {}", extensions::with_png(asset.file))
             }
             _ => "expected a source".to_owned(),
         };

@@ -18,9 +18,10 @@ use super::notes::{Notes, plural};
 use super::texture::TextureStore;
 use accessor::{Buffers, read_floats, read_indices};
 use dataset::{Error, Result};
-use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+use glam::{DMat4, DQuat, DVec3, Vec2, Vec3, Vec4};
+use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
-use material::{Asset, UvSource};
+use material::{OpenAsset, UvSource};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -41,11 +42,17 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
     if let Some(unread) = extensions::check(&root, &file)? {
         notes.add_line(&file, unread);
     }
+    lights::check(&root, &file)?;
+    let animations = root["animations"].as_array().map_or(0, Vec::len);
+    if animations > 0 {
+        let what = "not played: everything stays where the nodes place it, and scene.glb has no animations";
+        notes.add_line(&file, format!("{} {what}", plural(animations, "animation")));
+    }
     let document = document(json, &file)?;
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
     let buffers = Buffers { plain, decoded };
-    let asset = Asset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
+    let asset = OpenAsset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
     Reader { asset, textures, notes, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }.read()
 }
 
@@ -67,7 +74,9 @@ fn document(json: &[u8], file: &str) -> Result<gltf::Document> {
     root.extensions_required.clear();
     gltf::Document::from_json(root).map_err(|e| match e {
         gltf::Error::Validation(list) => {
-            let list: Vec<_> = list.iter().take(3).map(|(at, what)| format!("{at}: {what}")).collect();
+            let place = |at: &dyn std::fmt::Display| extensions::as_written(&at.to_string());
+            let list: Vec<_> =
+                list.iter().take(3).map(|(at, what)| format!("{}: {what}", place(at))).collect();
             Error::invalid(file, format!("not glTF 2.0: {}", list.join("; ")))
         }
         other => Error::invalid(file, format!("not glTF 2.0: {other}")),
@@ -106,15 +115,26 @@ fn buffers<'a>(
 
 /// The state of reading one asset.
 struct Reader<'a> {
-    asset: Asset<'a>,
+    asset: OpenAsset<'a>,
     textures: &'a mut TextureStore,
     notes: &'a mut Notes,
     model: Model,
-    /// By the material's index in the asset, and whether vertices have colours where it has none: its index in the model, and
-    /// where the coordinates of its base colour and of its emission come from.
-    materials: BTreeMap<(Option<usize>, bool), (usize, UvSource, UvSource)>,
+    /// By the material's index in the asset, and what vertices add to it: its index in the model, and where the coordinates of
+    /// its base colour and of its emission come from.
+    materials: BTreeMap<(Option<usize>, Vertices), (usize, UvSource, UvSource)>,
     /// Primitives of points or lines.
     skipped: usize,
+}
+
+/// What vertex colours decide about a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Vertices {
+    /// Nothing but a factor.
+    Plain,
+    /// All of its colour, since the primitive names no material.
+    Coloured,
+    /// That it is glass, since their alpha is below 1 and the material blends.
+    Thinned,
 }
 
 impl Reader<'_> {
@@ -227,9 +247,10 @@ impl Reader<'_> {
         if primitive.morph_targets().next().is_some() {
             self.notes.add(self.asset.file, "primitive", part(), "morph targets are not applied");
         }
-        let colours = primitive.get(&Semantic::Colors(0));
-        let (material, uv, emission_uv) = self.material(&primitive.material(), colours.is_some())?;
         let buffers = self.asset.buffers;
+        let colours = primitive.get(&Semantic::Colors(0));
+        let colours = colours.map(|colours| colours::read(&colours, buffers, &place)).transpose()?;
+        let (material, uv, emission_uv) = self.material(&primitive.material(), colours.as_deref())?;
         let numbers = Some((mesh.index(), primitive.index()));
         let mut result =
             Mesh { name, material, primitive: numbers, origin: DVec3::ZERO, ..Default::default() };
@@ -280,7 +301,7 @@ impl Reader<'_> {
         result.attributes =
             kept.filter(|attribute| attribute.bytes.len() == count * attribute.stride).collect();
         if let Some(colours) = colours {
-            result.colours = colours::read(&colours, buffers, &place)?;
+            result.colours = colours;
             expect("vertex colours", result.colours.len())?;
         }
         let indices = match primitive.indices() {
@@ -294,19 +315,32 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The material's index in the model; each is read once. Where there is none, `coloured` vertices have their own colour.
-    fn material(&mut self, material: &gltf::Material, coloured: bool) -> Result<(usize, UvSource, UvSource)> {
-        let key = (material.index(), coloured && material.index().is_none());
+    /// The material's index in the model; each is read once for the same use of vertex colours.
+    fn material(
+        &mut self,
+        material: &gltf::Material,
+        colours: Option<&[Vec4]>,
+    ) -> Result<(usize, UvSource, UvSource)> {
+        let is_thinned = |colours: &[Vec4]| colours.iter().any(|colour| colour.w < 1.0);
+        let vertices = match colours {
+            Some(_) if material.index().is_none() => Vertices::Coloured,
+            Some(colours) if material.alpha_mode() == AlphaMode::Blend && is_thinned(colours) => {
+                Vertices::Thinned
+            }
+            _ => Vertices::Plain,
+        };
+        let key = (material.index(), vertices);
         if let Some(&known) = self.materials.get(&key) {
             return Ok(known);
         }
         let (mut read, mut uv) = material::material(&self.asset, material, self.textures, self.notes)?;
-        if key.1 {
+        if vertices == Vertices::Coloured {
             (read.albedo, read.undefined) = (Vec3::ONE, false);
         }
         let (emission, emission_uv) = emission::emission(&self.asset, material, self.textures, self.notes)?;
         read.emission = emission;
-        glass::read(&self.asset, material, &mut read, &mut uv, self.textures, self.notes)?;
+        let is_thinned = vertices == Vertices::Thinned;
+        glass::read(&self.asset, material, is_thinned, &mut read, &mut uv, self.textures, self.notes)?;
         self.model.materials.push(read);
         let known = (self.model.materials.len() - 1, uv, emission_uv);
         self.materials.insert(key, known);

@@ -1,6 +1,8 @@
 //! Stress scenes for tests. They are generated where they are needed and have no file in this folder.
 
 pub mod big;
+pub mod glass;
+pub mod glow;
 pub mod packed;
 #[cfg(test)]
 mod tests;

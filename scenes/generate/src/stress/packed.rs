@@ -13,10 +13,7 @@ const SCALES: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [1.0, 1.0, 1.0]
 pub fn glb() -> Vec<u8> {
     let mut model = ground();
     model.add("block", "pale", block([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5], ALL));
-    let plain = crate::glb::write(&model);
-    let length = u32::from_le_bytes([plain[12], plain[13], plain[14], plain[15]]) as usize;
-    let mut root: Value = serde_json::from_slice(&plain[20..20 + length]).expect("what was just written");
-    let mut binary = plain[28 + length..].to_vec();
+    let (mut root, mut binary) = crate::glb::split(&crate::glb::write(&model));
     let count = {
         let position = &root["meshes"][1]["primitives"][0]["attributes"]["POSITION"];
         index(&root["accessors"][index(position)]["count"])

@@ -45,6 +45,16 @@ fn charts_share_no_vertex() {
 }
 
 #[test]
+fn files_of_glass_and_of_light_are_valid_and_the_same_each_time() {
+    for (build, materials, lamps) in [(glass::glb as fn() -> Vec<u8>, 4, 0), (glow::glb, 4, 3)] {
+        let glb = build();
+        assert!(glb == build());
+        let gltf = gltf::Gltf::from_slice(&glb).expect("a valid GLB");
+        assert_eq!((gltf.materials().len(), gltf.lights().map_or(0, Iterator::count)), (materials, lamps));
+    }
+}
+
+#[test]
 fn the_packed_file_is_the_same_each_time_and_smaller_than_what_it_holds() {
     let glb = packed::glb();
     assert!(glb == packed::glb());
