@@ -121,6 +121,7 @@ Examples:
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
+  bake scenes/yard.toml --indirect                 without the sun's direct light, for games that draw it themselves
   bake scenes/yard.toml --transfer                 its surfaces lit by spherical harmonics, into dataset/yard-transfer
   bake scenes/yard.toml --plan                     what would run, what is left out and why
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)

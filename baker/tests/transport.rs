@@ -7,7 +7,7 @@ use baker::light::group::{GroupSampler, emitters};
 use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
 use baker::light::sun::SunDisc;
-use baker::scene::{Lamp, Lightmap, Portal, Sampling, Scene, Sky, SkyImage};
+use baker::scene::{Baked, Lamp, Lightmap, Portal, Sampling, Scene, Sky, SkyImage};
 use baker::surface::SurfacePoint;
 use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
@@ -484,6 +484,8 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         place: None,
         sun: None,
         sky: Some(sky),
+        sun_baked: Baked::All,
+        sky_baked: Baked::All,
         ground: None,
         ground_is_written: false,
         portals,
@@ -634,6 +636,7 @@ fn ground_below_the_horizon_lights_what_looks_down() {
                     sequence.sample(i),
                     |_, _, _| false,
                     &mut out,
+                    None,
                     &mut RayCounts::default(),
                 );
             }
