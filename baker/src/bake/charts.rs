@@ -8,6 +8,7 @@
 //! | 8 | number of triangles, little-endian |
 //! | 28 each | the triangles, as [`Unwrap::to_bytes`] gives them |
 //!
+//! The triangles are those of the geometry, about the scene's centre: where that moves, every mesh is another.
 //! What is damaged, or of another version, is not there. Nothing fails because the file cannot be read or written.
 
 use super::layers::{CHARTS, FOLDER};
@@ -123,4 +124,40 @@ fn meshes(mut payload: &[u8]) -> Option<BTreeMap<Key, Vec<u8>>> {
         payload = rest;
     }
     Some(meshes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::atlas::unwraps::Unwrapped;
+
+    #[test]
+    fn counts_that_the_bytes_do_not_hold_are_not_believed() {
+        let entry = |triangles: u64, bytes: usize| {
+            let header = [7; 32].into_iter().chain(triangles.to_le_bytes());
+            header.chain(std::iter::repeat_n(0, bytes)).collect::<Vec<u8>>()
+        };
+        let whole = entry(2, 2 * TRIANGLE);
+        assert_eq!(meshes(&whole).unwrap()[&[7; 32]].len(), 2 * TRIANGLE);
+        for triangles in [3, 1 << 40, u64::MAX / TRIANGLE as u64 + 1, u64::MAX] {
+            assert_eq!(meshes(&entry(triangles, 2 * TRIANGLE)), None, "{triangles}");
+        }
+        for length in 1..whole.len() {
+            assert_eq!(meshes(&whole[..length]), None, "cut at {length}");
+        }
+    }
+
+    #[test]
+    fn a_sealed_file_of_another_mesh_is_not_believed() {
+        let dataset = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dataset.path().join(FOLDER)).unwrap();
+        let key = [7; 32];
+        let charts = Charts::none();
+        charts.put(&key, &Unwrap { triangles: vec![Unwrapped::ALONE; 2] });
+        charts.keep(dataset.path());
+        let charts = Charts::beside(dataset.path());
+        assert_eq!((charts.get(&key, 3), charts.get(&[8; 32], 2)), (None, None));
+        assert!(charts.get(&key, 2).is_some());
+        assert_eq!(charts.counts(), Counts { made: 0, kept: 1 });
+    }
 }
