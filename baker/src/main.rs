@@ -1,6 +1,7 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
-use baker::bake::facts::skipped;
+use baker::bake::charts::Charts;
+use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
@@ -254,11 +255,15 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             Integrator::Path => "path",
         }
     ));
-    let (atlas, looking) = prepared.atlas()?;
+    let out = prepared.out(options);
+    let charts = Charts::beside(&out);
+    let (atlas, looking) = prepared.atlas_from(&charts)?;
+    let unwrapped = unwrapped(charts.counts());
+    charts.keep(&out);
     atlas.warnings.iter().for_each(|w| console.warn(w));
     let forecast = forecast(&prepared, &atlas, &looking)?;
     say_forecast(&forecast, console);
-    let layout = skipped(&atlas).into_iter().chain(atlas.notes.iter().cloned());
+    let layout = unwrapped.into_iter().chain(skipped(&atlas)).chain(atlas.notes.iter().cloned());
     layout.for_each(|what| console.print(format!("  {what}")));
     in_short(&layers).iter().for_each(|what| console.print(format!("  trace {what}")));
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));

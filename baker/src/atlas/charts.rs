@@ -5,9 +5,10 @@ use super::ffi;
 use super::islands::{islands, surfaces};
 use super::raster::{Bits, bounds};
 use super::sharing::{Member, groups};
+use super::unwraps::{Key, Unwrap, Unwrapped, Unwraps};
 use crate::geometry::{Geometry, Instance};
 use crate::{Error, Result};
-use glam::{DMat2, DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 /// A connected piece of surface laid flat.
@@ -87,15 +88,15 @@ enum Layout {
 }
 
 /// Flattens all lightmapped instances; one task per shape, joined in order. `hidden`, ascending, get no texels where they are hidden in
-/// every instance of a shape.
-pub fn flatten(geometry: &Geometry, hidden: &[u32]) -> Result<Flat> {
+/// every instance of a shape. What `kept` has is not unwrapped again.
+pub fn flatten(geometry: &Geometry, hidden: &[u32], kept: &dyn Unwraps) -> Result<Flat> {
     geometry
         .instances
         .par_iter()
         .filter(|instance| instance.lightmap)
         .try_for_each(|i| check(geometry, i))?;
     let parts: Vec<(FlatMesh, Layout)> =
-        groups(geometry).into_par_iter().map(|group| flatten_group(geometry, hidden, group)).collect();
+        groups(geometry).into_par_iter().map(|group| flatten_group(geometry, hidden, group, kept)).collect();
     let mut all = Flat::default();
     for (mesh, layout) in parts {
         match layout {
@@ -126,7 +127,12 @@ fn check(geometry: &Geometry, instance: &Instance) -> Result<()> {
 }
 
 /// Flattens the first member, at the density of the smallest. Gives the charts, and where they come from.
-fn flatten_group(geometry: &Geometry, hidden: &[u32], group: super::sharing::Group) -> (FlatMesh, Layout) {
+fn flatten_group(
+    geometry: &Geometry,
+    hidden: &[u32],
+    group: super::sharing::Group,
+    kept: &dyn Unwraps,
+) -> (FlatMesh, Layout) {
     let mut mesh = FlatMesh { charts: Vec::new(), members: group.members };
     let instance = &geometry.instances[mesh.members[0].instance];
     let is_hidden = |triangle: usize| {
@@ -152,7 +158,7 @@ fn flatten_group(geometry: &Geometry, hidden: &[u32], group: super::sharing::Gro
         Err(why) => {
             let name = &instance.name;
             let refused = || format!("{name}: {why}");
-            (unwrapped(geometry, &sources), Layout::Unwrapped((!why.is_empty()).then(refused)))
+            (unwrapped(geometry, &sources, kept), Layout::Unwrapped((!why.is_empty()).then(refused)))
         }
     };
     let chart = |faces: Vec<FlatFace>| {
@@ -218,11 +224,61 @@ fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>
 /// Faces that xatlas segments at a time at most: its time grows with their square where the surface is smooth.
 const MOST_FACES: usize = 1 << 12;
 
-/// Charts by xatlas; of a large mesh, piece by piece, the pieces side by side.
-fn unwrapped(geometry: &Geometry, sources: &[Source]) -> Vec<Vec<FlatFace>> {
-    let charts: Vec<Vec<Vec<FlatFace>>> =
-        pieces(geometry, sources).par_iter().map(|piece| unwrap(geometry, piece)).collect();
-    charts.into_iter().flatten().collect()
+/// Changes whenever the same triangles would come apart otherwise.
+const METHOD: &str = "unwrap-1";
+
+/// Charts by xatlas, each scaled to its area in the world; what it leaves out or gets wrong lies flat triangle by triangle.
+fn unwrapped(geometry: &Geometry, sources: &[Source], kept: &dyn Unwraps) -> Vec<Vec<FlatFace>> {
+    let key = Mesh::of(geometry, sources).key();
+    let unwrap = kept.get(&key, sources.len()).unwrap_or_else(|| {
+        let unwrap = unwrap_in_pieces(geometry, sources);
+        kept.put(&key, &unwrap);
+        unwrap
+    });
+    let mut charts = Vec::new();
+    let (mut flat, mut labels) = (Vec::new(), Vec::new());
+    for (source, triangle) in sources.iter().zip(&unwrap.triangles) {
+        match triangle.chart {
+            Some(chart) => {
+                let corners = triangle.corners.map(|corner| corner.as_dvec2());
+                flat.push(FlatFace { triangle: source.triangle, corners });
+                labels.push(chart as usize);
+            }
+            None => charts.push(vec![lie_flat(source)]),
+        }
+    }
+    for mut chart in grouped(flat, &labels) {
+        let world_area: f64 = chart.iter().map(|face| sources[place_of(sources, face.triangle)].area).sum();
+        let scale = (world_area / flat_area(&chart)).sqrt();
+        chart.iter_mut().for_each(|face| face.corners = face.corners.map(|c| c * scale));
+        charts.push(chart);
+    }
+    charts
+}
+
+/// The place of a triangle among sources, which ascend.
+fn place_of(sources: &[Source], triangle: u32) -> usize {
+    sources.partition_point(|source| source.triangle < triangle)
+}
+
+fn flat_area(chart: &[FlatFace]) -> f64 {
+    chart.iter().map(|face| signed_area(face.corners).abs()).sum()
+}
+
+/// Unwraps a mesh, a large one piece by piece, the pieces side by side.
+fn unwrap_in_pieces(geometry: &Geometry, sources: &[Source]) -> Unwrap {
+    let pieces = pieces(geometry, sources);
+    let parts: Vec<Unwrap> = pieces.par_iter().map(|piece| unwrap(geometry, piece)).collect();
+    let mut whole = Unwrap { triangles: vec![Unwrapped::ALONE; sources.len()] };
+    let mut first = 0;
+    for (piece, part) in pieces.iter().zip(parts) {
+        for (source, triangle) in piece.iter().zip(part.triangles) {
+            let chart = triangle.chart.map(|chart| first + chart);
+            whole.triangles[place_of(sources, source.triangle)] = Unwrapped { chart, ..triangle };
+        }
+        first += piece.len() as u32;
+    }
+    whole
 }
 
 /// A mesh in pieces of at most [`MOST_FACES`]. Only what is joined to more than that is cut.
@@ -265,54 +321,68 @@ fn halves(mut sources: Vec<Source>) -> (Vec<Source>, Vec<Source>) {
     (sources, far)
 }
 
-/// xatlas' charts, each scaled to its area in the world; what it leaves out or gets wrong lies flat triangle by triangle.
-fn unwrap(geometry: &Geometry, sources: &[Source]) -> Vec<Vec<FlatFace>> {
+/// Triangles with the vertices that they use alone, numbered from 0 in the order of the geometry.
+struct Mesh {
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    faces: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    fn of(geometry: &Geometry, sources: &[Source]) -> Self {
+        let mut vertices: Vec<u32> =
+            sources.iter().flat_map(|s| geometry.triangles[s.triangle as usize]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let local = |v: u32| vertices.partition_point(|&other| other < v) as u32;
+        let faces = sources.iter().map(|s| geometry.triangles[s.triangle as usize].map(local)).collect();
+        let positions = vertices.iter().map(|&v| geometry.positions[v as usize]).collect();
+        let normals = vertices.iter().map(|&v| geometry.normals[v as usize]).collect();
+        Mesh { positions, normals, faces }
+    }
+
+    /// Digest of all that decides its charts.
+    fn key(&self) -> Key {
+        let mut hash = blake3::Hasher::new();
+        hash.update(METHOD.as_bytes());
+        hash.update(&(self.positions.len() as u64).to_le_bytes());
+        hash.update(&(self.faces.len() as u64).to_le_bytes());
+        hash.update(bytemuck::cast_slice(&self.positions));
+        hash.update(bytemuck::cast_slice(&self.normals));
+        hash.update(bytemuck::cast_slice(&self.faces));
+        *hash.finalize().as_bytes()
+    }
+}
+
+/// xatlas' charts of triangles, those alone that are sound.
+fn unwrap(geometry: &Geometry, sources: &[Source]) -> Unwrap {
+    let mut unwrap = Unwrap { triangles: vec![Unwrapped::ALONE; sources.len()] };
     // xatlas has absolute tolerances: a face of mean area gets unit area, the instance's centre becomes the origin.
     let low = sources.iter().flat_map(|s| s.corners).fold(DVec3::INFINITY, DVec3::min);
     let high = sources.iter().flat_map(|s| s.corners).fold(DVec3::NEG_INFINITY, DVec3::max);
     let (centre, extent) = (0.5 * (low + high), (high - low).max_element());
     let mean_area = sources.iter().map(|s| s.area).sum::<f64>() / sources.len() as f64;
     let scale = mean_area.sqrt().recip().min(1e5 / extent);
-    // Only the vertices in use, in order of first use.
-    let mut vertices: Vec<u32> =
-        sources.iter().flat_map(|s| geometry.triangles[s.triangle as usize]).collect();
-    vertices.sort_unstable();
-    vertices.dedup();
-    let local = |v: u32| vertices.partition_point(|&other| other < v) as u32;
-    let faces: Vec<[u32; 3]> =
-        sources.iter().map(|s| geometry.triangles[s.triangle as usize].map(local)).collect();
-    let position = |&v: &u32| ((geometry.positions[v as usize].as_dvec3() - centre) * scale).as_vec3();
-    let positions: Vec<_> = vertices.iter().map(position).collect();
-    let normals: Vec<_> = vertices.iter().map(|&v| geometry.normals[v as usize]).collect();
-
-    let Some(result) = ffi::unwrap(&positions, &normals, &faces) else {
-        return sources.iter().map(|s| vec![lie_flat(s)]).collect();
-    };
-    let mut flat = Vec::new();
-    let mut labels = Vec::new();
-    let mut charts = Vec::new();
+    let Mesh { positions, normals, faces } = Mesh::of(geometry, sources);
+    let positions: Vec<Vec3> =
+        positions.iter().map(|p| ((p.as_dvec3() - centre) * scale).as_vec3()).collect();
+    let Some(result) = ffi::unwrap(&positions, &normals, &faces) else { return unwrap };
+    let (mut flat, mut labels) = (Vec::new(), Vec::new());
     for (i, source) in sources.iter().enumerate() {
-        match result.charts[i] {
-            Some(chart) => {
-                flat.push(FlatFace { triangle: source.triangle, corners: result.uvs[i] });
-                labels.push(chart as usize);
-            }
-            None => charts.push(vec![lie_flat(source)]),
+        if let Some(chart) = result.charts[i] {
+            let corners = result.uvs[i].map(|corner| corner.as_dvec2());
+            flat.push(FlatFace { triangle: source.triangle, corners });
+            labels.push(chart as usize);
         }
     }
-    let source_of = |face: &FlatFace| &sources[sources.partition_point(|s| s.triangle < face.triangle)];
-    for mut chart in grouped(flat, &labels) {
-        let world_area: f64 = chart.iter().map(|face| source_of(face).area).sum();
-        let flat_area: f64 = chart.iter().map(|face| signed_area(face.corners).abs()).sum();
-        if is_sound(&chart, flat_area) {
-            let scale = (world_area / flat_area).sqrt();
-            chart.iter_mut().for_each(|face| face.corners = face.corners.map(|c| c * scale));
-            charts.push(chart);
-        } else {
-            charts.extend(chart.iter().map(|face| vec![lie_flat(source_of(face))]));
+    let sound = grouped(flat, &labels).into_iter().filter(|chart| is_sound(chart, flat_area(chart)));
+    for (chart, faces) in sound.enumerate() {
+        for face in faces {
+            let i = place_of(sources, face.triangle);
+            unwrap.triangles[i] = Unwrapped { chart: Some(chart as u32), corners: result.uvs[i] };
         }
     }
-    charts
+    unwrap
 }
 
 /// Whether a chart is finite, turned one way everywhere, and free of overlaps.

@@ -1,6 +1,6 @@
 //! xatlas through its C shim (`shim.cpp`): the only unsafe code of the atlas.
 
-use glam::{DVec2, Vec3};
+use glam::{Vec2, Vec3};
 
 unsafe extern "C" {
     fn baker_xatlas_unwrap(
@@ -17,7 +17,7 @@ unsafe extern "C" {
 /// A mesh cut into charts.
 pub struct Unwrapped {
     /// Per face, its corners in the plane of its chart.
-    pub uvs: Vec<[DVec2; 3]>,
+    pub uvs: Vec<[Vec2; 3]>,
     /// Per face, its chart; `None` where xatlas left the face out.
     pub charts: Vec<Option<u32>>,
 }
@@ -54,7 +54,7 @@ pub fn unwrap(positions: &[Vec3], normals: &[Vec3], faces: &[[u32; 3]]) -> Optio
         )
     };
     let count = u32::try_from(count).ok()?;
-    let corner = |f: &[f32], i: usize| DVec2::new(f[2 * i].into(), f[2 * i + 1].into());
+    let corner = |f: &[f32], i: usize| Vec2::new(f[2 * i], f[2 * i + 1]);
     Some(Unwrapped {
         uvs: uvs.chunks_exact(6).map(|f| [corner(f, 0), corner(f, 1), corner(f, 2)]).collect(),
         charts: charts.into_iter().map(|c| (c < count).then_some(c)).collect(),

@@ -1,7 +1,7 @@
 //! Lightmap coordinates: unwrapping into charts and packing them on pages.
 //!
 //! `sharing` says which instances share a layout, `raster` which texels a triangle touches or covers, `islands` what is connected; `charts`
-//! flattens each shape once (authored layout, or xatlas through `ffi`). `footprint` says which blocks of 4×4 texels a chart owns where it
+//! flattens each shape once (authored layout, or xatlas through `ffi`; `unwraps` keeps what that gave). `footprint` says which blocks of 4×4 texels a chart owns where it
 //! may lie, `outline` which charts share blocks, `locality` the order of space. `page` keeps the free blocks, `fill` fills one page,
 //! `spread` several, `layout` packs the charts of a shared layout, `pack` places charts and layouts at a given density, `density` searches
 //! for the density or the pages. `owners` tells which chart a texel belongs to. `keep` takes the files' own coordinates instead of all this.
@@ -10,6 +10,7 @@ mod sharing;
 mod ffi;
 mod raster;
 mod islands;
+pub mod unwraps;
 mod charts;
 mod footprint;
 mod outline;
@@ -32,6 +33,7 @@ use dataset::console::count;
 use glam::{DVec2, Vec2};
 use pack::Origin;
 use std::ops::Range;
+use unwraps::{Anew, Unwraps};
 
 /// The layout of the texels over all lightmapped instances: pages of equal size, one below the other on one tall virtual page.
 ///
@@ -180,9 +182,17 @@ pub fn shapes(geometry: &Geometry) -> Vec<Vec<usize>> {
 /// Lays out all faces: [`build_without`] none.
 ///
 /// # Errors
-/// As [`build_without`].
+/// As [`build_from`].
 pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     build_without(geometry, lightmap, &[])
+}
+
+/// Lays out all faces but the hidden ones, unwrapping every mesh: [`build_from`] nothing.
+///
+/// # Errors
+/// As [`build_from`].
+pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -> Result<Atlas> {
+    build_from(geometry, lightmap, hidden, &Anew)
 }
 
 /// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread count.
@@ -206,14 +216,21 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
 ///
 /// Triangles of `hidden`, ascending, get no texels where they are hidden in every instance that shares their layout.
 ///
+/// Meshes whose unwrap `kept` has are not unwrapped again; that changes nothing in the atlas.
+///
 /// # Errors
 /// `Invalid` when no triangle is to be lightmapped; `Unsupported` when a page has less than 2×2 texels, the density asked for needs
 /// pages larger than 16384 texels, or all pages together have more than 131072 rows.
-pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -> Result<Atlas> {
+pub fn build_from(
+    geometry: &Geometry,
+    lightmap: &Lightmap,
+    hidden: &[u32],
+    kept: &dyn Unwraps,
+) -> Result<Atlas> {
     if lightmap.uv == UvSource::Keep {
         return keep::build(geometry, lightmap);
     }
-    let flat = charts::flatten(geometry, hidden)?;
+    let flat = charts::flatten(geometry, hidden, kept)?;
     let lightmapped = || geometry.instances.iter().filter(|instance| instance.lightmap);
     let triangles: usize = lightmapped().map(|instance| instance.triangles.len()).sum();
     if flat.meshes.is_empty() {

@@ -1,6 +1,7 @@
 //! What a bake tells of its geometry, page and light, in words.
 
 use super::assemble::Stored;
+use super::charts::Counts;
 use super::forecast::density;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
@@ -64,6 +65,14 @@ fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
          how wrong these sets are is not known",
         hour(first.hour)
     ))
+}
+
+/// The meshes that were not unwrapped because an earlier bake did.
+pub fn unwrapped(charts: Counts) -> Option<String> {
+    let Counts { made, kept } = charts;
+    (kept > 0).then(|| {
+        format!("charts kept from an earlier bake or plan: {}; {made} unwrapped", count(kept, "shape"))
+    })
 }
 
 /// The triangles that got no texels because nobody can see them.

@@ -25,6 +25,9 @@ use std::path::{Path, PathBuf};
 /// Name of the folder inside a dataset.
 pub const FOLDER: &str = ".layers";
 
+/// Name of the file in it that holds how meshes come apart (`charts`).
+pub const CHARTS: &str = "meshes.charts";
+
 /// Name of the file that says which changes of the folder are being made.
 const CHANGES: &str = "changes.json";
 
@@ -97,6 +100,11 @@ impl Layers {
     /// The folder below `dataset`.
     pub fn new(dataset: &Path) -> Self {
         Layers { root: dataset.join(FOLDER) }
+    }
+
+    /// Creates the folder, where it is missing.
+    pub fn create(&self) -> Result<()> {
+        std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))
     }
 
     fn path(&self, digest: &str, part: Part) -> PathBuf {
@@ -211,7 +219,7 @@ impl Layers {
         traced: &Traced,
         console: &Console,
     ) -> Result<RayCounts> {
-        std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))?;
+        self.create()?;
         dataset::files::remove_stale_temporaries(&self.root)?;
         let worker = &tracer.worker;
         let lights = worker.transport.lights;
@@ -306,11 +314,11 @@ impl Layers {
         fine_if_gone(&journal, std::fs::remove_file(&journal))
     }
 
-    /// Removes all files but those of these layers and this page, and tells how many layers that were.
+    /// Removes all files but those of these layers, of this page and of the charts, and tells how many layers that were.
     pub fn keep_only(&self, base: &str, digests: &[String]) -> usize {
         let paths = |digest: &String| [Part::Direct, Part::Rest].map(|part| self.path(digest, part));
         let mut keep: BTreeSet<PathBuf> = digests.iter().flat_map(paths).collect();
-        keep.extend([self.texels_path(base), self.rounds_path(base)]);
+        keep.extend([self.texels_path(base), self.rounds_path(base), self.root.join(CHARTS)]);
         let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
         let others = entries.flatten().map(|e| e.path()).filter(|path| !keep.contains(path));
         let removed = others.filter(|path| std::fs::remove_file(path).is_ok());

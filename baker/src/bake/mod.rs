@@ -21,6 +21,7 @@ pub mod step;
 pub mod tracer;
 pub mod layers;
 pub mod kept;
+pub mod charts;
 pub mod check;
 pub mod post;
 pub mod seams;

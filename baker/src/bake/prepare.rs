@@ -1,5 +1,6 @@
 //! A scene read and planned, and the digests by which its layers and its dataset are known again.
 
+use super::charts::Charts;
 use super::errors::Parts;
 use super::hidden::{self, Hidden};
 use super::json;
@@ -100,17 +101,26 @@ impl Prepared {
         Space::new(&self.geometry, rays).with_solids(solids.clone())
     }
 
-    /// Lays out the texels, none of them on faces that nobody can see; gives also the rays that it took to find those.
+    /// Lays out the texels, unwrapping every mesh: [`Prepared::atlas_from`] nothing.
     ///
     /// # Errors
-    /// As [`atlas::build_without`]; what does not fit names the line that asks for it.
+    /// As [`Prepared::atlas_from`].
     pub fn atlas(&self) -> Result<(Atlas, RayCounts)> {
+        self.atlas_from(&Charts::none())
+    }
+
+    /// Lays out the texels, none of them on faces that nobody can see; gives also the rays that it took to find those. Meshes that an
+    /// earlier bake unwrapped are not unwrapped again.
+    ///
+    /// # Errors
+    /// As [`atlas::build_from`]; what does not fit names the line that asks for it.
+    pub fn atlas_from(&self, charts: &Charts) -> Result<(Atlas, RayCounts)> {
         let lightmap = &self.scene.lightmap;
         let hidden = match hidden::is_sought(lightmap) {
             true => hidden::find_in(&self.space(&self.own_rays()), lightmap),
             false => Hidden::default(),
         };
-        let atlas = atlas::build_without(&self.geometry, lightmap, &hidden.triangles);
+        let atlas = atlas::build_from(&self.geometry, lightmap, &hidden.triangles, charts);
         let atlas = atlas.map_err(|error| match error {
             Error::Unsupported { what, .. } => Error::unsupported(&self.scene.size_as_written, what),
             other => other,

@@ -2,6 +2,7 @@
 
 use super::assemble::{Assembler, Stored};
 use super::block::Worker;
+use super::charts::Charts;
 use super::check::{Check, Chosen, check, choose};
 use super::endless;
 use super::errors::median;
@@ -60,13 +61,15 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         count(plan.layers(), "layer")
     ));
 
+    let charts = if options.force { Charts::none() } else { Charts::beside(&out) };
     let (atlas, looking) = {
         let progress = console.progress("unwrapping", 1);
-        let atlas = prepared.atlas().inspect_err(|_| folder::leave(&out))?;
+        let atlas = prepared.atlas_from(&charts).inspect_err(|_| folder::leave(&out))?;
         progress.advance(1);
         atlas
     };
     console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
+    facts::unwrapped(charts.counts()).into_iter().for_each(|what| console.say(format!("  {what}")));
     facts::skipped(&atlas).into_iter().for_each(|what| console.say(format!("  {what}")));
     if !scene.cameras.is_empty() {
         let rays = prepared.rays()?;
@@ -82,6 +85,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         layers.clear()?;
     }
     layers.settle()?;
+    layers.create()?;
+    charts.keep(&out);
     let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {

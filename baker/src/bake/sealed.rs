@@ -10,7 +10,8 @@
 //! from other work therefore does not fit.
 
 use dataset::files;
-use std::io::{self, Write};
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TLMSEAL1";
@@ -52,6 +53,23 @@ pub fn write_unsynced(path: &Path, label: &str, parts: &[&[u8]]) -> crate::Resul
 pub fn payload<'a>(label: &str, bytes: &'a [u8]) -> Option<&'a [u8]> {
     let (found, payload) = bytes.split_at_checked(HEADER)?;
     (found == header(label, &[payload])).then_some(payload)
+}
+
+/// The payload of a file; `None` where it is missing or is not whole. A file of another length than its header says is not read.
+pub fn read(path: &Path, label: &str) -> Option<Vec<u8>> {
+    let found = fs::metadata(path).ok().filter(fs::Metadata::is_file)?.len();
+    let mut header = [0; HEADER];
+    let mut file = File::open(path).ok()?;
+    file.read_exact(&mut header).ok()?;
+    let (start, length) = header[..16].split_at(8);
+    if start != MAGIC || length != found.checked_sub(HEADER as u64)?.to_le_bytes() {
+        return None;
+    }
+    let mut bytes = header.to_vec();
+    file.read_to_end(&mut bytes).ok()?;
+    payload(label, &bytes)?;
+    bytes.drain(..HEADER);
+    Some(bytes)
 }
 
 #[cfg(test)]

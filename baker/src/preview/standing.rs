@@ -2,12 +2,12 @@
 
 use super::places::Places;
 use crate::atlas::{self, Atlas};
+use crate::bake::charts::Charts;
 use crate::bake::hidden;
 use crate::bake::scene_glb::to_glb;
 use crate::geometry::{self, Geometry, LightmapPlace};
 use crate::scene::{Lightmap, Scene};
 use crate::{Error, Result};
-use dataset::config::Config;
 use dataset::console::Console;
 use dataset::store::{Dataset, MANIFEST, UNFINISHED, WORK};
 use serde::Deserialize;
@@ -56,7 +56,7 @@ pub fn open(
 ) -> Result<Shown> {
     let dataset = Dataset::open(folder)?;
     dataset.expect_moments()?;
-    let Some(atlas) = as_baked(&dataset.config, &geometry, console)? else {
+    let Some(atlas) = as_baked(&dataset, &geometry, console)? else {
         return of_dataset(folder, scene_file, scene, dataset, console);
     };
     geometry.lights.add_to(&mut scene);
@@ -82,12 +82,13 @@ pub fn open(
 }
 
 /// The texels of a geometry, if a dataset has the same; `None` where geometry, materials or layout are others.
-fn as_baked(config: &Config, geometry: &Geometry, console: &Console) -> Result<Option<Atlas>> {
+fn as_baked(dataset: &Dataset, geometry: &Geometry, console: &Console) -> Result<Option<Atlas>> {
+    let config = &dataset.config;
     // As it was baked: a draft has other pages than the scene asks for.
     let Ok(lightmap) = Lightmap::deserialize(&config.settings["lightmap"]) else { return Ok(None) };
     let progress = console.progress("unwrapping", 1);
     let hidden = hidden::find(geometry, &lightmap).triangles;
-    let atlas = match atlas::build_without(geometry, &lightmap, &hidden) {
+    let atlas = match atlas::build_from(geometry, &lightmap, &hidden, &Charts::beside(&dataset.root)) {
         Ok(atlas) => atlas,
         // It does not fit the pages that the other one did.
         Err(Error::Unsupported { .. }) => return Ok(None),

@@ -1,6 +1,7 @@
 //! Small scenes baked whole, many times over: what chance may do to a bake, and what a change of the scene may not.
 
 mod adaptive;
+mod charts;
 mod golden;
 mod groups;
 mod keep;

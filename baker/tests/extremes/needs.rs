@@ -110,7 +110,7 @@ fn a_plan_tells_what_the_bake_will_take_and_whether_the_scene_is_open() {
             let files = files.filter(|f| f.path().extension().is_some_and(|e| e == extension));
             files.map(|f| f.metadata().expect("metadata").len()).sum()
         };
-        let kept = bytes(".layers", "layer") + bytes(".layers", "texels");
+        let kept: u64 = ["layer", "direct", "texels"].iter().map(|kind| bytes(".layers", kind)).sum();
         assert_eq!(forecast.layers_bytes, kept, "{forecast:?}");
         // Headers of small files are not counted.
         let images = bytes("data", "exr");
