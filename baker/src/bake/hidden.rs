@@ -97,7 +97,10 @@ fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut Ra
     if along > MOST {
         return false;
     }
-    lattice(along as u32).all(|barycentric| {
+    let across = (PER_TEXEL * height / texel).ceil().clamp(FEWEST, along);
+    let apex = opposite_longest(geometry.corners(triangle as usize));
+    lattice(along as u32, across as u32).all(|mut barycentric| {
+        barycentric.as_mut().rotate_right(apex);
         let point = SurfacePoint { triangle, barycentric };
         let sides = (space.receiver_on(&point, false), space.receiver_on(&point, true));
         let (Some(front), Some(back)) = sides else { return false };
@@ -106,16 +109,26 @@ fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut Ra
     })
 }
 
-/// The points of a triangular lattice with so many intervals along a side, in barycentric coordinates: in an order that soon
-/// comes to all parts.
-fn lattice(along: u32) -> impl Iterator<Item = Vec3> {
-    // A prime larger than any side: every place of the square is met once.
+/// The corner opposite a triangle's longest edge.
+fn opposite_longest([a, b, c]: [Vec3; 3]) -> usize {
+    let opposite = [b.distance_squared(c), c.distance_squared(a), a.distance_squared(b)];
+    (1..3).fold(0, |longest, k| if opposite[k] > opposite[longest] { k } else { longest })
+}
+
+/// The points of a lattice on a triangle, in barycentric coordinates, in an order that soon comes to all parts. Rows run along the edge
+/// opposite the first corner, which has `along` intervals, and there are `across` intervals from there to the corner: a sliver needs few.
+fn lattice(along: u32, across: u32) -> impl Iterator<Item = Vec3> {
+    // A prime larger than any side: every place of the rectangle is met once.
     const STEP: u32 = 7919;
-    let side = along + 1;
-    let places = (0..side * side).map(move |k| k * STEP % (side * side));
-    let inside = places.map(move |place| (place / side, place % side)).filter(move |(i, j)| i + j <= along);
-    inside.map(move |(i, j)| {
-        let node = Vec3::new((along - i - j) as f32, i as f32, j as f32) / along as f32;
+    let (columns, rows) = (along + 1, across + 1);
+    let places = (0..columns * rows).map(move |k| k * STEP % (columns * rows));
+    // Rows get shorter towards the corner, their points no further apart.
+    let intervals = move |row: u32| (along * (across - row)).div_ceil(across);
+    let inside = places.map(move |place| (place / columns, place % columns));
+    inside.filter(move |&(row, column)| column <= intervals(row)).map(move |(row, column)| {
+        let height = row as f32 / across as f32;
+        let part = column as f32 / intervals(row).max(1) as f32;
+        let node = Vec3::new(height, (1.0 - height) * (1.0 - part), (1.0 - height) * part);
         node * (1.0 - 3.0 * INSET) + INSET
     })
 }
