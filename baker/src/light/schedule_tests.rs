@@ -352,7 +352,7 @@ fn groups_that_are_not_baked_switch_nothing() {
     };
     let extras =
         |groups: &[Group]| hours(groups).into_iter().filter(|hour| hour.fract() != 0.0).collect::<Vec<_>>();
-    assert_eq!(extras(&[left.clone()]), [0.0; 0]);
+    assert_eq!(extras(std::slice::from_ref(&left)), [0.0; 0]);
     assert_eq!(extras(&[left.clone(), indirect.clone()]), extras(&[indirect]));
     assert_eq!(switches_outside(&parse_hours("12").unwrap(), &[left]), [0.0; 0]);
 }
