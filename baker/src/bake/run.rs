@@ -19,6 +19,7 @@ use super::tracer::Tracer;
 use super::views;
 use super::work::WorkFolder;
 use crate::atlas::Atlas;
+use crate::scene::Baked;
 use crate::surface::FaceBins;
 use crate::trace::walk::Transport;
 use crate::{Error, Result};
@@ -169,6 +170,15 @@ fn manifest(
     settings: serde_json::Value,
 ) -> Config {
     let Prepared { scene, .. } = prepared;
+    // A group that is left to the game switches nothing here.
+    let is_baked = |group: usize| scene.groups[group].baked != Baked::None;
+    let mut sets = stored.sets;
+    for set in &mut sets {
+        let groups_on = set.groups_on.iter().enumerate().filter(|(group, _)| is_baked(*group));
+        set.groups_on = groups_on.map(|(_, on)| *on).collect();
+    }
+    let groups = scene.groups.iter().zip(stored.groups).enumerate();
+    let groups = groups.filter(|(index, _)| is_baked(*index)).map(|(_, of)| group(of)).collect();
     Config {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -179,8 +189,8 @@ fn manifest(
         inputs: inputs.to_owned(),
         samples: traced.samples().unwrap_or(prepared.limits.samples),
         pages: stored.pages,
-        groups: scene.groups.iter().zip(stored.groups).map(group).collect(),
-        sets: stored.sets,
+        groups,
+        sets,
         noise: Some(stored.noise),
         geometry: Some(geometry_file),
         instances: places,

@@ -6,7 +6,7 @@ use crate::bake::charts::Charts;
 use crate::bake::hidden;
 use crate::bake::scene_glb::to_glb;
 use crate::geometry::{self, Geometry, LightmapPlace};
-use crate::scene::{Lightmap, Scene};
+use crate::scene::{Baked, Lightmap, Scene};
 use crate::{Error, Result};
 use dataset::console::Console;
 use dataset::store::{Dataset, MANIFEST, UNFINISHED, WORK};
@@ -56,6 +56,9 @@ pub fn open(
 ) -> Result<Shown> {
     let dataset = Dataset::open(folder)?;
     dataset.expect_moments()?;
+    // What has no texels shows the same part of each light as what has some: `--indirect` is not in the scene file.
+    let baked = |key: &str| Baked::deserialize(&dataset.config.settings[key]).unwrap_or_default();
+    (scene.sun_baked, scene.sky_baked) = (baked("sun_baked"), baked("sky_baked"));
     let Some(atlas) = as_baked(&dataset, &geometry, console)? else {
         return of_dataset(folder, scene_file, scene, dataset, console);
     };

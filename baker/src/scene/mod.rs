@@ -167,7 +167,7 @@ pub struct Sun {
 }
 
 /// Which part of a light the lightmaps hold. What they do not hold is left to the game.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Baked {
     /// What comes straight from the light and what surfaces reflect of it.

@@ -163,8 +163,15 @@ fn what_is_not_baked_is_not_traced() {
         let lines: Vec<_> = places.iter().map(|&place| (place, "baked = \"none\"")).collect();
         bake(&stage, &scene(&lines), "set", Integrator::Cached)
     };
-    let (outcome, _) = none(&["PANEL", "BULB"]);
+    let (outcome, dataset) = none(&["PANEL", "BULB"]);
     assert_eq!((outcome.rays.lamp, outcome.layers.traced), (0, 2));
+    // The game has these groups, the dataset has neither them nor their switches.
+    assert!(dataset.config.groups.is_empty());
+    assert_eq!(outcome.hours, [12.0, 21.0]);
+    let (_, dataset) = none(&["PANEL"]);
+    let names: Vec<_> = dataset.config.groups.iter().map(|group| group.name.as_str()).collect();
+    assert_eq!(names, ["bulb"]);
+    assert!(dataset.config.sets.iter().all(|set| set.groups_on == [20.0 < set.hour && set.hour < 22.0]));
     let (outcome, _) = none(&["SUN"]);
     assert_eq!(outcome.rays.sun, 0);
     let (outcome, dataset) = none(&["SUN", "SKY", "PANEL", "BULB"]);
