@@ -86,8 +86,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         layers.clear()?;
     }
     layers.settle()?;
-    layers.create()?;
-    charts.keep(&out);
+    // (Nothing but time is lost where charts cannot be kept.)
+    if layers.create().is_ok() {
+        charts.keep(&out);
+    }
     let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {
