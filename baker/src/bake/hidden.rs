@@ -90,15 +90,15 @@ pub fn find_in(space: &Space, lightmap: &Lightmap) -> Hidden {
 fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut RayCounts) -> bool {
     let geometry = space.geometry;
     let longest = geometry.longest_edge(triangle as usize);
-    // (A triangle that is a point has 0 ÷ 0, which this makes 0.)
-    let height = (2.0 * geometry.area_f64(triangle as usize) / longest).max(0.0);
+    let height = 2.0 * geometry.area_f64(triangle as usize) / longest;
     let gap = gap.min(GAP_OF_FACE * height) as f32;
     let two_sided = space.material(triangle).two_sided;
     let along = (PER_TEXEL * longest / texel).ceil().max(FEWEST);
     if along > MOST {
         return false;
     }
-    let across = (PER_TEXEL * height / texel).ceil().clamp(FEWEST, along);
+    // (Of a triangle that is a point, or of no texels, that is no number, and `max` passes over it.)
+    let across = (PER_TEXEL * height / texel).ceil().max(FEWEST).min(along);
     let apex = opposite_longest(geometry.corners(triangle as usize));
     lattice(along as u32, across as u32).all(|mut barycentric| {
         barycentric.as_mut().rotate_right(apex);
