@@ -13,6 +13,8 @@ pub mod image;
 pub mod files;
 pub mod lock;
 pub mod tiles;
+pub mod visibility;
+pub mod sun;
 pub mod store;
 pub mod exchange;
 pub mod metrics;

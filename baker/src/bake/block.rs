@@ -27,6 +27,8 @@ pub enum Stream {
     View = 10,
     /// Direct light that only decides how many samples it gets.
     Trial = 12,
+    /// How much of the sun is seen.
+    Visibility = 14,
 }
 
 /// What blocks are worked on with.

@@ -41,7 +41,9 @@ pub struct Texel {
     /// Its index on the page, row by row.
     pub index: u32,
     /// 1 where enough of its probed points are its surface, else 0.
-    pub exposed: u32,
+    pub exposed: u16,
+    /// The probed points that are its surface, a bit each.
+    pub probes: u16,
 }
 
 /// A layer at one texel.
@@ -113,6 +115,11 @@ impl Layers {
             Part::Rest => "layer",
         };
         self.root.join(format!("{}.{extension}", &digest[..32]))
+    }
+
+    /// The folder of the tiles of the sun's visibility that have this digest.
+    pub fn visibility_folder(&self, digest: &str) -> PathBuf {
+        self.root.join(format!("{}.visibility", &digest[..32]))
     }
 
     fn rounds_path(&self, base: &str) -> PathBuf {
@@ -188,24 +195,28 @@ impl Layers {
         Ok(sums)
     }
 
-    fn read_at(&self, digest: &str, part: Part, places: &[usize]) -> Result<Vec<Value>> {
+    /// A part of a layer at some of the texels, by their places among all; no others are read.
+    pub fn read_at(&self, digest: &str, part: Part, places: &[usize]) -> Result<Vec<Value>> {
         let path = self.path(digest, part);
         let file = File::open(&path).map_err(Error::io(&path))?;
         let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
         let texels = length.saturating_sub(CHECKSUM) / size_of::<Stored>();
-        let read = |&place: &usize| {
-            if place >= texels {
+        let mut values = Vec::with_capacity(places.len());
+        // (What stands together is read at once.)
+        for run in places.chunk_by(|a, b| *b == *a + 1) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            if last >= texels {
                 return Err(Error::invalid(
                     path.display(),
-                    format!("holds {texels} texels, not number {place}"),
+                    format!("holds {texels} texels, not number {last}"),
                 ));
             }
-            let mut stored = Stored::zeroed();
-            let bytes = bytemuck::bytes_of_mut(&mut stored);
-            file.read_exact_at(bytes, (place * size_of::<Stored>()) as u64).map_err(Error::io(&path))?;
-            Ok(stored.value())
-        };
-        places.iter().map(read).collect()
+            let mut stored = vec![Stored::zeroed(); run.len()];
+            let bytes = bytemuck::cast_slice_mut(&mut stored);
+            file.read_exact_at(bytes, (first * size_of::<Stored>()) as u64).map_err(Error::io(&path))?;
+            values.extend(stored.into_iter().map(Stored::value));
+        }
+        Ok(values)
     }
 
     /// Writes the layers that were traced, `digests` in their order, and the page's texels. Gives the rays of blocks that had to be
@@ -242,7 +253,8 @@ impl Layers {
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;
-                texels.push(Texel { index, exposed: u32::from(state.is_exposed(i)) });
+                let (exposed, probes) = (u16::from(state.is_exposed(i)), state.probes[i]);
+                texels.push(Texel { index, exposed, probes });
                 for half in 0..2 {
                     state.indirect(i, half, lights, &mut rest[half]);
                     direct[half].fill(Rgb::ZERO);

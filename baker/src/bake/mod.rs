@@ -31,6 +31,7 @@ pub mod options;
 pub mod transfer;
 pub mod hidden;
 pub mod prepare;
+pub mod visibility;
 pub mod views;
 pub mod forecast;
 pub mod folder;

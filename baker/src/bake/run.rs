@@ -100,6 +100,19 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
 
     let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
+    if let Some(course) = &prepared.course {
+        let t = Instant::now();
+        let tx = layers.texels(&base).unwrap_or_default();
+        let all: Vec<usize> = Vec::new();
+        let counts = with_worker(&prepared, &atlas, &all, |worker| {
+            let finder = super::visibility::Finder::new(&prepared, &worker, &layers, &tx, course)?;
+            finder.pages(console, |p, page| {
+                std::fs::write(out.join(format!("page{p}.vis")), &page.visibility).unwrap();
+                Ok(())
+            })
+        })?;
+        eprintln!("VIS {:?} s {:?}", t.elapsed(), counts);
+    }
     let check = options.check.map(|samples| {
         let chosen = choose(assembler.valid_texels(), scene.bake.seed);
         check_layers(&prepared, &atlas, &layers, &chosen, samples, console)

@@ -2,6 +2,7 @@
 
 pub mod schedule;
 pub mod sun;
+pub mod course;
 mod sky_image;
 pub mod harmonics;
 mod sky_model;

@@ -9,6 +9,9 @@ pub struct RayCounts {
     pub walk: u64,
     /// Shadow rays to the sun.
     pub sun: u64,
+    /// Shadow rays to the sun, for its visibility as a function of time.
+    #[serde(default)]
+    pub visibility: u64,
     /// Shadow rays to lamps.
     pub lamp: u64,
     /// Shadow rays to the sky, through portals or at its bright parts.
@@ -26,7 +29,7 @@ pub struct RayCounts {
 impl RayCounts {
     /// Rays of all purposes.
     pub fn rays(&self) -> u64 {
-        self.walk + self.sun + self.lamp + self.sky + self.reflector + self.inside
+        self.walk + self.sun + self.visibility + self.lamp + self.sky + self.reflector + self.inside
     }
 }
 
@@ -34,6 +37,7 @@ impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
         self.walk += other.walk;
         self.sun += other.sun;
+        self.visibility += other.visibility;
         self.lamp += other.lamp;
         self.sky += other.sky;
         self.reflector += other.reflector;

@@ -50,6 +50,11 @@ impl SunLight {
         SunLight { disc, across }
     }
 
+    /// The disc.
+    pub fn disc(&self) -> &SunDisc {
+        &self.disc
+    }
+
     /// Perpendicular irradiance.
     pub fn irradiance(&self) -> Rgb {
         self.disc.irradiance

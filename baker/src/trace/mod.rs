@@ -22,6 +22,7 @@ pub mod counts;
 pub mod space;
 pub mod clear;
 mod pane;
+pub mod watcher;
 pub mod walk;
 pub mod endless;
 pub mod cache;

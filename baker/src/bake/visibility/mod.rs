@@ -1,0 +1,282 @@
+//! The sun's visibility as a function of time, V(texel, t), and the normals that go with it: times the normal's product with the
+//! mean direction towards the sun, times the sun's irradiance, V is the direct light of the sun at any time between the first and the last
+//! hour of a bake.
+//!
+//! At the hours of the bake it is what the layers of direct light hold; between them rays are traced where light moves ([`tile`]). Each tile
+//! is kept beside the layers once it is done: a killed bake goes on after the last one, and a later bake of the same sun traces none.
+
+mod tile;
+
+use super::block::{Stream, Worker};
+use super::json;
+use super::layers::{Layers, Part, Texel};
+use super::prepare::Prepared;
+use super::sealed;
+use crate::light::course::Course;
+use crate::surface::{BLOCK, BlockSurface};
+use crate::trace::counts::RayCounts;
+use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::walk::sun_draw;
+use crate::trace::watcher::Watcher;
+use crate::{Error, Result, Rgb};
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::tiles::{Rect, TILE, tiles};
+use dataset::visibility;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tile::{Suns, Tile};
+
+/// Changes whenever the same scene would give other curves.
+const METHOD: &str = "visibility-1";
+
+/// Points of a texel that look at the sun where they do not all see the same.
+const POINTS: u32 = 32;
+
+/// All texels have the same points at the same places of the disc: an edge that passes over them then shows each the same steps, which takes
+/// few bytes. (It is an index that no texel has.)
+const SAME: u32 = u32::MAX;
+
+/// What a tile's file holds beside the payload: bytes of a normal.
+const NORMAL: usize = 6;
+
+/// The visibility of one page.
+pub struct Page {
+    /// The bytes of its file.
+    pub visibility: Vec<u8>,
+    /// Per texel, the mean of the shading normals there: (component × 32767) rounded; 0 where there is no surface.
+    pub normals: Vec<[i16; 3]>,
+}
+
+/// Where the sun is seen from, over the time that is baked.
+pub struct Finder<'a> {
+    prepared: &'a Prepared,
+    worker: &'a Worker<'a>,
+    layers: &'a Layers,
+    texels: &'a [Texel],
+    course: &'a Course,
+    suns: Suns,
+    /// The level that stands for 1.
+    top: u8,
+    /// The folder of finished tiles.
+    folder: PathBuf,
+    /// What decides them.
+    digest: String,
+}
+
+impl<'a> Finder<'a> {
+    /// Prepares to find the visibility of the sun of `prepared` along `course`; `texels` are the covered ones of the page.
+    pub fn new(
+        prepared: &'a Prepared,
+        worker: &'a Worker<'a>,
+        layers: &'a Layers,
+        texels: &'a [Texel],
+        course: &'a Course,
+    ) -> Result<Self> {
+        let decisive = (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.place, &course.hours);
+        let of_layers = &prepared.digests[..prepared.plan.suns.len()];
+        let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
+        let folder = layers.visibility_folder(&digest);
+        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        dataset::files::remove_stale_temporaries(&folder)?;
+        Ok(Finder {
+            prepared,
+            worker,
+            layers,
+            texels,
+            course,
+            suns: Suns::new(course),
+            top: top(course),
+            folder,
+            digest,
+        })
+    }
+
+    /// The folder of finished tiles, which a later bake may use again.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Finds one page after the other, and what rays that took.
+    pub fn pages(
+        &self,
+        console: &Console,
+        mut each: impl FnMut(usize, Page) -> Result<()>,
+    ) -> Result<RayCounts> {
+        let atlas = self.worker.atlas;
+        let (width, height) = (atlas.width as usize, atlas.page_height as usize);
+        let rects = tiles(width, height, TILE);
+        let progress = console.progress("the sun's visibility", (rects.len() * atlas.pages as usize) as u64);
+        let mut counts = RayCounts::default();
+        for page in 0..atlas.pages as usize {
+            let mut normals = vec![[0; 3]; width * height];
+            let mut payloads = Vec::with_capacity(rects.len());
+            for (number, rect) in rects.iter().enumerate() {
+                stop_if_interrupted()?;
+                let name = format!("{page}-{number}.tile");
+                let (path, label) = (self.folder.join(&name), format!("{}/{name}", self.digest));
+                let texels = rect.width() * rect.height();
+                let kept = sealed::read(&path, &label).and_then(|bytes| Done::from_bytes(&bytes, texels));
+                let done = match kept {
+                    Some(done) => done,
+                    None => {
+                        let (done, rays) = self.tile(rect, page * height)?;
+                        stop_if_interrupted()?;
+                        counts += rays;
+                        sealed::write(&path, &label, &[&done.to_bytes()])?;
+                        done
+                    }
+                };
+                for (i, normal) in done.normals.iter().enumerate() {
+                    let (x, y) = (rect.x0 + i % rect.width(), rect.y0 + i / rect.width());
+                    normals[y * width + x] = *normal;
+                }
+                payloads.push((done.payload, done.channels));
+                progress.advance(1);
+            }
+            let bytes = visibility::to_bytes(
+                [atlas.width, atlas.page_height],
+                self.top,
+                &self.course.hours,
+                &payloads,
+            );
+            each(page, Page { visibility: bytes, normals })?;
+        }
+        Ok(counts)
+    }
+
+    /// Finds one tile, whose page begins at row `top` of the virtual page.
+    fn tile(&self, rect: &Rect, top: usize) -> Result<(Done, RayCounts)> {
+        let mut counts = RayCounts::default();
+        let Places { texels, by_texel } = self.places(rect, top);
+        let surfaces = self.surfaces(rect, top);
+        let watcher = |place: &Option<usize>| {
+            let mut counts = RayCounts::default();
+            let watcher = place.and_then(|place| self.watcher(&surfaces, &self.texels[place], &mut counts));
+            (watcher, counts)
+        };
+        let watchers: Vec<(Option<Watcher>, RayCounts)> =
+            by_texel.par_iter().with_min_len(64).map(watcher).collect();
+        watchers.iter().for_each(|(_, rays)| counts += *rays);
+        let watchers: Vec<Option<Watcher>> = watchers.into_iter().map(|(watcher, _)| watcher).collect();
+        let to_number = |x: f32| (x * f32::from(i16::MAX)).round() as i16;
+        let normal =
+            |w: &Option<Watcher>| w.as_ref().map_or(Vec3::ZERO, |w| w.normal).to_array().map(to_number);
+        let normals = watchers.iter().map(normal).collect();
+        if watchers.iter().all(Option::is_none) {
+            return Ok((Done { payload: Vec::new(), channels: 0, normals }, counts));
+        }
+        let traced = self.traced(&texels, &by_texel)?;
+        let space = &self.worker.transport.space;
+        let tile =
+            Tile { width: rect.width(), watchers, traced, course: self.course, suns: &self.suns, space };
+        let (planes, rays) = tile.planes(self.top);
+        let (payload, channels) = planes.to_payload();
+        Ok((Done { payload, channels, normals }, counts + rays))
+    }
+
+    /// Where the texels of a tile stand among all.
+    fn places(&self, rect: &Rect, top: usize) -> Places {
+        let across = self.worker.atlas.width as usize;
+        let mut by_texel = vec![None; rect.width() * rect.height()];
+        let mut texels = Vec::new();
+        for (place, texel) in self.texels.iter().enumerate().filter(|(_, texel)| texel.exposed == 1) {
+            let (x, y) = (texel.index as usize % across, texel.index as usize / across);
+            if (rect.x0..rect.x1).contains(&x) && (top + rect.y0..top + rect.y1).contains(&y) {
+                by_texel[(y - top - rect.y0) * rect.width() + x - rect.x0] = Some(place);
+                texels.push(place);
+            }
+        }
+        Places { texels, by_texel }
+    }
+
+    /// The blocks that a tile lies in, by their number.
+    fn surfaces(&self, rect: &Rect, top: usize) -> BTreeMap<usize, BlockSurface> {
+        let bins = self.worker.bins;
+        let rows = (top + rect.y0) / BLOCK..(top + rect.y1).div_ceil(BLOCK);
+        let columns = rect.x0 / BLOCK..rect.x1.div_ceil(BLOCK);
+        let blocks = rows.flat_map(|row| columns.clone().map(move |column| row * bins.columns + column));
+        blocks.map(|block| (block, self.worker.surface(block))).collect()
+    }
+
+    fn watcher(
+        &self,
+        surfaces: &BTreeMap<usize, BlockSurface>,
+        texel: &Texel,
+        counts: &mut RayCounts,
+    ) -> Option<Watcher> {
+        let across = self.worker.atlas.width as usize;
+        let (x, y) = (texel.index as usize % across, texel.index as usize / across);
+        let surface = surfaces.get(&self.worker.bins.block_of(x, y))?;
+        let place = (y - surface.y0) * surface.width + x - surface.x0;
+        let sequence = Sequence::new(self.worker.seed, Kind::Texel, SAME, Stream::Visibility as u32);
+        let points = (0..POINTS).map(|i| sequence.sample(i));
+        let points = points.filter_map(|sample| {
+            let at = self.worker.receiver(surface, place, sample, texel.probes, counts)?;
+            Some((at, sun_draw(sample)))
+        });
+        Watcher::new(points.collect())
+    }
+
+    /// Per time of the course, the light that came straight from its sun where a layer holds it, ÷ the sun's irradiance: per texel of a tile.
+    /// (Black where the sun gives none of a colour.)
+    fn traced(&self, texels: &[usize], by_texel: &[Option<usize>]) -> Result<Vec<Option<Vec<Rgb>>>> {
+        let plan = &self.prepared.plan;
+        let of_time = |hour: &f64| {
+            let moment = plan.moments.iter().position(|moment| moment.hour == *hour);
+            let Some(layer) = moment.and_then(|moment| plan.sun_of[moment]) else { return Ok(None) };
+            let light = self.layers.read_at(&self.prepared.digests[layer], Part::Direct, texels)?;
+            let irradiance = plan.suns[layer].irradiance;
+            let brightest = irradiance.max_element();
+            let share = |light: Rgb| {
+                let grey = light.max_element() / brightest;
+                Rgb::from_array(std::array::from_fn(|c| {
+                    if irradiance[c] > 0.0 { light[c] / irradiance[c] } else { grey }
+                }))
+            };
+            let at = |place: &Option<usize>| {
+                let i = place.and_then(|place| texels.binary_search(&place).ok());
+                i.map_or(Rgb::ZERO, |i| share(light[i].mean))
+            };
+            Ok(Some(by_texel.iter().map(at).collect()))
+        };
+        self.course.hours.iter().map(of_time).collect()
+    }
+}
+
+/// The level that stands for 1: between quarters of an hour the line is off by more than eighths are.
+fn top(course: &Course) -> u8 {
+    if course.minutes < 15.0 { 15 } else { 8 }
+}
+
+/// The texels of a tile among all.
+struct Places {
+    /// Ascending.
+    texels: Vec<usize>,
+    /// Row by row.
+    by_texel: Vec<Option<usize>>,
+}
+
+/// A finished tile.
+struct Done {
+    payload: Vec<u8>,
+    channels: u32,
+    normals: Vec<[i16; 3]>,
+}
+
+impl Done {
+    fn to_bytes(&self) -> Vec<u8> {
+        let normals = self.normals.iter().flatten().flat_map(|n| n.to_le_bytes());
+        self.channels.to_le_bytes().into_iter().chain(normals).chain(self.payload.iter().copied()).collect()
+    }
+
+    fn from_bytes(bytes: &[u8], texels: usize) -> Option<Self> {
+        let (channels, rest) = bytes.split_first_chunk()?;
+        let (normals, payload) = rest.split_at_checked(NORMAL * texels)?;
+        let component = |bytes: &[u8]| i16::from_le_bytes([bytes[0], bytes[1]]);
+        let normal = |bytes: &[u8]| [0, 2, 4].map(|i| component(&bytes[i..i + 2]));
+        let normals = normals.chunks_exact(NORMAL).map(normal).collect();
+        Some(Done { payload: payload.to_vec(), channels: u32::from_le_bytes(*channels), normals })
+    }
+}
