@@ -19,6 +19,7 @@ use crate::model::{PROFILES, Profile};
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use crate::{Error, Result};
+use dataset::config::{Layer, Light};
 use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::{expect_writable, write_atomically};
 use dataset::store::Dataset;
@@ -245,11 +246,11 @@ fn standing(out: &Path, header: &Header) -> Standing {
 
 /// Reads every lightmap once, band by band, so that a bad texel or a torn file stops the run before it has trained anything.
 fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
-    let sets = &dataset.config.sets;
+    let sets = &dataset.config.frames;
     let mut seen = BTreeSet::new();
     let maps: Vec<(usize, usize)> = (0..sets.len())
         .flat_map(|set| (0..dataset.config.pages.len()).map(move |page| (set, page)))
-        .filter(|&(set, page)| seen.insert(&sets[set].maps[page].file.path))
+        .filter(|&(set, page)| seen.insert(&sets[set].maps[page].path))
         .collect();
     let progress = console.progress("checking", maps.len() as u64);
     let faults: Vec<Result<()>> = maps
@@ -261,7 +262,7 @@ fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
                 dataset.map_rows(set, page, y, (y + crate::model::STORED).min(height))?;
             }
             // After the texels' check: that says more than "the checksum differs".
-            dataset.check_content(&sets[set].maps[page].file)?;
+            dataset.check_content(&sets[set].maps[page])?;
             progress.advance(1);
             Ok(())
         })
@@ -311,19 +312,21 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
 pub(crate) fn timeline(dataset: &Dataset, coding: Coding) -> Timeline {
     let config = &dataset.config;
     Timeline {
-        hours: config.sets.iter().map(|set| set.hour).collect(),
+        hours: config.frames.iter().map(|set| set.hour).collect(),
         intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
-        states: config.sets.iter().map(|set| set.groups_on.clone()).collect(),
+        states: config.frames.iter().map(|set| set.groups_on.clone()).collect(),
         coding,
     }
 }
 
 /// Digest of the light and of what else decides a tile's training: the layers tell which groups light it.
 fn trained_on(dataset: &Dataset) -> String {
-    let digest = |group: &dataset::config::Group| {
-        group.layers.iter().map(|file| file.blake3.clone()).collect::<Vec<_>>()
+    let config = &dataset.config;
+    let files = |group: u32| {
+        let layers = config.layers_of(Light::Group, Some(group));
+        layers.flat_map(Layer::files).map(|file| file.blake3.clone()).collect::<Vec<_>>()
     };
-    let layers: Vec<_> = dataset.config.groups.iter().map(digest).collect();
+    let layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
     blake3::hash(json!([dataset.config.digest_of_light(), layers]).to_string().as_bytes())
         .to_hex()
         .to_string()

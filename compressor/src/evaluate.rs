@@ -105,7 +105,7 @@ pub fn evaluate(
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let strips = masks.iter().map(strips).collect();
     let lightmaps = Lightmaps { dataset, decoder, noise, masks, strips, looks: measures.looks };
-    let sets = dataset.config.sets.len();
+    let sets = dataset.config.frames.len();
     let progress = console.progress("evaluating", (sets * lightmaps.masks.len()) as u64);
     let mut found = Found::default();
     for set in 0..sets {
@@ -168,7 +168,7 @@ impl Found {
         brightnesses: &mut Brightnesses,
     ) -> Result<(f64, usize)> {
         let (dataset, mask) = (of.dataset, &of.masks[page]);
-        let sets = &dataset.config.sets;
+        let sets = &dataset.config.frames;
         let mut references = References { dataset, set, page, height: mask.height, last: None };
         // The mean first: it is the unit of what follows.
         let (mut sum, mut texels) = (0.0, 0);
@@ -178,7 +178,7 @@ impl Found {
             sum += of_strip.0;
             texels += of_strip.1;
         }
-        dataset.check_content(&sets[set].maps[page].file)?;
+        dataset.check_content(&sets[set].maps[page])?;
         let page_mean = mean_of(sum, texels);
         for rows in &of.strips[page] {
             stop_if_interrupted()?;
@@ -222,7 +222,7 @@ impl Found {
         withheld: Option<&Dataset>,
         console: &Console,
     ) -> Result<Evaluation> {
-        let (bundle, sets, pages) = (decoder.bundle(), &dataset.config.sets, &dataset.config.pages);
+        let (bundle, sets, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
         // The quality over some of the sets.
         let over = |wanted: &dyn Fn(usize) -> bool| Quality {
             dark_relative_error: mean((0..sets.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
@@ -230,7 +230,7 @@ impl Found {
         };
         let over_large = |of: fn(&TileQuality) -> Option<f64>| mean(self.large.iter().filter_map(of));
         let texels: u64 = pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
-        let files = |k: usize| sets[k].maps.iter().map(|map| &map.file.blake3).collect::<Vec<_>>();
+        let files = |k: usize| sets[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
         let mut seen = std::collections::BTreeSet::new();
         let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
         Ok(Evaluation {
@@ -307,7 +307,7 @@ pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
         (
             "sets at the hours",
             hours(header.timeline.hours.clone()),
-            hours(config.sets.iter().map(|set| set.hour).collect()),
+            hours(config.frames.iter().map(|set| set.hour).collect()),
         ),
     ];
     for (what, bundle, of_dataset) in kinds {

@@ -175,7 +175,7 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     section.paragraph(&format!(
         "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour at its own exposure."
     ));
-    let sets = &dataset.config.sets;
+    let sets = &dataset.config.frames;
     let mut shown: Vec<usize> = Vec::new();
     for wanted in SHOWN_HOURS {
         let distance = |k: &usize| {

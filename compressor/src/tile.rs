@@ -6,6 +6,7 @@ use crate::Result;
 use crate::grid::mirrored;
 use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
+use dataset::config::Light;
 use dataset::image::Mask;
 use dataset::store::Dataset;
 use dataset::tiles::Rect;
@@ -143,27 +144,29 @@ impl Band {
     fn read(dataset: &Dataset, mask: &Mask, page: usize, row: usize, rows: Range<usize>) -> Result<Self> {
         let grid = Grid { width: mask.width, height: mask.height };
         let mut read: BTreeMap<&str, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
-        let mut sets = Vec::with_capacity(dataset.config.sets.len());
-        for (k, set) in dataset.config.sets.iter().enumerate() {
-            let path = set.maps[page].file.path.as_str();
+        let mut sets = Vec::with_capacity(dataset.config.frames.len());
+        for (k, set) in dataset.config.frames.iter().enumerate() {
+            let path = set.maps[page].path.as_str();
             let texels = match read.get(path) {
                 Some(texels) => texels.clone(),
                 None => Arc::new(dataset.map_rows(k, page, rows.start, rows.end)?),
             };
             sets.push(read.entry(path).or_insert(texels).clone());
         }
-        let hours = dataset.config.sets.iter().map(|set| set.hour).collect();
+        let hours = dataset.config.frames.iter().map(|set| set.hour).collect();
         let mut groups = Vec::new();
-        for (i, group) in dataset.config.groups.iter().enumerate() {
-            let on: Vec<bool> = dataset.config.sets.iter().map(|set| set.groups_on[i]).collect();
+        let config = &dataset.config;
+        for i in 0..config.groups.len() {
+            let on: Vec<bool> = config.frames.iter().map(|set| set.groups_on[i]).collect();
             // The format counts so many groups as gates.
             if let Ok(group_index) = u16::try_from(i)
                 && on.contains(&true)
                 && on.contains(&false)
             {
-                let layer = group.layers.get(page);
+                let files = config.files_of(Light::Group, Some(i as u32), 0, page);
+                let is_kept = config.layers_of(Light::Group, Some(i as u32)).next().is_some();
                 let layer =
-                    layer.map(|file| dataset.image_rows(file, page, rows.start, rows.end)).transpose()?;
+                    is_kept.then(|| dataset.sum_rows(&files, page, rows.start, rows.end)).transpose()?;
                 groups.push((Gate { group: group_index, on }, layer));
             }
         }

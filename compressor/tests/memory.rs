@@ -1,6 +1,6 @@
 //! The largest page there is room for goes through `compress` and `evaluate` in bounded memory.
 
-use dataset::config::{Config, FORMAT, Map, Page, Set, VERSION};
+use dataset::config::{Config, FORMAT, Frame, Page, VERSION};
 use dataset::image::{Mask, exr_of};
 use dataset::store::Writer;
 use std::ops::Range;
@@ -42,10 +42,10 @@ fn write(root: &Path) {
             islands(y, |columns| columns.for_each(|x| row[x] = light(x, y, k)));
         };
         let file = writer.add(&format!("map-{k}"), "exr", &exr_of(SIDE, SIDE, fill)).unwrap();
-        let maps = vec![Map { file, sun: None, sky: None, local: None }];
-        Set { hour: k as f64 * 24.0 / SETS as f64, groups_on: vec![], relative_error: None, maps }
+        let maps = vec![file];
+        Frame { hour: k as f64 * 24.0 / SETS as f64, groups_on: vec![], relative_error: None, maps }
     };
-    let sets = (0..SETS).map(&mut set).collect();
+    let frames = (0..SETS).map(&mut set).collect();
     let config = Config {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -56,9 +56,12 @@ fn write(root: &Path) {
         seed: 1,
         inputs: "0".repeat(64),
         samples: 1,
-        pages: vec![Page { width: SIDE as u32, height: SIDE as u32, mask }],
+        pages: vec![Page::atlas(SIDE as u32, SIDE as u32, mask)],
+        sun: None,
+        sky: None,
         groups: vec![],
-        sets,
+        layers: vec![],
+        frames,
         noise: None,
         geometry: None,
         settings: serde_json::json!({}),

@@ -7,7 +7,9 @@ use compressor::bundle::Bundle;
 use compressor::compress::Options;
 use compressor::decode::Decoder;
 use compressor::run::compress_and_judge;
-use dataset::config::{Config, FORMAT, Group, Instance, Map, Noise, Page, Set, VERSION};
+use dataset::config::{
+    Baked, Config, Daylight, FORMAT, Frame, Group, Instance, Layer, Light, Noise, Page, Part, VERSION,
+};
 use dataset::console::Console;
 use dataset::image::{Image, Mask};
 use dataset::report::preview;
@@ -35,17 +37,22 @@ fn pages() -> Vec<(Mask, Look)> {
 fn write(root: &Path) {
     let (mut writer, scene) = (Writer::create(root).unwrap(), islands());
     let (lamp, black) = (scene.image(0.0, true), Image::black(150, 140));
-    let mut layers = Vec::new();
+    let (mut of_lamp, mut of_sky) = (vec![Vec::new()], vec![Vec::new(); HOURS.len()]);
     let mut all = Vec::new();
-    let mut sets: Vec<Set> = HOURS
-        .map(|hour| Set { hour, groups_on: vec![lamp_is_on(hour)], relative_error: Some(0.01), maps: vec![] })
+    let mut frames: Vec<Frame> = HOURS
+        .map(|hour| Frame {
+            hour,
+            groups_on: vec![lamp_is_on(hour)],
+            relative_error: Some(0.01),
+            maps: vec![],
+        })
         .into();
     for (page, (mask, look)) in pages().into_iter().enumerate() {
         let mask = writer.add(&format!("mask{page}"), "png", &mask.to_png()).unwrap();
-        all.push(Page { width: 150, height: 140, mask });
+        all.push(Page::atlas(150, 140, mask));
         let lamp = look(&lamp);
-        layers.push(writer.add(&format!("lamp-{page}"), "exr", &lamp.to_exr()).unwrap());
-        for set in &mut sets {
+        of_lamp[0].push(Some(writer.add(&format!("lamp-{page}"), "exr", &lamp.to_exr()).unwrap()));
+        for (set, of_sky) in frames.iter_mut().zip(&mut of_sky) {
             let sky = look(&scene.image(set.hour, false));
             let local = if set.groups_on[0] { &lamp } else { &black };
             let texels = sky.texels.iter().zip(&local.texels);
@@ -53,13 +60,13 @@ fn write(root: &Path) {
             let mut add = |stem: &str, image: &Image| {
                 writer.add(&format!("{stem}-{}-{page}", set.hour), "exr", &image.to_exr()).unwrap()
             };
-            let file = add("set", &Image { texels, ..sky });
-            set.maps.push(Map { file, sun: None, sky: Some(add("sky", &sky)), local: None });
+            set.maps.push(add("frame", &Image { texels, ..sky }));
+            of_sky.push(Some(add("sky", &sky)));
         }
     }
     // Tiles of the pages have errors of their own.
     let mse = (0..3).map(|page| vec![1e-6 * f64::from(page + 1); 4]).collect();
-    let noise = Noise { tile: 128, mse: vec![mse; sets.len()] };
+    let noise = Noise { tile: 128, mse: vec![mse; frames.len()] };
     let noise = writer.add("noise", "json", &serde_json::to_vec(&noise).unwrap()).unwrap();
     let instance = |page| Instance { name: format!("isle {page}"), page, scale: [1.0; 2], offset: [0.0; 2] };
     let config = Config {
@@ -73,8 +80,14 @@ fn write(root: &Path) {
         inputs: "0".repeat(64),
         samples: 1,
         pages: all,
-        groups: vec![Group { name: "lamp".to_owned(), on: vec![[18.0, 6.0]], layers }],
-        sets,
+        sun: None,
+        sky: Some(Daylight { baked: Baked::All }),
+        groups: vec![Group { name: "lamp".to_owned(), on: vec![[18.0, 6.0]], baked: Baked::All }],
+        layers: vec![
+            Layer { light: Light::Sky, group: None, part: Part::All, files: of_sky },
+            Layer { light: Light::Group, group: Some(0), part: Part::All, files: of_lamp },
+        ],
+        frames,
         noise: Some(noise),
         geometry: None,
         settings: serde_json::json!({}),
@@ -153,8 +166,9 @@ fn every_page_comes_back_as_itself() {
     let mut config = dataset.config.clone();
     config.pages.pop();
     config.instances.pop();
-    config.sets.iter_mut().for_each(|set| drop(set.maps.pop()));
-    config.groups.iter_mut().for_each(|group| drop(group.layers.pop()));
+    config.frames.iter_mut().for_each(|set| drop(set.maps.pop()));
+    let rows = config.layers.iter_mut().flat_map(|layer| &mut layer.files);
+    rows.for_each(|row| drop(row.pop()));
     config.noise = None;
     std::fs::write(root.join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
     let fewer = Dataset::open(&root).unwrap();

@@ -285,7 +285,7 @@ fn a_bad_texel_is_refused_and_nothing_overwritten() {
     // A torn file likewise.
     islands().write(folder.path());
     let dataset = Dataset::open(folder.path()).unwrap();
-    let map = dataset.path(&dataset.config.sets[3].maps[0].file);
+    let map = dataset.path(&dataset.config.frames[3].maps[0]);
     let mut bytes = fs::read(&map).unwrap();
     bytes.truncate(bytes.len() / 2);
     fs::write(&map, bytes).unwrap();

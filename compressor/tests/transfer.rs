@@ -4,7 +4,7 @@ mod common;
 
 use common::{Scene, lamp_is_on};
 use compressor::compress::{Options, compress};
-use dataset::config::{Config, Transfer, TransferLight, TransferPart};
+use dataset::config::{Config, Layer, Light, Part, Transfer, TransferLight, TransferPart};
 use dataset::console::Console;
 use dataset::image::Image;
 use dataset::store::{Dataset, Writer};
@@ -70,7 +70,11 @@ fn write(folder: &Path) {
     let scene = scene();
     scene.write(&folder.join("set"));
     change(&folder.join("set"), |config, writer| {
-        config.groups[0].layers = vec![writer.add("lamp", "exr", &image(SIZE, 3).to_exr()).unwrap()];
+        let file = writer.add("lamp", "exr", &image(SIZE, 3).to_exr()).unwrap();
+        // What surfaces reflect of it is black.
+        config.layers = [(Part::Direct, Some(file)), (Part::Indirect, None)]
+            .map(|(part, file)| Layer { light: Light::Group, group: Some(0), part, files: vec![vec![file]] })
+            .into();
     });
     let parts = [(0, false), (1, false), (1, true)];
     let hours = vec![0.0, 0.5, 1.0];
@@ -78,9 +82,9 @@ fn write(folder: &Path) {
     Scene { hours, valid: |x, y| (x + y) % 5 > 0 && !is_dark(x, y), ..scene }.write(&root);
     change(&root, |config, writer| {
         config.groups.clear();
-        for (source, set) in config.sets.iter_mut().enumerate() {
+        for (source, set) in config.frames.iter_mut().enumerate() {
             set.groups_on.clear();
-            set.maps[0].file = writer.add("part", "exr", &image(SIZE, source).to_exr()).unwrap();
+            set.maps[0] = writer.add("part", "exr", &image(SIZE, source).to_exr()).unwrap();
         }
         let light = |hour: &f64| TransferLight { hour: *hour, coefficients: coefficients(*hour).to_vec() };
         config.scene = "isles-transfer".to_owned();
@@ -155,7 +159,7 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
         &["set: holds no transfer", "the `bake` of the scene isles makes with --transfer"],
     );
     refused(&["--transfer", "transfer", "--ablations"], &["--ablations"]);
-    change(&set, |config, _| config.groups[0].layers.clear());
+    change(&set, |config, _| config.layers.clear());
     refused(with, &["set: keeps no layer of the light group \"lamp\""]);
     // A page of another size.
     let size = [20, 16];
@@ -164,8 +168,8 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     change(&transfer, |config, writer| {
         config.pages[0].height = 16;
         config.pages[0].mask = writer.add("mask", "png", &scene.mask().to_png()).unwrap();
-        for (source, set) in config.sets.iter_mut().enumerate() {
-            set.maps[0].file = writer.add("part", "exr", &image(size, source).to_exr()).unwrap();
+        for (source, set) in config.frames.iter_mut().enumerate() {
+            set.maps[0] = writer.add("part", "exr", &image(size, source).to_exr()).unwrap();
         }
     });
     refused(with, &["transfer: pages of 20×16; set has 20×12", "bake both alike"]);

@@ -1,37 +1,53 @@
 #!/usr/bin/env python3
-"""Reads temporal lightmap sets.  pip install numpy OpenEXR
+"""Reads temporal lightmap datasets, versions 1 and 2 of the format.  pip install numpy OpenEXR
 
     read_dataset.py yard --hour 12 --out noon.npy                 # a lightmap: height x width x 3, float32
     read_dataset.py yard --hour 12 --layer sun --page 0 --out x.npy
 
-As a module: s = Set('yard'); s.hours; s.light(12); s.layer('sun', 12); s.layer('porch', 21); s.mask()
+As a module: s = Dataset('yard'); s.hours; s.light(12); s.layer('sun', 12); s.layer('porch', 21); s.mask(); where the parts of a light
+are kept apart, s.layer('sun', 12, part='direct'), or 'indirect'
 """
 import argparse, json, pathlib, struct, sys, zlib, numpy as np, OpenEXR
 
-class Set:
+class Dataset:
     def __init__(self, folder):
         self.root = pathlib.Path(folder)
         layers = self.root / 'layers.json'  # in releases: what config.json says, and the layers
         self.config = json.loads((layers if layers.exists() else self.root / 'config.json').read_text('utf-8'))
-        if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] != 1:
-            raise ValueError('not a temporal lightmap set of version 1')
-        self.hours = [entry['hour'] for entry in self.config['sets']]
+        if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] not in (1, 2):
+            raise ValueError('not a temporal lightmap dataset of version 1 or 2')
+        self.frames = self.config['frames' if self.config['version'] == 2 else 'sets']
+        self.hours = [frame['hour'] for frame in self.frames]
     def data(self, file):
         data = (self.root / file['path']).read_bytes()
         if len(data) != file['bytes']:
             raise ValueError(f"{file['path']}: {len(data)} bytes; expected {file['bytes']}")
         return data
+    def files(self, name, frame, page, part):
+        """The files whose sum is a light in a frame, those that are black left out."""
+        names, config = [group['name'] for group in self.config['groups']], self.config
+        if name in names and not self.frames[frame]['groups_on'][names.index(name)]:
+            return []
+        if config['version'] == 1:  # one layer per light
+            entry = self.frames[frame]['maps'][page]
+            own = config['groups'][names.index(name)]['layers'][page:page + 1] if name in names else [entry.get(name)]
+            return [file for file in own if file and part in (None, 'all')]
+        if name == 'file':
+            return [self.frames[frame]['maps'][page]]
+        light = ('group', names.index(name)) if name in names else ('lamps' if name == 'local' else name, None)
+        layers = [each for each in config['layers'] if (each['light'], each['group']) == light and part in (None, each['part'])]
+        files = [each['files'][0 if name in names else frame][page] for each in layers]
+        return [file for file in files if file]
     def light(self, hour, page=0): return self.layer('file', hour, page)
-    def layer(self, name, hour, page=0):
-        """'sun', 'sky', a light group, or 'local', the lamps of imported sets. Black where it does not shine."""
-        entry, size = self.config['sets'][self.hours.index(hour)], self.config['pages'][page]
-        groups = {g['name']: g['layers'][page:] * on for g, on in zip(self.config['groups'], entry['groups_on'])}
-        file = (groups[name] + [None])[0] if name in groups else entry['maps'][page].get(name)
-        if file is None:
-            return np.zeros((size['height'], size['width'], 3), np.float32)
-        self.data(file)
-        with OpenEXR.File(str(self.root / file['path'])) as exr:
-            return np.asarray(exr.channels()['RGB'].pixels, np.float32)
+    def layer(self, name, hour, page=0, part=None):
+        """'sun', 'sky', a light group, or 'local', the lamps of imported datasets. Black where it does not shine."""
+        size = self.config['pages'][page]
+        light = np.zeros((size['height'], size['width'], 3), np.float32)
+        for file in self.files(name, self.hours.index(hour), page, part):
+            self.data(file)
+            with OpenEXR.File(str(self.root / file['path'])) as exr:
+                light = light + np.asarray(exr.channels()['RGB'].pixels, np.float32)
+        return light
     def mask(self, page=0):
         """True on surfaces. An 8-bit grey PNG: zipped rows, in front of each the number of its filter."""
         data, at, packed = self.data(self.config['pages'][page]['mask']), 8, b''
@@ -55,6 +71,6 @@ if __name__ == '__main__':
         args.add_argument(name, **kind)
     args = args.parse_args()
     try:
-        np.save(args.out, Set(args.folder).layer(args.layer, args.hour, args.page))
+        np.save(args.out, Dataset(args.folder).layer(args.layer, args.hour, args.page))
     except (ValueError, OSError, LookupError) as problem:
         sys.exit(f'{args.folder}: {problem}')

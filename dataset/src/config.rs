@@ -1,12 +1,17 @@
-//! `config.json`: the manifest of a temporal set.
+//! `config.json`: the manifest of a dataset.
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+mod layers;
+pub(crate) mod version1;
+
+pub use layers::{Baked, Daylight, Layer, Light, Part};
+
 /// The value of [`Config::format`].
 pub const FORMAT: &str = "temporal-lightmaps";
-/// The version of the format this crate writes; readers refuse newer ones.
-pub const VERSION: u32 = 1;
+/// The version of the format this crate writes; it reads this and version 1, and refuses newer ones.
+pub const VERSION: u32 = 2;
 
 /// The manifest. Everything in it is reproducible: timings stand in `run.json`. All keys are always there, those of `None` as
 /// `null` (`deserialize_with` makes serde insist on them).
@@ -15,7 +20,7 @@ pub const VERSION: u32 = 1;
 pub struct Config {
     /// Always [`FORMAT`].
     pub format: String,
-    /// At most [`VERSION`].
+    /// Always [`VERSION`]: what is read from a manifest of version 1 is told in the words of this one.
     pub version: u32,
     /// The scene's name, a single path component.
     pub scene: String,
@@ -33,11 +38,19 @@ pub struct Config {
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,
+    /// The sun; `None` where the scene has none, or the writer does not know of it.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub sun: Option<Daylight>,
+    /// The sky, in the same way.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub sky: Option<Daylight>,
     /// The light groups, in the order their layers are summed.
     pub groups: Vec<Group>,
-    /// The sets, by ascending hour.
-    pub sets: Vec<Set>,
-    /// Estimated sampling error per tile and set, where the writer knows it: a [`Noise`] file.
+    /// The shares of each light: sun, sky, groups in their order, lamps; of each direct before indirect. Empty when layers are not kept.
+    pub layers: Vec<Layer>,
+    /// The frames, by ascending hour.
+    pub frames: Vec<Frame>,
+    /// Estimated sampling error per tile and frame, where the writer knows it: a [`Noise`] file.
     #[serde(deserialize_with = "Option::deserialize")]
     pub noise: Option<FileRef>,
     /// The geometry with its lightmap coordinates (glTF binary).
@@ -51,28 +64,29 @@ pub struct Config {
     /// Where an imported set comes from. Only imported sets have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Source>,
-    /// What makes the sets a scene's transfer. Only transfers have the key.
+    /// What makes the frames a scene's transfer. Only transfers have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
 }
 
 impl Config {
     /// Digest of the light itself, by which a bundle tells what it was made from: hours, schedules, and the content of masks and lightmaps.
+    /// Equal light has the same digest in every version of the format.
     pub fn digest_of_light(&self) -> String {
         let pages: Vec<_> =
             self.pages.iter().map(|page| json!([page.width, page.height, page.mask.blake3])).collect();
         let groups: Vec<_> = self.groups.iter().map(|group| json!([group.name, group.on])).collect();
-        let set = |set: &Set| {
-            let maps: Vec<_> = set.maps.iter().map(|map| &map.file.blake3).collect();
-            json!([set.hour, set.groups_on, maps])
+        let frame = |frame: &Frame| {
+            let maps: Vec<_> = frame.maps.iter().map(|map| &map.blake3).collect();
+            json!([frame.hour, frame.groups_on, maps])
         };
-        let sets: Vec<_> = self.sets.iter().map(set).collect();
-        let all = json!([self.scene, pages, groups, sets]).to_string();
+        let frames: Vec<_> = self.frames.iter().map(frame).collect();
+        let all = json!([self.scene, pages, groups, frames]).to_string();
         blake3::hash(all.as_bytes()).to_hex().to_string()
     }
 }
 
-/// A scene's transfer: each set is the irradiance under one part of a spherical harmonic as the sky, and the scene's own daylight
+/// A scene's transfer: each frame is the irradiance under one part of a spherical harmonic as the sky, and the scene's own daylight
 /// is about a sum of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -81,7 +95,7 @@ pub struct Transfer {
     pub scene: String,
     /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the set that it goes with.
     pub inputs: String,
-    /// Per set, the light that it shows.
+    /// Per frame, the light that it shows.
     pub parts: Vec<TransferPart>,
     /// The scene's sky and sun at its moments, by ascending hour.
     pub light: Vec<TransferLight>,
@@ -144,16 +158,33 @@ impl Layout {
     }
 }
 
+/// What a page holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PageKind {
+    /// The charts of surfaces.
+    Atlas,
+}
+
 /// One page: an independent lightmap image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Page {
+    /// What it holds.
+    pub kind: PageKind,
     /// Width in texels, at least 1.
     pub width: u32,
     /// Height in texels, at least 1.
     pub height: u32,
     /// The validity mask: 8-bit grey PNG, 255 where a texel is valid: surface that light reaches; 0 elsewhere.
     pub mask: FileRef,
+}
+
+impl Page {
+    /// An atlas page of this size in texels.
+    pub fn atlas(width: u32, height: u32, mask: FileRef) -> Self {
+        Page { kind: PageKind::Atlas, width, height, mask }
+    }
 }
 
 /// The place of one instance's lightmap: `page coordinates = scale × TEXCOORD_1 + offset`, per axis, where TEXCOORD_1 is that of
@@ -180,8 +211,8 @@ pub struct Group {
     pub name: String,
     /// Open on-intervals `[from, to]` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
     pub on: Vec<[f64; 2]>,
-    /// The group's light as if it were always on, one map per page; empty when layers are not kept.
-    pub layers: Vec<FileRef>,
+    /// Which part of its light the lightmaps hold.
+    pub baked: Baked,
 }
 
 impl Group {
@@ -211,38 +242,21 @@ impl Group {
     }
 }
 
-/// All lightmaps of one moment.
+/// All lightmaps of one time of day. Where layers are kept, each is `(sun + sky) + local` in float32, bit for bit: `sun` is direct +
+/// indirect, `local` the sum of the lights of the groups that are on, in order, starting from zero, each direct + indirect. In imported
+/// datasets `local` is the layer of the lamps, and the sum holds about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Set {
-    /// The moment, in hours, 0 ≤ hour < 24.
+pub struct Frame {
+    /// The time, in hours, 0 ≤ hour < 24.
     pub hour: f64,
     /// For each group of [`Config::groups`], whether it is on.
     pub groups_on: Vec<bool>,
-    /// Estimated relative error of the set (root of the mean squared standard error over valid texels ÷ their mean).
+    /// Estimated relative error of the frame (root of the mean squared standard error over valid texels ÷ their mean).
     #[serde(deserialize_with = "Option::deserialize")]
     pub relative_error: Option<f64>,
-    /// One entry per page.
-    pub maps: Vec<Map>,
-}
-
-/// The lightmap of one set on one page. `file = (sun + sky) + local` in float32, bit for bit, where the layers are kept;
-/// `local` is the sum of the layers of the groups that are on, in order, starting from zero. In imported sets it is
-/// [`Map::local`], and the sum holds about.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Map {
-    /// RGB float32 EXR, linear Rec. 709 irradiance.
-    pub file: FileRef,
-    /// The sun's share; `None` when the sun does not shine or layers are not kept.
-    #[serde(deserialize_with = "Option::deserialize")]
-    pub sun: Option<FileRef>,
-    /// The sky's share; `None` when the sky is black or layers are not kept.
-    #[serde(deserialize_with = "Option::deserialize")]
-    pub sky: Option<FileRef>,
-    /// The lamps' share, in imported sets that have layers; `None` when it is black. Only such maps have the key.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub local: Option<FileRef>,
+    /// One lightmap per page: RGB float32 EXR, linear Rec. 709 irradiance.
+    pub maps: Vec<FileRef>,
 }
 
 /// A file of the dataset. Identical content is stored once, so several entries may name one file.
@@ -263,6 +277,6 @@ pub struct FileRef {
 pub struct Noise {
     /// Side of the tiles in texels (128), tiles counted row by row from texel (0, 0).
     pub tile: u32,
-    /// `mse[set][page][tile]`: mean over the tile's valid texels and channels of the squared standard error.
+    /// `mse[frame][page][tile]`: mean over the tile's valid texels and channels of the squared standard error.
     pub mse: Vec<Vec<Vec<f64>>>,
 }

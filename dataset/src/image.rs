@@ -112,6 +112,13 @@ pub(crate) fn refuse_texels(
     Err(Error::invalid(place, what))
 }
 
+/// Adds texels to others, channel by channel in float32.
+pub(crate) fn add(sum: &mut [[f32; 3]], addend: &[[f32; 3]]) {
+    for (sum, addend) in sum.iter_mut().zip(addend) {
+        *sum = std::array::from_fn(|channel| sum[channel] + addend[channel]);
+    }
+}
+
 impl Mask {
     /// The mask as the bytes of an 8-bit grey PNG: 255 valid, 0 not.
     ///

@@ -1,6 +1,7 @@
 //! A dataset folder: the writer that fills it, the reader that opens it.
 
-use crate::config::{Config, FileRef, Noise};
+use crate::config::version1::Config1;
+use crate::config::{Config, FileRef, Light, Noise, VERSION};
 use crate::console::count;
 use crate::image::{self, Image, Mask};
 use crate::tiles::{TILE, grid};
@@ -13,7 +14,7 @@ mod check;
 mod stage;
 mod verify;
 
-pub(crate) use check::{is_component, layers_kept, references};
+pub(crate) use check::{is_component, references};
 pub(crate) use stage::Staged;
 pub use verify::Verification;
 pub(crate) use verify::about_equal;
@@ -169,23 +170,43 @@ fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
     }
 }
 
-/// Reads a manifest, and gives everything in it that breaks a rule; `place` names it in errors.
+/// Reads a manifest of any version, and gives everything in it that breaks a rule; `place` names it in errors.
 ///
 /// # Errors
 /// `Unsupported` for a version of the future, `Invalid` for what is no manifest.
 pub fn parse_config(place: &Path, bytes: &[u8]) -> Result<(Config, Vec<Error>)> {
-    // The version decides how the rest reads, so it is looked at first.
-    let value = parse_manifest(place, bytes)?;
-    if let Some(version) = value.get("version").and_then(serde_json::Value::as_u64)
-        && version > u64::from(crate::config::VERSION)
-    {
-        let known = crate::config::VERSION;
-        let what = format!("format version {version}; this program reads up to {known}: use a newer one");
-        return Err(Error::unsupported(place.display(), what));
-    }
-    let config: Config = serde_json::from_slice(bytes).map_err(|error| json_error(place, &error))?;
+    let (config, _) = parse(place, bytes)?;
     let faults = check::faults(place, &config);
     Ok((config, faults))
+}
+
+/// A manifest, and the version in which it stands there.
+fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
+    // The version decides how the rest reads, so it is looked at first.
+    let value = parse_manifest(place, bytes)?;
+    let unsupported = |what: String| Err(Error::unsupported(place.display(), what));
+    let version = value.get("version").and_then(serde_json::Value::as_u64);
+    let config = match version {
+        Some(version) if version > u64::from(VERSION) => {
+            return unsupported(format!(
+                "format version {version}; this program reads up to {VERSION}: use a newer one"
+            ));
+        }
+        Some(1) => serde_json::from_slice(bytes).map(Config1::upgrade),
+        _ => match (0..)
+            .zip(value["pages"].as_array().into_iter().flatten())
+            .find(|(_, p)| p["kind"] == "probes")
+        {
+            Some((page, _)) => {
+                return unsupported(format!(
+                    "page {page}: kind is \"probes\"; this program reads pages of the kind \"atlas\" alone: use a newer one"
+                ));
+            }
+            None => serde_json::from_slice(bytes),
+        },
+    };
+    let config = config.map_err(|error| json_error(place, &error))?;
+    Ok((config, version.map_or(0, |version| version as u32)))
 }
 
 /// A syntax or type error of a JSON file, with its line.
@@ -224,10 +245,12 @@ pub struct Dataset {
     pub root: PathBuf,
     /// Its manifest, checked for consistency (versions, counts, hours sorted, paths inside the folder).
     pub config: Config,
+    /// The version of the format in which the manifest stands on disk.
+    pub version: u32,
 }
 
 impl Dataset {
-    /// Reads and checks `config.json`, and that the files it names are there with the lengths it states.
+    /// Reads and checks `config.json` of any version, and that the files it names are there with the lengths it states.
     pub fn open(root: &Path) -> Result<Self> {
         let dataset = Self::open_manifest(root)?;
         check::files(root, &dataset.config)?;
@@ -256,8 +279,9 @@ impl Dataset {
             let what = format!("not a temporal lightmap set: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }
-        let (config, faults) = parse_config(&manifest, &read(&manifest)?)?;
-        Ok((Dataset { root: root.to_owned(), config }, faults))
+        let (config, version) = parse(&manifest, &read(&manifest)?)?;
+        let faults = check::faults(&manifest, &config);
+        Ok((Dataset { root: root.to_owned(), config, version }, faults))
     }
 
     /// Every reference to a file, in the manifest's order; one file may come several times.
@@ -283,13 +307,13 @@ impl Dataset {
         Ok(mask)
     }
 
-    /// The lightmap of a set on a page: size and checksum checked; non-finite or negative texels are an error with file,
+    /// The lightmap of a frame on a page: size and checksum checked; non-finite or negative texels are an error with file,
     /// (x, y), channel, value.
     ///
     /// # Panics
-    /// If `set` or `page` is not below the number of sets or pages.
-    pub fn map(&self, set: usize, page: usize) -> Result<Image> {
-        self.image(&self.config.sets[set].maps[page].file, page)
+    /// If `frame` or `page` is not below the number of frames or pages.
+    pub fn map(&self, frame: usize, page: usize) -> Result<Image> {
+        self.image(&self.config.frames[frame].maps[page], page)
     }
 
     /// An EXR file of a page, such as a layer, with the checks of [`Dataset::map`].
@@ -312,9 +336,9 @@ impl Dataset {
     /// height.
     ///
     /// # Panics
-    /// If `set` or `page` is not below the number of sets or pages.
-    pub fn map_rows(&self, set: usize, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
-        self.image_rows(&self.config.sets[set].maps[page].file, page, y0, y1)
+    /// If `frame` or `page` is not below the number of frames or pages.
+    pub fn map_rows(&self, frame: usize, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+        self.image_rows(&self.config.frames[frame].maps[page], page, y0, y1)
     }
 
     /// Rows `y0 .. y1` of [`Dataset::image`], with the checks of [`Dataset::map_rows`]; an error if they do not lie inside
@@ -333,6 +357,36 @@ impl Dataset {
         Ok(texels)
     }
 
+    /// The light that the lightmap of a frame on a page holds of one light: the sum of its layers, with the checks of [`Dataset::map`].
+    /// Black also where layers are not kept.
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn light(&self, light: Light, group: Option<u32>, frame: usize, page: usize) -> Result<Image> {
+        let files = self.config.files_of(light, group, frame, page);
+        let (width, height) =
+            (self.config.pages[page].width as usize, self.config.pages[page].height as usize);
+        let texels = self.sum_rows(&files, page, 0, height)?;
+        files.into_iter().try_for_each(|file| self.check_content(file))?;
+        Ok(Image { width, height, texels })
+    }
+
+    /// Rows `y0 .. y1` of the sum of images in their order, with the checks of [`Dataset::map_rows`]; one alone keeps every bit, none
+    /// is black.
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn sum_rows(&self, files: &[&FileRef], page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+        let Some((first, others)) = files.split_first() else {
+            return Ok(vec![[0.0; 3]; self.config.pages[page].width as usize * (y1 - y0)]);
+        };
+        let mut sum = self.image_rows(first, page, y0, y1)?;
+        for file in others {
+            image::add(&mut sum, &self.image_rows(file, page, y0, y1)?);
+        }
+        Ok(sum)
+    }
+
     /// The sampling error per tile, where known.
     pub fn noise(&self) -> Result<Option<Noise>> {
         let Some(file) = &self.config.noise else { return Ok(None) };
@@ -346,13 +400,17 @@ impl Dataset {
             ));
         }
         let wrong = |what: String| Err(Error::invalid(path.display(), what));
-        if noise.mse.len() != self.config.sets.len() {
-            return wrong(format!("{}; expected {}", count(noise.mse.len(), "set"), self.config.sets.len()));
+        if noise.mse.len() != self.config.frames.len() {
+            return wrong(format!(
+                "{}; expected {}",
+                count(noise.mse.len(), "frame"),
+                self.config.frames.len()
+            ));
         }
-        for (set, pages) in noise.mse.iter().enumerate() {
+        for (frame, pages) in noise.mse.iter().enumerate() {
             if pages.len() != self.config.pages.len() {
                 return wrong(format!(
-                    "set {set}: {}; expected {}",
+                    "frame {frame}: {}; expected {}",
                     count(pages.len(), "page"),
                     self.config.pages.len()
                 ));
@@ -361,14 +419,14 @@ impl Dataset {
                 let (across, down) = grid(page.width as usize, page.height as usize, TILE);
                 if tiles.len() != across * down {
                     return wrong(format!(
-                        "set {set}, page {index}: {}; expected {}",
+                        "frame {frame}, page {index}: {}; expected {}",
                         count(tiles.len(), "tile"),
                         across * down
                     ));
                 }
                 if let Some(tile) = tiles.iter().position(|mse| !mse.is_finite() || *mse < 0.0) {
                     return wrong(format!(
-                        "set {set}, page {index}, tile {tile}: {}; expected ≥ 0",
+                        "frame {frame}, page {index}, tile {tile}: {}; expected ≥ 0",
                         tiles[tile]
                     ));
                 }
@@ -378,7 +436,7 @@ impl Dataset {
         Ok(Some(noise))
     }
 
-    /// An error where the sets are no moments of a day: those of a transfer.
+    /// An error where the frames are no moments of a day: those of a transfer.
     pub fn expect_moments(&self) -> Result<()> {
         let Some(transfer) = &self.config.transfer else { return Ok(()) };
         let what = format!("holds the transfer of {}; expected sets that are moments", transfer.scene);

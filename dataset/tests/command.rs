@@ -23,9 +23,9 @@ fn a_whole_set_passes_and_a_torn_one_does_not() {
     let config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
     let output = run(&["check", "--json"], folder.path());
     assert!(output.status.success(), "{output:?}");
-    assert_eq!((&json(&output)["ok"], &json(&output)["sets"]), (&true.into(), &3.into()));
+    assert_eq!((&json(&output)["ok"], &json(&output)["frames"]), (&true.into(), &3.into()));
 
-    let victim = folder.path().join(&config.sets[1].maps[0].file.path);
+    let victim = folder.path().join(&config.frames[1].maps[0].path);
     fs::write(&victim, b"torn").unwrap();
     let output = run(&["check", "--json", "--quiet"], folder.path());
     assert_eq!(output.status.code(), Some(1));
@@ -43,12 +43,23 @@ fn info_names_hours_and_lamps() {
     write_set(folder.path(), &[(20, 20), (7, 3)], 1).unwrap();
     let object = json(&run(&["info", "--json"], folder.path()));
     assert_eq!(
-        object["sets"][2],
+        object["frames"][2],
         serde_json::json!({"hour": 21.5, "on": ["porch", "garden"], "relative_error": 0.01})
     );
     assert_eq!(object["pages"][1], serde_json::json!({"width": 7, "height": 3, "valid_texels": 20}));
+    assert_eq!((&object["version"], &object["sun"]), (&2.into(), &"all".into()));
+    assert_eq!(
+        object["layers"][3],
+        serde_json::json!({"light": "group", "group": "porch", "part": "direct", "images": 2})
+    );
     let output = run(&["info"], folder.path());
-    assert!(String::from_utf8_lossy(&output.stdout).contains("21.5 h  porch, garden"), "{output:?}");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(text.contains("21.5 h  porch, garden"), "{text}");
+    // At noon alone, on two pages.
+    assert!(
+        text.contains("layer  sun, indirect: 2 images") && text.contains("layer  garden, indirect: 2"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -86,7 +97,7 @@ fn import_and_export_tell_what_they_did() {
         (&"set".into(), &2.into(), &["local"].into())
     );
     assert!(
-        String::from_utf8_lossy(&output.stderr).contains("2 pages, 7 sets, layers not known"),
+        String::from_utf8_lossy(&output.stderr).contains("2 pages, 7 frames, layers not known"),
         "{output:?}"
     );
 
@@ -120,10 +131,10 @@ fn import_and_export_tell_what_they_did() {
 fn a_manifest_with_several_faults_is_told_all_of_them() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
-    config.sets[1].hour = 25.0;
+    config.frames[1].hour = 25.0;
     config.groups[1].name.clear();
     config.pages[0].mask.path = "../mask.png".into();
-    fs::write(folder.path().join(&config.sets[1].maps[0].file.path), b"torn").unwrap();
+    fs::write(folder.path().join(&config.frames[1].maps[0].path), b"torn").unwrap();
     fs::write(folder.path().join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
     let output = run(&["check", "--json"], folder.path());
     let faults =

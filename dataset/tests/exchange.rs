@@ -4,7 +4,7 @@ mod common;
 
 use common::layouts::{self, content};
 use common::{noise_image, write_hours};
-use dataset::config::{Config, Layout};
+use dataset::config::{Config, Layout, Light};
 use dataset::console::Console;
 use dataset::exchange::{Origin, export, import, lightmaps_of};
 use dataset::store::{DATA, Dataset};
@@ -53,7 +53,7 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
         lightmaps.iter().map(|l| l.id).collect::<Vec<_>>()
     );
     assert_eq!(told[1].level.as_deref(), Some("Level \u{e9}"));
-    let lit: Vec<(f64, bool)> = config.sets.iter().map(|set| (set.hour, set.groups_on[0])).collect();
+    let lit: Vec<(f64, bool)> = config.frames.iter().map(|set| (set.hour, set.groups_on[0])).collect();
     assert_eq!(
         lit,
         [(0.0, true), (5.9, true), (6.0, false), (7.5, false), (18.0, false), (18.1, true), (23.0, true)]
@@ -63,7 +63,7 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
     for (page, lightmap) in lightmaps.iter().enumerate() {
         let mask = dataset.mask(page).unwrap();
         assert_eq!(mask.valid, lightmap.valid);
-        for set in 0..config.sets.len() {
+        for set in 0..config.frames.len() {
             assert_eq!(bits(&dataset.map(set, page).unwrap().texels), bits(&lightmap.light[set]));
         }
     }
@@ -83,8 +83,8 @@ fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
     // Time 24 is midnight.
     assert_eq!(bits(&dataset.map(0, 0).unwrap().texels), bits(&light(7, "Original", 24, 12 * 8)));
     assert_eq!(bits(&dataset.map(13, 1).unwrap().texels), bits(&light(3, "Original", 13, 5 * 3)));
-    let local = config.sets[13].maps[1].local.as_ref().unwrap();
-    assert_eq!(bits(&dataset.image(local, 1).unwrap().texels), bits(&light(3, "LocalOnly", 13, 5 * 3)));
+    let local = dataset.light(Light::Lamps, None, 13, 1).unwrap();
+    assert_eq!(bits(&local.texels), bits(&light(3, "LocalOnly", 13, 5 * 3)));
     assert!(config.groups.is_empty());
     export_folder(&set, Layout::Hprc1, &back);
     assert_eq!(content(&back), content(&source));
@@ -103,7 +103,7 @@ fn a_set_in_layout_1_without_shares_is_imported_alone() {
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     layouts::write1(&source, &[(0, (4, 4), 2)], false);
     let config = import_folder(Layout::Hprc1, &source, &set);
-    assert!(config.sets[0].maps[0].sun.is_none() && config.sets[0].maps[0].local.is_none());
+    assert!(config.layers.is_empty() && config.sun.is_none());
     export_folder(&set, Layout::Hprc1, &back);
     assert_eq!(content(&back), content(&source));
 }
@@ -115,8 +115,8 @@ fn a_baked_day_goes_out_and_comes_back() {
     write_hours(&root, &[(20, 20), (7, 3)], 1, &day()).unwrap();
     let baked = Dataset::open(&root).unwrap();
     for (layout, hours, reason) in [
-        (Layout::Hprc1, 24, "3 sets at 5.9, 18.1, 20.4 h: the layout holds whole hours"),
-        (Layout::Hprc2, 26, "1 set at 20.4 h: the layout holds whole hours, 5.9 and 18.1"),
+        (Layout::Hprc1, 24, "3 frames at 5.9, 18.1, 20.4 h: the layout holds whole hours"),
+        (Layout::Hprc2, 26, "1 frame at 20.4 h: the layout holds whole hours, 5.9 and 18.1"),
     ] {
         let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
         let exported = export_folder(&root, layout, &at("out"));
@@ -131,17 +131,20 @@ fn a_baked_day_goes_out_and_comes_back() {
         let imported = Dataset::open(&at("in")).unwrap();
         for page in 0..2 {
             assert_eq!(imported.mask(page).unwrap(), baked.mask(page).unwrap());
-            for (k, set) in config.sets.iter().enumerate() {
-                let own = baked.config.sets.iter().position(|own| own.hour == set.hour).unwrap();
-                let (own_map, map) = (&baked.config.sets[own].maps[page], &set.maps[page]);
+            for (k, set) in config.frames.iter().enumerate() {
+                let own = baked.config.frames.iter().position(|own| own.hour == set.hour).unwrap();
                 assert_eq!(
                     bits(&imported.map(k, page).unwrap().texels),
                     bits(&baked.map(own, page).unwrap().texels)
                 );
                 if layout == Layout::Hprc1 {
-                    assert_eq!(map.sun.as_ref().map(|f| &f.blake3), own_map.sun.as_ref().map(|f| &f.blake3));
-                    assert_eq!(map.sky.as_ref().map(|f| &f.blake3), own_map.sky.as_ref().map(|f| &f.blake3));
-                    assert_eq!(map.local.is_some(), set.hour < 6.0 || set.hour > 18.0, "{} h", set.hour);
+                    for light in [Light::Sun, Light::Sky] {
+                        let [sum, own] = [(&imported, k), (&baked, own)]
+                            .map(|(dataset, frame)| dataset.light(light, None, frame, page).unwrap());
+                        assert_eq!(bits(&sum.texels), bits(&own.texels), "{light:?}, {} h", set.hour);
+                    }
+                    let local = config.files_of(Light::Lamps, None, k, page);
+                    assert_eq!(local.len(), usize::from(set.hour < 6.0 || set.hour > 18.0), "{} h", set.hour);
                 }
             }
         }
@@ -151,8 +154,8 @@ fn a_baked_day_goes_out_and_comes_back() {
     // A plain texel of the first layout, as others would read it.
     let name = "out-hprc1/LocalOnly/lightmapRawData_Dilate_VirtualTexture0_1_HQ_7_3_22.00.bin_0";
     let bytes = fs::read(folder.path().join(name)).unwrap();
-    let lamps = [0, 1].map(|lamp| noise_image(7, 3, 1 ^ (lamp + 100)));
-    let sum = lamps[0].texels[9][2] + lamps[1].texels[9][2];
+    let [porch, direct, indirect] = [100, 101, 107].map(|salt| noise_image(7, 3, 1 ^ salt).texels[9][2]);
+    let sum = porch + (direct + indirect);
     assert_eq!(bytes[4 * (3 * 9 + 2)..][..4], sum.to_le_bytes());
     let name = "out-hprc1/Mask/lightmapCoverage_Dilate_VirtualTexture0_0_HQ_20_20_1.00.bin_0";
     let mask = fs::read(folder.path().join(name)).unwrap();
@@ -172,13 +175,13 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
         error
     };
     let error = refused(&day()[1..], Layout::Hprc1);
-    assert!(error.contains("no set at 0 h; the layout holds all 24 hours"), "{error}");
+    assert!(error.contains("no frame at 0 h; the layout holds all 24 hours"), "{error}");
     let error = refused(&[4.5, 20.4], Layout::Hprc2);
-    assert!(error.contains("sets at 4.5, 20.4 h have no time key"), "{error}");
+    assert!(error.contains("frames at 4.5, 20.4 h have no time key"), "{error}");
     // A damaged set, though its texels can still be read.
     write_hours(&root, &[(5, 5)], 1, &[0.0, 12.0]).unwrap();
     let dataset = Dataset::open(&root).unwrap();
-    let victim = dataset.path(&dataset.config.sets[1].maps[0].file);
+    let victim = dataset.path(&dataset.config.frames[1].maps[0]);
     let mut bytes = fs::read(&victim).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
     fs::write(&victim, bytes).unwrap();
@@ -235,7 +238,7 @@ fn a_sum_that_is_nearly_one_is_good_enough_for_an_import() {
     let mut image = Dataset::open(&set).unwrap().map(9, 0).unwrap();
     image.texels[6] = image.texels[6].map(|value| 1.01 * value);
     let mut config = config;
-    let file = &mut config.sets[9].maps[0].file;
+    let file = &mut config.frames[9].maps[0];
     let bytes = image.to_exr();
     fs::write(set.join(&file.path), &bytes).unwrap();
     (file.bytes, file.blake3) = (bytes.len() as u64, blake3::hash(&bytes).to_hex().to_string());
@@ -251,7 +254,7 @@ fn equal_files_are_stored_once_and_no_temporary_stays() {
     layouts::write2(&source);
     fs::copy(source.join("Data/raw_4_0.bin_0"), source.join("Data/raw_4_2300.bin_0")).unwrap();
     let config = import_folder(Layout::Hprc2, &source, &set);
-    assert_eq!(config.sets[0].maps[0].file, config.sets[6].maps[0].file);
+    assert_eq!(config.frames[0].maps[0], config.frames[6].maps[0]);
     // Two lightmaps at 7 hours less one, two masks, the configuration.
     assert_eq!(fs::read_dir(set.join(DATA)).unwrap().count(), 2 * 7 - 1 + 2 + 1);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);

@@ -4,7 +4,7 @@ mod common;
 
 use common::{noise_image, write_set};
 use dataset::Error;
-use dataset::config::Config;
+use dataset::config::{Config, Layer, Light};
 use dataset::image::Image;
 use dataset::report::{Report, preview};
 use dataset::store::{Dataset, MANIFEST, Writer};
@@ -39,8 +39,8 @@ fn what_is_written_is_read() {
     }
     assert_eq!(dataset.noise().unwrap().unwrap().mse[2], [vec![1e-6; 2], vec![1e-6]]);
     assert_eq!(fs::read(folder.path().join("scene.glb")).unwrap(), common::empty_glb());
-    // The midnight set has neither sun nor sky: it is the porch's layer, stored once.
-    assert_eq!(config.sets[0].maps[0].file, config.groups[0].layers[0]);
+    // The midnight frame has neither sun nor sky: it is the porch's direct light, stored once.
+    assert_eq!(Some(&config.frames[0].maps[0]), config.layers[3].files[0][0].as_ref());
     let verification = dataset.verify(|| {});
     assert!(verification.faults.is_empty(), "{:?}", verification.faults);
     assert_eq!(verification.dead_texels, [Some(0), Some(0)]);
@@ -124,7 +124,7 @@ fn a_killed_writer_leaves_the_old_set_and_the_next_one_cleans_up() {
 fn a_damaged_file_is_written_again() {
     let folder = tempfile::tempdir().unwrap();
     let config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
-    let victim = folder.path().join(&config.sets[1].maps[0].file.path);
+    let victim = folder.path().join(&config.frames[1].maps[0].path);
     let whole = fs::read(&victim).unwrap();
     for damage in [whole[..whole.len() - 1].to_vec(), vec![0; whole.len()]] {
         fs::write(&victim, damage).unwrap();
@@ -138,10 +138,10 @@ fn a_commit_that_fails_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
     let before = content(folder.path());
-    config.sets.reverse();
+    config.frames.reverse();
     Writer::create(folder.path()).unwrap().commit(&config).unwrap_err();
-    config.sets.reverse();
-    config.sets[0].maps[0].file.path = "data/missing-0123456789ab.exr".into();
+    config.frames.reverse();
+    config.frames[0].maps[0].path = "data/missing-0123456789ab.exr".into();
     Writer::create(folder.path()).unwrap().commit(&config).unwrap_err();
     assert_eq!(content(folder.path()), before);
 }
@@ -165,22 +165,21 @@ fn every_broken_manifest_is_refused_with_a_reason() {
     let folder = tempfile::tempdir().unwrap();
     let good = write_set(folder.path(), &[(20, 20)], 1).unwrap();
     type Change = fn(&mut Config);
-    let changes: [(Change, &str); 27] = [
+    let changes: [(Change, &str); 26] = [
         (|c| c.format = "other".into(), "format"),
-        (|c| c.version = 2, "version 2"),
+        (|c| c.version = 3, "version 3"),
         (|c| c.version = 0, "version is 0"),
         (|c| c.scene = "../up".into(), "scene"),
         (|c| c.pages.clear(), "no pages"),
         (|c| c.pages[0].width = 0, "size 0×20"),
         (|c| c.pages[0].height = 70_000, "70000"),
-        (|c| c.sets.clear(), "no sets"),
-        (|c| c.sets[2].hour = 24.0, "hour 24"),
-        (|c| c.sets[0].hour = -0.5, "hour -0.5"),
-        (|c| c.sets[2].hour = 12.0, "ascending"),
-        (|c| c.sets[1].groups_on.truncate(1), "groups_on has 1"),
-        (|c| c.sets[1].maps.clear(), "maps for 0 pages"),
-        (|c| c.sets[1].relative_error = Some(-1.0), "relative_error -1"),
-        (|c| c.groups[0].layers.clear(), "layers for 0 pages"),
+        (|c| c.frames.clear(), "no frames"),
+        (|c| c.frames[2].hour = 24.0, "hour 24"),
+        (|c| c.frames[0].hour = -0.5, "hour -0.5"),
+        (|c| c.frames[2].hour = 12.0, "ascending"),
+        (|c| c.frames[1].groups_on.truncate(1), "groups_on has 1"),
+        (|c| c.frames[1].maps.clear(), "maps for 0 pages"),
+        (|c| c.frames[1].relative_error = Some(-1.0), "relative_error -1"),
         (|c| c.groups[1].name = "porch".into(), "twice"),
         (|c| c.groups[1].on[0] = [3.0, 24.5], "24.5"),
         (|c| c.groups[1].on[0] = [3.0, 3.0], "two different hours"),
@@ -223,7 +222,7 @@ fn every_broken_manifest_is_refused_with_a_reason() {
 
 /// Replaces the content of a file and what the manifest says of it.
 fn replace(root: &Path, config: &mut Config, set: usize, bytes: &[u8]) {
-    let file = &mut config.sets[set].maps[0].file;
+    let file = &mut config.frames[set].maps[0];
     file.bytes = bytes.len() as u64;
     file.blake3 = blake3::hash(bytes).to_hex().to_string();
     fs::write(root.join(&file.path), bytes).unwrap();
@@ -256,7 +255,7 @@ fn bad_texels_are_named() {
 fn verification_finds_what_opening_does_not() {
     let folder = tempfile::tempdir().unwrap();
     let config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
-    let victim = folder.path().join(&config.sets[1].maps[0].file.path);
+    let victim = folder.path().join(&config.frames[1].maps[0].path);
     let whole = fs::read(&victim).unwrap();
     let faults = || {
         let dataset = Dataset::open_manifest(folder.path()).unwrap();
@@ -273,7 +272,7 @@ fn verification_finds_what_opening_does_not() {
     let found = faults();
     assert!(found.len() == 1 && found[0].contains("checksum"), "{found:?}");
     let message = Dataset::open(folder.path()).unwrap().map(1, 0).unwrap_err().to_string();
-    assert!(message.contains(&config.sets[1].maps[0].file.path), "{message}");
+    assert!(message.contains(&config.frames[1].maps[0].path), "{message}");
 
     // A torn file, and a missing one: both are named.
     fs::write(&victim, &whole[..whole.len() / 2]).unwrap();
@@ -330,16 +329,19 @@ fn sets_must_show_the_lamps_as_the_schedule_has_them() {
     assert_eq!(verify(&config), (vec![], vec![]));
     // A switch without a set on its lit side is told, and is no fault. (The noise file is of all sets.)
     config.noise = None;
-    let set = config.sets.remove(5);
+    let frame = config.frames.remove(5);
+    let by_hour = |layer: &&mut Layer| layer.light != Light::Group;
+    let rows: Vec<_> = config.layers.iter_mut().filter(by_hour).map(|layer| layer.files.remove(5)).collect();
     let (faults, warnings) = verify(&config);
     assert!(faults.is_empty() && warnings.len() == 1, "{faults:?} {warnings:?}");
     assert!(
-        warnings[0].contains("\"porch\" switches at 18 h; no set within 0.1 h shows it on"),
+        warnings[0].contains("\"porch\" switches at 18 h; no frame within 0.1 h shows it on"),
         "{warnings:?}"
     );
-    config.sets.insert(5, set);
+    config.frames.insert(5, frame);
+    config.layers.iter_mut().filter(by_hour).zip(rows).for_each(|(layer, row)| layer.files.insert(5, row));
     // The garden's lamps at noon: nor do the layers sum up.
-    config.sets[3].groups_on[1] = true;
+    config.frames[3].groups_on[1] = true;
     let (faults, _) = verify(&config);
     assert_eq!(faults.len(), 2, "{faults:?}");
     assert!(
@@ -358,7 +360,7 @@ fn a_noise_file_of_the_wrong_shape_is_refused() {
         "{\"tile\": 128, \"mse\": [[[0]],[[0]],[[-1]]]}",
         "{",
     ];
-    for (text, word) in bad.into_iter().zip(["64", "1 set;", "-1", "noise"]) {
+    for (text, word) in bad.into_iter().zip(["64", "1 frame;", "-1", "noise"]) {
         let file = config.noise.as_mut().unwrap();
         fs::write(folder.path().join(&file.path), text).unwrap();
         file.bytes = text.len() as u64;

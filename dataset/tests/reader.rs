@@ -4,8 +4,8 @@
 mod common;
 
 use common::{Random, write_set};
-use dataset::config::{Config, FileRef};
-use dataset::image::Mask;
+use dataset::config::{Config, Light};
+use dataset::image::{Image, Mask};
 use dataset::release::release;
 use dataset::store::Dataset;
 use std::fs;
@@ -32,8 +32,8 @@ def told(array):
     data = np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8).astype(np.uint64)
     print(*array.shape, int((data * np.arange(1, len(data) + 1, dtype=np.uint64)).sum()))
 sys.path.insert(0, sys.argv[1])
-from read_dataset import Set
-s = Set(sys.argv[2])
+from read_dataset import Dataset
+s = Dataset(sys.argv[2])
 assert s.hours == [0, 12, 21.5], s.hours
 for page in (0, 1):
     told(s.mask(page))
@@ -49,12 +49,9 @@ fn told(shape: &[usize], bytes: impl Iterator<Item = u8>) -> String {
     format!("{} {sum}\n", shape.join(" "))
 }
 
-fn told_image(dataset: &Dataset, page: usize, file: Option<&FileRef>) -> String {
-    let size = &dataset.config.pages[page];
-    let (width, height) = (size.width as usize, size.height as usize);
-    let texels =
-        file.map_or(vec![[0.0; 3]; width * height], |file| dataset.image(file, page).unwrap().texels);
-    told(&[height, width, 3], texels.into_iter().flatten().flat_map(f32::to_ne_bytes))
+fn told_image(image: Image) -> String {
+    let texels = image.texels.into_iter().flatten().flat_map(f32::to_ne_bytes);
+    told(&[image.height, image.width, 3], texels)
 }
 
 /// Everything that the script prints.
@@ -63,13 +60,15 @@ fn expected(dataset: &Dataset) -> String {
     for page in 0..2 {
         let mask = dataset.mask(page).unwrap();
         text += &told(&[mask.height, mask.width], mask.valid.iter().map(|&valid| u8::from(valid)));
-        for set in &dataset.config.sets {
-            let map = &set.maps[page];
-            text += &told_image(dataset, page, Some(&map.file));
-            text += &told_image(dataset, page, map.sun.as_ref());
-            text += &told_image(dataset, page, map.sky.as_ref());
-            for (group, on) in dataset.config.groups.iter().zip(&set.groups_on) {
-                text += &told_image(dataset, page, on.then(|| &group.layers[page]));
+        for (number, frame) in dataset.config.frames.iter().enumerate() {
+            let map = dataset.map(number, page).unwrap();
+            let black = Image::black(map.width, map.height);
+            text += &told_image(map);
+            text += &told_image(dataset.light(Light::Sun, None, number, page).unwrap());
+            text += &told_image(dataset.light(Light::Sky, None, number, page).unwrap());
+            for (group, on) in (0..).zip(&frame.groups_on) {
+                let light = dataset.light(Light::Group, Some(group), number, page).unwrap();
+                text += &told_image(if *on { light } else { black.clone() });
             }
         }
     }
@@ -133,7 +132,7 @@ fn the_reader_in_python_reads_the_same_texels() {
     assert!(fs::read(&npy).unwrap().ends_with(&bytes));
     let output = run(&arguments("13"));
     assert!(!output.status.success() && !String::from_utf8_lossy(&output.stderr).contains("Traceback"));
-    fs::write(set.join(&dataset.config.sets[1].maps[0].file.path), b"torn").unwrap();
+    fs::write(set.join(&dataset.config.frames[1].maps[0].path), b"torn").unwrap();
     let output = run(&arguments("12"));
     assert!(String::from_utf8_lossy(&output.stderr).contains("4 bytes; expected"), "{output:?}");
 }

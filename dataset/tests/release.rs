@@ -351,7 +351,7 @@ fn archives_that_do_not_hold_what_the_manifest_of_the_set_names_are_found() {
         serde_json::from_slice(&fs::read(folder.join(MANIFEST)).unwrap()).unwrap();
     value["scenes"][0]["archives"].as_array_mut().unwrap().retain(|archive| archive["holds"] != "lamps");
     fs::write(folder.join(MANIFEST), value.to_string()).unwrap();
-    released.expect_fault(&["hut/layers.json", "garden", "in no archive"]);
+    released.expect_fault(&["hut/layers.json", "group1-direct", "in no archive"]);
     value["scenes"][0]["archives"].as_array_mut().unwrap().clear();
     fs::write(folder.join(MANIFEST), value.to_string()).unwrap();
     released.expect_fault(&["no archive holds hut/config.json"]);
@@ -380,9 +380,9 @@ fn what_cannot_be_released_is_refused_and_leaves_nothing() {
     };
     refused(&[at("set"), at("set")], &[], "there twice");
     refused(&[at("set"), at("none")], &[], "does not exist");
-    refused(&[at("set")], &[Layout::Hprc1], "no set at 1, 2");
+    refused(&[at("set")], &[Layout::Hprc1], "no frame at 1, 2");
     // A fault that only the check finds.
-    let map = at("set").join(&config.sets[1].maps[0].file.path);
+    let map = at("set").join(&config.frames[1].maps[0].path);
     let whole = fs::read(&map).unwrap();
     let mut bytes = whole.clone();
     *bytes.last_mut().unwrap() ^= 1;

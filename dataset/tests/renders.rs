@@ -84,7 +84,7 @@ fn half_floats_and_a_mask_become_a_set() {
     let (config, dataset) = imported(&pattern(&folder, "light_{hour}.exr", Some("mask.png"), None), &out);
     assert_eq!(config.scene, "hall");
     assert_eq!(config.source.as_ref().map(|source| source.layout), Some(Layout::Exr));
-    let hours: Vec<f64> = config.sets.iter().map(|set| set.hour).collect();
+    let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
     assert_eq!(hours, [0.0, 6.0, 9.0, 18.25]);
     for (set, hour) in hours.into_iter().enumerate() {
         let map = dataset.map(set, 0).unwrap();
@@ -155,7 +155,7 @@ fn a_table_gives_pages_hours_and_lamps() {
     let (config, dataset) = imported(&origin, &out);
     assert_eq!((config.pages[1].width, config.pages[1].height, &*config.unit), (7, 5, "kilolux"));
     assert_eq!(
-        config.sets.iter().map(|s| (s.hour, s.groups_on[0])).collect::<Vec<_>>(),
+        config.frames.iter().map(|s| (s.hour, s.groups_on[0])).collect::<Vec<_>>(),
         [(18.0, false), (18.1, true)]
     );
     assert_eq!(dataset.map(1, 0).unwrap().texels[41][1], value(18.25, 1, 1, 1));

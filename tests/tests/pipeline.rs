@@ -3,6 +3,7 @@
 use baker::bake::run::{Options, bake};
 use baker::light::schedule::parse_hours;
 use compressor::compress;
+use dataset::config::Light;
 use dataset::console::{Console, ConsoleArgs};
 use dataset::image::{Image, Mask};
 use dataset::release::{release, verify};
@@ -28,17 +29,17 @@ fn faults(dataset: &Path) -> Vec<String> {
 }
 
 fn at_hour(dataset: &Dataset, hour: f64) -> Image {
-    let set = dataset.config.sets.iter().position(|s| (s.hour - hour).abs() < 1e-9).unwrap();
+    let set = dataset.config.frames.iter().position(|s| (s.hour - hour).abs() < 1e-9).unwrap();
     dataset.map(set, 0).unwrap()
 }
 
 /// What the lamps give at an hour: the sum of the layers of the groups that are on.
 fn local(dataset: &Dataset, hour: f64) -> Image {
-    let set = dataset.config.sets.iter().find(|s| (s.hour - hour).abs() < 1e-9).unwrap();
+    let set = dataset.config.frames.iter().find(|s| (s.hour - hour).abs() < 1e-9).unwrap();
     let page = &dataset.config.pages[0];
     let mut sum = Image::black(page.width as usize, page.height as usize);
-    for (group, _) in dataset.config.groups.iter().zip(&set.groups_on).filter(|(_, on)| **on) {
-        let layer = dataset.image(&group.layers[0], 0).unwrap();
+    for (group, _) in (0..).zip(&set.groups_on).filter(|(_, on)| **on) {
+        let layer = dataset.light(Light::Group, Some(group), 0, 0).unwrap();
         for (s, l) in sum.texels.iter_mut().zip(&layer.texels) {
             (0..3).for_each(|c| s[c] += l[c]);
         }
@@ -61,7 +62,7 @@ fn a_day_in_the_court() {
     assert_eq!(faults(&out), Vec::<String>::new());
 
     // The hours, and both sides of each switch. 18:00, 6:00 and 22:00 stand as sets and show the lamp off themselves.
-    let hours: Vec<f64> = dataset.config.sets.iter().map(|s| s.hour).collect();
+    let hours: Vec<f64> = dataset.config.frames.iter().map(|s| s.hour).collect();
     let mut expected: Vec<f64> = (0..24).map(f64::from).collect();
     expected.extend([5.9, 18.1, 20.4, 20.6, 21.9]);
     expected.sort_by(f64::total_cmp);

@@ -6,6 +6,7 @@ use baker::bake::run::{Integrator, Options, bake, prepare};
 use baker::light::schedule::parse_hours;
 use compressor::compress;
 use compressor::decode::Decoder;
+use dataset::config::Light;
 use dataset::console::{Console, ConsoleArgs};
 use dataset::store::Dataset;
 use pipeline_tests::Probe;
@@ -105,9 +106,9 @@ fn what_shines_in_a_file_lights_what_is_near_it() {
     let names: Vec<&str> = dataset.config.groups.iter().map(|group| group.name.as_str()).collect();
     assert_eq!(names.len(), 4, "{names:?}");
     let at = |group: &str, x: f32, z: f32| {
-        let group = dataset.config.groups.iter().find(|g| g.name == group).expect("the group");
+        let group = names.iter().position(|name| *name == group).expect("the group");
         let probe = Probe::new(&dataset, [x, 0.0, z], [0.0, 1.0, 0.0], 0.2);
-        probe.mean(&dataset.image(&group.layers[0], 0).unwrap())
+        probe.mean(&dataset.light(Light::Group, Some(group as u32), 0, 0).unwrap())
     };
     // In front of the screen's bright side and of its dark one, which has 1/128 of that light.
     let (bright, dark) = (at("screen", 0.5, -0.6), at("screen", 1.5, -0.6));
@@ -119,9 +120,8 @@ fn what_shines_in_a_file_lights_what_is_near_it() {
     assert!((bulb / 0.1 - 1.0).abs() < NOISE && (spot / 0.225 - 1.0).abs() < NOISE, "{bulb} {spot}");
     assert!(at("spot", -2.0, 2.0) < 0.01 * spot);
     // The directional light is the sun, 5 klx on level ground.
-    let sun = dataset.config.sets[0].maps[0].sun.as_ref().expect("the sun");
     let probe = Probe::new(&dataset, [-1.0, 0.0, 3.0], [0.0, 1.0, 0.0], 0.2);
-    let sun = probe.mean(&dataset.image(sun, 0).unwrap());
+    let sun = probe.mean(&dataset.light(Light::Sun, None, 0, 0).unwrap());
     assert!((sun / 5.0 - 1.0).abs() < NOISE, "{sun}");
 }
 

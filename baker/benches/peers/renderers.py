@@ -94,15 +94,14 @@ def read_maps(dataset: pathlib.Path, hours, share="file") -> dict:
         raise SystemExit(f"{dataset}: {len(config['pages'])} pages, expected one")
     page = config["pages"][0]
     maps = {}
-    for entry in config["sets"]:
+    for index, entry in enumerate(config["frames"]):
         if entry["hour"] not in hours:
             continue
-        file = entry["maps"][0][share]
-        if file is None:
-            maps[entry["hour"]] = numpy.zeros((page["height"], page["width"], 3))
-            continue
-        with OpenEXR.File(str(dataset / file["path"])) as exr:
-            maps[entry["hour"]] = exr.channels()["RGB"].pixels.astype(numpy.float64)
+        shares = [layer["files"][index][0] for layer in config["layers"] if layer["light"] == share]
+        maps[entry["hour"]] = numpy.zeros((page["height"], page["width"], 3))
+        for file in [entry["maps"][0]] if share == "file" else filter(None, shares):
+            with OpenEXR.File(str(dataset / file["path"])) as exr:
+                maps[entry["hour"]] += exr.channels()["RGB"].pixels
     return maps
 
 

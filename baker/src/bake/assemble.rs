@@ -1,4 +1,4 @@
-//! From layers to a dataset: layers dilated and stitched, every set the float sum of its layers.
+//! From layers to a dataset: layers dilated and stitched, every frame the float sum of its layers.
 
 use super::errors::{Errors, Sums};
 use super::json;
@@ -9,8 +9,9 @@ use super::seams::{Jump, Seams};
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
 use crate::geometry::Geometry;
+use crate::scene::Baked;
 use crate::{Result, Rgb};
-use dataset::config::{FileRef, Map, Noise, Page, Set};
+use dataset::config::{self, FileRef, Frame, Layer, Light, Noise, Page};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
@@ -42,12 +43,14 @@ pub struct Assembler<'a> {
 pub struct Stored {
     /// The pages with their masks.
     pub pages: Vec<Page>,
-    /// Per group of the scene, a map per page; black for those that were not traced.
-    pub groups: Vec<Vec<FileRef>>,
+    /// The layers of sun and sky, as far as they are baked.
+    pub daylight: Vec<Layer>,
+    /// Per group of the scene, the parts of its light that are baked, each with an image per page; black is `None`.
+    pub groups: Vec<Vec<Share>>,
     /// Groups that were traced and whose light reaches no texel.
     pub dark_groups: Vec<usize>,
-    /// The sets, in the order of the plan's moments.
-    pub sets: Vec<Set>,
+    /// The frames, in the order of the plan's moments.
+    pub frames: Vec<Frame>,
     /// The noise table's file.
     pub noise: FileRef,
     /// Error and light per tile and set.
@@ -60,6 +63,29 @@ pub struct Stored {
     pub unlit_texels: usize,
     /// Number of seam edges, and the jump across them before and after stitching, in the set with most light.
     pub seams: Option<(usize, Jump, Jump)>,
+}
+
+/// Which part of each light of a scene lightmaps hold.
+pub struct BakedParts {
+    /// Of the sun; nothing where there is none.
+    pub sun: Baked,
+    /// Of the sky, likewise.
+    pub sky: Baked,
+    /// Per group of the scene.
+    pub groups: Vec<Baked>,
+}
+
+/// A part of a light as stored: its images, one per page.
+pub type Share = (config::Part, Vec<Option<FileRef>>);
+
+/// The parts of a light that lightmaps hold, with their names in the dataset.
+fn parts_in_dataset(baked: Baked, is_sky: bool) -> &'static [(Part, config::Part)] {
+    match baked {
+        Baked::None => &[],
+        Baked::Indirect => &[(Part::Rest, config::Part::Indirect)],
+        Baked::All if is_sky => &[(Part::Rest, config::Part::All)],
+        Baked::All => &[(Part::Direct, config::Part::Direct), (Part::Rest, config::Part::Indirect)],
+    }
 }
 
 impl<'a> Assembler<'a> {
@@ -140,6 +166,30 @@ impl<'a> Assembler<'a> {
         Ok(sum)
     }
 
+    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; gives also their sum.
+    fn store_parts(
+        &self,
+        writer: &mut Writer,
+        layer: Option<usize>,
+        parts: &[(Part, config::Part)],
+        stem: impl Fn(config::Part) -> String,
+    ) -> Result<(Image, Vec<Share>)> {
+        let mut sum = Image::black(self.mask.width, self.mask.height);
+        let mut shares = Vec::new();
+        for &(part, name) in parts {
+            let files = match layer {
+                None => vec![None; self.atlas.pages as usize],
+                Some(layer) => {
+                    let image = self.part(layer, part, true)?;
+                    add(&mut sum, &image);
+                    self.add_lit(writer, &stem(name), &image)?
+                }
+            };
+            shares.push((name, files));
+        }
+        Ok((sum, shares))
+    }
+
     /// Whether no part of a layer holds any light.
     fn is_dark(&self, layer: usize) -> Result<bool> {
         let values = self.layers.read_sum(&self.digests[layer], self.plan.parts_of(layer))?;
@@ -155,53 +205,71 @@ impl<'a> Assembler<'a> {
 
     /// Stores an image, one file per page.
     fn add(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<FileRef>> {
-        (0..self.atlas.pages)
-            .map(|page| {
-                let name = if self.atlas.pages == 1 { stem.to_owned() } else { format!("{stem}-p{page}") };
-                writer.add(&name, "exr", &self.page(image, page).to_exr())
-            })
-            .collect()
+        let add = |page| writer.add(&self.stem(stem, page), "exr", &self.page(image, page).to_exr());
+        (0..self.atlas.pages).map(add).collect()
     }
 
-    /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups.
-    pub fn store(&self, writer: &mut Writer, mut each: impl FnMut()) -> Result<Stored> {
+    /// Stores an image, one file per page; none where it is black.
+    fn add_lit(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<Option<FileRef>>> {
+        let mut add = |page| {
+            let image = self.page(image, page);
+            let is_lit = image.texels.iter().any(|texel| *texel != [0.0; 3]);
+            is_lit.then(|| writer.add(&self.stem(stem, page), "exr", &image.to_exr())).transpose()
+        };
+        (0..self.atlas.pages).map(&mut add).collect()
+    }
+
+    fn stem(&self, stem: &str, page: u32) -> String {
+        if self.atlas.pages == 1 { stem.to_owned() } else { format!("{stem}-p{page}") }
+    }
+
+    /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups. `baked` says which part of each
+    /// light they hold.
+    pub fn store(&self, writer: &mut Writer, baked: &BakedParts, mut each: impl FnMut()) -> Result<Stored> {
         let pages = self.store_masks(writer)?;
         let first_group = self.plan.suns.len() + self.plan.sky_hours.len();
         let black = Image::black(self.mask.width, self.mask.height);
-        let (mut traced, mut is_dark) = (Vec::new(), Vec::new());
-        for g in 0..self.plan.groups.len() {
-            let image = self.held(first_group + g)?;
-            is_dark.push(image == black && self.is_dark(first_group + g)?);
-            traced.push(self.add(writer, &format!("group{g}"), &image)?);
-            each();
+        let mut is_dark = vec![false; self.plan.groups.len()];
+        let mut of_groups = Vec::new();
+        for (place, &of_group) in self.plan.place_of_group.iter().zip(&baked.groups) {
+            // A group that was not traced gave no light at any moment baked.
+            let layer = place.map(|g| first_group + g);
+            let parts = parts_in_dataset(of_group, false);
+            let stem = |part: config::Part| format!("group{}-{}", place.unwrap_or_default(), part.name());
+            let (sum, shares) = self.store_parts(writer, layer, parts, stem)?;
+            if let (Some(g), Some(layer)) = (*place, layer) {
+                is_dark[g] = sum == black && self.is_dark(layer)?;
+                each();
+            }
+            of_groups.push(shares);
         }
-        // A group that was not traced gave no light at any moment baked.
-        let mut groups = Vec::new();
-        for layer in &self.plan.place_of_group {
-            groups.push(match layer {
-                Some(layer) => traced[*layer].clone(),
-                None => self.add(writer, "black", &black)?,
-            });
-        }
-        let mut sets = Vec::new();
+        let (sun_parts, sky_parts) = (parts_in_dataset(baked.sun, false), parts_in_dataset(baked.sky, true));
+        let empty = |light: Light, parts: &[(Part, config::Part)]| -> Vec<Layer> {
+            let layer = |&(_, part)| Layer { light, group: None, part, files: Vec::new() };
+            parts.iter().map(layer).collect()
+        };
+        let (mut suns, mut skies) = (empty(Light::Sun, sun_parts), empty(Light::Sky, sky_parts));
+        let mut frames = Vec::new();
         let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.moments.len());
         // Local light stays the same over many moments.
         let (mut local, mut local_of): (Image, Vec<usize>) = (black.clone(), Vec::new());
         for (i, moment) in self.plan.moments.iter().enumerate() {
             self.add_errors(i, &mut errors)?;
-            let name = format!("{:07.4}", moment.hour);
-            let none = vec![None; self.atlas.pages as usize];
-            let mut layer = |index: Option<usize>, kind: &str| -> Result<(Image, Vec<Option<FileRef>>)> {
-                let Some(index) = index else { return Ok((black.clone(), none.clone())) };
-                let image = self.held(index)?;
-                if image == black {
-                    return Ok((image, none.clone()));
+            let hour = format!("{:07.4}", moment.hour);
+            let stem = |light: Light| {
+                let hour = hour.clone();
+                move |part: config::Part| match part {
+                    config::Part::All => format!("{}-{hour}", light.name()),
+                    part => format!("{}-{}-{hour}", light.name(), part.name()),
                 }
-                let files = self.add(writer, &format!("{kind}-{name}"), &image)?;
-                Ok((image, files.into_iter().map(Some).collect()))
             };
-            let (mut total, sun) = layer(self.plan.sun_of[i], "sun")?;
-            let (sky_image, sky) = layer(self.plan.sky_of[i].map(|s| self.plan.suns.len() + s), "sky")?;
+            let (mut total, sun) =
+                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun))?;
+            let sky_layer = self.plan.sky_of[i].map(|s| self.plan.suns.len() + s);
+            let (sky_image, sky) = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky))?;
+            for (layers, shares) in [(&mut suns, sun), (&mut skies, sky)] {
+                layers.iter_mut().zip(shares).for_each(|(layer, (_, files))| layer.files.push(files));
+            }
             // (sun + sky) + local, local summed from zero in the order of the groups.
             let on: Vec<usize> = self.plan.group_layers_of(i).collect();
             if on != local_of {
@@ -213,18 +281,11 @@ impl<'a> Assembler<'a> {
             }
             add(&mut total, &sky_image);
             add(&mut total, &local);
-            let files = self.add(writer, &format!("set-{name}"), &total)?;
-            let maps = files.into_iter().zip(sun).zip(sky).map(|((file, sun), sky)| Map {
-                file,
-                sun,
-                sky,
-                local: None,
-            });
-            sets.push(Set {
+            frames.push(Frame {
                 hour: moment.hour,
                 groups_on: moment.groups_on.clone(),
                 relative_error: errors.relative_of_set(i),
-                maps: maps.collect(),
+                maps: self.add(writer, &format!("frame-{hour}"), &total)?,
             });
             each();
         }
@@ -234,9 +295,10 @@ impl<'a> Assembler<'a> {
         let dark = places.filter(|(_, layer)| layer.is_some_and(|layer| is_dark[layer]));
         Ok(Stored {
             pages,
-            groups,
+            daylight: suns.into_iter().chain(skies).collect(),
+            groups: of_groups,
             dark_groups: dark.map(|(group, _)| group).collect(),
-            sets,
+            frames,
             noise,
             valid_texels: self.mask.count(),
             buried_texels: self.buried_texels,
@@ -255,7 +317,7 @@ impl<'a> Assembler<'a> {
                 let mask = Mask { width: self.mask.width, height: rows.len(), valid };
                 let stem = if self.atlas.pages == 1 { "mask".to_owned() } else { format!("mask-p{page}") };
                 let file = writer.add(&stem, "png", &mask.to_png())?;
-                Ok(Page { width: self.atlas.width, height: self.atlas.page_height, mask: file })
+                Ok(Page::atlas(self.atlas.width, self.atlas.page_height, file))
             })
             .collect()
     }

@@ -1,6 +1,6 @@
 //! A bake from end to end.
 
-use super::assemble::{Assembler, Stored};
+use super::assemble::{Assembler, BakedParts, Stored};
 use super::block::Worker;
 use super::charts::Charts;
 use super::check::{Check, Chosen, check, choose};
@@ -23,7 +23,7 @@ use crate::scene::Baked;
 use crate::surface::FaceBins;
 use crate::trace::walk::Transport;
 use crate::{Error, Result};
-use dataset::config::{Config, FORMAT, FileRef, Group, Instance, VERSION};
+use dataset::config::{Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, VERSION};
 use dataset::console::{Console, count};
 use dataset::files::{remove_stale_temporaries, write_atomically};
 use dataset::store::Writer;
@@ -58,7 +58,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         "{}: {}, {}, {}",
         scene.name,
         count(geometry.triangles.len(), "triangle"),
-        count(plan.moments.len(), "set"),
+        count(plan.moments.len(), "frame"),
         count(plan.layers(), "layer")
     ));
 
@@ -100,26 +100,18 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
 
     let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
-    if let Some(course) = &prepared.course {
-        let t = Instant::now();
-        let tx = layers.texels(&base).unwrap_or_default();
-        let all: Vec<usize> = Vec::new();
-        let counts = with_worker(&prepared, &atlas, &all, |worker| {
-            let finder = super::visibility::Finder::new(&prepared, &worker, &layers, &tx, course)?;
-            finder.pages(console, |p, page| {
-                std::fs::write(out.join(format!("page{p}.vis")), &page.visibility).unwrap();
-                Ok(())
-            })
-        })?;
-        eprintln!("VIS {:?} s {:?}", t.elapsed(), counts);
-    }
     let check = options.check.map(|samples| {
         let chosen = choose(assembler.valid_texels(), scene.bake.seed);
         check_layers(&prepared, &atlas, &layers, &chosen, samples, console)
     });
     let check = check.transpose()?;
     let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
-    let stored = assembler.store(&mut writer, || progress.advance(1))?;
+    let baked = BakedParts {
+        sun: if scene.sun.is_some() { scene.sun_baked } else { Baked::None },
+        sky: if scene.sky.is_some() { scene.sky_baked } else { Baked::None },
+        groups: scene.groups.iter().map(|group| group.baked).collect(),
+    };
+    let stored = assembler.store(&mut writer, &baked, || progress.advance(1))?;
     drop(progress);
     let written = super::scene_glb::to_glb(geometry, &atlas)?;
     let glb = writer.add("scene", "glb", &written.glb)?;
@@ -187,13 +179,20 @@ fn manifest(
     let Prepared { scene, .. } = prepared;
     // A group that is left to the game switches nothing here.
     let is_baked = |group: usize| scene.groups[group].baked != Baked::None;
-    let mut sets = stored.sets;
-    for set in &mut sets {
-        let groups_on = set.groups_on.iter().enumerate().filter(|(group, _)| is_baked(*group));
-        set.groups_on = groups_on.map(|(_, on)| *on).collect();
+    let mut frames = stored.frames;
+    for frame in &mut frames {
+        let groups_on = frame.groups_on.iter().enumerate().filter(|(group, _)| is_baked(*group));
+        frame.groups_on = groups_on.map(|(_, on)| *on).collect();
     }
-    let groups = scene.groups.iter().zip(stored.groups).enumerate();
-    let groups = groups.filter(|(index, _)| is_baked(*index)).map(|(_, of)| group(of)).collect();
+    let mut layers = stored.daylight;
+    let mut groups = Vec::new();
+    for (group, shares) in scene.groups.iter().zip(stored.groups).filter(|(of, _)| of.baked != Baked::None) {
+        let index = Some(groups.len() as u32);
+        let layer = |(part, row)| Layer { light: Light::Group, group: index, part, files: vec![row] };
+        layers.extend(shares.into_iter().map(layer));
+        groups.push(Group { name: group.name.clone(), on: group.on.clone(), baked: group.baked.into() });
+    }
+    let daylight = |is_there: bool, baked: Baked| is_there.then(|| Daylight { baked: baked.into() });
     Config {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -204,8 +203,11 @@ fn manifest(
         inputs: inputs.to_owned(),
         samples: traced.samples().unwrap_or(prepared.limits.samples),
         pages: stored.pages,
+        sun: daylight(scene.sun.is_some(), scene.sun_baked),
+        sky: daylight(scene.sky.is_some(), scene.sky_baked),
         groups,
-        sets,
+        layers,
+        frames,
         noise: Some(stored.noise),
         geometry: Some(geometry_file),
         instances: places,
@@ -341,8 +343,4 @@ fn with_worker<T>(
     let rays = prepared.rays()?;
     let transport = Transport::new(prepared.space(&rays), &lights, scene.bake.bounces);
     work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed })
-}
-
-fn group((group, layers): (&crate::scene::Group, Vec<FileRef>)) -> Group {
-    Group { name: group.name.clone(), on: group.on.clone(), layers }
 }

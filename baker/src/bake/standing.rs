@@ -10,7 +10,7 @@ use super::work::WorkFolder;
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
-use dataset::config::{Config, FileRef};
+use dataset::config::{Config, FileRef, VERSION};
 use dataset::console::{Console, count};
 use dataset::store::{self, Dataset};
 use std::collections::BTreeSet;
@@ -25,7 +25,8 @@ pub const REPORT: &str = "report.html";
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
 pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
     let dataset = Dataset::open(out).ok().filter(|_| !options.force)?;
-    if dataset.config.inputs != inputs || !has_geometry(&dataset) {
+    // (One that an earlier version wrote is written again, from the layers kept beside it.)
+    if dataset.version != VERSION || dataset.config.inputs != inputs || !has_geometry(&dataset) {
         return None;
     }
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
@@ -107,7 +108,7 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
             ));
         }
     };
-    let held = format!("{}, baked with {}", count(standing.sets.len(), "set"), samples(standing.samples));
+    let held = format!("{}, baked with {}", count(standing.frames.len(), "frame"), samples(standing.samples));
     let mut lost = lost(&standing, prepared, options);
     lost.extend(other_file(out, &standing, prepared));
     if !lost.is_empty() && !options.force {
@@ -189,7 +190,7 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     // The hours that were asked for: the sets beside a switch move with the schedule, and are not missed where it changed.
     let settings = &standing.settings;
     let hours: Vec<f64> = serde_json::from_value(settings["hours"].clone())
-        .unwrap_or_else(|_| standing.sets.iter().map(|set| set.hour).collect());
+        .unwrap_or_else(|_| standing.frames.iter().map(|set| set.hour).collect());
     let is_baked =
         |hour: &&f64| prepared.plan.moments.iter().any(|moment| (moment.hour - **hour).abs() < 1e-6);
     let missing = hours.len() - hours.iter().filter(is_baked).count();

@@ -22,12 +22,12 @@ pub struct Light {
 impl Light {
     /// The light at the hours of a moment's sets, in the same shares as their texels.
     pub fn new(scene: &Scene, geometry: &Geometry, config: &Config, moment: &Moment) -> Self {
-        let mut list: Vec<f64> = moment.parts.iter().map(|&(set, _)| config.sets[set].hour).collect();
+        let mut list: Vec<f64> = moment.parts.iter().map(|&(set, _)| config.frames[set].hour).collect();
         list.sort_by(f64::total_cmp);
         let plan = Plan::new(scene, geometry, &Hours { list, whole_day: false });
         let mut shares: BTreeMap<usize, Rgb> = BTreeMap::new();
         for &(set, weight) in &moment.parts {
-            let hour = config.sets[set].hour;
+            let hour = config.frames[set].hour;
             if let Some(m) = plan.moments.iter().position(|m| (m.hour - hour).abs() < 1e-6) {
                 for layer in plan.layers_of(m) {
                     *shares.entry(layer).or_default() += weight * plan.scale_of(layer);

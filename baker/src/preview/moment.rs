@@ -20,7 +20,7 @@ impl Moment {
     pub fn new(config: &Config, hour: f64) -> Self {
         /// Two times of day nearer than this are one, in hours.
         const SAME: f64 = 1e-6;
-        let sets = &config.sets;
+        let sets = &config.frames;
         let name = |set: usize| format!("{:.2} h", sets[set].hour);
         let whole = |set: usize, note: String, is_doubtful: bool| Moment {
             parts: vec![(set, 1.0)],
@@ -81,16 +81,20 @@ impl Moment {
         /// Hours that are listed.
         const MOST: usize = 30;
         let apart = |set: &(usize, f32)| {
-            let apart = (config.sets[set.0].hour - hour).abs();
+            let apart = (config.frames[set.0].hour - hour).abs();
             apart.min(24.0 - apart)
         };
         let nearest = self.parts.iter().map(apart).fold(f64::INFINITY, f64::min);
         if nearest <= NEAR {
             return None;
         }
-        let mut hours: Vec<String> =
-            config.sets.iter().take(MOST).map(|s| format!("{}", (s.hour * 100.0).round() / 100.0)).collect();
-        if config.sets.len() > MOST {
+        let mut hours: Vec<String> = config
+            .frames
+            .iter()
+            .take(MOST)
+            .map(|s| format!("{}", (s.hour * 100.0).round() / 100.0))
+            .collect();
+        if config.frames.len() > MOST {
             hours.push("…".to_owned());
         }
         Some(format!(
@@ -110,12 +114,12 @@ mod tests {
     /// A dataset of these hours with one group; it is lit at the sets as told.
     fn config(on: [f64; 2], sets: &[(f64, bool)]) -> Config {
         let file = json!({ "path": "data/a.exr", "bytes": 1, "blake3": "" });
-        let map = json!({ "file": file, "sun": null, "sky": null });
-        let set = |&(hour, on): &(f64, bool)| json!({ "hour": hour, "groups_on": [on], "relative_error": null, "maps": [map] });
+        let set = |&(hour, on): &(f64, bool)| json!({ "hour": hour, "groups_on": [on], "relative_error": null, "maps": [file] });
         serde_json::from_value(json!({
-            "format": "temporal-lightmaps", "version": 1, "scene": "s", "generator": "", "unit": "", "seed": 1, "inputs": "",
-            "samples": 1, "pages": [], "groups": [{ "name": "lamp", "on": [on], "layers": [] }],
-            "sets": sets.iter().map(set).collect::<Vec<_>>(), "noise": null, "geometry": null, "instances": [], "settings": null,
+            "format": "temporal-lightmaps", "version": 2, "scene": "s", "generator": "", "unit": "", "seed": 1, "inputs": "",
+            "samples": 1, "pages": [], "sun": null, "sky": null,
+            "groups": [{ "name": "lamp", "on": [on], "baked": "all" }], "layers": [],
+            "frames": sets.iter().map(set).collect::<Vec<_>>(), "noise": null, "geometry": null, "instances": [], "settings": null,
         }))
         .unwrap()
     }

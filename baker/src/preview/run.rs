@@ -105,7 +105,7 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
         if options.exposure.is_none() { " (--exposure fixes it)" } else { "" }
     ));
     let set =
-        |&(set, weight): &(usize, f32)| json!({ "hour": dataset.config.sets[set].hour, "weight": weight });
+        |&(set, weight): &(usize, f32)| json!({ "hour": dataset.config.frames[set].hour, "weight": weight });
     Ok(json!({
         "scene": scene.name,
         "dataset": folder,

@@ -214,6 +214,16 @@ impl Visibility {
     }
 }
 
+impl From<Baked> for dataset::config::Baked {
+    fn from(baked: Baked) -> Self {
+        match baked {
+            Baked::All => Self::All,
+            Baked::Indirect => Self::Indirect,
+            Baked::None => Self::None,
+        }
+    }
+}
+
 /// The sun's course.
 #[derive(Clone, Debug, Serialize)]
 pub enum SunTrack {

@@ -3,6 +3,7 @@
 use crate::scenes::Obj;
 use crate::{Stage, assert_same};
 use baker::bake::run::Integrator;
+use dataset::config::Light;
 
 /// Blocks that one page of this size is too small for, at the density of two.
 pub fn case() -> (Stage, String) {
@@ -35,11 +36,11 @@ fn two_pages_are_baked_opened_and_verified() {
                 let both = image.texels.iter().zip(&mask.valid);
                 both.filter(|(texel, valid)| **valid && texel[1] > 0.0).count()
             };
-            for set in 0..config.sets.len() {
+            for set in 0..config.frames.len() {
                 let lit = lit(&dataset.map(set, page).expect("a map"));
                 assert!(lit * 2 > mask.count(), "page {page}, set {set}: {lit} lit");
             }
-            assert!(lit(&dataset.image(&config.groups[0].layers[page], page).expect("a layer")) > 0);
+            assert!(lit(&dataset.light(Light::Group, Some(0), 0, page).expect("a layer")) > 0);
             assert!(config.instances.iter().any(|i| i.page == page as u32), "no instance on page {page}");
         }
         assert_eq!(texels, outcome.texels);

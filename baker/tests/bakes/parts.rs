@@ -73,7 +73,7 @@ fn stage() -> Stage {
 }
 
 fn maps(dataset: &Dataset) -> Vec<Image> {
-    (0..dataset.config.sets.len()).map(|set| dataset.map(set, 0).expect("a map")).collect()
+    (0..dataset.config.frames.len()).map(|set| dataset.map(set, 0).expect("a map")).collect()
 }
 
 fn bake(stage: &Stage, text: &str, set: &str, integrator: Integrator) -> (Outcome, Dataset) {
@@ -134,7 +134,7 @@ fn another_choice_for_sun_and_groups_traces_nothing() {
             let less: Vec<bool> = before.iter().zip(&maps(&dataset)).map(is_less).collect();
             // The sun shines at all hours of this scene.
             let shines = |groups_on: &[bool]| group.is_none_or(|group: usize| groups_on[group]);
-            let sets = dataset.config.sets.iter();
+            let sets = dataset.config.frames.iter();
             assert_eq!(less, sets.map(|set| shines(&set.groups_on)).collect::<Vec<_>>(), "{place}");
         }
         let (outcome, dataset) = bake(&stage, &scene(ALL), "set", integrator);
@@ -171,7 +171,7 @@ fn what_is_not_baked_is_not_traced() {
     let (_, dataset) = none(&["PANEL"]);
     let names: Vec<_> = dataset.config.groups.iter().map(|group| group.name.as_str()).collect();
     assert_eq!(names, ["bulb"]);
-    assert!(dataset.config.sets.iter().all(|set| set.groups_on == [20.0 < set.hour && set.hour < 22.0]));
+    assert!(dataset.config.frames.iter().all(|set| set.groups_on == [20.0 < set.hour && set.hour < 22.0]));
     let (outcome, _) = none(&["SUN"]);
     assert_eq!(outcome.rays.sun, 0);
     let (outcome, dataset) = none(&["SUN", "SKY", "PANEL", "BULB"]);

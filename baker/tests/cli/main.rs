@@ -200,7 +200,7 @@ fn a_time_limit_leaves_a_whole_dataset_that_says_its_error() {
     let dataset = dataset::store::Dataset::open(&out).unwrap();
     let found = dataset.verify(|| {});
     assert!(found.faults.is_empty(), "{:?}", found.faults);
-    assert!(dataset.config.sets.iter().any(|s| s.relative_error.is_some_and(|e| e > 0.0)));
+    assert!(dataset.config.frames.iter().any(|s| s.relative_error.is_some_and(|e| e > 0.0)));
     assert!(dataset.noise().unwrap().is_some());
 }
 

@@ -145,7 +145,7 @@ fn a_dataset_is_not_replaced_by_less_unless_forced() {
     assert!(!refused.status.success() && said.contains("of the scene \"court\", not \"other\""), "{said}");
     let (done, said) = run(&["--hours", "12", "--force"]);
     assert!(done && said.contains("is replaced when this bake is done"), "{said}");
-    assert_eq!(dataset::store::Dataset::open(&out).unwrap().config.sets.len(), 1);
+    assert_eq!(dataset::store::Dataset::open(&out).unwrap().config.frames.len(), 1);
     // A manifest that cannot be read may be another's: not even `--force` writes over it, or touches what is kept.
     let kept = layers();
     let whole = std::fs::read(out.join("config.json")).unwrap();

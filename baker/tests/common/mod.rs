@@ -6,7 +6,7 @@ pub mod texels;
 
 use baker::bake::run::{Integrator, Options, Outcome, bake};
 use baker::light::schedule::parse_hours;
-use dataset::config::FileRef;
+use dataset::config::{FileRef, Layer, Light};
 use dataset::console::Console;
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
@@ -132,7 +132,7 @@ impl Baked {
     /// The lightmap at an hour that was baked.
     #[track_caller]
     pub fn at(&self, hour: f64) -> Image {
-        let set = self.dataset.config.sets.iter().position(|s| (s.hour - hour).abs() < 1e-6);
+        let set = self.dataset.config.frames.iter().position(|s| (s.hour - hour).abs() < 1e-6);
         self.dataset.map(set.unwrap_or_else(|| panic!("no set at {hour}")), 0).expect("a map")
     }
 
@@ -143,8 +143,8 @@ impl Baked {
 
     /// A group's light.
     pub fn group(&self, name: &str) -> Image {
-        let group = self.dataset.config.groups.iter().find(|g| g.name == name).expect("the group");
-        self.dataset.image(&group.layers[0], 0).expect("a layer")
+        let group = self.dataset.config.groups.iter().position(|g| g.name == name).expect("the group");
+        self.dataset.light(Light::Group, Some(group as u32), 0, 0).expect("its light")
     }
 
     /// Valid texels that lie wholly on the surfaces whose name contains `name`, and at least one.
@@ -224,14 +224,13 @@ pub fn assert_sane(dataset: &Dataset) {
         }
     };
     let mut seen = std::collections::BTreeSet::new();
-    let maps = config.sets.iter().flat_map(|s| &s.maps);
-    let of_sets = maps.flat_map(|m| [Some(&m.file), m.sun.as_ref(), m.sky.as_ref()]).flatten();
-    for file in of_sets.chain(config.groups.iter().flat_map(|g| &g.layers)) {
+    let maps = config.frames.iter().flat_map(|frame| &frame.maps);
+    for file in maps.chain(config.layers.iter().flat_map(Layer::files)) {
         if seen.insert(&file.path) {
             check(file);
         }
     }
-    for set in &config.sets {
+    for set in &config.frames {
         assert!(set.relative_error.is_none_or(|e| e.is_finite() && e >= 0.0), "{:?}", set.relative_error);
     }
     // Checks each of its numbers.

@@ -212,7 +212,7 @@ fn a_dim_room_beside_a_bright_one_keeps_its_bounces() {
 fn no_light_at_all_is_black_and_valid() {
     let stage = Stage::new(&[("a.obj", Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0).text())]);
     let baked = stage.bake("0..24", 4, "[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = 8\n");
-    assert_eq!(baked.dataset.config.sets.len(), 24);
+    assert_eq!(baked.dataset.config.frames.len(), 24);
     assert!(baked.on("floor").len() >= 9);
     for hour in 0..24 {
         assert!(baked.at(f64::from(hour)).texels.iter().all(|t| *t == [0.0; 3]));

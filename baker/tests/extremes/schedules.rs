@@ -36,7 +36,7 @@ fn check(baked: &Baked, lit: impl Fn(usize, f64) -> bool) {
     let texels = baked.on("floor");
     let groups = &baked.dataset.config.groups;
     let layers: Vec<f64> = groups.iter().map(|g| mean(&baked.group(&g.name), &texels)).collect();
-    for (i, set) in baked.dataset.config.sets.iter().enumerate() {
+    for (i, set) in baked.dataset.config.frames.iter().enumerate() {
         let expected: Vec<bool> = (0..groups.len()).map(|g| lit(g, set.hour)).collect();
         assert_eq!(set.groups_on, expected, "at {}", set.hour);
         let sum: f64 = layers.iter().zip(&expected).filter(|(_, on)| **on).map(|(l, _)| l).sum();
@@ -47,7 +47,7 @@ fn check(baked: &Baked, lit: impl Fn(usize, f64) -> bool) {
 
 /// Hours of the extras: sets besides the 24 full hours.
 fn extras(baked: &Baked) -> Vec<f64> {
-    let hours = baked.dataset.config.sets.iter().map(|s| s.hour);
+    let hours = baked.dataset.config.frames.iter().map(|s| s.hour);
     hours.filter(|h| h.fract() != 0.0).collect()
 }
 
@@ -55,7 +55,7 @@ fn extras(baked: &Baked) -> Vec<f64> {
 fn always_on_has_no_extras() {
     let baked = bake_day(&["\"always\"", "[[0, 24]]", "[[\"06:00\", \"18:00\"], [18, 6]]"], |_, _| true);
     assert_eq!(extras(&baked), [] as [f64; 0]);
-    assert!(baked.dataset.config.sets.iter().all(|s| s.relative_error.is_some_and(|e| e < 0.5)));
+    assert!(baked.dataset.config.frames.iter().all(|s| s.relative_error.is_some_and(|e| e < 0.5)));
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn two_switches_within_a_minute() {
         if group == 0 { hour > 19.5 && hour < off } else { hour > on && hour < 23.5 }
     };
     let baked = bake_day(&["[[19.5, \"21:00:10\"]]", "[[\"21:00:40\", 23.5]]"], lit);
-    let sets = &baked.dataset.config.sets;
+    let sets = &baked.dataset.config.frames;
     let near: Vec<_> = sets.iter().filter(|s| s.hour > 20.8 && s.hour < 21.2).collect();
     let shown = |g: [bool; 2]| near.iter().any(|s| s.groups_on == g);
     assert!(shown([true, false]) && shown([false, false]) && shown([false, true]), "{near:?}");
@@ -138,7 +138,7 @@ fn two_hundred_schedules() {
     let stage = floor();
     let baked = stage.bake("0..24", 2, &scene(&schedules));
     assert_eq!(baked.dataset.config.groups.len(), 200);
-    assert!(baked.dataset.config.sets.len() > 200);
+    assert!(baked.dataset.config.frames.len() > 200);
     check(&baked, |g, hour| {
         let (from, to) = (from(g), to(g));
         if from < to { hour > from && hour < to } else { hour > from || hour < to }

@@ -4,6 +4,7 @@ use crate::common::closed::disc_over_plane;
 use crate::common::mesh::Obj;
 use crate::common::{Baked, Stage, green, mean};
 use baker::light::sun;
+use dataset::config::Light;
 use glam::{DVec3, dvec3};
 
 /// A floor and, 100 m above it, a wall that looks towards +x.
@@ -97,11 +98,11 @@ fn a_place_at_sunset_fades_without_a_jump() {
     let (above, below, last) = (find(0.01), find(-0.01), find(-0.26));
     let hours = format!("{above:.6},{below:.6},{last:.6},{:.6}", last + 0.1);
     let baked = stage.bake(&hours, 64, &scene);
-    let sets = &baked.dataset.config.sets;
+    let sets = &baked.dataset.config.frames;
     assert_eq!(sets.len(), 4);
-    let sun = |set: usize| match &sets[set].maps[0].sun {
-        Some(file) => mean(&baked.dataset.image(file, 0).unwrap(), &baked.on("floor")),
-        None => 0.0,
+    let sun = |frame: usize| {
+        let light = baked.dataset.light(Light::Sun, None, frame, 0).unwrap();
+        mean(&light, &baked.on("floor"))
     };
     let light: Vec<f64> = (0..4).map(sun).collect();
     // The disc's part above the horizon: at ±0.01° about half of it, and nothing once all of it has set.
@@ -133,9 +134,10 @@ fn polar_night_has_no_sun_and_a_finite_sky() {
     for latitude in [80.0, 90.0, -90.0] {
         let date = if latitude > 0.0 { "2026-12-21" } else { "2026-06-21" };
         let baked = floor_and_wall().bake("0..24", 4, &place(latitude, date));
-        assert_eq!(baked.dataset.config.sets.len(), 24);
-        for set in &baked.dataset.config.sets {
-            assert!(set.maps[0].sun.is_none(), "{latitude}°: a sun at {}", set.hour);
+        assert_eq!(baked.dataset.config.frames.len(), 24);
+        for (i, frame) in baked.dataset.config.frames.iter().enumerate() {
+            let files = baked.dataset.config.files_of(Light::Sun, None, i, 0);
+            assert!(files.is_empty(), "{latitude}°: a sun at {}", frame.hour);
         }
         let told = |f: &String| f.contains("no sun rays at 24 of 24 moments");
         assert!(baked.outcome.left_out.iter().any(told), "{:?}", baked.outcome.left_out);
@@ -149,8 +151,9 @@ fn polar_night_has_no_sun_and_a_finite_sky() {
 fn midnight_sun_shines_at_every_hour() {
     for (latitude, date) in [(80.0, "2026-06-21"), (90.0, "2026-06-21"), (-90.0, "2026-12-21")] {
         let baked = floor_and_wall().bake("0..24", 4, &place(latitude, date));
-        for (i, set) in baked.dataset.config.sets.iter().enumerate() {
-            assert!(set.maps[0].sun.is_some(), "{latitude}°: no sun at {}", set.hour);
+        for (i, set) in baked.dataset.config.frames.iter().enumerate() {
+            let files = baked.dataset.config.files_of(Light::Sun, None, i, 0);
+            assert!(!files.is_empty(), "{latitude}°: no sun at {}", set.hour);
             let light = mean(&baked.dataset.map(i, 0).unwrap(), &baked.on("floor"));
             assert!(light > 5.0 && light < 150.0, "{latitude}° at {}: {light}", set.hour);
         }

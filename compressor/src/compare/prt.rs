@@ -11,7 +11,7 @@ use super::method::{CodedTile, CodedTiles, each_tile};
 use super::tiles::{Tile, TileSet};
 use super::{Method, Ways};
 use crate::{Error, Result};
-use dataset::config::{FileRef, Transfer as Basis};
+use dataset::config::{FileRef, Light, Transfer as Basis};
 use dataset::console::count;
 use dataset::image::Mask;
 use dataset::store::Dataset;
@@ -78,8 +78,10 @@ impl<'a> Transfer<'a> {
                 ))
             })
         };
-        let moments = dataset.config.sets.iter().map(|set| moment(set.hour)).collect::<Result<Vec<_>>>()?;
-        if let Some(group) = dataset.config.groups.iter().find(|group| group.layers.is_empty()) {
+        let moments = dataset.config.frames.iter().map(|set| moment(set.hour)).collect::<Result<Vec<_>>>()?;
+        let mut groups = (0..).zip(&dataset.config.groups);
+        let is_kept = |group: u32| dataset.config.layers_of(Light::Group, Some(group)).next().is_some();
+        if let Some((_, group)) = groups.find(|(index, _)| !is_kept(*index)) {
             let what = format!(
                 "keeps no layer of the light group {:?}; expected one for PRT, which has lamps by group",
                 group.name
@@ -97,14 +99,18 @@ impl<'a> Transfer<'a> {
         let opened = Transfer { dataset, transfer, basis, masks, moments };
         let pages: BTreeSet<usize> = set.tiles.iter().map(|tile| tile.place.page).collect();
         let images: Vec<_> = pages.into_iter().flat_map(|page| opened.images(page)).collect();
-        images.par_iter().try_for_each(|(set, file)| set.check_content(file))?;
+        images
+            .par_iter()
+            .try_for_each(|(set, files)| files.iter().try_for_each(|file| set.check_content(file)))?;
         Ok(opened)
     }
 
-    /// The images of a page: of the parts of the functions, then of the groups.
-    fn images(&self, page: usize) -> Vec<(&'a Dataset, &'a FileRef)> {
-        let parts = self.transfer.config.sets.iter().map(|set| (self.transfer, &set.maps[page].file));
-        let groups = self.dataset.config.groups.iter().map(|group| (self.dataset, &group.layers[page]));
+    /// The images of a page, each the sum of files: of the parts of the functions, then of the groups.
+    fn images(&self, page: usize) -> Vec<(&'a Dataset, Vec<&'a FileRef>)> {
+        let parts = self.transfer.config.frames.iter().map(|frame| (self.transfer, vec![&frame.maps[page]]));
+        let config = &self.dataset.config;
+        let groups = (0..config.groups.len() as u32)
+            .map(|group| (self.dataset, config.files_of(Light::Group, Some(group), 0, page)));
         parts.chain(groups).collect()
     }
 
@@ -126,8 +132,8 @@ impl<'a> Transfer<'a> {
         let mut rows = vec![0.0; 3 * sources * places.len()];
         // The functions' is known when their parts are together.
         let mut scales = vec![0.0];
-        for (i, (set, file)) in self.images(page).into_iter().enumerate() {
-            let image = set.image_rows(file, page, top, bottom)?;
+        for (i, (set, files)) in self.images(page).into_iter().enumerate() {
+            let image = set.sum_rows(&files, page, top, bottom)?;
             let part = self.basis.parts.get(i);
             let source = part.map_or(functions + i - self.basis.parts.len(), |part| part.function as usize);
             let factor = match part {
@@ -159,7 +165,7 @@ impl<'a> Transfer<'a> {
     /// Per set and channel, the weight of each source; `scales` are that of the functions and those of the groups.
     fn weights(&self, scales: &[f64]) -> Vec<f64> {
         let mut weights = Vec::new();
-        for (set, &moment) in self.dataset.config.sets.iter().zip(&self.moments) {
+        for (set, &moment) in self.dataset.config.frames.iter().zip(&self.moments) {
             for c in 0..3 {
                 let functions = self.basis.light[moment].coefficients.iter();
                 weights.extend(functions.map(|rgb| rgb[c] * scales[0]));

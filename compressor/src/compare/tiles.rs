@@ -95,12 +95,12 @@ impl TileSet {
         let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
         let (chosen, of) = choose(&masks, options.tiles, options.seed);
         let texels: usize = chosen.iter().map(|(_, rect)| rect.width() * rect.height()).sum();
-        let bytes = (HELD * texels * dataset.config.sets.len() * size_of::<[f32; 3]>()) as u64;
+        let bytes = (HELD * texels * dataset.config.frames.len() * size_of::<[f32; 3]>()) as u64;
         if bytes > MEMORY {
             let what = format!(
                 "{} with {} would take about {} GB of memory; expected at most {}: choose fewer with --tiles",
                 count(chosen.len(), "tile"),
-                count(dataset.config.sets.len(), "set"),
+                count(dataset.config.frames.len(), "set"),
                 bytes >> 30,
                 MEMORY >> 30
             );
@@ -108,7 +108,7 @@ impl TileSet {
         }
         let used: BTreeSet<usize> = chosen.iter().map(|(place, _)| place.page).collect();
         let files: BTreeMap<&str, &FileRef> = (used.iter())
-            .flat_map(|&page| dataset.config.sets.iter().map(move |set| &set.maps[page].file))
+            .flat_map(|&page| dataset.config.frames.iter().map(move |set| &set.maps[page]))
             .map(|file| (file.path.as_str(), file))
             .collect();
         files.par_iter().try_for_each(|(_, file)| dataset.check_content(file))?;

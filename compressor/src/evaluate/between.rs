@@ -56,8 +56,9 @@ pub fn between(
     let mut pools: Vec<[Pool; 2]> = moments.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
         if let Some(withheld) = withheld {
-            let mut sets = moments.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.sets[k]);
-            sets.try_for_each(|set| withheld.check_content(&set.maps[page].file))?;
+            let mut sets =
+                moments.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.frames[k]);
+            sets.try_for_each(|set| withheld.check_content(&set.maps[page]))?;
         }
         for rows in &strips[page] {
             let mask = cut(mask, rows);
@@ -107,7 +108,7 @@ fn moments(
     let timeline = &decoder.bundle().header.timeline;
     let hours: Vec<(f64, Option<usize>)> = match withheld {
         Some(withheld) => {
-            withheld.config.sets.iter().enumerate().map(|(k, set)| (set.hour, Some(k))).collect()
+            withheld.config.frames.iter().enumerate().map(|(k, set)| (set.hour, Some(k))).collect()
         }
         None => {
             let n = timeline.hours.len();
@@ -118,7 +119,7 @@ fn moments(
             (0..n).flat_map(way).map(|hour| (crate::time::fold_hour(hour), None)).collect()
         }
     };
-    let files = |k: usize| dataset.config.sets[k].maps.iter().map(|map| &map.file.blake3);
+    let files = |k: usize| dataset.config.frames[k].maps.iter().map(|map| &map.blake3);
     let judged = |&(hour, index): &(f64, Option<usize>)| {
         let moment = timeline.at(hour);
         (moment.a != moment.b && files(moment.a).ne(files(moment.b))).then_some((hour, moment, index))

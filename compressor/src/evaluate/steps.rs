@@ -52,7 +52,7 @@ impl Steps {
 
 /// Judges a bundle's steps; the bundle is the dataset's.
 pub(super) fn steps(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Steps> {
-    let sets = &dataset.config.sets;
+    let sets = &dataset.config.frames;
     let n = sets.len();
     if n < 2 {
         return Ok(Steps::default());

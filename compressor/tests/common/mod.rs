@@ -1,7 +1,7 @@
 //! A small dataset with known light, written through the dataset crate.
 #![allow(dead_code, reason = "each test file uses its part")]
 
-use dataset::config::{Config, FORMAT, Group, Map, Noise, Page, Set, VERSION};
+use dataset::config::{Baked, Config, FORMAT, Frame, Group, Noise, Page, VERSION};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use std::path::Path;
@@ -67,22 +67,17 @@ impl Scene {
     pub fn write(&self, root: &Path) {
         let mut writer = Writer::create(root).unwrap();
         let mask = writer.add("mask", "png", &self.mask().to_png()).unwrap();
-        let sets: Vec<Set> = self
+        let frames: Vec<Frame> = self
             .hours
             .iter()
             .map(|&hour| {
                 let image = self.image(hour, lamp_is_on(hour));
                 let file = writer.add(&format!("map-{hour}"), "exr", &image.to_exr()).unwrap();
-                Set {
-                    hour,
-                    groups_on: vec![lamp_is_on(hour)],
-                    relative_error: None,
-                    maps: vec![Map { file, sun: None, sky: None, local: None }],
-                }
+                Frame { hour, groups_on: vec![lamp_is_on(hour)], relative_error: None, maps: vec![file] }
             })
             .collect();
         let tiles = self.width.div_ceil(128) * self.height.div_ceil(128);
-        let noise = Noise { tile: 128, mse: vec![vec![vec![1e-6; tiles]]; sets.len()] };
+        let noise = Noise { tile: 128, mse: vec![vec![vec![1e-6; tiles]]; frames.len()] };
         let noise = writer.add("noise", "json", &serde_json::to_vec(&noise).unwrap()).unwrap();
         let config = Config {
             format: FORMAT.to_owned(),
@@ -94,9 +89,12 @@ impl Scene {
             seed: 1,
             inputs: "0".repeat(64),
             samples: 1,
-            pages: vec![Page { width: self.width as u32, height: self.height as u32, mask }],
-            groups: vec![Group { name: "lamp".to_owned(), on: vec![[18.0, 6.0]], layers: vec![] }],
-            sets,
+            pages: vec![Page::atlas(self.width as u32, self.height as u32, mask)],
+            sun: None,
+            sky: None,
+            groups: vec![Group { name: "lamp".to_owned(), on: vec![[18.0, 6.0]], baked: Baked::All }],
+            layers: Vec::new(),
+            frames,
             noise: Some(noise),
             geometry: None,
             settings: serde_json::json!({}),

@@ -5,7 +5,7 @@ use compressor::compress::{Options, Outcome, compress};
 use compressor::decode::Decoder;
 use compressor::evaluate::{Evaluation, Measures, evaluate};
 use compressor::time::is_on;
-use dataset::config::{Config, FORMAT, Group, Map, Page, Set, VERSION};
+use dataset::config::{Baked, Config, FORMAT, Frame, Group, Page, VERSION};
 use dataset::console::Console;
 use dataset::image::{Image, Mask};
 use dataset::store::{Dataset, Writer};
@@ -85,18 +85,13 @@ impl<'a> Case<'a> {
     pub fn write(&self, root: &Path) {
         let mut writer = Writer::create(root).unwrap();
         let mask = writer.add("mask", "png", &self.mask().to_png()).unwrap();
-        let set = |(k, &hour): (usize, &f64)| Set {
+        let frame = |(k, &hour): (usize, &f64)| Frame {
             hour,
             groups_on: vec![is_on(&self.lamp, hour)],
             relative_error: None,
-            maps: vec![Map {
-                file: writer.add(&format!("map-{k}"), "exr", &self.image(k).to_exr()).unwrap(),
-                sun: None,
-                sky: None,
-                local: None,
-            }],
+            maps: vec![writer.add(&format!("map-{k}"), "exr", &self.image(k).to_exr()).unwrap()],
         };
-        let sets = self.hours.iter().enumerate().map(set).collect();
+        let frames = self.hours.iter().enumerate().map(frame).collect();
         let config = Config {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -107,9 +102,12 @@ impl<'a> Case<'a> {
             seed: 1,
             inputs: "0".repeat(64),
             samples: 1,
-            pages: vec![Page { width: self.width as u32, height: self.height as u32, mask }],
-            groups: vec![Group { name: "lamp".to_owned(), on: self.lamp.clone(), layers: vec![] }],
-            sets,
+            pages: vec![Page::atlas(self.width as u32, self.height as u32, mask)],
+            sun: None,
+            sky: None,
+            groups: vec![Group { name: "lamp".to_owned(), on: self.lamp.clone(), baked: Baked::All }],
+            layers: Vec::new(),
+            frames,
             noise: None,
             geometry: None,
             settings: serde_json::json!({}),

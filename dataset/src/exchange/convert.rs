@@ -2,7 +2,9 @@
 
 use super::incoming::{Incoming, IncomingPage, IncomingSet, Light};
 use super::raw::block_rows;
-use crate::config::{Config, FORMAT, FileRef, Map, Page, Set, Source, VERSION};
+use crate::config::{
+    Baked, Config, Daylight, FORMAT, Frame, Layer, Light as Lights, Page, Part, Source, VERSION,
+};
 use crate::console::{Console, Progress, stop_if_interrupted};
 use crate::image::{Mask, write_exr};
 use crate::store::{Staged, Writer, about_equal, is_bad, refuse_light};
@@ -29,8 +31,13 @@ pub(super) fn convert(
     let replaced = AtomicU64::new(0);
     let groups = &incoming.groups;
     let on = |hour: f64| groups.iter().map(|group| group.is_on(hour) == Some(true)).collect();
-    let set = |&hour: &f64| Set { hour, groups_on: on(hour), relative_error: None, maps: Vec::new() };
-    let mut sets: Vec<Set> = incoming.hours.iter().map(set).collect();
+    let frame = |&hour: &f64| Frame { hour, groups_on: on(hour), relative_error: None, maps: Vec::new() };
+    let mut frames: Vec<Frame> = incoming.hours.iter().map(frame).collect();
+    let has_shares = incoming.pages.iter().flat_map(|page| &page.sets).any(|set| set.shares.is_some());
+    let mut layers: Vec<Layer> = match has_shares {
+        true => [Lights::Sun, Lights::Sky, Lights::Lamps].map(|light| share(light, frames.len())).into(),
+        false => Vec::new(),
+    };
     let mut pages = Vec::new();
     for (index, page) in incoming.pages.iter().enumerate() {
         let mask = page.mask()?;
@@ -40,26 +47,22 @@ pub(super) fn convert(
             ));
         }
         let png = writer.add(&format!("mask{index}"), "png", &mask.to_png())?;
-        pages.push(Page { width: page.width as u32, height: page.height as u32, mask: png });
+        pages.push(Page::atlas(page.width as u32, page.height as u32, png));
         let stage = |set: &IncomingSet| {
             let job = Job { writer: &writer, page, mask: &mask, replaced: &replaced, progress };
             job.stage(set)
         };
         let staged: Vec<Result<StagedSet>> = page.sets.par_iter().map(stage).collect();
-        for (set, staged) in sets.iter_mut().zip(staged) {
+        for (number, (frame, staged)) in frames.iter_mut().zip(staged).enumerate() {
             let StagedSet { whole, shares } = staged?;
-            let stem = |kind: &str| format!("{kind}{index}-{:.4}", set.hour);
-            let mut adopt = |kind: &str, staged: Option<Staged>| -> Result<Option<FileRef>> {
-                staged.map(|staged| writer.adopt(staged, &stem(kind), "exr")).transpose()
-            };
-            let [sun, sky, local] = shares;
-            let map = Map {
-                file: adopt("set", Some(whole))?.expect("a staged file"),
-                sun: adopt("sun", sun)?,
-                sky: adopt("sky", sky)?,
-                local: adopt("local", local)?,
-            };
-            set.maps.push(map);
+            let hour = frame.hour;
+            let mut adopt =
+                |kind: &str, staged| writer.adopt(staged, &format!("{kind}{index}-{hour:.4}"), "exr");
+            frame.maps.push(adopt("frame", whole)?);
+            for (layer, staged) in layers.iter_mut().zip(shares) {
+                let kind = layer.light.name();
+                layer.files[number].push(staged.map(|staged| adopt(kind, staged)).transpose()?);
+            }
         }
     }
     let layout = incoming.layout;
@@ -72,11 +75,14 @@ pub(super) fn convert(
         generator: concat!("dataset import ", env!("CARGO_PKG_VERSION")).to_owned(),
         unit: incoming.unit.clone(),
         seed: 0,
-        inputs: digest(&pages, &sets),
+        inputs: digest(&pages, &frames, &layers),
         samples: 0,
         pages,
+        sun: has_shares.then_some(Daylight { baked: Baked::All }),
+        sky: has_shares.then_some(Daylight { baked: Baked::All }),
         groups: groups.clone(),
-        sets,
+        layers,
+        frames,
         noise: None,
         geometry: None,
         instances: Vec::new(),
@@ -88,14 +94,24 @@ pub(super) fn convert(
     Ok(config)
 }
 
+/// The layer of a light, without files as yet.
+fn share(light: Lights, frames: usize) -> Layer {
+    Layer { light, group: None, part: Part::All, files: vec![Vec::new(); frames] }
+}
+
 /// Digest of all texels.
-fn digest(pages: &[Page], sets: &[Set]) -> String {
-    let masks = pages.iter().map(|page| &page.mask);
-    let maps = sets.iter().flat_map(|set| &set.maps);
-    let maps = maps.flat_map(|map| [Some(&map.file), map.sun.as_ref(), map.sky.as_ref(), map.local.as_ref()]);
+fn digest(pages: &[Page], frames: &[Frame], layers: &[Layer]) -> String {
     let mut hasher = blake3::Hasher::new();
-    for file in masks.map(Some).chain(maps) {
-        hasher.update(file.map_or("-", |file| &file.blake3).as_bytes());
+    pages.iter().for_each(|page| _ = hasher.update(page.mask.blake3.as_bytes()));
+    for (number, frame) in frames.iter().enumerate() {
+        for (page, map) in frame.maps.iter().enumerate() {
+            hasher.update(map.blake3.as_bytes());
+            // Black shares and those not known are alike.
+            for share in 0..3 {
+                let file = layers.get(share).and_then(|layer: &Layer| layer.file(number, page));
+                hasher.update(file.map_or("-", |file| &file.blake3).as_bytes());
+            }
+        }
     }
     hasher.finalize().to_hex().to_string()
 }

@@ -4,10 +4,11 @@ use super::layouts::{kept, lightmaps_of, parse};
 use super::plan::{Lightmap, Parts, Planned};
 use super::raw::{self, light_bytes, mask_bytes};
 use super::{layout1, layout2};
-use crate::config::{FileRef, Layout};
+use crate::config::{FileRef, Layer, Layout, Light};
 use crate::console::{Console, Progress, count};
 use crate::files::{NewFolder, write_atomically};
-use crate::store::{Dataset, MANIFEST, layers_kept};
+use crate::image::add;
+use crate::store::{Dataset, MANIFEST};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -40,7 +41,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
     let (hours, mut left_out, (config, planned)) = match kept(dataset, Some(layout))? {
-        Some(own) => (dataset.config.sets.iter().map(|set| set.hour).collect(), Vec::new(), own),
+        Some(own) => (dataset.config.frames.iter().map(|frame| frame.hour).collect(), Vec::new(), own),
         None => {
             let (hours, mut left_out) = hours(dataset, layout)?;
             let plan = plan(dataset, layout, &hours)?;
@@ -51,7 +52,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
             (hours, left_out, plan)
         }
     };
-    let layered = layers_kept(&dataset.config);
+    let layered = !dataset.config.layers.is_empty();
     if layout == Layout::Hprc1 && !layered {
         left_out.push(format!("{}: the set has no layers", layout1::SHARES.join(", ")));
     }
@@ -90,13 +91,13 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
 
 /// The hours that the layout takes, and why not the others.
 fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
-    let all: Vec<f64> = dataset.config.sets.iter().map(|set| set.hour).collect();
+    let all: Vec<f64> = dataset.config.frames.iter().map(|frame| frame.hour).collect();
     let list = |hours: &[f64]| hours.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
     let (taken, others): (Vec<f64>, Vec<f64>) = match layout {
         Layout::Hprc1 => {
             let missing: Vec<f64> = layout1::hours().filter(|hour| !all.contains(hour)).collect();
             if !missing.is_empty() {
-                let what = format!("no set at {} h; the layout holds all 24 hours", list(&missing));
+                let what = format!("no frame at {} h; the layout holds all 24 hours", list(&missing));
                 return Err(Error::unsupported(dataset.root.display(), what));
             }
             all.iter().partition(|&&hour| layout1::hours().any(|whole| whole == hour))
@@ -104,7 +105,7 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
     };
     if taken.is_empty() {
-        let what = format!("no set at a whole hour; sets at {} h have no time key", list(&others));
+        let what = format!("no frame at a whole hour; frames at {} h have no time key", list(&others));
         return Err(Error::unsupported(dataset.root.display(), what));
     }
     let reason = match layout {
@@ -112,7 +113,7 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         _ => "the layout holds whole hours, 5.9 and 18.1",
     };
     let told = (!others.is_empty())
-        .then(|| format!("{} at {} h: {reason}", count(others.len(), "set"), list(&others)));
+        .then(|| format!("{} at {} h: {reason}", count(others.len(), "frame"), list(&others)));
     Ok((taken, told.into_iter().collect()))
 }
 
@@ -138,11 +139,10 @@ fn plan(dataset: &Dataset, layout: Layout, hours: &[f64]) -> Result<(Vec<u8>, Ve
 /// An error unless all files that are read are what the manifest says.
 fn check_contents(dataset: &Dataset, hours: &[f64], layout: Layout) -> Result<()> {
     let config = &dataset.config;
-    let maps = config.sets.iter().filter(|set| hours.contains(&set.hour)).flat_map(|set| &set.maps);
-    let mut files: Vec<&FileRef> = maps.clone().map(|map| &map.file).collect();
+    let frames = config.frames.iter().filter(|frame| hours.contains(&frame.hour));
+    let mut files: Vec<&FileRef> = frames.flat_map(|frame| &frame.maps).collect();
     if layout == Layout::Hprc1 {
-        files.extend(config.groups.iter().flat_map(|group| &group.layers));
-        files.extend(maps.flat_map(|map| [&map.sun, &map.sky, &map.local]).flatten());
+        files.extend(config.layers.iter().flat_map(Layer::files));
     }
     let mut seen = BTreeSet::new();
     files.retain(|file| seen.insert(&file.path));
@@ -180,22 +180,19 @@ fn write_page(
         .moments
         .par_iter()
         .map(|moment| {
-            let set = dataset.config.sets.iter().position(|set| set.hour == moment.hour);
-            let set = set.expect("hours were taken from the sets");
-            let map = &dataset.config.sets[set].maps[page];
-            let groups = dataset.config.groups.iter().zip(&dataset.config.sets[set].groups_on);
-            let lamps = groups.filter(|(_, on)| **on).filter_map(|(group, _)| group.layers.get(page));
-            let lamps: Vec<&FileRef> = lamps.chain(&map.local).collect();
-            let mut kinds = vec![(&moment.whole, vec![&map.file])];
+            let frame = dataset.config.frames.iter().position(|frame| frame.hour == moment.hour);
+            let frame = frame.expect("hours were taken from the frames");
+            let mut kinds = vec![(&moment.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
             if let Some([sun, sky, local]) = moment.shares.as_ref().filter(|_| layered) {
-                let (own_sun, own_sky) = (map.sun.iter().collect(), map.sky.iter().collect());
-                kinds.extend([(sun, own_sun), (sky, own_sky), (local, lamps)]);
+                let of = |light| vec![dataset.config.files_of(light, None, frame, page)];
+                let lamps = dataset.config.files_of_local(frame, page);
+                kinds.extend([(sun, of(Light::Sun)), (sky, of(Light::Sky)), (local, lamps)]);
             }
             let mut lengths = Vec::with_capacity(kinds.len());
-            for (parts, files) in kinds {
+            for (parts, lights) in kinds {
                 let rows = |y0: usize, y1: usize| {
                     progress.advance((y1 - y0) as u64);
-                    Ok(light_bytes(&sum(dataset, page, &files, (y0, y1))?))
+                    Ok(light_bytes(&sum(dataset, page, &lights, (y0, y1))?))
                 };
                 lengths.push(raw::write(&place(parts)?, size, rows)?);
             }
@@ -208,22 +205,19 @@ fn write_page(
     Ok(written)
 }
 
-/// The sum of images in their order, from zero on; one alone keeps every bit.
+/// The sum of lights in their order, from zero on, each the sum of its files; one alone keeps every bit.
 fn sum(
     dataset: &Dataset,
     page: usize,
-    files: &[&FileRef],
+    lights: &[Vec<&FileRef>],
     (y0, y1): (usize, usize),
 ) -> Result<Vec<[f32; 3]>> {
-    let Some((first, others)) = files.split_first() else {
-        return Ok(vec![[0.0; 3]; dataset.config.pages[page].width as usize * (y1 - y0)]);
+    let Some((first, others)) = lights.split_first() else {
+        return dataset.sum_rows(&[], page, y0, y1);
     };
-    let mut sum = dataset.image_rows(first, page, y0, y1)?;
-    for file in others {
-        let addend = dataset.image_rows(file, page, y0, y1)?;
-        for (sum, addend) in sum.iter_mut().zip(addend) {
-            *sum = std::array::from_fn(|c| sum[c] + addend[c]);
-        }
+    let mut sum = dataset.sum_rows(first, page, y0, y1)?;
+    for files in others {
+        add(&mut sum, &dataset.sum_rows(files, page, y0, y1)?);
     }
     Ok(sum)
 }

@@ -1,7 +1,7 @@
 //! EXR files, one per hour: found by a pattern of their names, or told by a table.
 
 use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
-use crate::config::{Group, Layout};
+use crate::config::{Baked, Group, Layout};
 use crate::image::find_channels;
 use crate::{Error, Result};
 use serde::Deserialize;
@@ -143,7 +143,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     let mut groups = Vec::with_capacity(table.group.len());
     for TableGroup { name, on } in table.group {
         let span = on.span();
-        let group = Group { name, on: on.into_inner(), layers: Vec::new() };
+        let group = Group { name, on: on.into_inner(), baked: Baked::All };
         if let Some(what) = group.faults_of_schedule().next() {
             return Err(wrong(Some(span), &what));
         }

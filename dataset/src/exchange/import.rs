@@ -6,7 +6,7 @@ use super::layouts::{parse, read_config};
 use super::plan::{Parts, Planned};
 use super::raw::{LIGHT_BYTES, Raw};
 use super::{images, layout1, layout2};
-use crate::config::{Config, Group, Layout};
+use crate::config::{Baked, Config, Group, Layout};
 use crate::console::{Console, count};
 use crate::files::NewFolder;
 use crate::store::{MANIFEST, is_component};
@@ -82,7 +82,7 @@ fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
         pages.push(find(&root, planned, !there.is_empty())?);
         Ok(())
     })?;
-    let lamps = Group { name: "local".to_owned(), on: vec![[18.0, 6.0]], layers: Vec::new() };
+    let lamps = Group { name: "local".to_owned(), on: vec![[18.0, 6.0]], baked: Baked::All };
     Ok(Incoming {
         layout,
         config: Some(bytes),

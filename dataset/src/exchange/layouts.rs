@@ -80,7 +80,7 @@ pub(super) fn kept(dataset: &Dataset, wanted: Option<Layout>) -> Result<Option<(
     let bytes = read_config(&path)?;
     dataset.check_content(file)?;
     let config = &dataset.config;
-    let hours: Vec<f64> = config.sets.iter().map(|set| set.hour).collect();
+    let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
     let differs = || {
         let what = "lightmaps or hours differ from the manifest's; expected the configuration of the import";
         Error::invalid(path.display(), what)

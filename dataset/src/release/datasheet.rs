@@ -19,7 +19,7 @@ pub(super) struct Files<'a> {
 /// The datasheet as Markdown.
 pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     let mut text = format!("# {}\n\n", plain(&config.scene));
-    let (sets, pages) = (count(config.sets.len(), "set"), count(config.pages.len(), "page"));
+    let (sets, pages) = (count(config.frames.len(), "set"), count(config.pages.len(), "page"));
     let _ = match &config.transfer {
         None => writeln!(
             text,
@@ -144,7 +144,7 @@ fn sets_table(text: &mut String, config: &Config) {
         "The standard error of the sampling, root mean square over surfaces, ÷ their mean light. By tile it stands in the file that \
          `noise` of `config.json` names.\n\n| hour | lamps on | error, % |\n|---|---|---|\n",
     );
-    for set in &config.sets {
+    for set in &config.frames {
         let on = config.groups.iter().zip(&set.groups_on).filter(|(_, on)| **on);
         let on: Vec<String> = on.map(|(group, _)| plain(&group.name)).collect();
         let error =

@@ -186,7 +186,7 @@ impl Plan {
         for set in preview_sets(dataset) {
             for (page, png) in pictures(dataset, set, PREVIEW_SIDE)?.iter().enumerate() {
                 let page = if config.pages.len() > 1 { format!("-page{page}") } else { String::new() };
-                let name = format!("{scene}-{}h{page}.png", config.sets[set].hour);
+                let name = format!("{scene}-{}h{page}.png", config.frames[set].hour);
                 expect_free(root, &name)?;
                 write_atomically(&root.join(&name), png)?;
                 previews.push(name);
@@ -223,7 +223,7 @@ fn list(folder: &Path, prefix: &str, files: &mut Vec<Member>) -> Result<()> {
 
 /// The sets that pictures are made of, ascending; one at least.
 fn preview_sets(dataset: &Dataset) -> BTreeSet<usize> {
-    let sets = &dataset.config.sets;
+    let sets = &dataset.config.frames;
     let away = |set: usize, hour: f64| {
         let straight = (sets[set].hour - hour).abs();
         straight.min(24.0 - straight)

@@ -1,7 +1,6 @@
 //! What of a dataset goes into which archive: the sets with all that is needed to use them, and each layer of light apart.
 
-use crate::config::{Config, FileRef};
-use crate::store::layers_kept;
+use crate::config::{Config, FileRef, Layer, Light};
 use std::collections::BTreeSet;
 
 /// The dataset's own manifest, beside that of the sets alone: it names the layers, too.
@@ -9,16 +8,19 @@ pub const LAYERS: &str = "layers.json";
 
 /// The archives that a dataset is split into, without empty ones. A file that several need is in the first of them.
 pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
-    let maps = || config.sets.iter().flat_map(|set| &set.maps);
+    let maps = config.frames.iter().flat_map(|frame| &frame.maps);
     let source = config.source.iter().flat_map(|source| &source.config);
-    let own = config.pages.iter().map(|page| &page.mask).chain(maps().map(|map| &map.file));
+    let own = config.pages.iter().map(|page| &page.mask).chain(maps);
     let own = own.chain(&config.noise).chain(&config.geometry).chain(source);
-    let lamps = config.groups.iter().flat_map(|group| &group.layers);
+    let of = |lights: &[Light]| {
+        let layers = config.layers.iter().filter(|layer| lights.contains(&layer.light));
+        layers.flat_map(Layer::files).collect()
+    };
     let parts: [(&str, Vec<&FileRef>); 4] = [
         ("sets", own.collect()),
-        ("sun", maps().flat_map(|map| &map.sun).collect()),
-        ("sky", maps().flat_map(|map| &map.sky).collect()),
-        ("lamps", lamps.chain(maps().flat_map(|map| &map.local)).collect()),
+        ("sun", of(&[Light::Sun])),
+        ("sky", of(&[Light::Sky])),
+        ("lamps", of(&[Light::Group, Light::Lamps])),
     ];
     let mut seen = BTreeSet::new();
     let distinct = parts.map(|(name, mut files)| {
@@ -32,10 +34,5 @@ pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
 
 /// The manifest of the sets alone, of a dataset that has layers.
 pub(super) fn without_layers(config: &Config) -> Option<Config> {
-    let mut sets = layers_kept(config).then(|| config.clone())?;
-    sets.groups.iter_mut().for_each(|group| group.layers.clear());
-    for map in sets.sets.iter_mut().flat_map(|set| &mut set.maps) {
-        (map.sun, map.sky, map.local) = (None, None, None);
-    }
-    Some(sets)
+    (!config.layers.is_empty()).then(|| Config { layers: Vec::new(), ..config.clone() })
 }

@@ -2,7 +2,7 @@
 
 use super::Section;
 use crate::Result;
-use crate::config::{Config, Set};
+use crate::config::{Config, Frame};
 use crate::image::{Image, Mask, encode_png};
 use crate::store::Dataset;
 use rayon::prelude::*;
@@ -57,8 +57,9 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
 
     // Every set of every page, reduced; (set, page) in this order.
     let side = if config.pages.len() > 2 { PREVIEW_SIDE / 2 } else { PREVIEW_SIDE };
-    let pairs: Vec<(usize, usize)> =
-        (0..config.sets.len()).flat_map(|set| (0..config.pages.len()).map(move |page| (set, page))).collect();
+    let pairs: Vec<(usize, usize)> = (0..config.frames.len())
+        .flat_map(|set| (0..config.pages.len()).map(move |page| (set, page)))
+        .collect();
     let reduced = pairs.par_iter().map(|&(set, page)| reduce(dataset, &masks[page], set, page, side));
     let reduced: Vec<(Image, Mask)> = reduced.collect::<Result<_>>()?;
 
@@ -136,8 +137,8 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
         let text = format!("{}×{} texels, {share:.1} % on surfaces", mask.width, mask.height);
         rows.push(row(&page_name(config, page), text));
     }
-    let hours: Vec<String> = config.sets.iter().map(|set| hour(set.hour)).collect();
-    rows.push(row("Sets", format!("{}: {} h", config.sets.len(), hours.join(", "))));
+    let hours: Vec<String> = config.frames.iter().map(|set| hour(set.hour)).collect();
+    rows.push(row("Frames", format!("{}: {} h", config.frames.len(), hours.join(", "))));
     for group in &config.groups {
         let on = group.on.iter().map(|[from, to]| match (*from, *to) {
             (0.0, 24.0) => "always".to_owned(),
@@ -152,7 +153,7 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
         Some(source) => row("Imported from the layout", source.layout.name().to_owned()),
     });
     rows.push(row("Unit", config.unit.clone()));
-    let errors = config.sets.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
+    let errors = config.frames.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
     if let Some((error, at)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         rows.push(row(
             "Estimated error of a set",
@@ -172,7 +173,7 @@ fn page_name(config: &Config, page: usize) -> String {
 
 /// Such as `18.1 h · porch, garden on`.
 fn caption(config: &Config, set: usize, page: usize) -> String {
-    let Set { hour: at, groups_on, .. } = &config.sets[set];
+    let Frame { hour: at, groups_on, .. } = &config.frames[set];
     let on = config.groups.iter().zip(groups_on).filter(|(_, on)| **on).map(|(group, _)| &*group.name);
     let on: Vec<&str> = on.collect();
     let mut caption = format!("{} h", hour(*at));

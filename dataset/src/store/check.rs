@@ -1,12 +1,14 @@
 //! What every consumer of a manifest relies on.
 
-use crate::config::{Config, FORMAT, FileRef, Page, VERSION};
+use crate::config::{Config, FORMAT, FileRef, Layer, Page, VERSION};
 use crate::console::count;
 use crate::image::MAX_SIDE;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+
+mod layers;
 
 /// Everything in a manifest that breaks a rule, in itself; `manifest` names it in errors.
 pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
@@ -15,7 +17,7 @@ pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
     if config.format != FORMAT {
         wrong(format!("format is {:?}; expected {FORMAT:?}", config.format));
     }
-    if config.version == 0 || config.version > VERSION {
+    if config.version != VERSION {
         wrong(format!("version is {}; expected 1 to {VERSION}", config.version));
     }
     if !is_component(&config.scene) {
@@ -23,7 +25,8 @@ pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
     }
     pages(config, &mut wrong);
     groups(config, &mut wrong);
-    sets(config, &mut wrong);
+    frames(config, &mut wrong);
+    layers::layers(config, &mut wrong);
     transfer(config, &mut wrong);
     for (index, instance) in config.instances.iter().enumerate() {
         let (page, pages) = (instance.page as usize, config.pages.len());
@@ -61,7 +64,7 @@ fn pages(config: &Config, wrong: &mut impl FnMut(String)) {
     }
 }
 
-/// Unique names, hours of the day, layers for each page or none.
+/// Unique names, hours of the day.
 fn groups(config: &Config, wrong: &mut impl FnMut(String)) {
     let mut names = BTreeSet::new();
     for group in &config.groups {
@@ -70,59 +73,46 @@ fn groups(config: &Config, wrong: &mut impl FnMut(String)) {
             wrong(format!("group {name:?}: the name is empty or there twice"));
         }
         group.faults_of_schedule().for_each(&mut *wrong);
-        // What lamps give in an imported set is told by its maps.
-        let (expected, rule) = match (&config.source, layers_kept(config)) {
-            (Some(_), _) => (0, "an imported set has them by the hour"),
-            (None, true) => (config.pages.len(), "all layers or none"),
-            (None, false) => (0, "all layers or none"),
-        };
-        if group.layers.len() != expected {
-            let pages = count(group.layers.len(), "page");
-            wrong(format!("group {name:?}: layers for {pages}; expected {expected} ({rule})"));
-        }
     }
 }
 
 /// Ascending hours of one day, every list of the right length.
-fn sets(config: &Config, wrong: &mut impl FnMut(String)) {
-    if config.sets.is_empty() {
-        wrong("no sets".into());
+fn frames(config: &Config, wrong: &mut impl FnMut(String)) {
+    if config.frames.is_empty() {
+        wrong("no frames".into());
     }
     let mut previous = f64::NEG_INFINITY;
-    for (index, set) in config.sets.iter().enumerate() {
-        let hour = set.hour;
+    for (index, frame) in config.frames.iter().enumerate() {
+        let hour = frame.hour;
         if !(0.0..24.0).contains(&hour) || hour <= previous {
-            wrong(format!("set {index}: hour {hour}; expected ascending hours in [0, 24)"));
+            wrong(format!("frame {index}: hour {hour}; expected ascending hours in [0, 24)"));
         }
         previous = hour;
-        if set.groups_on.len() != config.groups.len() {
-            let (found, expected) = (set.groups_on.len(), config.groups.len());
-            wrong(format!("set {index}, hour {hour}: groups_on has {found} entries; expected {expected}"));
+        if frame.groups_on.len() != config.groups.len() {
+            let (found, expected) = (frame.groups_on.len(), config.groups.len());
+            wrong(format!("frame {index}, hour {hour}: groups_on has {found} entries; expected {expected}"));
         }
-        if set.maps.len() != config.pages.len() {
-            let (found, expected) = (count(set.maps.len(), "page"), config.pages.len());
-            wrong(format!("set {index}, hour {hour}: maps for {found}; expected {expected}"));
+        if frame.maps.len() != config.pages.len() {
+            let (found, expected) = (count(frame.maps.len(), "page"), config.pages.len());
+            wrong(format!("frame {index}, hour {hour}: maps for {found}; expected {expected}"));
         }
-        if config.source.is_none() && set.maps.iter().any(|map| map.local.is_some()) {
-            wrong(format!("set {index}, hour {hour}: a map has `local`; expected it in imported sets only"));
-        }
-        if let Some(error) = set.relative_error
+        if let Some(error) = frame.relative_error
             && !(error.is_finite() && error >= 0.0)
         {
-            wrong(format!("set {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
+            wrong(format!("frame {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
         }
     }
 }
 
-/// A part per set, none twice; light of one day in terms of the functions that the parts make up.
+/// A part per frame, none twice; light of one day in terms of the functions that the parts make up.
 fn transfer(config: &Config, wrong: &mut impl FnMut(String)) {
     let Some(transfer) = &config.transfer else { return };
     if !is_component(&transfer.scene) {
         wrong(format!("transfer: scene is {:?}; expected a name that can be a folder's", transfer.scene));
     }
-    let (parts, sets) = (transfer.parts.len(), config.sets.len());
-    if parts != sets {
-        wrong(format!("transfer: {}; expected {sets}, one per set", count(parts, "part")));
+    let (parts, frames) = (transfer.parts.len(), config.frames.len());
+    if parts != frames {
+        wrong(format!("transfer: {}; expected {frames}, one per frame", count(parts, "part")));
     }
     let mut seen = BTreeSet::new();
     for part in &transfer.parts {
@@ -196,19 +186,10 @@ pub(super) fn size(path: &Path, (width, height): (usize, usize), page: &Page) ->
 /// Every reference to a file, in the manifest's order.
 pub(crate) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
     let masks = config.pages.iter().map(|page| &page.mask);
-    let layers = config.groups.iter().flat_map(|group| &group.layers);
-    let maps = config.sets.iter().flat_map(|set| &set.maps);
-    let maps =
-        maps.flat_map(|map| std::iter::once(&map.file).chain(&map.sun).chain(&map.sky).chain(&map.local));
+    let layers = config.layers.iter().flat_map(Layer::files);
+    let maps = config.frames.iter().flat_map(|frame| &frame.maps);
     let source = config.source.iter().flat_map(|source| &source.config);
     masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry).chain(source)
-}
-
-/// Whether the set comes with its layers: any of sun, sky, local or groups.
-pub(crate) fn layers_kept(config: &Config) -> bool {
-    let maps = || config.sets.iter().flat_map(|set| &set.maps);
-    config.groups.iter().any(|group| !group.layers.is_empty())
-        || maps().any(|map| map.sun.is_some() || map.sky.is_some() || map.local.is_some())
 }
 
 /// Whether a name is one plain component of a path on every system.

@@ -1,7 +1,7 @@
 //! A look at every byte: what `dataset check` does.
 
 use super::{Dataset, check};
-use crate::config::{FileRef, Map};
+use crate::config::FileRef;
 use crate::console::count;
 use crate::image::{self, Mask};
 use crate::{Error, Result};
@@ -16,7 +16,7 @@ pub(crate) use sums::about_equal;
 
 /// Rows that are held in memory at once.
 pub(super) const ROWS: usize = 256;
-/// Longest time, in hours, between a switch and the set that shows a side of it.
+/// Longest time, in hours, between a switch and the frame that shows a side of it.
 const SWITCH_REACH: f64 = 0.1;
 
 /// What [`Dataset::verify`] found.
@@ -26,7 +26,7 @@ pub struct Verification {
     pub faults: Vec<Error>,
     /// What breaks none, and yet costs quality.
     pub warnings: Vec<String>,
-    /// Valid texels of each page that are black in every set: no fault in itself (no light may reach them), but many
+    /// Valid texels of each page that are black in every frame: no fault in itself (no light may reach them), but many
     /// of them speak of texels inside geometry. `None` where a lightmap could not be read.
     pub dead_texels: Vec<Option<usize>>,
 }
@@ -42,12 +42,12 @@ struct Use<'a> {
 impl Dataset {
     /// Number of times that [`Dataset::verify`] calls `step`.
     pub fn verify_steps(&self) -> usize {
-        let sums = if check::layers_kept(&self.config) { self.maps().count() } else { 0 };
+        let sums = if self.config.layers.is_empty() { 0 } else { self.maps().count() };
         self.distinct_files().len() + self.images().len() + sums
     }
 
     /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, that images are finite and not
-    /// negative, that sets show the lamps as the schedules have them, and where layers are kept that each lightmap is
+    /// negative, that frames show the lamps as the schedules have them, and where layers are kept that each lightmap is
     /// (sun + sky) + local: bit for bit, about so in imported sets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
         let (faults, broken) = self.verify_files(&step);
@@ -83,7 +83,7 @@ impl Dataset {
                     None
                 }
             };
-            // One bit per texel, whatever the number of sets.
+            // One bit per texel, whatever the number of frames.
             let lit = mask.as_ref().map(|mask| Bits::new(mask.valid.len()));
             let uses: Vec<&Use> = images.iter().filter(|used| used.page == page).collect();
             let seen = uses.par_iter().map(|used| {
@@ -154,16 +154,16 @@ impl Dataset {
         wrong.map_or(Ok(()), |(error, number)| Err(and_others(error, number - 1)))
     }
 
-    /// Sets that show a group on while its schedule has it off, or the other way round.
+    /// Frames that show a group on while its schedule has it off, or the other way round.
     fn wrong_states(&self) -> Vec<Error> {
         let manifest = self.root.join(super::MANIFEST);
         let mut faults = Vec::new();
-        for (index, set) in self.config.sets.iter().enumerate() {
-            for (group, &on) in self.config.groups.iter().zip(&set.groups_on) {
-                if group.is_on(set.hour).is_some_and(|expected| expected != on) {
-                    let (name, hour) = (&group.name, set.hour);
+        for (index, frame) in self.config.frames.iter().enumerate() {
+            for (group, &on) in self.config.groups.iter().zip(&frame.groups_on) {
+                if group.is_on(frame.hour).is_some_and(|expected| expected != on) {
+                    let (name, hour) = (&group.name, frame.hour);
                     let what = format!(
-                        "set {index}, hour {hour}: groups_on is {on} for {name:?}; its schedule says {}",
+                        "frame {index}, hour {hour}: groups_on is {on} for {name:?}; its schedule says {}",
                         !on
                     );
                     faults.push(Error::invalid(manifest.display(), what));
@@ -192,28 +192,28 @@ impl Dataset {
         left
     }
 
-    /// Switches between the first and the last set of which a side is shown by no set close to it.
+    /// Switches between the first and the last frame of which a side is shown by no frame close to it.
     fn unseen_switches(&self) -> Vec<String> {
-        let sets = &self.config.sets;
+        let frames = &self.config.frames;
         let mut unseen = Vec::new();
         for (g, group) in self.config.groups.iter().enumerate() {
             let shown = |at: f64, on: bool| {
                 // At the very instant lamps are off.
-                sets.iter().any(|s| (s.hour - at).abs() < SWITCH_REACH + 1e-6 && s.groups_on[g] == on)
+                frames.iter().any(|s| (s.hour - at).abs() < SWITCH_REACH + 1e-6 && s.groups_on[g] == on)
             };
             let mut ends: Vec<f64> = group.on.iter().flatten().copied().collect();
             ends.sort_by(f64::total_cmp);
             ends.dedup();
             for at in ends {
                 let [before, after] = [-1e-3, 1e-3].map(|d| group.is_on((at + d).rem_euclid(24.0)));
-                if before == after || !(sets[0].hour < at && at < sets[sets.len() - 1].hour) {
+                if before == after || !(frames[0].hour < at && at < frames[frames.len() - 1].hour) {
                     continue;
                 }
                 for on in [before, after].into_iter().flatten().filter(|&on| !shown(at, on)) {
                     let (name, state) = (&group.name, if on { "on" } else { "off" });
                     unseen.push(format!(
-                        "group {name:?} switches at {at} h; no set within {SWITCH_REACH} h shows it {state}, so that light \
-                         near the switch is that of a set farther away"
+                        "group {name:?} switches at {at} h; no frame within {SWITCH_REACH} h shows it {state}, so that light \
+                         near the switch is that of a frame farther away"
                     ));
                 }
             }
@@ -221,21 +221,18 @@ impl Dataset {
         unseen
     }
 
-    /// The maps with their set and page.
-    fn maps(&self) -> impl Iterator<Item = (usize, usize, &Map)> {
-        let sets = self.config.sets.iter().enumerate();
-        sets.flat_map(|(set, of)| of.maps.iter().enumerate().map(move |(page, map)| (set, page, map)))
+    /// The maps of all frames, each with its page.
+    fn maps(&self) -> impl Iterator<Item = (usize, &FileRef)> {
+        self.config.frames.iter().flat_map(|frame| frame.maps.iter().enumerate())
     }
 
     /// The lightmaps and layers, each once per page that it stands for.
     fn images(&self) -> Vec<Use<'_>> {
-        let layers = self.config.groups.iter().flat_map(|group| group.layers.iter().enumerate());
-        let layers = layers.map(|(page, file)| Use { file, page, is_map: false });
-        let maps = self.maps().flat_map(|(_, page, map)| {
-            let own = Use { file: &map.file, page, is_map: true };
-            let shares = map.sun.iter().chain(&map.sky).chain(&map.local);
-            std::iter::once(own).chain(shares.map(move |file| Use { file, page, is_map: false }))
-        });
+        let rows = self.config.layers.iter().flat_map(|layer| &layer.files);
+        let layers = rows.flat_map(|row| row.iter().enumerate());
+        let layers =
+            layers.filter_map(|(page, file)| Some(Use { file: file.as_ref()?, page, is_map: false }));
+        let maps = self.maps().map(|(page, file)| Use { file, page, is_map: true });
         let mut place: BTreeMap<(&str, usize), usize> = BTreeMap::new();
         let mut images: Vec<Use> = Vec::new();
         for used in layers.chain(maps) {

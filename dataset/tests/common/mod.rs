@@ -2,7 +2,9 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use dataset::Result;
-use dataset::config::{Config, FORMAT, Group, Instance, Map, Noise, Page, Set, VERSION};
+use dataset::config::{
+    Baked, Config, Daylight, FORMAT, Frame, Group, Instance, Layer, Light, Noise, Page, Part, VERSION,
+};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::{TILE, tiles};
@@ -47,55 +49,85 @@ fn plus(a: &Image, b: &Image) -> Image {
     Image { texels: sum.collect(), ..*a }
 }
 
-/// Writes a set of three hours with two light groups and all layers; pages of the sizes given. `seed` decides the texels.
+/// Writes a dataset of three hours with two light groups and all layers; pages of the sizes given. `seed` decides the texels.
 pub fn write_set(root: &Path, sizes: &[(usize, usize)], seed: u64) -> Result<Config> {
     write_hours(root, sizes, seed, &[0.0, 12.0, 21.5])
+}
+
+/// What the layers of the lights hold in [`write_hours`]: the sun shines at noon only, the sky is black at midnight, surfaces reflect
+/// nothing of the porch.
+pub fn share(
+    (light, group, part): (Light, u32, Part),
+    hour: f64,
+    page: usize,
+    (width, height): (usize, usize),
+    seed: u64,
+) -> Option<Image> {
+    let noise = |salt: u64| Some(noise_image(width, height, seed ^ salt));
+    let page = 100 * page as u64;
+    match (light, part) {
+        (Light::Sun, Part::Direct) if hour == 12.0 => noise(0xabc),
+        (Light::Sun, Part::Indirect) if hour == 12.0 => noise(0xbca),
+        (Light::Sky, Part::All) if hour != 0.0 => noise(0xdef ^ hour.to_bits()),
+        (Light::Group, Part::Direct) => noise(u64::from(group) + page),
+        (Light::Group, Part::Indirect) if group == 1 => noise(7 + page),
+        _ => None,
+    }
 }
 
 /// [`write_set`] at other hours.
 pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f64]) -> Result<Config> {
     let mut writer = Writer::create(root)?;
     let mut pages = Vec::new();
-    let mut groups: Vec<Group> = [("porch", [18.0, 6.0]), ("garden", [20.0, 23.0])]
-        .map(|(name, on)| Group { name: name.into(), on: vec![on], layers: vec![] })
+    let groups: Vec<Group> = [("porch", [18.0, 6.0]), ("garden", [20.0, 23.0])]
+        .map(|(name, on)| Group { name: name.into(), on: vec![on], baked: Baked::All })
         .into();
-    let set = |&hour: &f64| {
+    let frame = |&hour: &f64| {
         let groups_on = groups.iter().map(|group| group.is_on(hour) == Some(true)).collect();
-        Set { hour, groups_on, relative_error: Some(0.01), maps: vec![] }
+        Frame { hour, groups_on, relative_error: Some(0.01), maps: vec![] }
     };
-    let mut sets: Vec<Set> = hours.iter().map(set).collect();
+    let mut frames: Vec<Frame> = hours.iter().map(frame).collect();
+    let lights = [
+        (Light::Sun, 0, Part::Direct),
+        (Light::Sun, 0, Part::Indirect),
+        (Light::Sky, 0, Part::All),
+        (Light::Group, 0, Part::Direct),
+        (Light::Group, 0, Part::Indirect),
+        (Light::Group, 1, Part::Direct),
+        (Light::Group, 1, Part::Indirect),
+    ];
+    let mut layers = lights.map(|(light, group, part)| {
+        let is_group = light == Light::Group;
+        let files = vec![vec![]; if is_group { 1 } else { hours.len() }];
+        Layer { light, group: is_group.then_some(group), part, files }
+    });
     for (page, &(width, height)) in sizes.iter().enumerate() {
         let mut mask = full_mask(width, height);
         mask.valid[0] = width * height == 1;
         let mask = writer.add(&format!("mask-{page}"), "png", &mask.to_png())?;
-        pages.push(Page { width: width as u32, height: height as u32, mask });
-        let lamps: Vec<Image> =
-            (0..2).map(|lamp| noise_image(width, height, seed ^ (lamp + 100 * page as u64))).collect();
-        for (group, lamp) in groups.iter_mut().zip(&lamps) {
-            group.layers.push(writer.add(&format!("{}-{page}", group.name), "exr", &lamp.to_exr())?);
+        pages.push(Page::atlas(width as u32, height as u32, mask));
+        for (layer, light) in layers.iter_mut().zip(lights) {
+            for (row, hour) in layer.files.iter_mut().zip(hours) {
+                let stem = format!("{}{}-{}-{hour}-{page}", light.0.name(), light.1, light.2.name());
+                let image = share(light, *hour, page, (width, height), seed);
+                row.push(image.map(|image| writer.add(&stem, "exr", &image.to_exr())).transpose()?);
+            }
         }
-        for set in &mut sets {
-            // The sun shines at noon only; the sky is black at midnight.
+        for frame in &mut frames {
             let black = Image::black(width, height);
-            let sun = (set.hour == 12.0).then(|| noise_image(width, height, seed ^ 0xabc));
-            let sky =
-                (set.hour != 0.0).then(|| noise_image(width, height, seed ^ 0xdef ^ set.hour.to_bits()));
-            let local = lamps
-                .iter()
-                .zip(&set.groups_on)
-                .filter(|(_, on)| **on)
-                .fold(black.clone(), |sum, (lamp, _)| plus(&sum, lamp));
-            let whole = plus(&plus(sun.as_ref().unwrap_or(&black), sky.as_ref().unwrap_or(&black)), &local);
-            let mut add = |stem: &str, image: &Image| {
-                writer.add(&format!("{stem}-{}-{page}", set.hour), "exr", &image.to_exr())
+            let of = |light: usize| {
+                let image = share(lights[light], frame.hour, page, (width, height), seed);
+                image.unwrap_or(black.clone())
             };
-            let file = add("set", &whole)?;
-            let sun = sun.map(|image| add("sun", &image)).transpose()?;
-            let sky = sky.map(|image| add("sky", &image)).transpose()?;
-            set.maps.push(Map { file, sun, sky, local: None });
+            let lit = (0..2).filter(|&group| frame.groups_on[group]);
+            let local = lit.map(|group| plus(&of(3 + 2 * group), &of(4 + 2 * group)));
+            let local = local.fold(black.clone(), |sum, lamp| plus(&sum, &lamp));
+            let whole = plus(&plus(&plus(&of(0), &of(1)), &of(2)), &local);
+            let stem = format!("frame-{}-{page}", frame.hour);
+            frame.maps.push(writer.add(&stem, "exr", &whole.to_exr())?);
         }
     }
-    let mse = sets.iter().map(|_| {
+    let mse = frames.iter().map(|_| {
         let page =
             |&(width, height): &(usize, usize)| tiles(width, height, TILE).iter().map(|_| 1e-6).collect();
         sizes.iter().map(page).collect()
@@ -115,8 +147,11 @@ pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f6
         inputs: "none".into(),
         samples: 1,
         pages,
+        sun: Some(Daylight { baked: Baked::All }),
+        sky: Some(Daylight { baked: Baked::All }),
         groups,
-        sets,
+        layers: layers.into(),
+        frames,
         noise: Some(noise),
         geometry: Some(geometry),
         settings: serde_json::json!({"b": 1, "a": [2.5]}),

@@ -76,7 +76,7 @@ fn shown(scene: &Path, out: &Path, samples: u32) {
 /// Every image of a dataset is finite and not negative, and the whole of it keeps its rules.
 fn sound(folder: &Path) {
     let dataset = Dataset::open(folder).expect("a dataset");
-    for set in 0..dataset.config.sets.len() {
+    for set in 0..dataset.config.frames.len() {
         for page in 0..dataset.config.pages.len() {
             let map = dataset.map(set, page).expect("a map");
             assert!(map.texels.as_flattened().iter().all(|value| value.is_finite() && *value >= 0.0));

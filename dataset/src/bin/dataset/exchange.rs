@@ -96,18 +96,15 @@ impl Import {
             let found = count(replaced as usize, "value");
             console.warn(format!("{found} outside the masks were negative or not finite; they are 0 now"));
         }
-        let layers = config
-            .sets
-            .iter()
-            .flat_map(|set| &set.maps)
-            .any(|map| [&map.sun, &map.sky, &map.local].into_iter().any(Option::is_some));
+        let layers = !config.layers.is_empty();
         let out = self.out.display();
-        let (pages, sets) = (count(config.pages.len(), "page"), count(config.sets.len(), "set"));
-        let hours: Vec<f64> = config.sets.iter().map(|set| set.hour).collect();
-        console.say(format!("{out}: {pages}, {sets}, layers {}", if layers { "kept" } else { "not known" }));
+        let (pages, frames) = (count(config.pages.len(), "page"), count(config.frames.len(), "frame"));
+        let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
+        console
+            .say(format!("{out}: {pages}, {frames}, layers {}", if layers { "kept" } else { "not known" }));
         console.say(format!("hours: {}", spacing(&hours)));
         match &*config.groups {
-            [] => console.say("no light group: light goes evenly from set to set"),
+            [] => console.say("no light group: light goes evenly from frame to frame"),
             groups => groups.iter().for_each(|group| {
                 console.say(format!("light group {:?}: on {:?} h", group.name, group.on));
             }),

@@ -4,7 +4,7 @@ mod exchange;
 mod release;
 
 use clap::{Parser, Subcommand};
-use dataset::config::Config;
+use dataset::config::{Config, Daylight, Layer};
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
 use dataset::exchange::lightmaps_of;
 use dataset::store::{Dataset, Verification};
@@ -155,9 +155,10 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     let lightmaps = lightmaps_of(&dataset)?;
 
     match &config.source {
-        None => {
-            console.print(format!("{}: written by {}, seed {}", config.scene, config.generator, config.seed))
-        }
+        None => console.print(format!(
+            "{}: written by {}, seed {}, format version {}",
+            config.scene, config.generator, config.seed, dataset.version
+        )),
         Some(source) => {
             let (by, layout) = (&config.generator, source.layout.name());
             console.print(format!("{}: imported from the layout {layout} by {by}", config.scene));
@@ -174,7 +175,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     if let Some((scene, functions, moments)) = transfer {
         let moments = count(moments, "moment");
         console.print(format!(
-            "  transfer of {scene}: each set is a part of one of {functions} functions; light of {moments}"
+            "  transfer of {scene}: each frame is a part of one of {functions} functions; light of {moments}"
         ));
     }
     let names = lightmaps.as_deref().unwrap_or_default();
@@ -192,26 +193,38 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         let on = if on.is_empty() { "never on".to_owned() } else { format!("on {}", on.join(", ")) };
         console.print(format!("  lights {}: {on}", group.name));
     }
-    for set in &config.sets {
-        let on = names_on(config, &set.groups_on);
+    for frame in &config.frames {
+        let on = names_on(config, &frame.groups_on);
         let on = if on.is_empty() { "no lamp".to_owned() } else { on.join(", ") };
         let error =
-            set.relative_error.map_or(String::new(), |error| format!("  error {:.2} %", 100.0 * error));
-        console.print(format!("  set    {:>7} h  {on}{error}", set.hour));
+            frame.relative_error.map_or(String::new(), |error| format!("  error {:.2} %", 100.0 * error));
+        console.print(format!("  frame  {:>7} h  {on}{error}", frame.hour));
+    }
+    for layer in &config.layers {
+        let light = group_of(config, layer).unwrap_or(layer.light.name());
+        let (part, images) = (layer.part.name(), count(layer.files().count(), "image"));
+        console.print(format!("  layer  {light}, {part}: {images}"));
     }
     console.print(format!("  {}, {:.1} MB; unit: {}", count(files, "file"), bytes as f64 / 1e6, config.unit));
 
-    let sets = config.sets.iter().map(|set| {
-        json!({ "hour": set.hour, "on": names_on(config, &set.groups_on), "relative_error": set.relative_error })
+    let frames = config.frames.iter().map(|frame| {
+        json!({ "hour": frame.hour, "on": names_on(config, &frame.groups_on), "relative_error": frame.relative_error })
     });
     let pages =
         config.pages.iter().zip(&valid).map(
             |(page, valid)| json!({ "width": page.width, "height": page.height, "valid_texels": valid }),
         );
-    let groups = config
-        .groups
-        .iter()
-        .map(|group| json!({ "name": group.name, "on": group.on, "layers": !group.layers.is_empty() }));
+    let groups =
+        config.groups.iter().map(|group| json!({ "name": group.name, "on": group.on, "baked": group.baked }));
+    let baked = |light: Option<Daylight>| light.map(|light| light.baked);
+    let layers = config.layers.iter().map(|layer| {
+        json!({
+            "light": layer.light,
+            "group": group_of(config, layer),
+            "part": layer.part,
+            "images": layer.files().count(),
+        })
+    });
     console.result(&json!({
         "scene": config.scene,
         "generator": config.generator,
@@ -221,8 +234,12 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         "files": files,
         "bytes": bytes,
         "pages": pages.collect::<Vec<_>>(),
+        "version": dataset.version,
+        "sun": baked(config.sun),
+        "sky": baked(config.sky),
         "groups": groups.collect::<Vec<_>>(),
-        "sets": sets.collect::<Vec<_>>(),
+        "frames": frames.collect::<Vec<_>>(),
+        "layers": layers.collect::<Vec<_>>(),
         "source": config.source.as_ref().map(|source| json!({
             "layout": source.layout.name(),
             "replaced_values": source.replaced_values,
@@ -270,17 +287,17 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     for (page, dead) in verification.dead_texels.iter().enumerate() {
         if let Some(dead @ 1..) = dead {
             console.say(format!(
-                "page {page}: black in every set though on a surface: {}",
+                "page {page}: black in every frame though on a surface: {}",
                 count(*dead, "texel")
             ));
         }
     }
     let (files, bytes) = opened.as_ref().map_or((0, 0), extent);
-    let sets = opened.as_ref().map_or(0, |dataset| dataset.config.sets.len());
+    let frames = opened.as_ref().map_or(0, |dataset| dataset.config.frames.len());
     let faults: Vec<String> = verification.faults.iter().map(ToString::to_string).collect();
     let ok = faults.is_empty();
     let found = match ok {
-        true => format!("{}, {}: no fault", count(sets, "set"), count(files, "file")),
+        true => format!("{}, {}: no fault", count(frames, "frame"), count(files, "file")),
         false => count(faults.len(), "fault"),
     };
     console.say(format!("{}: {found}", folder.display()));
@@ -290,11 +307,16 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
         "warnings": verification.warnings,
         "files": files,
         "bytes": bytes,
-        "sets": sets,
+        "frames": frames,
         "dead_texels": verification.dead_texels,
         "seconds": start.elapsed().as_secs_f64(),
     }))?;
     Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The name of the light group whose layer it is.
+fn group_of<'a>(config: &'a Config, layer: &Layer) -> Option<&'a str> {
+    Some(&config.groups.get(layer.group? as usize)?.name)
 }
 
 /// Names of the groups that are on.

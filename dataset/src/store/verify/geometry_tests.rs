@@ -6,8 +6,9 @@ use serde_json::{Value, json};
 fn config() -> Config {
     let file = json!({ "path": "data/mask-0123456789ab.png", "bytes": 1, "blake3": "0".repeat(64) });
     serde_json::from_value(json!({
-        "format": FORMAT, "version": 1, "scene": "a", "generator": "", "unit": "", "seed": 0, "inputs": "", "samples": 1,
-        "pages": [{ "width": 8, "height": 8, "mask": file }], "groups": [], "sets": [], "noise": null, "geometry": null,
+        "format": FORMAT, "version": 2, "scene": "a", "generator": "", "unit": "", "seed": 0, "inputs": "", "samples": 1,
+        "pages": [{ "kind": "atlas", "width": 8, "height": 8, "mask": file }], "sun": null, "sky": null, "groups": [],
+        "layers": [], "frames": [], "noise": null, "geometry": null,
         "instances": [], "settings": {},
     }))
     .unwrap()

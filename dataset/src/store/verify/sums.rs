@@ -1,9 +1,9 @@
 //! Each lightmap is the sum of its layers.
 
 use super::{ROWS, and_others};
-use crate::config::{FileRef, Map};
-use crate::image::Mask;
-use crate::store::{Dataset, check};
+use crate::config::{FileRef, Light};
+use crate::image::{Mask, add};
+use crate::store::Dataset;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -28,33 +28,30 @@ impl Dataset {
         broken: &BTreeSet<String>,
         step: impl Fn() + Sync,
     ) -> Vec<Error> {
-        if !check::layers_kept(&self.config) {
+        if self.config.layers.is_empty() {
             return Vec::new();
         }
-        let sets = (0..self.config.sets.len()).into_par_iter().map(|set| {
-            let map = &self.config.sets[set].maps[page];
-            let layers = self.layers_of(set, page, map);
-            let files = [Some(&map.file), layers.sun, layers.sky];
-            let mut files = files.into_iter().flatten().chain(layers.local.iter().copied());
+        let frames = (0..self.config.frames.len()).into_par_iter().map(|frame| {
+            let map = &self.config.frames[frame].maps[page];
+            let shares = self.shares_of(frame, page);
+            let mut files = shares.files().chain([map]);
             let readable = !files.any(|file| broken.contains(&file.path));
-            let result = if readable { self.verify_sum(page, mask, map, &layers) } else { Ok(()) };
+            let result = if readable { self.verify_sum(page, mask, map, &shares) } else { Ok(()) };
             step();
             result
         });
-        let results: Vec<Result<()>> = sets.collect();
+        let results: Vec<Result<()>> = frames.collect();
         results.into_iter().filter_map(Result::err).collect()
     }
 
     /// What a map is to be the sum of.
-    fn layers_of<'a>(&'a self, set: usize, page: usize, map: &'a Map) -> Layers<'a> {
-        let on = &self.config.sets[set].groups_on;
-        let groups = self.config.groups.iter().zip(on).filter(|(_, on)| **on);
-        let local = groups.filter_map(|(group, _)| group.layers.get(page)).chain(&map.local).collect();
-        Layers { sun: map.sun.as_ref(), sky: map.sky.as_ref(), local }
+    fn shares_of(&self, frame: usize, page: usize) -> Shares<'_> {
+        let of = |light| self.config.files_of(light, None, frame, page);
+        Shares { sun: of(Light::Sun), sky: of(Light::Sky), local: self.config.files_of_local(frame, page) }
     }
 
     /// Checks one map, row block by row block.
-    fn verify_sum(&self, page: usize, mask: Option<&Mask>, map: &Map, layers: &Layers) -> Result<()> {
+    fn verify_sum(&self, page: usize, mask: Option<&Mask>, map: &FileRef, shares: &Shares) -> Result<()> {
         let (width, height) =
             (self.config.pages[page].width as usize, self.config.pages[page].height as usize);
         let imported = self.config.source.is_some();
@@ -62,15 +59,14 @@ impl Dataset {
         for y0 in (0..height).step_by(ROWS) {
             crate::console::stop_if_interrupted()?;
             let y1 = (y0 + ROWS).min(height);
-            let texels = self.image_rows(&map.file, page, y0, y1)?;
-            // (sun + sky) + local; an absent layer is black.
-            let layer = |file| self.image_rows(file, page, y0, y1);
-            let black = || vec![[0.0f32; 3]; texels.len()];
-            let mut sum = layers.sun.map_or_else(|| Ok(black()), layer)?;
-            add(&mut sum, &layers.sky.map_or_else(|| Ok(black()), layer)?);
-            let mut local = black();
-            for file in &layers.local {
-                add(&mut local, &layer(file)?);
+            let texels = self.image_rows(map, page, y0, y1)?;
+            // (sun + sky) + local; an absent share is black.
+            let share = |files: &[&FileRef]| self.sum_rows(files, page, y0, y1);
+            let mut sum = share(&shares.sun)?;
+            add(&mut sum, &share(&shares.sky)?);
+            let mut local = vec![[0.0f32; 3]; texels.len()];
+            for files in &shares.local {
+                add(&mut local, &share(files)?);
             }
             add(&mut sum, &local);
             let same = |i: usize| match imported {
@@ -82,7 +78,7 @@ impl Dataset {
                 match &mut wrong {
                     Some((_, others)) => *others += 1,
                     None => {
-                        let (path, x, y) = (self.path(&map.file), i % width, y0 + i / width);
+                        let (path, x, y) = (self.path(map), i % width, y0 + i / width);
                         let place = format!("{}, texel ({x}, {y})", path.display());
                         let what = format!("{:?}; its layers sum to {:?}", texels[i], sum[i]);
                         wrong = Some((Error::invalid(place, what), 0));
@@ -94,16 +90,16 @@ impl Dataset {
     }
 }
 
-/// The layers of a map.
-struct Layers<'a> {
-    sun: Option<&'a FileRef>,
-    sky: Option<&'a FileRef>,
-    /// Of the groups that are on, in their order.
-    local: Vec<&'a FileRef>,
+/// The files of a map's shares; those of one light in the order in which they are summed.
+struct Shares<'a> {
+    sun: Vec<&'a FileRef>,
+    sky: Vec<&'a FileRef>,
+    /// Per light, in their order.
+    local: Vec<Vec<&'a FileRef>>,
 }
 
-fn add(sum: &mut [[f32; 3]], addend: &[[f32; 3]]) {
-    for (sum, addend) in sum.iter_mut().zip(addend) {
-        *sum = std::array::from_fn(|channel| sum[channel] + addend[channel]);
+impl<'a> Shares<'a> {
+    fn files(&self) -> impl Iterator<Item = &'a FileRef> {
+        [&self.sun, &self.sky].into_iter().chain(&self.local).flatten().copied()
     }
 }

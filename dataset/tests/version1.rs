@@ -1,0 +1,186 @@
+//! Datasets of version 1 of the format: read, checked, exported and released as when they were new.
+
+mod common;
+
+use dataset::config::{Baked, Config, Daylight, Layout, Light, Part, VERSION};
+use dataset::console::Console;
+use dataset::exchange::{Origin, export, import};
+use dataset::release::{release, verify};
+use dataset::store::{Dataset, MANIFEST, Writer};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The court on 22 × 22 texels, by `bake` 0.1.0: three frames, a lamp that is always on, a sign that switches.
+const BAKED: &str = "version1-baked";
+/// A lightmap of 4 × 3 texels at 24 hours with its shares, by `dataset import` 0.1.0 from the layout hprc1.
+const IMPORTED: &str = "version1-imported";
+/// What `digest_of_light` gave of them in version 1: bundles that were made then hold it.
+const DIGESTS: [(&str, &str); 2] = [
+    (BAKED, "de955576d230f127f696af57db4acfbef0e425412d500c857d1738253fe414e3"),
+    (IMPORTED, "d4f3feaa852d714a4dfcb7125dc2afdcfb0c5d0119dc7fbcab469c27f6e1d3da"),
+];
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name)
+}
+
+fn open(name: &str) -> Dataset {
+    Dataset::open(&fixture(name)).unwrap()
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to.join("data")).unwrap();
+    fs::copy(from.join(MANIFEST), to.join(MANIFEST)).unwrap();
+    for entry in fs::read_dir(from.join("data")).unwrap().flatten() {
+        fs::copy(entry.path(), to.join("data").join(entry.file_name())).unwrap();
+    }
+}
+
+fn command(arguments: &[&str], folder: &Path) -> Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_dataset")).args(arguments).arg(folder).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn light_has_the_digest_that_it_had() {
+    for (name, digest) in DIGESTS {
+        let dataset = open(name);
+        assert_eq!((dataset.version, dataset.config.version), (1, VERSION), "{name}");
+        assert_eq!(dataset.config.digest_of_light(), digest, "{name}");
+    }
+}
+
+#[test]
+fn each_light_has_one_layer_and_maps_are_their_sums() {
+    let layers = |config: &Config| -> Vec<(Light, Option<u32>, Part, usize)> {
+        let layer = |l: &dataset::config::Layer| (l.light, l.group, l.part, l.files().count());
+        config.layers.iter().map(layer).collect()
+    };
+    let all = Some(Daylight { baked: Baked::All });
+    let Dataset { config, .. } = open(BAKED);
+    assert_eq!((config.sun, config.sky, config.frames.len()), (all, all, 3));
+    assert!(config.groups.iter().all(|group| group.baked == Baked::All));
+    // The sun is down at 20 h.
+    let expected = [
+        (Light::Sun, None, Part::All, 2),
+        (Light::Sky, None, Part::All, 3),
+        (Light::Group, Some(0), Part::All, 1),
+        (Light::Group, Some(1), Part::All, 1),
+    ];
+    assert_eq!(layers(&config), expected);
+    let Dataset { config, .. } = open(IMPORTED);
+    assert_eq!((config.sun, config.sky, config.frames.len()), (all, all, 24));
+    let expected = [
+        (Light::Sun, None, Part::All, 11),
+        (Light::Sky, None, Part::All, 15),
+        (Light::Lamps, None, Part::All, 11),
+    ];
+    assert_eq!(layers(&config), expected);
+    for (name, frames) in [(BAKED, 3), (IMPORTED, 24)] {
+        let dataset = open(name);
+        // Sums among it.
+        let images = dataset.verify_steps()
+            - dataset.files().map(|f| &f.path).collect::<std::collections::BTreeSet<_>>().len();
+        assert!(images > frames, "{name}");
+        assert!(dataset.verify(|| ()).faults.is_empty(), "{name}");
+        let told = command(&["check", "--json"], &fixture(name));
+        assert_eq!((&told["ok"], &told["frames"]), (&true.into(), &frames.into()), "{name}");
+        assert_eq!(command(&["info", "--json"], &fixture(name))["version"], 1, "{name}");
+    }
+}
+
+#[test]
+fn a_sum_that_is_wrong_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    copy(&fixture(BAKED), folder.path());
+    // The maps of two frames change places.
+    let text = fs::read_to_string(folder.path().join(MANIFEST)).unwrap();
+    let mut manifest: Value = serde_json::from_str(&text).unwrap();
+    let [first, second] = [0, 1].map(|set| manifest["sets"][set]["maps"][0]["file"].clone());
+    manifest["sets"][0]["maps"][0]["file"] = second;
+    manifest["sets"][1]["maps"][0]["file"] = first;
+    fs::write(folder.path().join(MANIFEST), manifest.to_string()).unwrap();
+    let faults = Dataset::open(folder.path()).unwrap().verify(|| ()).faults;
+    assert_eq!(faults.len(), 2);
+    assert!(faults.iter().all(|fault| fault.to_string().contains("its layers sum to")), "{faults:?}");
+}
+
+#[test]
+fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, back] = ["out", "imported"].map(|name| folder.path().join(name));
+    let dataset = open(IMPORTED);
+    let exported = export(&dataset, Layout::Hprc1, &out, &Console::silent()).unwrap();
+    assert_eq!((exported.hours.len(), &*exported.left_out), (24, &[][..]));
+    let again = import(&Origin::Folder(Layout::Hprc1, out), &back, &Console::silent()).unwrap();
+    assert_eq!((again.version, again.digest_of_light()), (2, dataset.config.digest_of_light()));
+    assert_eq!((again.inputs, again.layers), (dataset.config.inputs, dataset.config.layers));
+}
+
+#[test]
+fn they_are_released_with_the_manifest_that_they_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("release");
+    let [baked, imported] = [BAKED, IMPORTED].map(fixture);
+    release(&[baked, imported], &[], false, &out, &Console::silent()).unwrap();
+    let verified = verify(&out, &Console::silent()).unwrap();
+    assert!(verified.faults.is_empty(), "{:?}", verified.faults);
+    let told: Value = serde_json::from_slice(&fs::read(out.join("release.json")).unwrap()).unwrap();
+    for scene in told["scenes"].as_array().unwrap() {
+        let holds: Vec<&str> =
+            scene["archives"].as_array().unwrap().iter().map(|a| a["holds"].as_str().unwrap()).collect();
+        assert_eq!(holds, ["sets", "sun", "sky", "lamps"]);
+    }
+}
+
+#[test]
+fn a_dataset_that_is_written_again_is_of_the_current_version() {
+    let folder = tempfile::tempdir().unwrap();
+    copy(&fixture(BAKED), folder.path());
+    let before = Dataset::open(folder.path()).unwrap();
+    Writer::create(folder.path()).unwrap().commit(&before.config).unwrap();
+    let after = Dataset::open(folder.path()).unwrap();
+    assert_eq!((before.version, after.version, &after.config), (1, 2, &before.config));
+    assert!(after.verify(|| ()).faults.is_empty());
+}
+
+#[test]
+fn keys_of_the_other_version_and_wrong_shapes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    copy(&fixture(BAKED), folder.path());
+    let good: Value = serde_json::from_slice(&fs::read(fixture(BAKED).join(MANIFEST)).unwrap()).unwrap();
+    let file = good["pages"][0]["mask"].clone();
+    type Change<'a> = &'a dyn Fn(&mut Value);
+    let cases: [(Change, &str); 11] = [
+        (&|m| m["frames"] = json!([]), "unknown field `frames`"),
+        (&|m| m["layers"] = json!([]), "unknown field `layers`"),
+        (&|m| m["sun"] = json!(null), "unknown field `sun`"),
+        (&|m| m["pages"][0]["kind"] = json!("atlas"), "unknown field `kind`"),
+        (&|m| m["groups"][0]["baked"] = json!("all"), "unknown field `baked`"),
+        (&|m| m["version"] = json!(2), "unknown field `layers`, expected `name` or `on` or `baked`"),
+        (&|m| m["sets"][1]["maps"] = json!([]), "frame 1, hour 12.1: maps for 0 pages; expected 1"),
+        (
+            &|m| m["groups"][1]["layers"] = json!([]),
+            "group \"sign\": layers of the parts none; expected direct and indirect, or all",
+        ),
+        (
+            &|m| m["groups"][1]["layers"] = json!([file, file]),
+            "(group \"sign\", all), row 0: files for 2 pages; expected 1",
+        ),
+        (
+            &|m| m["sets"][1]["maps"][0]["local"] = file.clone(),
+            "expected the light \"lamps\" in imported datasets only",
+        ),
+        (&|m| drop(m["sets"][1]["maps"][0].as_object_mut().unwrap().remove("sky")), "missing field `sky`"),
+    ];
+    for (change, word) in cases {
+        let mut manifest = good.clone();
+        change(&mut manifest);
+        fs::write(folder.path().join(MANIFEST), serde_json::to_vec_pretty(&manifest).unwrap()).unwrap();
+        let message = Dataset::open(folder.path()).expect_err(word).to_string();
+        assert!(message.contains(word), "{word}: {message}");
+    }
+}
