@@ -153,7 +153,7 @@ fn words_that_the_manifest_does_not_know_are_refused() {
             serde_json::json!({"name": "porch", "on": [[18.0, 6.0]], "layers": []}),
             "unknown field `layers`",
         ),
-        ("/version", 1.into(), "unknown field `kind`"),
+        ("/version", 1.into(), "unknown field `frames`"),
     ];
     for (pointer, value, word) in cases {
         let mut bad = good.clone();
