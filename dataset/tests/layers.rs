@@ -137,7 +137,7 @@ fn words_that_the_manifest_does_not_know_are_refused() {
         ),
         ("/pages/0/kind", "voxels".into(), "unknown variant `voxels`"),
         ("/sun/baked", "half".into(), "unknown variant `half`"),
-        ("/sky", "all".into(), "sky"),
+        ("/sky", "all".into(), "expected struct Daylight"),
         ("/layers/0/light", "moon".into(), "unknown variant `moon`"),
         ("/layers/0/part", "glossy".into(), "unknown variant `glossy`"),
         ("/layers/3/group", (-1).into(), "-1"),
@@ -153,7 +153,7 @@ fn words_that_the_manifest_does_not_know_are_refused() {
             serde_json::json!({"name": "porch", "on": [[18.0, 6.0]], "layers": []}),
             "unknown field `layers`",
         ),
-        ("/version", 1.into(), "unknown field `kind`"),
+        ("/version", 1.into(), "unknown field `frames`"),
     ];
     for (pointer, value, word) in cases {
         let mut bad = good.clone();

@@ -69,7 +69,7 @@ fn what_breaks_a_transfer_is_named() {
     let good = write(folder.path());
     let cases: [Case; 9] = [
         (|t| t.scene = "a/b".into(), "transfer: scene is \"a/b\""),
-        (|t| t.parts.truncate(2), "transfer: 2 parts; expected 3, one per set"),
+        (|t| t.parts.truncate(2), "transfer: 2 parts; expected 3, one per frame"),
         (|t| t.parts[2].negative = false, "the positive part of function 1 is there twice"),
         (|t| t.parts[0].function = 2, "no part of function 0; expected functions from 0 on"),
         (|t| t.light.clear(), "light of no moment"),

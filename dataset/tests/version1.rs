@@ -2,7 +2,7 @@
 
 mod common;
 
-use dataset::config::{Baked, Config, Daylight, Layout, Light, Part, VERSION};
+use dataset::config::{Baked, Config, Daylight, Layer, Layout, Light, Part, VERSION};
 use dataset::console::Console;
 use dataset::exchange::{Origin, export, import};
 use dataset::release::{release, verify};
@@ -56,7 +56,7 @@ fn light_has_the_digest_that_it_had() {
 #[test]
 fn each_light_has_one_layer_and_maps_are_their_sums() {
     let layers = |config: &Config| -> Vec<(Light, Option<u32>, Part, usize)> {
-        let layer = |l: &dataset::config::Layer| (l.light, l.group, l.part, l.files().count());
+        let layer = |l: &Layer| (l.light, l.group, l.part, l.files().count());
         config.layers.iter().map(layer).collect()
     };
     let all = Some(Daylight { baked: Baked::All });
@@ -117,7 +117,18 @@ fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
     assert_eq!((exported.hours.len(), &*exported.left_out), (24, &[][..]));
     let again = import(&Origin::Folder(Layout::Hprc1, out), &back, &Console::silent()).unwrap();
     assert_eq!((again.version, again.digest_of_light()), (2, dataset.config.digest_of_light()));
-    assert_eq!((again.inputs, again.layers), (dataset.config.inputs, dataset.config.layers));
+    assert_eq!(again.inputs, dataset.config.inputs);
+    // Files of equal content may have other names.
+    let content = |config: &Config| -> Vec<_> {
+        let hashes = |l: &Layer| -> Vec<Vec<_>> {
+            l.files
+                .iter()
+                .map(|row| row.iter().map(|f| f.as_ref().map(|f| f.blake3.clone())).collect())
+                .collect()
+        };
+        config.layers.iter().map(|l| (l.light, l.group, l.part, hashes(l))).collect()
+    };
+    assert_eq!(content(&again), content(&dataset.config));
 }
 
 #[test]
@@ -132,7 +143,12 @@ fn they_are_released_with_the_manifest_that_they_have() {
     for scene in told["scenes"].as_array().unwrap() {
         let holds: Vec<&str> =
             scene["archives"].as_array().unwrap().iter().map(|a| a["holds"].as_str().unwrap()).collect();
-        assert_eq!(holds, ["sets", "sun", "sky", "lamps"]);
+        // At night the imported lightmaps are the lamps' light, so that its files are in the first archive.
+        let expected: &[&str] = match scene["scene"] == "imported" {
+            true => &["sets", "sun", "sky"],
+            false => &["sets", "sun", "sky", "lamps"],
+        };
+        assert_eq!(holds, expected);
     }
 }
 
@@ -160,7 +176,7 @@ fn keys_of_the_other_version_and_wrong_shapes_are_refused() {
         (&|m| m["sun"] = json!(null), "unknown field `sun`"),
         (&|m| m["pages"][0]["kind"] = json!("atlas"), "unknown field `kind`"),
         (&|m| m["groups"][0]["baked"] = json!("all"), "unknown field `baked`"),
-        (&|m| m["version"] = json!(2), "unknown field `layers`, expected `name` or `on` or `baked`"),
+        (&|m| m["version"] = json!(2), "unknown field `layers`, expected one of `name`, `on`, `baked`"),
         (&|m| m["sets"][1]["maps"] = json!([]), "frame 1, hour 12.1: maps for 0 pages; expected 1"),
         (
             &|m| m["groups"][1]["layers"] = json!([]),
