@@ -11,9 +11,8 @@ use super::scene_glb;
 use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
-use crate::light::course::Course;
 use crate::light::schedule::Hours;
-use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene, Visibility};
+use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene};
 use crate::trace::backend::Backend;
 use crate::trace::bvh8::Bvh8;
 use crate::trace::counts::RayCounts;
@@ -44,8 +43,6 @@ pub struct Prepared {
     pub geometry: Geometry,
     /// The layers.
     pub plan: Plan,
-    /// The course of the sun, where its visibility is found along it.
-    pub course: Option<Course>,
     /// How light will be followed.
     pub integrator: Integrator,
     /// What will find the hits of rays.
@@ -205,7 +202,6 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         }
         (integrator, None) => integrator,
     };
-    let course = course(&scene, &hours, &mut plan.left_out);
     let limits = Limits {
         samples: scene.bake.samples,
         target_error: options.target_error,
@@ -221,7 +217,6 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         transfer,
         geometry,
         plan,
-        course,
         integrator,
         backend,
         limits,
@@ -231,33 +226,6 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         hierarchy: OnceLock::new(),
         solids: OnceLock::new(),
     })
-}
-
-/// The course along which the sun's visibility is found, where it is; else the reason goes to `left_out`.
-fn course(scene: &Scene, hours: &Hours, left_out: &mut Vec<String>) -> Option<Course> {
-    let sun = scene.sun.as_ref().filter(|_| scene.sun_baked != Baked::None)?;
-    let why = |what: &str| format!("the sun's visibility is not found: {what}");
-    let ends = match hours.whole_day {
-        true => [0.0, 24.0],
-        false => [*hours.list.first()?, *hours.list.last()?],
-    };
-    let Some(minutes) = scene.sun_visibility.and_then(Visibility::minutes) else {
-        left_out.push(why(match scene.sun_baked {
-            Baked::Indirect => "[sun] baked = \"indirect\" (visibility = \"15min\" asks for it)",
-            _ => "[sun] visibility = \"off\"",
-        }));
-        return None;
-    };
-    if ends[0] == ends[1] {
-        left_out.push(why("it is the light of one time"));
-        return None;
-    }
-    let course = Course::new(sun, scene.place.as_ref(), ends, minutes);
-    if course.is_dark() {
-        left_out.push(why("the sun gives no light between the first hour and the last"));
-        return None;
-    }
-    Some(course)
 }
 
 /// The digest of the day's bake of a scene, which its transfer goes with. (That bake is prepared for no more than this.)
@@ -272,13 +240,6 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
     if options.indirect && scene.sun_baked == Baked::All {
         scene.sun_baked = Baked::Indirect;
     }
-    // (What a game draws itself is not found for it, unless the scene asks.)
-    let usual = match (scene.sun_baked, options.preset) {
-        (Baked::All, Preset::Final) => Visibility::Fine,
-        (Baked::All, _) => Visibility::Quarters,
-        _ => Visibility::Off,
-    };
-    scene.sun_visibility.get_or_insert(usual);
     let (scale, note) = match options.preset {
         Preset::Draft => (0.5, ", halved by --draft"),
         Preset::Default => (1.0, ""),

@@ -49,8 +49,6 @@ pub struct Scene {
     /// Which part of the sun's light lightmaps hold.
     #[serde(skip_serializing_if = "Baked::is_all")]
     pub sun_baked: Baked,
-    /// How finely the sun's visibility is found between the hours of a bake; `None`: as the preset says.
-    pub sun_visibility: Option<Visibility>,
     /// Which part of the sky's light they hold.
     #[serde(skip_serializing_if = "Baked::is_all")]
     pub sky_baked: Baked,
@@ -111,7 +109,6 @@ impl Scene {
             sun: None,
             sky: None,
             sun_baked: Baked::All,
-            sun_visibility: None,
             sky_baked: Baked::All,
             ground: None,
             ground_is_written: false,
@@ -186,31 +183,6 @@ impl Baked {
     /// Whether nothing is left to the game.
     pub fn is_all(&self) -> bool {
         *self == Baked::All
-    }
-}
-
-/// How finely the sun's visibility is found as a function of time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Visibility {
-    /// Not at all.
-    #[serde(rename = "off")]
-    Off,
-    /// By the quarter of an hour.
-    #[serde(rename = "15min")]
-    Quarters,
-    /// In steps of 2.5 minutes.
-    #[serde(rename = "2.5min")]
-    Fine,
-}
-
-impl Visibility {
-    /// The finest step in minutes; `None` where it is not found.
-    pub fn minutes(self) -> Option<f64> {
-        match self {
-            Visibility::Off => None,
-            Visibility::Quarters => Some(15.0),
-            Visibility::Fine => Some(2.5),
-        }
     }
 }
 

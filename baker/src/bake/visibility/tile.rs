@@ -189,3 +189,7 @@ fn is_plain(part: Rgb) -> bool {
     const CLOSE: f32 = 2e-3;
     part == Rgb::ZERO || (part - Rgb::ONE).abs().max_element() < CLOSE
 }
+
+#[cfg(test)]
+#[path = "tile_tests.rs"]
+mod tests;
