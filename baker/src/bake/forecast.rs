@@ -1,9 +1,11 @@
 //! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how far rays go, and on
 //! the machine.)
 
+use super::balance;
 use super::layers::CHECKSUM;
 use super::options::Integrator;
 use super::prepare::Prepared;
+use super::rounds;
 use super::solve;
 use super::state::Direct;
 use super::views::{View, lit_tiles, views};
@@ -94,7 +96,8 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
         Integrator::Path => 0,
     };
-    let cache = solve::bytes(entries, plan.layers());
+    let walks = balance::walks(entries, rounds::certain(&prepared.limits));
+    let cache = solve::bytes(entries, plan.layers(), walks);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     let rays = prepared.rays()?;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
