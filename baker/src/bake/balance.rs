@@ -282,6 +282,15 @@ mod tests {
     }
 
     #[test]
+    fn few_samples_take_few_walks() {
+        let of = |samples| walks(1 << 21, samples);
+        assert_eq!([2, 4, 8, 16, 64, 256].map(of), [4, 4, 8, 16, 16, 16]);
+        assert_eq!([512, 1024].map(|samples| walks(1 << 18, samples)), [32, 64]);
+        // Few entries are solved from many walks, however few the samples.
+        assert_eq!([walks(1 << 10, 2), walks(1, 2)], [128, 1 << 10]);
+    }
+
+    #[test]
     fn light_that_goes_round_without_end_is_found_before_the_first_pass() {
         let solve = |system: System| {
             let mut passes = 0;

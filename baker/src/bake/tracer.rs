@@ -9,7 +9,7 @@ use super::endless;
 use super::errors::{Errors, Parts, Sums, cell_of, median, of_block};
 use super::indirect::Cache;
 use super::open::{Block, OpenCells};
-use super::rounds::{Limits, Round, Traced, certain, note, schedule};
+use super::rounds::{Limits, Round, Traced, note, schedule};
 use super::solve;
 use super::state::{BlockState, CELLS};
 use super::step::Step;
@@ -105,7 +105,7 @@ impl Tracer<'_> {
         let schedule = schedule(limits);
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
         let is_open = limits.target_error.is_some() || limits.deadline.is_some();
-        let certain = certain(limits);
+        let certain = self.worker.certain;
         let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
             return Ok(None);
         };
