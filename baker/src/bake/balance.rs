@@ -9,8 +9,10 @@ use crate::{Error, Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// Least walks per entry and half.
-const LEAST_WALKS: usize = 16;
+/// Walks per entry and half that ordinary numbers of samples have at least.
+pub const ORDINARY_WALKS: usize = 16;
+/// Least walks per entry and half, whatever the samples.
+const LEAST_WALKS: usize = 4;
 /// Most passes.
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.
@@ -70,21 +72,23 @@ pub struct System {
 }
 
 /// Walks per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries are few. What the cache
-/// finds by chance moves the light of a whole page alike, and no number of walks that read it mends that.
+/// finds by chance moves the light of a whole page alike, and no number of walks that read it mends that. Few samples are a quick look:
+/// below sixteen of them there are as few walks, so that the cache does not cost many times what reads it.
 pub fn walks(entries: usize, samples: u32) -> usize {
     /// From so many over all entries on, few entries are no reason for more.
     const ENOUGH: usize = 1 << 17;
     /// More over all entries take more than 256 MiB.
     const MOST: usize = 1 << 24;
     let of = |all: usize| all / entries.max(1);
-    let worth = (samples as usize / 16).max(of(ENOUGH)).min(of(MOST)).clamp(LEAST_WALKS, 1 << 10);
+    let least = (samples as usize).clamp(LEAST_WALKS, ORDINARY_WALKS);
+    let worth = (samples as usize / 16).max(of(ENOUGH)).min(of(MOST)).clamp(least, 1 << 10);
     1 << worth.ilog2()
 }
 
 impl System {
-    /// Bytes of an entry, with the least walks.
-    pub fn bytes_per_entry(layers: usize) -> usize {
-        size_of::<Rgb>() * layers + LEAST_WALKS * size_of::<Landing>()
+    /// Bytes of an entry with so many walks.
+    pub fn bytes_per_entry(layers: usize, walks: usize) -> usize {
+        size_of::<Rgb>() * layers + walks * size_of::<Landing>()
     }
 
     /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows without end.
@@ -275,6 +279,15 @@ mod tests {
         landings[pocket].weight = [1.0; 3];
         let source = (0..2 * pocket).map(|e| if e < pocket { light } else { Rgb::ONE }).collect();
         System { layers: 1, source, walks: 1, landings, share: vec![1.0; 2 * pocket] }
+    }
+
+    #[test]
+    fn few_samples_take_few_walks() {
+        let of = |samples| walks(1 << 21, samples);
+        assert_eq!([2, 4, 8, 16, 64, 256].map(of), [4, 4, 8, 16, 16, 16]);
+        assert_eq!([512, 1024].map(|samples| walks(1 << 18, samples)), [32, 64]);
+        // Few entries are solved from many walks, however few the samples.
+        assert_eq!([walks(1 << 10, 2), walks(1, 2)], [128, 1 << 10]);
     }
 
     #[test]

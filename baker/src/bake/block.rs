@@ -41,6 +41,8 @@ pub struct Worker<'a> {
     pub bins: &'a FaceBins,
     /// Seed of all randomness.
     pub seed: u64,
+    /// Samples of indirect light per texel that are sure to be drawn: what comes before them costs no more than they are worth.
+    pub certain: u32,
 }
 
 impl Worker<'_> {

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 /// Trial samples of each texel and light.
 const TRIALS: u16 = 4;
-/// Samples in each half that every texel and light gets.
+/// Samples in each half that every texel and light gets where those of indirect light are eight or more; see [`first`].
 const FIRST: u16 = 4;
 /// The `log2` of twice as many direct samples as there are of indirect light on average; one less is half as many.
 const TWICE: u8 = 4;
@@ -45,15 +45,21 @@ impl Want {
 
     /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial samples did not differ
     /// (`log2` 0) one for 32, for they may all have missed a thin shadow; elsewhere samples × 2^(log2 − [`TWICE`]).
-    fn samples(self, samples: u32) -> u16 {
+    fn samples(self, samples: u32, first: u16) -> u16 {
         /// What a counter holds.
         const MOST: u64 = 1 << 15;
         let samples = match self.log2 {
             0 => u64::from(samples / 32) >> self.halvings,
             _ => u64::from(samples) << self.log2 >> TWICE,
         };
-        (samples.min(MOST) as u16).max(halved(FIRST, self.halvings))
+        (samples.min(MOST) as u16).max(halved(first, self.halvings))
     }
+}
+
+/// Samples in each half that every texel and light gets where `samples` of indirect light are sure to be drawn: no more than of those,
+/// but two at least.
+fn first(samples: u32) -> u16 {
+    (samples / 2).clamp(2, u32::from(FIRST)) as u16
 }
 
 /// So many samples, halved, and one at least.
@@ -76,7 +82,7 @@ impl Worker<'_> {
             &goals_of_trials,
             &[(Stream::Trial, 0)],
         );
-        let goals = goals(FIRST);
+        let goals = goals(first(self.certain));
         trial + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
@@ -97,10 +103,11 @@ impl Worker<'_> {
             state.wants = wants(surface, &covered, &state.trials, &halvings, means, suns);
             state.trials = Vec::new();
         }
+        let first = first(self.certain);
         let goals =
             surface.covered().zip(state.wants.chunks(means.len().max(1))).flat_map(|(texel, wants)| {
                 let samples = if active[cell_of(surface, texel)] { samples } else { 0 };
-                wants.iter().map(move |&want| Want::from_byte(want).samples(samples))
+                wants.iter().map(move |&want| Want::from_byte(want).samples(samples, first))
             });
         let goals: Vec<u16> = goals.collect();
         self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
@@ -250,7 +257,7 @@ mod tests {
 
     #[test]
     fn samples_follow_the_want() {
-        let wanted = |log2, samples| Want { log2, halvings: 0 }.samples(samples);
+        let wanted = |log2, samples| Want { log2, halvings: 0 }.samples(samples, FIRST);
         assert_eq!(wanted(0, 128), 4);
         assert_eq!(wanted(0, 1024), 32);
         assert_eq!([1, 3, 4, 6].map(|want| wanted(want, 128)), [16, 64, 128, 512]);
@@ -260,8 +267,14 @@ mod tests {
     }
 
     #[test]
+    fn few_samples_begin_with_few() {
+        assert_eq!([2, 4, 8, 16, 1024].map(first), [2, 2, 4, 4, 4]);
+        assert_eq!(Want::default().samples(2, first(2)), 2);
+    }
+
+    #[test]
     fn halvings_leave_one_sample_and_what_is_wanted() {
-        let of = |log2, halvings, samples| Want { log2, halvings }.samples(samples);
+        let of = |log2, halvings, samples| Want { log2, halvings }.samples(samples, FIRST);
         assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 64)), [4, 2, 1, 1]);
         assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 1024)), [32, 16, 8, 2]);
         assert_eq!([0, 4].map(|h| of(3, h, 64)), [32, 32]);

@@ -1,9 +1,11 @@
 //! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how far rays go, and on
 //! the machine.)
 
+use super::balance;
 use super::layers::CHECKSUM;
 use super::options::Integrator;
 use super::prepare::Prepared;
+use super::rounds;
 use super::solve;
 use super::state::Direct;
 use super::views::{View, lit_tiles, views};
@@ -70,8 +72,10 @@ const PER_BLOCK: usize = 16;
 const IMAGE: u64 = 12;
 /// Bytes of the program itself.
 const PROGRAM: u64 = 10 << 20;
-/// Bytes per triangle of geometry, hierarchy and charts, as measured at ten million of them.
-const TRIANGLE: u64 = 500;
+/// Bytes per triangle of geometry, hierarchy and charts that are held while light is traced, as measured at ten million of them.
+const TRIANGLE: u64 = 275;
+/// Bytes per triangle while hierarchy and charts are made, as measured there too.
+const TRIANGLE_MADE: u64 = 340;
 
 /// Estimates for the layers of a plan, none of them traced yet. `looking`: the rays that the layout took.
 pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Result<Forecast> {
@@ -94,7 +98,8 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
         Integrator::Path => 0,
     };
-    let cache = solve::bytes(entries, plan.layers());
+    let walks = balance::walks(entries, rounds::certain(&prepared.limits));
+    let cache = solve::bytes(entries, plan.layers(), walks);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     let rays = prepared.rays()?;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
@@ -111,11 +116,17 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         layers_bytes: n * (8 + 20 * parts) + CHECKSUM as u64 * (parts + 1),
         work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled)
             + stored_cache,
-        memory_bytes: PROGRAM + TRIANGLE * triangles + assembling.max(cache),
+        memory_bytes: memory(triangles, assembling.max(cache)),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
         lit_tiles: lit_tiles(atlas),
         open: has_sky.then(|| open(prepared, atlas, &rays, &bins, &blocks)),
     })
+}
+
+/// About the most memory in bytes that is held at once: while hierarchy and charts are made, or while light is traced and put together,
+/// which takes `light` bytes.
+fn memory(triangles: u64, light: u64) -> u64 {
+    PROGRAM + (TRIANGLE_MADE * triangles).max(TRIANGLE * triangles + light)
 }
 
 /// How large the scene is and how fine its texels are, in words.
@@ -184,5 +195,17 @@ fn metres(length: f64) -> String {
         0.1..1e6 => format!("{:.*}", if length < 9.95 { 1 } else { 0 }, length),
         0.0 => "0".to_owned(),
         _ => format!("{length:.1e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_that_of_the_greater_of_two_stages() {
+        let triangles = 1_000_000;
+        assert_eq!(memory(triangles, 0), PROGRAM + 340_000_000);
+        assert_eq!(memory(triangles, 1 << 30), PROGRAM + 275_000_000 + (1 << 30));
     }
 }

@@ -275,8 +275,9 @@ impl Worker<'_> {
         active: &[bool; CELLS],
         cache: Option<&Cache>,
     ) -> RayCounts {
-        /// Points of a cell from which it is found out.
+        /// Points of a cell from which it is found out, where that many samples read it.
         const PLACES: usize = 8;
+        let most = (self.certain as usize).min(PLACES);
         let Some(cache) = cache.filter(|c| !c.reflectors.is_empty()) else { return RayCounts::default() };
         let mut texels = vec![Vec::new(); CELLS];
         for (texel, probes) in surface.covered().zip(&state.probes).filter(|(_, probes)| **probes != 0) {
@@ -288,9 +289,9 @@ impl Worker<'_> {
             if !active[cell] || texels.is_empty() || known.get().is_some() {
                 return counts;
             }
-            let receivers: Vec<(Receiver, Sample)> = (0..PLACES)
+            let receivers: Vec<(Receiver, Sample)> = (0..most)
                 .filter_map(|k| {
-                    let (texel, probes) = texels[(2 * k + 1) * texels.len() / (2 * PLACES)];
+                    let (texel, probes) = texels[(2 * k + 1) * texels.len() / (2 * most)];
                     let sample = self.sequence(surface, texel, Stream::View, 0).sample(k as u32);
                     Some((self.receiver(surface, texel, sample, probes, &mut counts)?, sample))
                 })

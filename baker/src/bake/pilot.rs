@@ -129,7 +129,7 @@ fn trace_patches(
     walks: usize,
     half: usize,
 ) -> Vec<TracedEntry> {
-    let direct = walks / WALKS_A_DIRECT;
+    let direct = (walks / WALKS_A_DIRECT).max(1);
     let lights = worker.transport.lights;
     let one = |patch: &Patch| {
         let sequence =

@@ -85,7 +85,7 @@ impl Builder {
         let (rays, lights) = (Rays::new(&geometry), Lights::none());
         let space = Space::new(&geometry, &rays).with_solids(Solids::new(&geometry));
         let transport = Transport::new(space, &lights, None);
-        let worker = Worker { transport, atlas: &atlas, bins: &bins, seed };
+        let worker = Worker { transport, atlas: &atlas, bins: &bins, seed, certain: 64 };
         let mut found = Vec::new();
         for block in worker.blocks() {
             let surface = worker.surface(block);

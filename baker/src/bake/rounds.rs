@@ -103,6 +103,13 @@ pub fn schedule(limits: &Limits) -> Vec<u32> {
     doublings.chain([most]).collect()
 }
 
+/// The samples that are sure to be drawn: all of them, or towards a target or under a time limit those of the first round.
+pub fn certain(limits: &Limits) -> u32 {
+    let schedule = schedule(limits);
+    let is_open = limits.target_error.is_some() || limits.deadline.is_some();
+    if is_open { schedule[0] } else { total_of(&schedule) }
+}
+
 /// The samples of the last round.
 pub fn total_of(schedule: &[u32]) -> u32 {
     schedule.last().copied().unwrap_or(0)
@@ -146,5 +153,8 @@ mod tests {
         let target = |samples| schedule(&Limits { samples, target_error: Some(0.01), deadline: None });
         assert_eq!(target(128), [16, 32, 64, 128]);
         assert_eq!(target(8), [8]);
+        let certain = |samples, target_error| certain(&Limits { samples, target_error, deadline: None });
+        assert_eq!([certain(64, None), certain(2, None)], [64, 2]);
+        assert_eq!([certain(128, Some(0.01)), certain(8, Some(0.01))], [16, 8]);
     }
 }

@@ -12,7 +12,7 @@ use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
 use super::layers::Layers;
-use super::rounds::Traced;
+use super::rounds::{Traced, certain};
 use super::standing::{self, RUN};
 use super::state::Kinds;
 use super::tracer::Tracer;
@@ -342,5 +342,5 @@ fn with_worker<T>(
     let bins = FaceBins::new(atlas);
     let rays = prepared.rays()?;
     let transport = Transport::new(prepared.space(&rays), &lights, scene.bake.bounces);
-    work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed })
+    work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed, certain: certain(&prepared.limits) })
 }

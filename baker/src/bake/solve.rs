@@ -3,7 +3,7 @@
 //! Its entries are laid out; a few walks from each (`pilot`) give a source, their own light and the entry's direct light, and the
 //! entries they land on; the balance of all of them (`balance`) is the light.
 
-use super::balance::{Solution, System, walks};
+use super::balance::{ORDINARY_WALKS, Solution, System, walks};
 use super::block::{Worker, sum};
 use super::endless;
 use super::indirect::Cache;
@@ -22,14 +22,15 @@ use rayon::prelude::*;
 const MEMORY: u64 = 4 << 30;
 
 /// log₂ of the side of the cache's entries, so that it and its solution take about 4 GiB at most (patches not
-/// counted): 0 up to about 1600² texels of 34 layers.
+/// counted): 0 up to about 1600² texels of 34 layers. (Whatever the samples, for they are no part of what an entry is.)
 pub fn shift(covered: usize, layers: usize) -> u32 {
-    (0..2).find(|shift| bytes(covered >> (2 * shift), layers) <= MEMORY).unwrap_or(2)
+    (0..2).find(|shift| bytes(covered >> (2 * shift), layers, ORDINARY_WALKS) <= MEMORY).unwrap_or(2)
 }
 
-/// Memory that so many entries take while they are solved for: both halves, what the passes hold, and their system.
-pub fn bytes(entries: usize, layers: usize) -> u64 {
-    (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers))) as u64
+/// Memory in bytes that so many entries take while they are solved for: both halves, what the passes hold, and their system with so
+/// many `walks` per entry.
+pub fn bytes(entries: usize, layers: usize, walks: usize) -> u64 {
+    (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers, walks))) as u64
 }
 
 /// What is found out about a block before the cache is laid out.

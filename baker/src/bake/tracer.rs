@@ -9,7 +9,7 @@ use super::endless;
 use super::errors::{Errors, Parts, Sums, cell_of, median, of_block};
 use super::indirect::Cache;
 use super::open::{Block, OpenCells};
-use super::rounds::{Limits, Round, Traced, note, schedule, total_of};
+use super::rounds::{Limits, Round, Traced, note, schedule};
 use super::solve;
 use super::state::{BlockState, CELLS};
 use super::step::Step;
@@ -105,7 +105,7 @@ impl Tracer<'_> {
         let schedule = schedule(limits);
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
         let is_open = limits.target_error.is_some() || limits.deadline.is_some();
-        let first_or_all = if is_open { schedule[0] } else { total_of(&schedule) };
+        let certain = self.worker.certain;
         let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
             return Ok(None);
         };
@@ -122,7 +122,7 @@ impl Tracer<'_> {
         let mut is_solved = false;
         if self.cached && self.worker.transport.lights.layers() > 0 {
             // What the cache is solved from is what its light rests on: as much as is known to be drawn anyway.
-            way.certain = Some(first_or_all);
+            way.certain = Some(certain);
             let Some(solved) = self.cache(&blocks, &way, is_begun, console, &mut traced)? else {
                 return Ok(None);
             };
@@ -139,7 +139,7 @@ impl Tracer<'_> {
             traced.rays += self.retrace(&begun.lost, &way, console)?;
         }
         let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
-        let mut progress = console.progress("tracing", work(first_or_all));
+        let mut progress = console.progress("tracing", work(certain));
         for (round, &target) in schedule.iter().enumerate() {
             let previous = if round == 0 { 0 } else { schedule[round - 1] };
             if round < traced.resumed {
