@@ -202,14 +202,25 @@ mod tests {
         let course = Course::new(&sun, None, [0.0, 24.0], 15.0);
         assert!(course.hours.contains(&9.06), "{:?}", course.hours);
         assert!(course.hours.iter().all(|hour| (9.05..9.07).contains(hour)));
-        // A computed one, behind a turn of the Earth so high in the north that it comes up for minutes.
-        let place =
-            Place { latitude: 67.75, longitude: 25.0, north: 0.0, date: (2026, 12, 11), utc_offset: 2.0 };
+        // A computed one, so far north that it comes up for minutes between two quarters of an hour.
         let sun = Sun { track: SunTrack::Place { turbidity: 3.0 }, disc_angle: 0.53 };
-        let up = |minutes| Course::new(&sun, Some(&place), [0.0, 24.0], minutes).suns.len();
-        let by_minute =
-            (0..1440).filter(|&m| sun::at(&sun, Some(&place), f64::from(m) / 60.0).is_some()).count();
-        assert!(by_minute > 0 && up(15.0) > 0 && up(2.5) > 0, "{by_minute} minutes of sun");
+        let place = |latitude: f64| Place {
+            latitude,
+            longitude: 25.0,
+            north: 0.0,
+            date: (2026, 12, 11),
+            utc_offset: 2.0,
+        };
+        let minutes_of = |latitude: f64| {
+            let is_up =
+                |minute: u32| sun::at(&sun, Some(&place(latitude)), f64::from(minute) / 60.0).is_some();
+            (0..1440).filter(|&minute| is_up(minute)).count()
+        };
+        let latitude = (0..400).map(|i| 67.0 + f64::from(i) / 1000.0).find(|l| minutes_of(*l) < 12).unwrap();
+        assert!(minutes_of(latitude) > 0, "{latitude}");
+        for minutes in [15.0, 2.5] {
+            assert!(!Course::new(&sun, Some(&place(latitude)), [0.0, 24.0], minutes).is_dark(), "{latitude}");
+        }
     }
 
     #[test]
