@@ -58,7 +58,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         "{}: {}, {}, {}",
         scene.name,
         count(geometry.triangles.len(), "triangle"),
-        count(plan.moments.len(), "frame"),
+        count(plan.moments.len(), "set"),
         count(plan.layers(), "layer")
     ));
 

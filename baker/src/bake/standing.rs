@@ -108,7 +108,7 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
             ));
         }
     };
-    let held = format!("{}, baked with {}", count(standing.frames.len(), "frame"), samples(standing.samples));
+    let held = format!("{}, baked with {}", count(standing.frames.len(), "set"), samples(standing.samples));
     let mut lost = lost(&standing, prepared, options);
     lost.extend(other_file(out, &standing, prepared));
     if !lost.is_empty() && !options.force {
