@@ -2,7 +2,7 @@
 //! mean direction towards the sun, times the sun's irradiance, V is the direct light of the sun at any time between the first and the last
 //! hour of a bake.
 //!
-//! At the hours of the bake it is what the layers of direct light hold; between them rays are traced where light moves ([`tile`]). Each tile
+//! At the hours of the bake it is what the layers of direct light hold; between them rays are traced where light moves (`tile`). Each tile
 //! is kept beside the layers once it is done: a killed bake goes on after the last one, and a later bake of the same sun traces none.
 
 mod tile;
