@@ -20,7 +20,7 @@ pub const VERSION: u32 = 2;
 pub struct Config {
     /// Always [`FORMAT`].
     pub format: String,
-    /// Always [`VERSION`]: what is read from a manifest of version 1 is told in the words of this one.
+    /// Always [`VERSION`]: a manifest of version 1 is upgraded when it is read.
     pub version: u32,
     /// The scene's name, a single path component.
     pub scene: String,

@@ -8,7 +8,7 @@
 //! | 8 | `TLMVIS01`: name and version |
 //! | 4, 4 | width and height of the page in texels |
 //! | 4 | L, the level that stands for 1: from 1 to 255 |
-//! | 4 | number of times, N: from 1 to 65535 |
+//! | 4 | number of times, N: from 1 to 4096 |
 //! | 8 N | the times in hours (f64), ascending, from 0 to 24 |
 //! | 8 per tile, row by row | two u32: length of the tile's payload and its channels C: 1, or 3 (red, green, blue) where coloured glass stands before the sun; both 0 for a tile that is 0 at all times |
 //! | | the payloads, one after the other, each an .xz stream |
@@ -26,8 +26,8 @@ use std::path::{Path, PathBuf};
 const MAGIC: &[u8; 8] = b"TLMVIS01";
 /// Bytes before the times.
 const HEAD: usize = 8 + 4 * 4;
-/// The most times.
-pub const MOST_TIMES: usize = 65535;
+/// The most times: a tile is then 201 MB at most, whatever a file says.
+pub const MOST_TIMES: usize = 4096;
 /// The greatest side of a page in texels.
 const MOST_TEXELS: u32 = 65536;
 
@@ -62,8 +62,8 @@ impl Planes {
     }
 }
 
-/// Compresses bytes to an .xz stream. Each byte is told by those of the same place at other times: its own neighbours in the stream say
-/// little, so no bits of position or of the byte before are part of what it is predicted by.
+/// Compresses bytes to an .xz stream. A byte is like those of the same place at other times, and little like the one before it: so
+/// neither that one nor the position is part of its context.
 fn pack(bytes: &[u8]) -> Vec<u8> {
     const PRESET: u32 = 6;
     /// Matches looked at for each byte.

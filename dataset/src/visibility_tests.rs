@@ -88,7 +88,7 @@ fn damage_is_an_error_and_never_a_panic() {
         (16, 256, "level 256 for 1"),
         (16, 7, "level 8, expected 0 to 7"),
         (20, 0, "0 times"),
-        (20, u32::MAX, "times: expected 1 to 65535"),
+        (20, u32::MAX, "times: expected 1 to 4096"),
         (first_tile, 1, "expected"),
         (first_tile + 4, 2, "2 channels"),
         (first_tile + 4, 1, "expected 1536"),

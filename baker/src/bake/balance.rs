@@ -86,7 +86,7 @@ pub fn walks(entries: usize, samples: u32) -> usize {
 }
 
 impl System {
-    /// Bytes of an entry with so many walks.
+    /// Bytes of an entry with this number of walks.
     pub fn bytes_per_entry(layers: usize, walks: usize) -> usize {
         size_of::<Rgb>() * layers + walks * size_of::<Landing>()
     }

@@ -27,8 +27,8 @@ pub fn shift(covered: usize, layers: usize) -> u32 {
     (0..2).find(|shift| bytes(covered >> (2 * shift), layers, ORDINARY_WALKS) <= MEMORY).unwrap_or(2)
 }
 
-/// Memory in bytes that so many entries take while they are solved for: both halves, what the passes hold, and their system with so
-/// many `walks` per entry.
+/// Memory in bytes that this number of entries takes while they are solved for: both halves, what the passes hold, and their system with
+/// `walks` per entry.
 pub fn bytes(entries: usize, layers: usize, walks: usize) -> u64 {
     (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers, walks))) as u64
 }

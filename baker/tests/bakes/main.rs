@@ -12,6 +12,7 @@ mod relight;
 mod scenes;
 mod statistics;
 mod transfer;
+mod visibility;
 
 use baker::bake::run::{Options, Outcome, bake};
 use baker::light::schedule::parse_hours;

@@ -67,6 +67,9 @@ pub struct Finder<'a> {
 
 impl<'a> Finder<'a> {
     /// Prepares to find the visibility of the sun of `prepared` along `course`; `texels` are the covered ones of the page.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] of a course with more times than a file holds; [`Error::Io`].
     pub fn new(
         prepared: &'a Prepared,
         worker: &'a Worker<'a>,
@@ -74,6 +77,14 @@ impl<'a> Finder<'a> {
         texels: &'a [Texel],
         course: &'a Course,
     ) -> Result<Self> {
+        if course.hours.len() > visibility::MOST_TIMES {
+            let what = format!(
+                "the sun's visibility has {} times along this course; expected {} at most: fewer keys",
+                course.hours.len(),
+                visibility::MOST_TIMES
+            );
+            return Err(Error::unsupported("[sun] track", what));
+        }
         let decisive = (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.place, &course.hours);
         let of_layers = &prepared.digests[..prepared.plan.suns.len()];
         let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
@@ -99,6 +110,9 @@ impl<'a> Finder<'a> {
     }
 
     /// Finds one page after the other, and what rays that took.
+    ///
+    /// # Errors
+    /// [`Error::Io`], and [`Error::Interrupted`]: finished tiles are kept.
     pub fn pages(
         &self,
         console: &Console,
