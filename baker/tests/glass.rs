@@ -300,6 +300,7 @@ fn a_portal_looks_for_the_sky_through_glass() {
         sun: None,
         sky: Some(Sky::Constant { radiance: DVec3::ONE }),
         sun_baked: Baked::All,
+        sun_visibility: None,
         sky_baked: Baked::All,
         ground: None,
         ground_is_written: false,

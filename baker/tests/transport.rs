@@ -485,6 +485,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         sun: None,
         sky: Some(sky),
         sun_baked: Baked::All,
+        sun_visibility: None,
         sky_baked: Baked::All,
         ground: None,
         ground_is_written: false,

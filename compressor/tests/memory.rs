@@ -66,6 +66,8 @@ fn write(root: &Path) {
         geometry: None,
         settings: serde_json::json!({}),
         source: None,
+        sun_path: None,
+        visibility: None,
         transfer: None,
     };
     writer.commit(&config).unwrap();

@@ -5,9 +5,10 @@
     read_dataset.py yard --hour 12 --layer sun --page 0 --out x.npy
 
 As a module: s = Dataset('yard'); s.hours; s.light(12); s.layer('sun', 12); s.layer('porch', 21); s.mask(); where the parts of a light
-are kept apart, s.layer('sun', 12, part='direct'), or 'indirect'
+are kept apart, s.layer('sun', 12, part='direct'), or 'indirect'; where the sun's visibility is kept, s.sun_direct(12.37), the sun's direct
+light at any time, and what it is made of: s.visibility(12.37), s.normals(), s.sun(12.37)
 """
-import argparse, json, pathlib, struct, sys, zlib, numpy as np, OpenEXR
+import argparse, json, lzma, pathlib, struct, sys, zlib, numpy as np, OpenEXR
 
 class Dataset:
     def __init__(self, folder):
@@ -49,21 +50,59 @@ class Dataset:
                 light = light + np.asarray(exr.channels()['RGB'].pixels, np.float32)
         return light
     def mask(self, page=0):
-        """True on surfaces. An 8-bit grey PNG: zipped rows, in front of each the number of its filter."""
-        data, at, packed = self.data(self.config['pages'][page]['mask']), 8, b''
-        width, height = struct.unpack_from('>2I', data, 16)
-        while at < len(data):
-            length, kind = struct.unpack_from('>I4s', data, at)
-            packed, at = packed + data[at + 8:at + 8 + length] * (kind == b'IDAT'), at + 12 + length
-        out = np.zeros((height + 1, width + 1), np.uint8)  # with a black row above, a black column to the left
-        for y, row in enumerate(np.frombuffer(zlib.decompress(packed), np.uint8).reshape(height, width + 1), 1):
-            above = out[y - 1]
-            out[y, 1:] = np.cumsum(row[1:], dtype=np.uint8) if row[0] == 1 else row[1:] + above[1:] * (row[0] == 2)
-            for x in range(1, width + 1) if row[0] > 2 else []:
-                a, b, c = int(out[y, x - 1]), int(above[x]), int(above[x - 1])  # left, above, above left
-                near = min((a, b, c), key=lambda value: abs(a + b - c - value)) if row[0] == 4 else (a + b) // 2
-                out[y, x] = (int(row[x]) + near) & 255
-        return out[1:, 1:] == 255
+        """True on surfaces."""
+        return png(self.data(self.config['pages'][page]['mask']))[:, :, 0] == 255
+    def sun(self, hour):
+        """Mean direction towards the sun's disc, and its irradiance; zeros before the first time of its path and after the last."""
+        path = json.loads(self.data(self.config['sun_path']))
+        between = lambda values: [np.interp(hour, path['hours'], axis, 0, 0) for axis in np.transpose(values)]
+        return np.array(between(path['direction'])), np.array(between(path['irradiance']))
+    def visibility(self, hour, page=0):
+        """The part of the sun that texels see, 0 to 1: height x width x 3."""
+        data = self.data(self.config['visibility']['files'][page])
+        width, height, top, count = struct.unpack_from('<4I', data, 8)
+        if data[:8] != b'TLMVIS01':
+            raise ValueError('not the visibility of a sun, version 01')
+        hours = np.frombuffer(data, '<f8', count, 24)
+        corners = [(x, y) for y in range(0, height, 128) for x in range(0, width, 128)]
+        sizes = np.frombuffer(data, '<u4', 2 * len(corners), 24 + 8 * count).reshape(-1, 2)
+        out, at = np.zeros((height, width, 3), np.float32), 24 + 8 * (count + len(corners))
+        for (x, y), (length, channels) in zip(corners, sizes.tolist()):
+            tile = out[y:y + 128, x:x + 128]
+            if channels:
+                levels = np.frombuffer(lzma.decompress(data[at:at + length]), np.uint8).reshape(channels, count, *tile.shape[:2])
+                before = min(max(int(np.searchsorted(hours, hour, 'right')) - 1, 0), max(count - 2, 0))
+                after = min(before + 1, count - 1)
+                part = np.clip((hour - hours[before]) / (hours[after] - hours[before]), 0, 1) if after > before else 0
+                tile[:] = np.moveaxis(levels[:, before] * (1 - part) + levels[:, after] * part, 0, 2) / top
+            at += length
+        return out
+    def normals(self, page=0):
+        """The mean normal of each texel, x, y (up), z; 0 where there is no surface."""
+        return (png(self.data(self.config['visibility']['normals'][page])).astype(np.float32) - 32768) / 32767
+    def sun_direct(self, hour, page=0):
+        """The sun's direct light at any time of the bake: visibility x (normal . direction) x irradiance."""
+        direction, irradiance = self.sun(hour)
+        return self.visibility(hour, page) * np.maximum(self.normals(page) @ direction, 0)[:, :, None] * irradiance
+def png(data):
+    """The samples of a PNG file, grey or RGB, of 8 or 16 bits. Its rows are zipped, in front of each the number of its filter."""
+    at, packed = 8, b''
+    width, height, bits, colour = struct.unpack_from('>2I2B', data, 16)
+    while at < len(data):
+        length, kind = struct.unpack_from('>I4s', data, at)
+        packed, at = packed + data[at + 8:at + 8 + length] * (kind == b'IDAT'), at + 12 + length
+    channels, size = {0: 1, 2: 3}[colour], bits // 8
+    rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(height, -1)
+    out = np.zeros((height + 1, width + 1, channels * size), np.uint8)  # with a black row above, a black column to the left
+    for y, row in enumerate(rows, 1):
+        kind, row, above = row[0], row[1:].reshape(width, -1), out[y - 1]
+        out[y, 1:] = np.cumsum(row, axis=0, dtype=np.uint8) if kind == 1 else row + above[1:] * (kind == 2)
+        for x in range(1, width + 1) if kind > 2 else []:
+            a, b, c = out[y, x - 1].astype(int), above[x].astype(int), above[x - 1].astype(int)  # left, above, above left
+            da, db, dc = abs(b - c), abs(a - c), abs(a + b - 2 * c)
+            near = np.where((da <= db) & (da <= dc), a, np.where(db <= dc, b, c)) if kind == 4 else (a + b) // 2
+            out[y, x] = (row[x - 1] + near) & 255
+    return np.ascontiguousarray(out[1:, 1:]).view(f'>u{size}').reshape(height, width, channels)
 if __name__ == '__main__':
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, kind in {'folder': {}, '--hour': {'type': float, 'required': True}, '--out': {'required': True},

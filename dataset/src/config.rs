@@ -61,6 +61,12 @@ pub struct Config {
     pub instances: Vec<Instance>,
     /// The resolved settings of the writer, for the reader's information.
     pub settings: serde_json::Value,
+    /// The sun by the minute: a [`crate::sun::SunPath`]. Only datasets of scenes with a sun have the key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sun_path: Option<FileRef>,
+    /// The sun's visibility as a function of time. Only datasets that hold it have the key; they have a `sun_path`, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visibility: Option<SunVisibility>,
     /// Where an imported set comes from. Only imported sets have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Source>,
@@ -83,6 +89,25 @@ impl Config {
         let frames: Vec<_> = self.frames.iter().map(frame).collect();
         let all = json!([self.scene, pages, groups, frames]).to_string();
         blake3::hash(all.as_bytes()).to_hex().to_string()
+    }
+}
+
+/// The sun's visibility as a function of time, page by page.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SunVisibility {
+    /// The finest step between its times, in minutes.
+    pub minutes: f64,
+    /// Per page, a [`crate::visibility::Visibility`].
+    pub files: Vec<FileRef>,
+    /// Per page, the normals by which visibility becomes light: [`crate::normals::Normals`].
+    pub normals: Vec<FileRef>,
+}
+
+impl SunVisibility {
+    /// All files that it names.
+    pub fn references(&self) -> impl Iterator<Item = &FileRef> {
+        self.files.iter().chain(&self.normals)
     }
 }
 

@@ -131,24 +131,7 @@ impl Mask {
 
     /// Reads a grey PNG whose texels are 0 or 255.
     pub fn read_png(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(Error::io(path))?;
-        let file_bytes = file.metadata().map_err(Error::io(path))?.len();
-        let damaged = |error: image::ImageError| match error {
-            image::ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
-                Error::Io { path: path.to_owned(), source }
-            }
-            error => Error::invalid(path.display(), format!("damaged PNG file: {error}")),
-        };
-        let decoder = image::codecs::png::PngDecoder::new(BufReader::new(file)).map_err(damaged)?;
-        if decoder.color_type() != image::ColorType::L8 {
-            let what = format!("colour type {:?}; expected 8-bit grey", decoder.color_type());
-            return Err(Error::unsupported(path.display(), what));
-        }
-        let (width, height) = decoder.dimensions();
-        let (width, height) = (width as usize, height as usize);
-        refuse_size(path, width, height, 1, file_bytes)?;
-        let mut grey = vec![0; width * height];
-        decoder.read_image(&mut grey).map_err(damaged)?;
+        let (width, height, grey) = read_png_of(path, image::ColorType::L8, "8-bit grey")?;
         if let Some(index) = grey.iter().position(|&value| value != 0 && value != 255) {
             let place = format!("{}, texel ({}, {})", path.display(), index % width, index / width);
             return Err(Error::invalid(place, format!("mask value {}; expected 0 or 255", grey[index])));
@@ -162,6 +145,34 @@ impl Mask {
     }
 }
 
+/// Reads a PNG file of one colour type, `expected` in words: width, height, and its samples in the machine's byte order.
+pub(crate) fn read_png_of(
+    path: &Path,
+    colour: image::ColorType,
+    expected: &str,
+) -> Result<(usize, usize, Vec<u8>)> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    let file_bytes = file.metadata().map_err(Error::io(path))?.len();
+    let damaged = |error: image::ImageError| match error {
+        image::ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
+            Error::Io { path: path.to_owned(), source }
+        }
+        error => Error::invalid(path.display(), format!("damaged PNG file: {error}")),
+    };
+    let decoder = image::codecs::png::PngDecoder::new(BufReader::new(file)).map_err(damaged)?;
+    if decoder.color_type() != colour {
+        let what = format!("colour type {:?}; expected {expected}", decoder.color_type());
+        return Err(Error::unsupported(path.display(), what));
+    }
+    let (width, height) = decoder.dimensions();
+    let (width, height) = (width as usize, height as usize);
+    let texel = usize::from(colour.bytes_per_pixel());
+    refuse_size(path, width, height, texel as u64, file_bytes)?;
+    let mut samples = vec![0; width * height * texel];
+    decoder.read_image(&mut samples).map_err(damaged)?;
+    Ok((width, height, samples))
+}
+
 /// `width · height` samples of the colour type as a PNG file.
 pub(crate) fn encode_png(
     samples: &[u8],
@@ -169,9 +180,21 @@ pub(crate) fn encode_png(
     height: usize,
     colour: image::ExtendedColorType,
 ) -> Vec<u8> {
+    encode_png_by(samples, width, height, colour, image::codecs::png::FilterType::Adaptive)
+}
+
+/// [`encode_png`] with a filter of its rows.
+pub(crate) fn encode_png_by(
+    samples: &[u8],
+    width: usize,
+    height: usize,
+    colour: image::ExtendedColorType,
+    filter: image::codecs::png::FilterType,
+) -> Vec<u8> {
     use image::ImageEncoder;
+    use image::codecs::png::{CompressionType, PngEncoder};
     let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes)
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::default(), filter)
         .write_image(samples, width as u32, height as u32, colour)
         .expect("writing a valid picture into memory cannot fail");
     bytes

@@ -12,10 +12,12 @@ use std::path::{Path, PathBuf};
 
 mod check;
 mod stage;
+mod sunlight;
 mod verify;
 
 pub(crate) use check::{is_component, references};
 pub(crate) use stage::Staged;
+pub use sunlight::Sunlight;
 pub use verify::Verification;
 pub(crate) use verify::about_equal;
 

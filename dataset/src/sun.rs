@@ -10,16 +10,21 @@ use std::path::Path;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SunPath {
-    /// Ascending, in hours from 0 to 24.
+    /// Ascending, in hours from 0 to 24; one at least.
     pub hours: Vec<f64>,
     /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
     /// one. x, y (up), z as in the geometry.
-    pub direction: Vec<[f64; 3]>,
+    pub direction: Vec<[f32; 3]>,
     /// Per time, the irradiance of a surface that faces the disc, red, green and blue, in the unit of the lightmaps.
-    pub irradiance: Vec<[f64; 3]>,
+    pub irradiance: Vec<[f32; 3]>,
 }
 
 impl SunPath {
+    /// The bytes of a file.
+    pub fn to_json(&self) -> Vec<u8> {
+        serde_json::to_vec(self).expect("numbers are JSON")
+    }
+
     /// Reads a file.
     ///
     /// # Errors
@@ -49,14 +54,14 @@ impl SunPath {
         if !ascend || self.hours.iter().any(|hour| !(0.0..=24.0).contains(hour)) {
             return Some("hours: expected ascending ones from 0 to 24".to_owned());
         }
-        let is_direction = |d: &[f64; 3]| d.iter().map(|x| x * x).sum::<f64>().sqrt() <= 1.0 + 1e-6;
+        let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-6;
         if let Some(i) = self.direction.iter().position(|direction| !is_direction(direction)) {
             return Some(format!(
                 "direction {i}: {:?}: expected a vector no longer than 1",
                 self.direction[i]
             ));
         }
-        let is_light = |e: &[f64; 3]| e.iter().all(|x| x.is_finite() && *x >= 0.0);
+        let is_light = |e: &[f32; 3]| e.iter().all(|x| x.is_finite() && *x >= 0.0);
         let i = self.irradiance.iter().position(|irradiance| !is_light(irradiance))?;
         Some(format!("irradiance {i}: {:?}: expected finite numbers, 0 or more", self.irradiance[i]))
     }
@@ -68,9 +73,9 @@ impl SunPath {
             return None;
         }
         let between = Between::new(&self.hours, hour);
-        let lerp = |values: &[[f64; 3]]| {
+        let lerp = |values: &[[f32; 3]]| {
             let [a, b] = [between.before, between.after].map(|i| values[i]);
-            std::array::from_fn(|c| between.lerp(a[c] as f32, b[c] as f32))
+            std::array::from_fn(|c| between.lerp(a[c], b[c]))
         };
         Some((lerp(&self.direction), lerp(&self.irradiance)))
     }
@@ -108,7 +113,7 @@ mod tests {
             (SunPath::default(), "0 hours"),
             (SunPath { hours: vec![25.0], ..good.clone() }, "hours: expected"),
             (SunPath { direction: vec![[1.0, 1.0, 0.0]], ..good.clone() }, "direction 0"),
-            (SunPath { direction: vec![[f64::NAN; 3]], ..good.clone() }, "direction 0"),
+            (SunPath { direction: vec![[f32::NAN; 3]], ..good.clone() }, "direction 0"),
             (SunPath { irradiance: vec![[-1.0, 0.0, 0.0]], ..good.clone() }, "irradiance 0"),
             (SunPath { irradiance: Vec::new(), ..good.clone() }, "1 hours, 1 directions, 0 irradiances"),
         ] {

@@ -104,6 +104,11 @@ impl Layers {
         Layers { root: dataset.join(FOLDER) }
     }
 
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
     /// Creates the folder, where it is missing.
     pub fn create(&self) -> Result<()> {
         std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))
@@ -327,13 +332,18 @@ impl Layers {
     }
 
     /// Removes all files but those of these layers, of this page and of the charts, and tells how many layers that were.
-    pub fn keep_only(&self, base: &str, digests: &[String]) -> usize {
+    pub fn keep_only(&self, base: &str, digests: &[String], visibility: Option<&Path>) -> usize {
         let paths = |digest: &String| [Part::Direct, Part::Rest].map(|part| self.path(digest, part));
         let mut keep: BTreeSet<PathBuf> = digests.iter().flat_map(paths).collect();
         keep.extend([self.texels_path(base), self.rounds_path(base), self.root.join(CHARTS)]);
+        keep.extend(visibility.map(Path::to_owned));
         let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
         let others = entries.flatten().map(|e| e.path()).filter(|path| !keep.contains(path));
-        let removed = others.filter(|path| std::fs::remove_file(path).is_ok());
+        let remove = |path: &PathBuf| match path.is_dir() {
+            true => dataset::files::remove_folder(path).is_ok(),
+            false => std::fs::remove_file(path).is_ok(),
+        };
+        let removed = others.filter(remove);
         removed.filter(|path| path.extension().is_some_and(|e| e == "layer")).count()
     }
 

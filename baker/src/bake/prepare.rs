@@ -11,8 +11,9 @@ use super::scene_glb;
 use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
+use crate::light::course::{self, Course};
 use crate::light::schedule::Hours;
-use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene};
+use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene, Sky, SunVisibility};
 use crate::trace::backend::Backend;
 use crate::trace::bvh8::Bvh8;
 use crate::trace::counts::RayCounts;
@@ -21,6 +22,8 @@ use crate::trace::space::Space;
 use crate::{Error, Result};
 use dataset::config::Transfer;
 use dataset::console::Console;
+use dataset::sun::SunPath;
+use dataset::visibility::MOST_TIMES;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -43,6 +46,8 @@ pub struct Prepared {
     pub geometry: Geometry,
     /// The layers.
     pub plan: Plan,
+    /// The sun's course over the time that is baked, where its visibility is to be found.
+    pub course: Option<Course>,
     /// How light will be followed.
     pub integrator: Integrator,
     /// What will find the hits of rays.
@@ -76,6 +81,12 @@ impl Prepared {
     /// The folder that the dataset goes to.
     pub fn out(&self, options: &Options) -> PathBuf {
         options.out.clone().unwrap_or_else(|| Path::new("dataset").join(&self.scene.name))
+    }
+
+    /// The sun by the minute over the time that is baked; none where the scene has no sun, nor in transfers.
+    pub fn sun_path(&self) -> Option<SunPath> {
+        let sun = self.scene.sun.as_ref().filter(|_| self.transfer.is_none())?;
+        Some(course::by_the_minute(sun, self.scene.place.as_ref(), self.hours.span()))
     }
 
     /// The ray tracer over the triangles. Our own hierarchy is built once, however often this is asked for.
@@ -190,6 +201,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let geometry = loaded?;
     geometry.lights.add_to(&mut scene);
     let mut plan = Plan::new(&scene, &geometry, &hours);
+    let course = course(&scene, &hours, &mut plan.left_out)?;
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {
             let why = "the cache holds all bounces";
@@ -217,6 +229,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         transfer,
         geometry,
         plan,
+        course,
         integrator,
         backend,
         limits,
@@ -240,6 +253,12 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
     if options.indirect && scene.sun_baked == Baked::All {
         scene.sun_baked = Baked::Indirect;
     }
+    scene.sun_visibility = scene.sun.as_ref().map(|_| match (scene.sun_visibility, scene.sun_baked) {
+        (Some(visibility), _) => visibility,
+        (None, Baked::All) if options.preset == Preset::Final => SunVisibility::Fine,
+        (None, Baked::All) => SunVisibility::Quarters,
+        (None, Baked::Indirect | Baked::None) => SunVisibility::Off,
+    });
     let (scale, note) = match options.preset {
         Preset::Draft => (0.5, ", halved by --draft"),
         Preset::Default => (1.0, ""),
@@ -283,6 +302,45 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// The sun's course over the time that is baked, where its visibility is to be found; else why it is not, where there is a sun.
+///
+/// # Errors
+/// [`Error::Unsupported`] of a course with more times than a dataset holds.
+fn course(scene: &Scene, hours: &Hours, left_out: &mut Vec<String>) -> Result<Option<Course>> {
+    let (Some(sun), Some(visibility)) = (&scene.sun, scene.sun_visibility) else { return Ok(None) };
+    if matches!(scene.sky, Some(Sky::Harmonics { .. })) || scene.sun_baked == Baked::None {
+        // (Told with its rays.)
+        return Ok(None);
+    }
+    let Some(minutes) = visibility.minutes() else {
+        left_out.push(match scene.sun_baked {
+            Baked::All => "no visibility of the sun: [sun] visibility = \"off\"".to_owned(),
+            _ => "no visibility of the sun: its direct light is not baked ([sun] visibility asks for it all the same)".to_owned(),
+        });
+        return Ok(None);
+    };
+    let [from, to] = hours.span();
+    if from == to {
+        left_out.push("no visibility of the sun over time: one time is baked".to_owned());
+        return Ok(None);
+    }
+    let course = Course::new(sun, scene.place.as_ref(), [from, to], minutes);
+    if course.is_dark() {
+        left_out.push(
+            "no visibility of the sun: it gives no light between the first and the last hour".to_owned(),
+        );
+        return Ok(None);
+    }
+    if course.hours.len() > MOST_TIMES {
+        let what = format!(
+            "the sun's visibility has {} times along this course; expected {MOST_TIMES} at most: fewer keys, or visibility = \"off\"",
+            course.hours.len()
+        );
+        return Err(Error::unsupported("[sun] track", what));
+    }
+    Ok(Some(course))
 }
 
 /// Digest of all that decides a texel but light.

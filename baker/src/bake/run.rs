@@ -17,18 +17,22 @@ use super::standing::{self, RUN};
 use super::state::Kinds;
 use super::tracer::Tracer;
 use super::views;
+use super::visibility::Finder;
 use super::work::WorkFolder;
 use crate::atlas::Atlas;
 use crate::scene::Baked;
 use crate::surface::FaceBins;
+use crate::trace::counts::RayCounts;
 use crate::trace::walk::Transport;
 use crate::{Error, Result};
-use dataset::config::{Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, VERSION};
+use dataset::config::{
+    Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
+};
 use dataset::console::{Console, count};
 use dataset::files::{remove_stale_temporaries, write_atomically};
 use dataset::store::Writer;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use super::options::{Integrator, LayerCount, Options, Outcome, Preset};
@@ -113,10 +117,12 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
     let stored = assembler.store(&mut writer, &baked, || progress.advance(1))?;
     drop(progress);
+    let sun = sunlight(&prepared, &atlas, &layers, &base, &mut writer, console)?;
     let written = super::scene_glb::to_glb(geometry, &atlas)?;
     let glb = writer.add("scene", "glb", &written.glb)?;
     writer.alias(&glb, super::scene_glb::NAME);
-    let facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
+    let mut facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
+    facts.extend(sun.fact());
     let mut warnings = [prepared.warnings.clone(), atlas.warnings.clone(), dropped].concat();
     for warning in
         facts::mostly_invalid(plan, &stored).into_iter().chain(facts::lightless(scene, plan, &stored))
@@ -128,9 +134,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let mut relative = stored.errors.relative(plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let last = traced.rounds.last();
-    let config = manifest(&prepared, written.places, &traced, stored, glb, &inputs, settings);
+    let mut config = manifest(&prepared, written.places, &traced, stored, glb, &inputs, settings);
+    (config.sun_path, config.visibility) = (sun.path, sun.visibility);
     writer.commit(&config)?;
-    let forgotten = layers.keep_only(&base, digests);
+    let forgotten = layers.keep_only(&base, digests, sun.kept.as_deref());
     if forgotten > 0 {
         console.say(format!("no longer kept, as this bake does not use them: {}", count(forgotten, "layer")));
     }
@@ -155,7 +162,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         relative_error: median(&relative),
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
-        rays: if origin.traced > 0 { traced.rays + looking } else { traced.rays },
+        rays: sun.rays + if origin.traced > 0 { traced.rays + looking } else { traced.rays },
         facts,
         rounds: traced.rounds,
         check,
@@ -212,9 +219,74 @@ fn manifest(
         geometry: Some(geometry_file),
         instances: places,
         settings,
+        sun_path: None,
+        visibility: None,
         source: None,
         transfer: prepared.transfer.clone(),
     }
+}
+
+/// What was written of the sun apart from its lightmaps.
+#[derive(Default)]
+struct Sunlight {
+    path: Option<FileRef>,
+    visibility: Option<SunVisibility>,
+    /// Times that its visibility has.
+    times: usize,
+    /// The folder of what was found of its visibility, for the next bake.
+    kept: Option<PathBuf>,
+    /// Those of the visibility.
+    rays: RayCounts,
+}
+
+impl Sunlight {
+    /// In words, what the visibility took.
+    fn fact(&self) -> Option<String> {
+        let visibility = self.visibility.as_ref()?;
+        let bytes: u64 = visibility.references().map(|file| file.bytes).sum();
+        let rays = match self.rays.visibility {
+            0 => "no rays: kept from an earlier bake".to_owned(),
+            rays => format!("{:.1} million rays", rays as f64 / 1e6),
+        };
+        Some(format!(
+            "the sun's visibility: {}, to {} min where it changes, {:.2} MB with normals, {rays}",
+            count(self.times, "time"),
+            visibility.minutes,
+            bytes as f64 / 1e6
+        ))
+    }
+}
+
+/// Writes the sun's path and finds its visibility, as far as they are asked for. `base`: the digest of the texels.
+fn sunlight(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    layers: &Layers,
+    base: &str,
+    writer: &mut Writer,
+    console: &Console,
+) -> Result<Sunlight> {
+    let mut sunlight = Sunlight::default();
+    if let Some(path) = prepared.sun_path() {
+        sunlight.path = Some(writer.add("sun", "json", &path.to_json())?);
+    }
+    let Some(course) = &prepared.course else { return Ok(sunlight) };
+    let texels = layers.texels(base).ok_or_else(|| {
+        Error::invalid(layers.root().display(), "the texels cannot be read: was the folder changed?")
+    })?;
+    with_worker(prepared, atlas, &[], |worker| {
+        let finder = Finder::new(prepared, &worker, layers, &texels, course)?;
+        let (mut files, mut normals) = (Vec::new(), Vec::new());
+        sunlight.rays = finder.pages(console, |number, page| {
+            files.push(writer.add(&format!("visibility-{number}"), "vis", &page.visibility)?);
+            normals.push(writer.add(&format!("normals-{number}"), "png", &page.normals.to_png())?);
+            Ok(())
+        })?;
+        sunlight.visibility = Some(SunVisibility { minutes: course.minutes, files, normals });
+        sunlight.times = course.hours.len();
+        sunlight.kept = Some(finder.folder().to_owned());
+        Ok(sunlight)
+    })
 }
 
 /// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were left, where they miss it by

@@ -108,10 +108,11 @@ pub fn by_the_minute(sun: &Sun, place: Option<&Place>, [from, to]: [f64; 2]) -> 
         // (By night it stands where it was, and gives nothing.)
         let disc = at(hour);
         let last = path.direction.last().copied();
-        let direction = disc.map(|disc| mean_direction(&disc).to_array()).or(last).unwrap_or([0.0; 3]);
+        let direction =
+            disc.map(|disc| mean_direction(&disc).as_vec3().to_array()).or(last).unwrap_or([0.0; 3]);
         path.hours.push(hour);
         path.direction.push(direction);
-        path.irradiance.push(disc.map_or([0.0; 3], |disc| disc.irradiance.as_dvec3().to_array()));
+        path.irradiance.push(disc.map_or([0.0; 3], |disc| disc.irradiance.to_array()));
     }
     path
 }

@@ -21,6 +21,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         sun: None,
         sky,
         sun_baked: Baked::All,
+        sun_visibility: None,
         sky_baked: Baked::All,
         ground: None,
         ground_is_written: false,

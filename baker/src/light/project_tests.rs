@@ -17,6 +17,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         sun,
         sky,
         sun_baked: Baked::All,
+        sun_visibility: None,
         sky_baked: Baked::All,
         ground: None,
         ground_is_written: false,

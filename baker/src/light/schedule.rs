@@ -16,6 +16,17 @@ pub struct Hours {
     pub whole_day: bool,
 }
 
+impl Hours {
+    /// The first and the last time that they cover: of a whole day 0 and 24.
+    pub fn span(&self) -> [f64; 2] {
+        match (self.whole_day, &self.list[..]) {
+            (false, [first, .., last]) => [*first, *last],
+            (false, [only]) => [*only, *only],
+            _ => [0.0, 24.0],
+        }
+    }
+}
+
 /// A moment to bake.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moment {

@@ -3,7 +3,7 @@
 use super::raw::{Source, Table, parse};
 use super::{
     Baked, HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun,
-    SunKey, SunTrack, UvSource, camera, lamp, lights, object, sky,
+    SunKey, SunTrack, SunVisibility, UvSource, camera, lamp, lights, object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
@@ -24,7 +24,7 @@ const TOP: &[&str] = &[
     "camera",
 ];
 const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
-const SUN: &[&str] = &["disc_angle", "turbidity", "track", "baked"];
+const SUN: &[&str] = &["disc_angle", "turbidity", "track", "baked", "visibility"];
 const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
 const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
 const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding", "hidden", "uv"];
@@ -79,6 +79,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let sky_baked = of_sky.as_ref().map(baked).transpose()?.unwrap_or_default();
     let of_sun = top.table("sun", SUN)?;
     let sun_baked = of_sun.as_ref().map(baked).transpose()?.unwrap_or_default();
+    let sun_visibility = of_sun.as_ref().map(|table| visibility(table, sun_baked)).transpose()?.flatten();
     let sun = of_sun.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
     let portals: Result<Vec<Portal>> = top
         .tables("portal", PORTAL)?
@@ -114,6 +115,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         sun,
         sky,
         sun_baked,
+        sun_visibility,
         sky_baked,
         ground,
         ground_is_written,
@@ -235,6 +237,24 @@ pub(super) fn baked(table: &Table) -> Result<Baked> {
         "indirect" => Ok(Baked::Indirect),
         "none" => Ok(Baked::None),
         _ => Err(value.error(format!("expected {expected}"))),
+    }
+}
+
+/// Reads `visibility` of the sun, of which this much is baked.
+fn visibility(table: &Table, baked: Baked) -> Result<Option<SunVisibility>> {
+    let expected = r#""off", "15min" or "2.5min""#;
+    let Some(value) = table.get("visibility") else { return Ok(None) };
+    let visibility = match value.text(expected)? {
+        "off" => SunVisibility::Off,
+        "15min" => SunVisibility::Quarters,
+        "2.5min" => SunVisibility::Fine,
+        _ => return Err(value.error(format!("expected {expected}"))),
+    };
+    match (baked, visibility) {
+        (Baked::None, SunVisibility::Quarters | SunVisibility::Fine) => {
+            Err(value.error(r#"expected "off", or another `baked` than "none": that leaves out the sun"#))
+        }
+        _ => Ok(Some(visibility)),
     }
 }
 

@@ -49,6 +49,9 @@ pub struct Scene {
     /// Which part of the sun's light lightmaps hold.
     #[serde(skip_serializing_if = "Baked::is_all")]
     pub sun_baked: Baked,
+    /// How finely the sun's visibility is followed in time; `None`: as goes with the bake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun_visibility: Option<SunVisibility>,
     /// Which part of the sky's light they hold.
     #[serde(skip_serializing_if = "Baked::is_all")]
     pub sky_baked: Baked,
@@ -109,6 +112,7 @@ impl Scene {
             sun: None,
             sky: None,
             sun_baked: Baked::All,
+            sun_visibility: None,
             sky_baked: Baked::All,
             ground: None,
             ground_is_written: false,
@@ -121,6 +125,31 @@ impl Scene {
             bake: Sampling::default(),
             cameras: Vec::new(),
         })
+    }
+}
+
+/// How finely the sun's visibility is followed in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum SunVisibility {
+    /// Not at all.
+    #[serde(rename = "off")]
+    Off,
+    /// To 15 minutes.
+    #[serde(rename = "15min")]
+    Quarters,
+    /// To 2.5 minutes.
+    #[serde(rename = "2.5min")]
+    Fine,
+}
+
+impl SunVisibility {
+    /// The finest step in minutes; `None` where it is off.
+    pub fn minutes(self) -> Option<f64> {
+        match self {
+            SunVisibility::Off => None,
+            SunVisibility::Quarters => Some(15.0),
+            SunVisibility::Fine => Some(2.5),
+        }
     }
 }
 

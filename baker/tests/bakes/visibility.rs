@@ -67,7 +67,7 @@ fn rebuilt(prepared: &Prepared, page: &Page, file: &Path, texels: &[Texel], hour
     let of_texel = |texel: &Texel| {
         // (The page is less than a tile.)
         let at = texel.index as usize;
-        let normal = page.normals[at].map(|n| f32::from(n) / f32::from(i16::MAX));
+        let normal = page.normals.normals[at];
         let [before, after] = [between.before, between.after].map(|time| planes.level(at, time));
         let part = |c: usize| between.lerp(f32::from(before[c]), f32::from(after[c])) / f32::from(opened.top);
         path.light(hour, normal, std::array::from_fn(part))

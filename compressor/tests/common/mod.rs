@@ -99,6 +99,8 @@ impl Scene {
             geometry: None,
             settings: serde_json::json!({}),
             source: None,
+            sun_path: None,
+            visibility: None,
             transfer: None,
         };
         writer.commit(&config).unwrap();

@@ -112,6 +112,8 @@ impl<'a> Case<'a> {
             geometry: None,
             settings: serde_json::json!({}),
             source: None,
+            sun_path: None,
+            visibility: None,
             transfer: None,
         };
         writer.commit(&config).unwrap();

@@ -118,6 +118,8 @@ impl Config1 {
             geometry: self.geometry,
             instances: self.instances,
             settings: self.settings,
+            sun_path: None,
+            visibility: None,
             source: self.source,
             transfer: self.transfer,
         }

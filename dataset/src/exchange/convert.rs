@@ -88,6 +88,8 @@ pub(super) fn convert(
         instances: Vec::new(),
         settings: serde_json::json!({}),
         source: Some(Source { layout, config: told, replaced_values: replaced.into_inner() }),
+        sun_path: None,
+        visibility: None,
         transfer: None,
     };
     writer.commit(&config)?;

@@ -64,6 +64,8 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
         ("geometry", set.geometry.is_some()),
         ("places of instances", !set.instances.is_empty()),
         ("noise", set.noise.is_some()),
+        ("the sun's path", set.sun_path.is_some()),
+        ("the sun's visibility", set.visibility.is_some()),
     ] {
         if is_there {
             left_out.push(format!("{what}: the layout has no place for it"));

@@ -61,6 +61,7 @@ fn contents(text: &mut String, config: &Config, files: &Files) {
     let more = [
         (config.noise.is_some(), ", sampling error"),
         (config.geometry.is_some(), ", geometry with lightmap coordinates"),
+        (config.visibility.is_some(), ", the sun's visibility as a function of time"),
     ];
     let more: String = more.into_iter().filter(|(there, _)| *there).map(|(_, what)| what).collect();
     let sets = format!("config.json, masks, the lightmaps of all sets{more}");

@@ -1,6 +1,6 @@
 //! What of a dataset goes into which archive: the sets with all that is needed to use them, and each layer of light apart.
 
-use crate::config::{Config, FileRef, Layer, Light};
+use crate::config::{Config, FileRef, Layer, Light, SunVisibility};
 use std::collections::BTreeSet;
 
 /// The dataset's own manifest, beside that of the sets alone: it names the layers, too.
@@ -11,7 +11,8 @@ pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
     let maps = config.frames.iter().flat_map(|frame| &frame.maps);
     let source = config.source.iter().flat_map(|source| &source.config);
     let own = config.pages.iter().map(|page| &page.mask).chain(maps);
-    let own = own.chain(&config.noise).chain(&config.geometry).chain(source);
+    let own = own.chain(&config.noise).chain(&config.geometry).chain(&config.sun_path).chain(source);
+    let own = own.chain(config.visibility.iter().flat_map(SunVisibility::references));
     let of = |lights: &[Light]| {
         let layers = config.layers.iter().filter(|layer| lights.contains(&layer.light));
         layers.flat_map(Layer::files).collect()

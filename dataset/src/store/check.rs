@@ -1,6 +1,6 @@
 //! What every consumer of a manifest relies on.
 
-use crate::config::{Config, FORMAT, FileRef, Layer, Page, VERSION};
+use crate::config::{Config, FORMAT, FileRef, Layer, Page, SunVisibility, VERSION};
 use crate::console::count;
 use crate::image::MAX_SIDE;
 use crate::{Error, Result};
@@ -27,6 +27,7 @@ pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
     groups(config, &mut wrong);
     frames(config, &mut wrong);
     layers::layers(config, &mut wrong);
+    visibility(config, &mut wrong);
     transfer(config, &mut wrong);
     for (index, instance) in config.instances.iter().enumerate() {
         let (page, pages) = (instance.page as usize, config.pages.len());
@@ -100,6 +101,26 @@ fn frames(config: &Config, wrong: &mut impl FnMut(String)) {
             && !(error.is_finite() && error >= 0.0)
         {
             wrong(format!("frame {index}, hour {hour}: relative_error {error}; expected ≥ 0"));
+        }
+    }
+}
+
+/// Of a sun whose path is known, with a file and normals for each page.
+fn visibility(config: &Config, wrong: &mut impl FnMut(String)) {
+    if config.sun_path.is_some() && config.sun.is_none() {
+        wrong("sun_path: expected none where sun is null".into());
+    }
+    let Some(visibility) = &config.visibility else { return };
+    if config.sun_path.is_none() {
+        wrong("visibility: expected a sun_path beside it".into());
+    }
+    if !(visibility.minutes.is_finite() && visibility.minutes > 0.0) {
+        wrong(format!("visibility: minutes is {}; expected a number above 0", visibility.minutes));
+    }
+    let expected = config.pages.len();
+    for (key, files) in [("files", &visibility.files), ("normals", &visibility.normals)] {
+        if files.len() != expected {
+            wrong(format!("visibility: {key} for {}; expected {expected}", count(files.len(), "page")));
         }
     }
 }
@@ -189,7 +210,10 @@ pub(crate) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
     let layers = config.layers.iter().flat_map(Layer::files);
     let maps = config.frames.iter().flat_map(|frame| &frame.maps);
     let source = config.source.iter().flat_map(|source| &source.config);
-    masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry).chain(source)
+    let all = masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry);
+    all.chain(&config.sun_path)
+        .chain(config.visibility.iter().flat_map(SunVisibility::references))
+        .chain(source)
 }
 
 /// Whether a name is one plain component of a path on every system.

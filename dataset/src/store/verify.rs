@@ -46,7 +46,7 @@ impl Dataset {
         self.distinct_files().len() + self.images().len() + sums
     }
 
-    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, that images are finite and not
+    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the sun's path and visibility, that images are finite and not
     /// negative, that frames show the lamps as the schedules have them, and where layers are kept that each lightmap is
     /// (sun + sky) + local: bit for bit, about so in imported sets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
@@ -72,6 +72,7 @@ impl Dataset {
                 Err(fault) => found.faults.push(fault),
             }
         }
+        found.faults.extend(self.verify_sunlight(|file| broken.contains(&file.path)));
         let images = self.images();
         for page in 0..self.config.pages.len() {
             let mask = match self.mask(page) {

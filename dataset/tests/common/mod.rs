@@ -156,6 +156,8 @@ pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f6
         geometry: Some(geometry),
         settings: serde_json::json!({"b": 1, "a": [2.5]}),
         source: None,
+        sun_path: None,
+        visibility: None,
         transfer: None,
     };
     writer.commit(&config)?;

@@ -12,6 +12,7 @@ use super::json;
 use super::layers::{Layers, Part, Texel};
 use super::prepare::Prepared;
 use super::sealed;
+use crate::atlas::Atlas;
 use crate::light::course::Course;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
@@ -20,6 +21,7 @@ use crate::trace::walk::sun_draw;
 use crate::trace::watcher::Watcher;
 use crate::{Error, Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
+use dataset::normals::Normals;
 use dataset::tiles::{Rect, TILE, tiles};
 use dataset::visibility;
 use glam::Vec3;
@@ -38,6 +40,9 @@ const POINTS: u32 = 32;
 /// few bytes. (It is an index that no texel has.)
 const SAME: u32 = u32::MAX;
 
+/// Tiles that are found at once, at most: each takes about 100 MB.
+const AT_ONCE: usize = 8;
+
 /// What a tile's file holds beside the payload: bytes of a normal.
 const NORMAL: usize = 6;
 
@@ -45,8 +50,8 @@ const NORMAL: usize = 6;
 pub struct Page {
     /// The bytes of its file.
     pub visibility: Vec<u8>,
-    /// Per texel, the mean of the shading normals there: (component × 32767) rounded; 0 where there is no surface.
-    pub normals: Vec<[i16; 3]>,
+    /// Per texel, the mean of the shading normals there; 0 where there is no surface.
+    pub normals: Normals,
 }
 
 /// Where the sun is seen from, over the time that is baked.
@@ -57,6 +62,8 @@ pub struct Finder<'a> {
     texels: &'a [Texel],
     course: &'a Course,
     suns: Suns,
+    /// Per page and tile of it, the places of its exposed texels among `texels`, ascending.
+    by_tile: Vec<Vec<u32>>,
     /// The level that stands for 1.
     top: u8,
     /// The folder of finished tiles.
@@ -69,7 +76,10 @@ impl<'a> Finder<'a> {
     /// Prepares to find the visibility of the sun of `prepared` along `course`; `texels` are the covered ones of the page.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] of a course with more times than a file holds; [`Error::Io`].
+    /// [`Error::Io`].
+    ///
+    /// # Panics
+    /// Of a course with more times than [`visibility::MOST_TIMES`].
     pub fn new(
         prepared: &'a Prepared,
         worker: &'a Worker<'a>,
@@ -77,14 +87,7 @@ impl<'a> Finder<'a> {
         texels: &'a [Texel],
         course: &'a Course,
     ) -> Result<Self> {
-        if course.hours.len() > visibility::MOST_TIMES {
-            let what = format!(
-                "the sun's visibility has {} times along this course; expected {} at most: fewer keys",
-                course.hours.len(),
-                visibility::MOST_TIMES
-            );
-            return Err(Error::unsupported("[sun] track", what));
-        }
+        assert!(course.hours.len() <= visibility::MOST_TIMES, "{} times", course.hours.len());
         let decisive = (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.place, &course.hours);
         let of_layers = &prepared.digests[..prepared.plan.suns.len()];
         let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
@@ -98,6 +101,7 @@ impl<'a> Finder<'a> {
             texels,
             course,
             suns: Suns::new(course),
+            by_tile: by_tile(worker.atlas, texels),
             top: top(course),
             folder,
             digest,
@@ -124,30 +128,27 @@ impl<'a> Finder<'a> {
         let progress = console.progress("the sun's visibility", (rects.len() * atlas.pages as usize) as u64);
         let mut counts = RayCounts::default();
         for page in 0..atlas.pages as usize {
-            let mut normals = vec![[0; 3]; width * height];
+            let mut normals = vec![[0.0; 3]; width * height];
             let mut payloads = Vec::with_capacity(rects.len());
-            for (number, rect) in rects.iter().enumerate() {
+            let numbered: Vec<(usize, &Rect)> = rects.iter().enumerate().collect();
+            // Several at once: what takes one thread in one of them leaves the others to the next.
+            for several in numbered.chunks(rayon::current_num_threads().min(AT_ONCE)) {
                 stop_if_interrupted()?;
-                let name = format!("{page}-{number}.tile");
-                let (path, label) = (self.folder.join(&name), format!("{}/{name}", self.digest));
-                let texels = rect.width() * rect.height();
-                let kept = sealed::read(&path, &label).and_then(|bytes| Done::from_bytes(&bytes, texels));
-                let done = match kept {
-                    Some(done) => done,
-                    None => {
-                        let (done, rays) = self.tile(rect, page * height)?;
-                        stop_if_interrupted()?;
-                        counts += rays;
-                        sealed::write(&path, &label, &[&done.to_bytes()])?;
-                        done
+                let found = several.par_iter().map(|(number, rect)| {
+                    let (done, rays) = self.kept_or_found(page, *number, rect)?;
+                    progress.advance(1);
+                    Ok((done, rays))
+                });
+                let found: Vec<Result<(Done, RayCounts)>> = found.collect();
+                for ((_, rect), found) in several.iter().zip(found) {
+                    let (done, rays) = found?;
+                    counts += rays;
+                    for (i, normal) in done.normals.iter().enumerate() {
+                        let (x, y) = (rect.x0 + i % rect.width(), rect.y0 + i / rect.width());
+                        normals[y * width + x] = normal.map(|n| f32::from(n) / f32::from(i16::MAX));
                     }
-                };
-                for (i, normal) in done.normals.iter().enumerate() {
-                    let (x, y) = (rect.x0 + i % rect.width(), rect.y0 + i / rect.width());
-                    normals[y * width + x] = *normal;
+                    payloads.push((done.payload, done.channels));
                 }
-                payloads.push((done.payload, done.channels));
-                progress.advance(1);
             }
             let bytes = visibility::to_bytes(
                 [atlas.width, atlas.page_height],
@@ -155,15 +156,35 @@ impl<'a> Finder<'a> {
                 &self.course.hours,
                 &payloads,
             );
-            each(page, Page { visibility: bytes, normals })?;
+            each(page, Page { visibility: bytes, normals: Normals { width, height, normals } })?;
         }
         Ok(counts)
     }
 
-    /// Finds one tile, whose page begins at row `top` of the virtual page.
-    fn tile(&self, rect: &Rect, top: usize) -> Result<(Done, RayCounts)> {
+    /// The tile of a page as it was kept; else finds and keeps it.
+    fn kept_or_found(&self, page: usize, number: usize, rect: &Rect) -> Result<(Done, RayCounts)> {
+        let atlas = self.worker.atlas;
+        let name = format!("{page}-{number}.tile");
+        let (path, label) = (self.folder.join(&name), format!("{}/{name}", self.digest));
+        let texels = rect.width() * rect.height();
+        if let Some(done) = sealed::read(&path, &label).and_then(|bytes| Done::from_bytes(&bytes, texels)) {
+            return Ok((done, RayCounts::default()));
+        }
+        let tiles = self.by_tile.len() / atlas.pages as usize;
+        let (done, rays) = self.tile(page * tiles + number, rect, page * atlas.stride as usize)?;
+        stop_if_interrupted()?;
+        sealed::write(&path, &label, &[&done.to_bytes()])?;
+        Ok((done, rays))
+    }
+
+    /// Finds the tile of this number, whose page begins at row `top` of the virtual page.
+    fn tile(&self, number: usize, rect: &Rect, top: usize) -> Result<(Done, RayCounts)> {
         let mut counts = RayCounts::default();
-        let Places { texels, by_texel } = self.places(rect, top);
+        let Places { texels, by_texel } = self.places(number, rect, top);
+        if texels.is_empty() {
+            let normals = vec![[0; 3]; by_texel.len()];
+            return Ok((Done { payload: Vec::new(), channels: 0, normals }, counts));
+        }
         let surfaces = self.surfaces(rect, top);
         let watcher = |place: &Option<usize>| {
             let mut counts = RayCounts::default();
@@ -190,17 +211,15 @@ impl<'a> Finder<'a> {
         Ok((Done { payload, channels, normals }, counts + rays))
     }
 
-    /// Where the texels of a tile stand among all.
-    fn places(&self, rect: &Rect, top: usize) -> Places {
+    /// Where the texels of a tile stand among all. `number`: of the tile, of all pages one after the other.
+    fn places(&self, number: usize, rect: &Rect, top: usize) -> Places {
         let across = self.worker.atlas.width as usize;
+        let texels: Vec<usize> = self.by_tile[number].iter().map(|place| *place as usize).collect();
         let mut by_texel = vec![None; rect.width() * rect.height()];
-        let mut texels = Vec::new();
-        for (place, texel) in self.texels.iter().enumerate().filter(|(_, texel)| texel.exposed == 1) {
-            let (x, y) = (texel.index as usize % across, texel.index as usize / across);
-            if (rect.x0..rect.x1).contains(&x) && (top + rect.y0..top + rect.y1).contains(&y) {
-                by_texel[(y - top - rect.y0) * rect.width() + x - rect.x0] = Some(place);
-                texels.push(place);
-            }
+        for &place in &texels {
+            let index = self.texels[place].index as usize;
+            let (x, y) = (index % across, index / across);
+            by_texel[(y - top - rect.y0) * rect.width() + x - rect.x0] = Some(place);
         }
         Places { texels, by_texel }
     }
@@ -257,6 +276,20 @@ impl<'a> Finder<'a> {
         };
         self.course.hours.iter().map(of_time).collect()
     }
+}
+
+/// Per page and tile of it, the places of its exposed texels among `texels`, ascending.
+fn by_tile(atlas: &Atlas, texels: &[Texel]) -> Vec<Vec<u32>> {
+    let (width, stride) = (atlas.width as usize, atlas.stride as usize);
+    let [columns, rows] = [width, atlas.page_height as usize].map(|side| side.div_ceil(TILE));
+    let mut by_tile = vec![Vec::new(); columns * rows * atlas.pages as usize];
+    for (place, texel) in (0..).zip(texels).filter(|(_, texel)| texel.exposed == 1) {
+        let (x, y) = (texel.index as usize % width, texel.index as usize / width);
+        // (Texels lie on pages, never on the rows between them.)
+        let tile = (y / stride * rows + y % stride / TILE) * columns + x / TILE;
+        by_tile[tile].push(place);
+    }
+    by_tile
 }
 
 /// The level that stands for 1: between quarters of an hour the line is off by more than eighths are.

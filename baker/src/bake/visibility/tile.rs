@@ -166,7 +166,7 @@ fn lerp(a: [u8; 3], b: [u8; 3], part: f32) -> [u8; 3] {
     })
 }
 
-/// The values of a texel at all times: where nothing is known, on the line between those that are, or as the nearest; 0 where none is.
+/// The values of a texel at all times: where nothing is known, as at the nearest time at which something is; 0 where there is none.
 fn filled(values: &[Option<[u8; 3]>], hours: &[f64]) -> Vec<[u8; 3]> {
     let known: Vec<(f64, [u8; 3])> =
         hours.iter().zip(values).filter_map(|(hour, value)| Some((*hour, (*value)?))).collect();
@@ -175,7 +175,13 @@ fn filled(values: &[Option<[u8; 3]>], hours: &[f64]) -> Vec<[u8; 3]> {
         next += usize::from(value.is_some());
         match (value, next.checked_sub(1).map(|i| known[i]), known.get(next)) {
             (Some(value), _, _) => *value,
-            (None, Some((from, a)), Some((to, b))) => lerp(a, *b, ((hour - from) / (to - from)) as f32),
+            (None, Some((from, a)), Some((to, b))) => {
+                if hour - from <= to - hour {
+                    a
+                } else {
+                    *b
+                }
+            }
             (None, Some((_, value)), None) => value,
             (None, None, Some((_, value))) => *value,
             (None, None, None) => [0; 3],

@@ -129,7 +129,7 @@ fn what_is_unknown_lies_between_or_holds() {
     let hours = [6.0, 7.0, 8.0, 9.0, 10.0];
     let known = |values: [Option<u8>; 5]| values.map(|value| value.map(|v| [v; 3]));
     let of = |values| filled(&known(values), &hours).iter().map(|value| value[0]).collect::<Vec<u8>>();
-    assert_eq!(of([None, Some(40), None, Some(80), None]), [40, 40, 60, 80, 80]);
+    assert_eq!(of([None, Some(40), None, Some(80), None]), [40, 40, 40, 80, 80]);
     assert_eq!(of([None; 5]), [0; 5]);
     assert_eq!(of([Some(1), Some(2), Some(3), Some(4), Some(5)]), [1, 2, 3, 4, 5]);
 }

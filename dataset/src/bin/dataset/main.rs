@@ -8,6 +8,7 @@ use dataset::config::{Config, Daylight, Layer};
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
 use dataset::exchange::lightmaps_of;
 use dataset::store::{Dataset, Verification};
+use dataset::visibility::Visibility;
 use dataset::{Error, Result};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -42,7 +43,8 @@ enum Command {
     /// Prints what a set holds.
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
-    /// valid_texels}], groups [{name, on, layers}], sets [{hour, on, relative_error}], source (null, or of an imported set:
+    /// valid_texels}], version (of the manifest as it stands there), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
+    /// [{hour, on, relative_error}], layers [{light, group, part, images}], sun_path (whether it is there), visibility (null, or of the sun: {minutes, times, bytes}), source (null, or of an imported set:
     /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (null, or of a scene's transfer: {scene, functions, moments}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
     Info {
@@ -52,7 +54,7 @@ enum Command {
     },
     /// Verifies everything a consumer relies on, and names each fault.
     ///
-    /// Checks the manifest, each file's length and checksum, masks, the noise file, the geometry (a whole GLB, indices and
+    /// Checks the manifest, each file's length and checksum, masks, the noise file, the sun's path and visibility, the geometry (a whole GLB, indices and
     /// lightmap coordinates in range, pages that exist), that all texels are finite and not negative, that sets show each group as its schedule has it, and, where layers are kept, that each lightmap is
     /// (sun + sky) + local: bit for bit, in imported sets to 1/1024 on surfaces. Warns of switches that no set stands close to, and of
     /// what killed writers left.
@@ -205,6 +207,14 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         let (part, images) = (layer.part.name(), count(layer.files().count(), "image"));
         console.print(format!("  layer  {light}, {part}: {images}"));
     }
+    let visibility = visibility_of(&dataset)?;
+    if let Some((minutes, times, bytes)) = visibility {
+        let megabytes = bytes as f64 / 1e6;
+        let times = count(times, "time");
+        console.print(format!(
+            "  sun's visibility: every {minutes} min where it changes, {times}, {megabytes:.2} MB with normals"
+        ));
+    }
     console.print(format!("  {}, {:.1} MB; unit: {}", count(files, "file"), bytes as f64 / 1e6, config.unit));
 
     let frames = config.frames.iter().map(|frame| {
@@ -240,6 +250,12 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         "groups": groups.collect::<Vec<_>>(),
         "frames": frames.collect::<Vec<_>>(),
         "layers": layers.collect::<Vec<_>>(),
+        "sun_path": config.sun_path.is_some(),
+        "visibility": visibility.map(|(minutes, times, bytes)| json!({
+            "minutes": minutes,
+            "times": times,
+            "bytes": bytes,
+        })),
         "source": config.source.as_ref().map(|source| json!({
             "layout": source.layout.name(),
             "replaced_values": source.replaced_values,
@@ -254,6 +270,14 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         })),
     }))?;
     Ok(())
+}
+
+/// The finest step of the sun's visibility in minutes, its times and the bytes of its files, if there are any.
+fn visibility_of(dataset: &Dataset) -> Result<Option<(f64, usize, u64)>> {
+    let Some(visibility) = &dataset.config.visibility else { return Ok(None) };
+    let opened = Visibility::open(&dataset.path(&visibility.files[0]))?;
+    let bytes = visibility.references().map(|file| file.bytes).sum();
+    Ok(Some((visibility.minutes, opened.hours.len(), bytes)))
 }
 
 fn check(console: &Console, folder: &Path) -> Result<ExitCode> {

@@ -1,0 +1,117 @@
+//! The sun's direct light at any time of the bake, from its path, its visibility and the normals.
+
+use super::{Dataset, check};
+use crate::config::{FileRef, Page};
+use crate::image::Image;
+use crate::normals::Normals;
+use crate::sun::SunPath;
+use crate::visibility::{Between, Visibility};
+use crate::{Error, Result};
+
+/// What a page's direct light of the sun is made of.
+#[derive(Debug)]
+pub struct Sunlight {
+    /// The sun by the minute.
+    pub path: SunPath,
+    /// What is seen of it.
+    pub visibility: Visibility,
+    /// What faces it.
+    pub normals: Normals,
+}
+
+impl Sunlight {
+    /// The direct light of the sun at an hour; black before the first time of the sun's path and after the last.
+    ///
+    /// # Errors
+    /// Those of [`Visibility::tile`].
+    pub fn at(&self, hour: f64) -> Result<Image> {
+        let [width, height] = self.visibility.size.map(|side| side as usize);
+        let mut image = Image::black(width, height);
+        let between = Between::new(&self.visibility.hours, hour);
+        for (index, rect) in self.visibility.tiles.iter().enumerate() {
+            let tile = self.visibility.tile(index)?;
+            for texel in 0..tile.texels {
+                let place = (rect.y0 + texel / rect.width()) * width + rect.x0 + texel % rect.width();
+                let [before, after] = [between.before, between.after].map(|time| tile.level(texel, time));
+                let top = f32::from(self.visibility.top);
+                let seen = std::array::from_fn(|c| {
+                    between.lerp(f32::from(before[c]) / top, f32::from(after[c]) / top)
+                });
+                image.texels[place] = self.path.light(hour, self.normals.normals[place], seen);
+            }
+        }
+        Ok(image)
+    }
+}
+
+impl Dataset {
+    /// The sun by the minute, if the dataset has it; its checksum checked.
+    ///
+    /// # Errors
+    /// Those of [`SunPath::read`].
+    pub fn sun_path(&self) -> Result<Option<SunPath>> {
+        let Some(file) = &self.config.sun_path else { return Ok(None) };
+        self.check_content(file)?;
+        SunPath::read(&self.path(file)).map(Some)
+    }
+
+    /// What the sun's direct light on a page is made of, if the dataset has it: sizes and checksums checked.
+    ///
+    /// # Errors
+    /// Those of the files' readers; [`Error::Invalid`] of a file of another size than the page, or of times beyond the sun's path.
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn sunlight(&self, page: usize) -> Result<Option<Sunlight>> {
+        let (Some(files), Some(path)) = (&self.config.visibility, self.sun_path()?) else { return Ok(None) };
+        let (visibility, normals) = (self.visibility(&files.files[page], page)?, &files.normals[page]);
+        let normals = self.normals(normals, page)?;
+        let within = |hour: &f64| path.at(*hour).is_some();
+        if let Some(hour) = visibility.hours.iter().find(|hour| !within(hour)) {
+            let what = format!("the time {hour} h: expected those of the sun's path alone");
+            return Err(Error::invalid(self.path(&files.files[page]).display(), what));
+        }
+        Ok(Some(Sunlight { path, visibility, normals }))
+    }
+
+    fn visibility(&self, file: &FileRef, page: usize) -> Result<Visibility> {
+        self.check_content(file)?;
+        let path = self.path(file);
+        let visibility = Visibility::open(&path)?;
+        let [width, height] = visibility.size.map(|side| side as usize);
+        check::size(&path, (width, height), self.page(page))?;
+        Ok(visibility)
+    }
+
+    fn normals(&self, file: &FileRef, page: usize) -> Result<Normals> {
+        self.check_content(file)?;
+        let path = self.path(file);
+        let normals = Normals::read_png(&path)?;
+        check::size(&path, (normals.width, normals.height), self.page(page))?;
+        Ok(normals)
+    }
+
+    fn page(&self, page: usize) -> &Page {
+        &self.config.pages[page]
+    }
+
+    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths left out, which are known to be wrong.
+    pub(super) fn verify_sunlight(&self, is_broken: impl Fn(&FileRef) -> bool) -> Vec<Error> {
+        let files = self.config.visibility.iter().flat_map(|visibility| visibility.references());
+        if files.chain(&self.config.sun_path).any(is_broken) {
+            return Vec::new();
+        }
+        if let Err(fault) = self.sun_path() {
+            return vec![fault];
+        }
+        let of_page = |page: usize| {
+            let Some(sunlight) = self.sunlight(page)? else { return Ok(()) };
+            let tiles = 0..sunlight.visibility.tiles.len();
+            tiles.into_iter().try_for_each(|tile| {
+                crate::console::stop_if_interrupted()?;
+                sunlight.visibility.tile(tile).map(drop)
+            })
+        };
+        (0..self.config.pages.len()).filter_map(|page| of_page(page).err()).collect()
+    }
+}
