@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Random, write_set};
+use common::{Random, python, write_set};
 use dataset::config::{Config, Light};
 use dataset::image::{Image, Mask};
 use dataset::release::release;
@@ -11,19 +11,6 @@ use dataset::store::Dataset;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-
-/// A Python that has numpy and OpenEXR.
-fn python() -> Option<String> {
-    let named = std::env::var("NDGI_PYTHON").ok();
-    let python = named.clone().unwrap_or("python3".to_owned());
-    let imports = Command::new(&python).args(["-c", "import numpy, OpenEXR"]).output();
-    let works = imports.is_ok_and(|output| output.status.success());
-    assert!(works || named.is_none(), "NDGI_PYTHON={python} does not run, or lacks numpy or OpenEXR");
-    if !works {
-        eprintln!("skipped: there is no python3 with numpy and OpenEXR");
-    }
-    works.then_some(python)
-}
 
 /// Prints an array's shape and the sum of its bytes times their places, both of which our side knows too.
 const DIGEST: &str = "

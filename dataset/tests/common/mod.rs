@@ -9,8 +9,22 @@ use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::{TILE, tiles};
 use std::path::Path;
+use std::process::Command;
 
 pub mod layouts;
+
+/// A Python that has numpy and OpenEXR: that of `NDGI_PYTHON`, which must work, or else `python3`; `None` where that lacks them.
+pub fn python() -> Option<String> {
+    let named = std::env::var("NDGI_PYTHON").ok();
+    let python = named.clone().unwrap_or("python3".to_owned());
+    let imports = Command::new(&python).args(["-c", "import numpy, OpenEXR"]).output();
+    let works = imports.is_ok_and(|output| output.status.success());
+    assert!(works || named.is_none(), "NDGI_PYTHON={python} does not run, or lacks numpy or OpenEXR");
+    if !works {
+        eprintln!("skipped: there is no python3 with numpy and OpenEXR");
+    }
+    works.then_some(python)
+}
 
 /// SplitMix64.
 pub struct Random(pub u64);
