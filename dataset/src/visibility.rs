@@ -11,7 +11,7 @@
 //! | 4 | number of times, N: from 1 to 4096 |
 //! | 8 N | the times in hours (f64), ascending, from 0 to 24 |
 //! | 8 per tile, row by row | two u32: length of the tile's payload and its channels C: 1, or 3 (red, green, blue) where coloured glass stands before the sun; both 0 for a tile that is 0 at all times |
-//! | | the payloads, one after the other, each an .xz stream |
+//! | | the payloads, one after the other, each an .xz stream whose dictionary is at most 1.5 times what it unpacks to, or 64 KiB |
 //!
 //! A payload unpacked is C × N images of the tile's size, channel by channel, time by time, row by row: one byte a texel, the level
 //! (0 to L); the value is level ÷ L.
@@ -232,7 +232,9 @@ impl Visibility {
     /// The levels of a payload; what is wrong with it, else.
     fn unpack(&self, packed: &[u8], expected: usize) -> Result<Vec<u8>, String> {
         let mut levels = Vec::new();
-        let stream = XzReader::new(packed, false);
+        // Its dictionary is no larger than what it unpacks to, rounded up, whatever its header says.
+        let most_kilobytes = 1024 + 2 * (expected >> 10) as u32;
+        let stream = XzReader::new_mem_limit(packed, false, most_kilobytes);
         stream
             .take(expected as u64 + 1)
             .read_to_end(&mut levels)

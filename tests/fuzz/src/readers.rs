@@ -9,8 +9,11 @@ use dataset::config::Layout;
 use dataset::console::Console;
 use dataset::exchange::{Origin, import};
 use dataset::image::{Image, Mask, read_exr_rows};
+use dataset::normals::Normals;
 use dataset::release::{MANIFEST, SUMS, verify};
 use dataset::store::{Dataset, parse_config};
+use dataset::sun::SunPath;
+use dataset::visibility::Visibility;
 use std::fs;
 use std::path::Path;
 
@@ -18,7 +21,7 @@ use std::path::Path;
 pub type Target = fn(&Path, &[u8]) -> bool;
 
 /// All of them, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 10] = [
+pub const TARGETS: [(&str, Target); 13] = [
     ("config", config),
     ("exr", exr),
     ("mask", mask),
@@ -29,6 +32,9 @@ pub const TARGETS: [(&str, Target); 10] = [
     ("archive", archive),
     ("scene", scene),
     ("ies", ies),
+    ("visibility", visibility),
+    ("normals", normals),
+    ("sun", sun),
 ];
 
 /// `config.json`.
@@ -178,6 +184,53 @@ pub fn ies(_: &Path, bytes: &[u8]) -> bool {
         assert!((0.0..=1.0).contains(&profile.at(vertical, horizontal)));
     }
     assert!(profile.peak.is_finite() && (0.0..3.2).contains(&profile.reach()));
+    true
+}
+
+/// The sun's visibility over a page.
+pub fn visibility(scratch: &Path, bytes: &[u8]) -> bool {
+    let path = scratch.join("page.vis");
+    fs::write(&path, bytes).expect("a file");
+    let Ok(visibility) = Visibility::open(&path) else { return false };
+    let mut whole = true;
+    for (tile, rect) in visibility.tiles.iter().enumerate().take(3) {
+        // A few bytes may tell of more times than memory should hold here.
+        if 3 * rect.width() * rect.height() * visibility.hours.len() > 16 << 20 {
+            continue;
+        }
+        let planes = visibility.tile(tile);
+        if let Ok(planes) = &planes {
+            assert!(planes.levels.iter().all(|level| *level <= visibility.top));
+            let last = planes.level(planes.texels - 1, visibility.hours.len() - 1);
+            assert!(planes.channels == 3 || last == [last[0]; 3]);
+        }
+        whole &= planes.is_ok();
+    }
+    whole
+}
+
+/// The normals of a page.
+pub fn normals(scratch: &Path, bytes: &[u8]) -> bool {
+    let path = scratch.join("normals.png");
+    fs::write(&path, bytes).expect("a file");
+    let Ok(normals) = Normals::read_png(&path) else { return false };
+    assert!(normals.normals.iter().flatten().all(|x| x.abs() <= 1.001));
+    fs::write(&path, normals.to_png()).expect("a file");
+    assert!(Normals::read_png(&path).expect("normals") == normals);
+    true
+}
+
+/// The sun by the minute.
+pub fn sun(scratch: &Path, bytes: &[u8]) -> bool {
+    let file = scratch.join("sun.json");
+    fs::write(&file, bytes).expect("a file");
+    let Ok(path) = SunPath::read(&file) else { return false };
+    for hour in [0.0, 6.7, 12.0, 24.0] {
+        let light = path.light(hour, [0.6, 0.8, 0.0], [1.0; 3]);
+        assert!(light.iter().all(|x| x.is_finite() && *x >= 0.0), "{light:?}");
+    }
+    fs::write(&file, path.to_json()).expect("a file");
+    assert!(SunPath::read(&file).expect("a sun") == path);
     true
 }
 
