@@ -12,10 +12,10 @@ use compressor::run::compress_and_judge;
 use compressor::time::Coding;
 use dataset::console::Console;
 use dataset::image::Image;
-use dataset::store::Dataset;
+use dataset::store::{Dataset, Writer};
 use serde_json::Value;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
@@ -88,6 +88,53 @@ fn a_dataset_comes_back_from_its_bundle() {
         assert!(image.texels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
         let sample = decoder.sample(0, 60.5 / 150.0, 70.5 / 140.0, f64::from(i) / 2.0).unwrap();
         assert!((sample[0] - at_lamp(&image)).abs() < 1e-3 * at_lamp(&image).max(0.1));
+    }
+}
+
+/// A dataset of version 1 of the format, as it is in the dataset crate's tests.
+fn version1(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../dataset/tests/fixtures").join(name)
+}
+
+#[test]
+fn a_dataset_of_version_1_gives_the_bundle_that_it_gives_in_the_current_version() {
+    // With what the bundles that were made of them then say of their light.
+    let cases = [
+        ("version1-baked", "de955576d230f127f696af57db4acfbef0e425412d500c857d1738253fe414e3"),
+        ("version1-imported", "d4f3feaa852d714a4dfcb7125dc2afdcfb0c5d0119dc7fbcab469c27f6e1d3da"),
+    ];
+    for (name, light) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let (old, new) = (Dataset::open(&version1(name)).unwrap(), folder.path().join("new"));
+        fs::create_dir_all(new.join("data")).unwrap();
+        for file in old.files() {
+            fs::copy(old.path(file), new.join(&file.path)).unwrap();
+        }
+        Writer::create(&new).unwrap().commit(&old.config).unwrap();
+        assert_eq!((old.version, Dataset::open(&new).unwrap().version), (1, 2));
+
+        let options = |out: &str| Options { out: Some(folder.path().join(out)), ..brief(1000) };
+        let judged = compress_and_judge(&old.root, &options("old.ndgi"), &Console::silent()).unwrap();
+        let psnr = judged.evaluation.all.psnr_db.unwrap();
+        assert!((40.0..90.0).contains(&psnr), "{name}: {psnr}");
+        let bundle = fs::read(&judged.outcome.bundle).unwrap();
+        compress(&new, &options("new.ndgi"), &Console::silent()).unwrap();
+        assert!(bundle == fs::read(folder.path().join("new.ndgi")).unwrap(), "{name}");
+        // What stands there is of this dataset, too.
+        assert!(compress(&new, &options("old.ndgi"), &Console::silent()).unwrap().up_to_date);
+
+        let decoder = Decoder::open(&judged.outcome.bundle).unwrap();
+        assert_eq!(decoder.bundle().header.light().as_deref(), Some(light));
+        let valid = old.mask(0).unwrap().valid;
+        let green = |image: &Image| {
+            let texels = image.texels.iter().zip(&valid).filter(|(_, valid)| **valid);
+            texels.map(|(texel, _)| f64::from(texel[1])).sum::<f64>()
+        };
+        for (number, frame) in old.config.frames.iter().enumerate() {
+            let found = green(&decoder.decode_page(0, frame.hour).unwrap());
+            let expected = green(&old.map(number, 0).unwrap());
+            assert!((found - expected).abs() <= 0.02 * expected, "{name}: {found} {expected}");
+        }
     }
 }
 

@@ -4,22 +4,26 @@
 mod common;
 
 use common::{Random, python, write_set};
-use dataset::config::{Config, Light};
+use dataset::config::{Config, FileRef, Light, Part};
 use dataset::image::{Image, Mask};
 use dataset::release::release;
 use dataset::store::Dataset;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Prints an array's shape and the sum of its bytes times their places, both of which our side knows too.
-const DIGEST: &str = "
+/// What prints an array's shape and the sum of its bytes times their places, both of which our side knows too.
+const TOLD: &str = "
 import sys, numpy as np
 def told(array):
     data = np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8).astype(np.uint64)
     print(*array.shape, int((data * np.arange(1, len(data) + 1, dtype=np.uint64)).sum()))
 sys.path.insert(0, sys.argv[1])
 from read_dataset import Dataset
+";
+
+/// Prints what a dataset of three hours has on two pages.
+const DIGEST: &str = "
 s = Dataset(sys.argv[2])
 assert s.hours == [0, 12, 21.5], s.hours
 for page in (0, 1):
@@ -102,7 +106,8 @@ fn the_reader_in_python_reads_the_same_texels() {
         let mut command = Command::new(&python);
         command.env("PYTHONDONTWRITEBYTECODE", "1").args(arguments).output().unwrap()
     };
-    let output = run(&[Path::new("-c"), Path::new(DIGEST), &out, &set]);
+    let script = format!("{TOLD}{DIGEST}");
+    let output = run(&[Path::new("-c"), Path::new(&script), &out, &set]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(String::from_utf8(output.stdout).unwrap(), expected(&dataset));
 
@@ -122,4 +127,71 @@ fn the_reader_in_python_reads_the_same_texels() {
     fs::write(set.join(&dataset.config.frames[1].maps[0].path), b"torn").unwrap();
     let output = run(&arguments("12"));
     assert!(String::from_utf8_lossy(&output.stderr).contains("4 bytes; expected"), "{output:?}");
+}
+
+/// Prints all that the reader gives of a dataset.
+const EVERYTHING: &str = "
+s = Dataset(sys.argv[2])
+print(s.config['version'], *s.hours)
+groups = [group['name'] for group in s.config['groups']]
+for page in range(len(s.config['pages'])):
+    told(s.mask(page))
+    for hour in s.hours:
+        told(s.light(hour, page))
+        for layer in ['sun', 'sky', 'local'] + groups:
+            for part in (None, 'all', 'direct', 'indirect'):
+                told(s.layer(layer, hour, page, part))
+";
+
+/// All that [`EVERYTHING`] prints.
+fn everything(dataset: &Dataset) -> String {
+    let config = &dataset.config;
+    let hours: Vec<String> = config.frames.iter().map(|frame| format!("{:?}", frame.hour)).collect();
+    let mut text = format!("{} {}\n", dataset.version, hours.join(" "));
+    let groups = (0..config.groups.len() as u32).map(|group| (Light::Group, Some(group)));
+    let lights: Vec<_> =
+        [(Light::Sun, None), (Light::Sky, None), (Light::Lamps, None)].into_iter().chain(groups).collect();
+    for page in 0..config.pages.len() {
+        let mask = dataset.mask(page).unwrap();
+        let (width, height) = (mask.width, mask.height);
+        text += &told(&[height, width], mask.valid.iter().map(|&valid| u8::from(valid)));
+        for (number, frame) in config.frames.iter().enumerate() {
+            text += &told_image(dataset.map(number, page).unwrap());
+            for &(light, group) in &lights {
+                let is_on = group.is_none_or(|group| frame.groups_on[group as usize]);
+                for part in [None, Some(Part::All), Some(Part::Direct), Some(Part::Indirect)] {
+                    let layers = config.layers_of(light, group);
+                    let layers = layers.filter(|layer| is_on && part.is_none_or(|part| part == layer.part));
+                    let files: Vec<&FileRef> = layers.filter_map(|l| l.file(number, page)).collect();
+                    let texels = dataset.sum_rows(&files, page, 0, height).unwrap();
+                    text += &told_image(Image { width, height, texels });
+                }
+            }
+        }
+    }
+    text
+}
+
+#[test]
+fn the_reader_in_python_reads_every_version() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_set(folder.path(), &[(12, 9), (5, 7)], 11).unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let old = |name: &str| root.join("tests/fixtures").join(name);
+    let cases: [(u32, PathBuf); 3] =
+        [(1, old("version1-baked")), (1, old("version1-imported")), (2, folder.path().to_owned())];
+    let script = format!("{TOLD}{EVERYTHING}");
+    for (version, set) in cases {
+        let dataset = Dataset::open(&set).unwrap();
+        assert_eq!(dataset.version, version);
+        let mut command = Command::new(&python);
+        command.env("PYTHONDONTWRITEBYTECODE", "1").args(["-c", &script]).arg(root.join("python")).arg(&set);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let (found, expected) = (String::from_utf8(output.stdout).unwrap(), everything(&dataset));
+        // The first line that differs says more than thousands do.
+        let differs = found.lines().zip(expected.lines()).position(|(found, expected)| found != expected);
+        assert!(found == expected, "{}: line {differs:?}", set.display());
+    }
 }

@@ -12,6 +12,7 @@ mod relight;
 mod scenes;
 mod statistics;
 mod transfer;
+mod version1;
 mod visibility;
 
 use baker::bake::run::{Options, Outcome, bake};
