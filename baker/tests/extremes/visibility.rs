@@ -3,7 +3,7 @@
 use crate::common::closed::disc_over_plane;
 use crate::common::mesh::Obj;
 use crate::common::texels::Texel;
-use crate::common::{Baked, Stage, green, mean};
+use crate::common::{Baked, Stage, mean};
 use baker::bake::run::{Options, Outcome, bake};
 use baker::light::schedule::parse_hours;
 use dataset::config::Light;
@@ -28,12 +28,7 @@ impl Curves {
         let light = dataset.sunlight(0).expect("whole files").expect("a visibility");
         assert_eq!(light.visibility.tiles.len(), 1);
         let planes = light.visibility.tile(0).expect("a tile");
-        Curves {
-            hours: light.visibility.hours.clone(),
-            top: f64::from(light.visibility.top),
-            planes,
-            light,
-        }
+        Curves { hours: light.visibility.hours.clone(), top: f64::from(light.visibility.top), planes, light }
     }
 
     /// Red, green and blue at a texel.
@@ -82,7 +77,7 @@ fn tangent(hour: f64) -> f64 {
 /// A black floor, and two-sided sheets over it that have no texels.
 fn scene(sun: &str, size: u32) -> String {
     format!(
-        "{sun}[[object]]\nfile = \"floor.obj\"\nalbedo = 0\n[[object]]\nfile = \"sheets.obj\"\nlightmap = false\n\
+        "{sun}[[object]]\nfile = \"floor.obj\"\nalbedo = 0\n[[object]]\nfile = \"sheets.obj\"\nalbedo = 0\nlightmap = false\n\
          two_sided = true\n[lightmap]\nsize = {size}\n"
     )
 }
@@ -136,7 +131,8 @@ fn files(dataset: &Dataset) -> Vec<Vec<u8>> {
 
 /// The kept tiles below a folder.
 fn kept_tiles(folder: &Path) -> Vec<PathBuf> {
-    let entries: Vec<PathBuf> = fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+    let entries: Vec<PathBuf> =
+        fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path()).collect();
     let below = entries.iter().filter(|path| path.is_dir()).flat_map(|path| kept_tiles(path));
     let here = entries.iter().filter(|path| path.extension().is_some_and(|e| e == "tile")).cloned();
     let mut found: Vec<PathBuf> = here.chain(below).collect();
@@ -146,8 +142,9 @@ fn kept_tiles(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn a_wire_thinner_than_a_texel_takes_its_share() {
-    // Slanted, so that it crosses texels everywhere; its shadow moves by a texel in 20 minutes and is as wide all day.
-    for (width, least, most) in [(0.3, 0.85, 1.15), (0.05, 0.0, 1.0)] {
+    // Slanted, so that it crosses texels everywhere; its shadow is as wide all day. Where the first points of a texel all pass it, no more
+    // look, and less than half a level counts as nothing: of a wire of a twentieth most is lost, but never more found than there is.
+    for (width, least, most) in [(0.3, 0.75, 1.2), (0.05, 0.0, 1.1)] {
         let step = 1.0 / 30.0;
         let wire = [[-width * step / 2.0, width * step / 2.0]];
         for minutes in ["15min", "2.5min"] {
@@ -161,7 +158,10 @@ fn a_wire_thinner_than_a_texel_takes_its_share() {
                 found.push((1.0 - curves.mean(&texels, hour)) / expected);
             }
             println!("{width} of a texel, {minutes}: {found:.3?}");
-            assert!(found.iter().all(|share| (least..=most).contains(share)), "{width}, {minutes}: {found:?}");
+            assert!(
+                found.iter().all(|share| (least..=most).contains(share)),
+                "{width}, {minutes}: {found:?}"
+            );
         }
     }
 }
@@ -176,7 +176,7 @@ fn blinds_of_twenty_slats_let_their_share_through() {
         let (low, high) = (dvec3(PITCH * f64::from(i), 0.2, -5.0), dvec3(WIDE, WIDE, 0.0));
         sheets = sheets.quad(low, high, DVec3::Z * 10.0);
     }
-    for (minutes, bound) in [("15min", 0.04), ("2.5min", 0.03)] {
+    for (minutes, bound) in [("15min", 0.05), ("2.5min", 0.05)] {
         let stage = over(0.4, Obj::clone(&sheets));
         let baked = stage.bake("9..16", 16, &scene(&sun(minutes, &DAY), 8));
         let curves = Curves::new(&baked.dataset);
@@ -220,6 +220,9 @@ fn a_comb_of_posts_passes_over_a_texel() {
         for minutes in ["15min", "2.5min"] {
             let (rms, found, wanted) = comb(minutes, pitch);
             println!("pitch {pitch}, {minutes}: rms {rms:.3}, {found:.1} transitions of {wanted:.1}");
+            // A post and the gap behind it take 29 or 35 minutes: quarters of an hour show that something passes, and not when.
+            let (most, missed) = if minutes == "15min" { (0.4, 0.12) } else { (0.06, 0.01) };
+            assert!(rms < most && (found - wanted).abs() <= missed * wanted, "{rms}, {found} of {wanted}");
         }
     }
 }
@@ -329,7 +332,9 @@ fn a_track_that_jumps_turns_back_or_stands_still() {
         let keys = [(0.0, 0.1)];
         let baked = strips(0.5, 1.0, 0.3, &edge).bake("6..19", 16, &scene(&sun(minutes, &keys), 16));
         let curves = Curves::new(&baked.dataset);
-        for (texel, hour) in whole(&baked, "floor").iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h))) {
+        for (texel, hour) in
+            whole(&baked, "floor").iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h)))
+        {
             assert_eq!(curves.at(texel, hour), curves.at(texel, 6.0));
         }
         baked.outcome.rays.visibility
@@ -354,6 +359,9 @@ fn two_edges_that_cross_within_two_minutes() {
         let (hours, halves) = (of(&[11.0, 12.0, 13.0]), of(&[10.5, 11.5, 12.5]));
         let between = of(&[10.8, 11.27, 11.77, 12.19, 12.61]);
         println!("{minutes}: {hours:.3?} at the hours, {halves:.3?} half past, {between:.3?} between");
+        // (A bar of light of a sixth of a texel: what is less than an eighth of one is lost in part, as of a wire.)
+        let all = [hours, halves, between].concat();
+        assert!(all.iter().all(|share| (0.55..1.1).contains(share)), "{minutes}: {all:?}");
     }
 }
 
@@ -375,9 +383,12 @@ fn pages_of_few_texels() {
     // The edge of a roof stands over the middle of the page at noon.
     let baked = strips(1.0, 1.0, 0.0, &[[0.0, 9.0]]).bake("8..17", 16, &scene(&sun("2.5min", &DAY), 2));
     let curves = Curves::new(&baked.dataset);
-    let texels = baked.covered("floor");
-    let half = curves.mean(&texels, 12.0);
-    assert!((half - 0.5).abs() < 0.07, "{half}");
+    let is_surface = |i: &usize| curves.light.normals.normals[*i] != [0.0; 3];
+    let seen: Vec<f32> =
+        (0..4).filter(is_surface).map(|i| curves.light.at(12.0).unwrap().texels[i][1]).collect();
+    println!("2 x 2 at noon: {seen:?}");
+    let half = f64::from(seen.iter().sum::<f32>()) / seen.len() as f64 / 10.0;
+    assert!((half - 0.5).abs() < 0.05, "{half}");
 }
 
 #[test]
@@ -449,7 +460,9 @@ fn no_sun_always_sun_and_a_sun_that_nothing_sees() {
     let always = stage.bake("0..24", 16, &north("2026-06-21"));
     let curves = Curves::new(&always.dataset);
     assert_eq!(curves.hours, (0..=96).map(|i| f64::from(i) / 4.0).collect::<Vec<f64>>());
-    for (texel, hour) in whole(&always, "floor").iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h))) {
+    for (texel, hour) in
+        whole(&always, "floor").iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h)))
+    {
         assert_eq!(curves.at(texel, hour), 1.0);
     }
     // The polar night: a path that gives nothing, and no visibility.
@@ -514,10 +527,11 @@ fn normals_that_flip_within_a_texel() {
             let baked = stage.bake("6..19", 16, &text);
             assert_bounded(&baked.dataset, 10.0);
             let curves = Curves::new(&baked.dataset);
-            let short = curves.light.normals.normals.iter().map(|n| n.iter().map(|x| x * x).sum::<f32>().sqrt());
+            let short =
+                curves.light.normals.normals.iter().map(|n| n.iter().map(|x| x * x).sum::<f32>().sqrt());
             let short = short.filter(|length| *length > 0.0).fold(1.0, f32::min);
             println!("{name}, two-sided {two_sided}: shortest normal {short:.3}");
-            assert!(name != "fan" || short < 0.9, "{short}");
+            assert!(name != "fan" || short < 0.95, "{short}");
             assert!(curves.planes.levels.iter().any(|level| *level > 0), "{name} has no sun");
         }
     }
@@ -530,28 +544,38 @@ fn discs_of_all_sizes_give_the_light_that_was_traced() {
     let obj = obj.mesh("wall").quad(dvec3(0.0, 0.0, 1.0), DVec3::NEG_Z * 2.0, DVec3::Y);
     let stage = || Stage::new(&[("a.obj", obj.clone().text())]);
     let object = "[[object]]\nfile = \"a.obj\"\nalbedo = 0\ntwo_sided = true\n[lightmap]\nsize = 24\n";
-    let compare = |name: &str, baked: &Baked, bound: f64| {
-        let light = baked.dataset.sunlight(0).unwrap().unwrap();
-        for (frame, set) in baked.dataset.config.frames.iter().enumerate() {
-            if baked.dataset.config.files_of(Light::Sun, None, frame, 0).is_empty() {
-                continue;
-            }
-            let (traced, found) =
-                (baked.dataset.light(Light::Sun, None, frame, 0).unwrap(), light.at(set.hour).unwrap());
-            let peak = traced.texels.iter().map(|texel| texel[1]).fold(0.0, f32::max);
-            for part in ["floor", "wall"] {
-                let texels = whole(baked, part);
-                let [a, b] = [&traced, &found].map(|image| mean(image, &texels) / f64::from(peak));
-                println!("{name} at {} on the {part}: traced {a:.3}, found {b:.3}", set.hour);
-                assert!((a - b).abs() < bound, "{name} at {} on the {part}: {a} {b}", set.hour);
-            }
-        }
-    };
-    for (degrees, bound) in [(0.0, 0.01), (30.0, 0.03), (90.0, 0.04)] {
+    for (degrees, bound) in [(0.0, 0.01), (30.0, 0.02), (90.0, 0.03)] {
         let sun = sun("15min", &[(6.0, 2.0), (18.0, -2.0)])
             .replace("disc_angle = 0", &format!("disc_angle = {degrees}"));
         let baked = stage().bake("8..17", 256, &format!("{sun}{object}"));
-        compare(&format!("{degrees}°"), &baked, bound);
+        let light = baked.dataset.sunlight(0).unwrap().unwrap();
+        let delta = f64::to_radians(degrees) / 2.0;
+        for (frame, set) in baked.dataset.config.frames.iter().enumerate() {
+            let traced = baked.dataset.light(Light::Sun, None, frame, 0).unwrap();
+            let found = light.at(set.hour).unwrap();
+            let direction = dvec3(2.0 - (set.hour - 6.0) / 3.0, 1.0, 0.0).normalize();
+            for (part, cosine) in [("floor", direction.y), ("wall", direction.x)] {
+                let texels = whole(&baked, part);
+                let [a, b] = [&traced, &found].map(|image| mean(image, &texels) / 10.0);
+                // What a plane gets of a disc that stands before it in part, and what the product with the mean direction can be.
+                let lost = if delta > 0.0 && cosine.abs() < delta.sin() {
+                    let whole = 2.0 / (1.0 + delta.cos()) * disc_over_plane(cosine.asin(), delta);
+                    whole - cosine.max(0.0)
+                } else {
+                    0.0
+                };
+                println!(
+                    "{degrees}° at {} on the {part}: traced {a:.3}, found {b:.3}, lost {lost:.3}",
+                    set.hour
+                );
+                assert!(
+                    b <= a + bound && b >= a - lost - bound,
+                    "{degrees}° at {} on the {part}: {a}, found {b}, lost {lost}",
+                    set.hour
+                );
+                assert!(part == "floor" || cosine > 0.0 || b == 0.0, "{degrees}° at {}: {b}", set.hour);
+            }
+        }
     }
     // At the horizon, where the disc is cut: an hour of it, on level ground alone.
     let place = "[place]\nlatitude = 0\nlongitude = 0\nutc_offset = 0\ndate = 2026-03-20\n";
@@ -561,16 +585,17 @@ fn discs_of_all_sizes_give_the_light_that_was_traced() {
             "{place}[sun]\ndisc_angle = {degrees}\nvisibility = \"2.5min\"\n[[object]]\nfile = \"floor.obj\"\nalbedo = 0\n\
              [lightmap]\nsize = 16\n"
         );
-        let baked = Stage::new(&[("floor.obj", floor)]).bake("5,5.8,6.1,6.13,6.3,7,12", 256, &text);
+        let baked = Stage::new(&[("floor.obj", floor)]).bake("5,5.8,6.11,6.13,6.15,6.3,7,12", 256, &text);
         let light = baked.dataset.sunlight(0).unwrap().unwrap();
         for (frame, set) in baked.dataset.config.frames.iter().enumerate() {
             let texels = whole(&baked, "floor");
             let traced = mean(&baked.dataset.light(Light::Sun, None, frame, 0).unwrap(), &texels);
             let found = mean(&light.at(set.hour).unwrap(), &texels);
-            println!("{degrees}° at {}: traced {traced:.4}, found {found:.4}", set.hour);
-            assert!((traced - found).abs() <= 0.03 * traced, "{degrees}° at {}: {traced} {found}", set.hour);
+            println!("{degrees}° at {}: traced {traced:.6}, found {found:.6}", set.hour);
+            // (In the first minutes the light of the low sun grows faster than the path by the minute tells.)
+            let bound = 0.03 * traced + 1e-5;
+            assert!((traced - found).abs() <= bound, "{degrees}° at {}: {traced} {found}", set.hour);
         }
-        assert!(disc_over_plane(0.0, 0.1) > 0.0);
     }
 }
 
@@ -579,11 +604,14 @@ fn coloured_glass_makes_three_channels() {
     let pane = || over(1.0, Obj::default().mesh("sheets").floor(dvec3(0.0, 0.5, 0.0), 8.0));
     let tau = [0.9, 0.5, 0.1];
     for minutes in ["15min", "2.5min"] {
-        let text = scene(&sun(minutes, &DAY), 16).replace("two_sided = true", &format!("transmission = {tau:?}"));
+        let text =
+            scene(&sun(minutes, &DAY), 16).replace("two_sided = true", &format!("transmission = {tau:?}"));
         let baked = pane().bake("8..17", 16, &text);
         let curves = Curves::new(&baked.dataset);
         assert_eq!(curves.planes.channels, 3);
-        for (texel, hour) in whole(&baked, "floor").iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h))) {
+        for (texel, hour) in
+            whole(&baked, "floor").iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h)))
+        {
             let found = curves.rgb(texel, hour);
             for c in 0..3 {
                 assert!((found[c] - tau[c]).abs() <= 0.5 / curves.top + 1e-6, "at {hour}: {found:?}");
