@@ -21,4 +21,5 @@ mod schedules;
 mod size;
 mod sun;
 mod surfaces;
+mod visibility;
 mod window;

@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use tile::{Suns, Tile};
 
 /// Changes whenever the same scene would give other curves.
-const METHOD: &str = "visibility-1";
+const METHOD: &str = "visibility-2";
 
 /// Points of a texel that look at the sun where they do not all see the same.
 const POINTS: u32 = 32;

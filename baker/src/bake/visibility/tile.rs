@@ -14,8 +14,9 @@ use dataset::visibility::Planes;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// How far around a texel that changes others are asked, in texels.
-const REACH: usize = 1;
+/// By level, how far around a texel that changes others are asked, in texels: what is thin moves on over some in the time between, and shows
+/// at none of them at both of its ends.
+const REACH: [usize; 5] = [0, 8, 4, 2, 1];
 /// The change between two times from which on the times between them are asked for.
 const CHANGE: u8 = 26;
 /// What is known of a texel at a time.
@@ -106,7 +107,12 @@ impl Tile<'_> {
         let (sun, mean) = &self.suns.suns[time];
         let around = before.zip(after).map(|((from, before), (to, after))| {
             let part = ((self.course.hours[time] - from) / (to - from)) as f32;
-            (before, after, part, self.close_to(&changes(before, after)))
+            (
+                before,
+                after,
+                part,
+                self.close_to(&changes(before, after), REACH[self.course.levels[time] as usize]),
+            )
         });
         let of_texel = |texel: usize| {
             let mut counts = RayCounts::default();
@@ -135,15 +141,15 @@ impl Tile<'_> {
         (all.into_iter().map(|(known, _)| known).collect(), counts)
     }
 
-    /// The texels that are marked, and those close to them.
-    fn close_to(&self, marked: &[bool]) -> Vec<bool> {
+    /// The texels that are marked, and those within reach of them.
+    fn close_to(&self, marked: &[bool], reach: usize) -> Vec<bool> {
         let (width, height) = (self.width, marked.len() / self.width);
         let mut close = vec![false; marked.len()];
         for texel in (0..marked.len()).filter(|&texel| marked[texel]) {
             let (x, y) = (texel % width, texel / width);
-            for y in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+            for y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
                 let row = y * width;
-                close[row + x.saturating_sub(REACH)..row + (x + REACH + 1).min(width)].fill(true);
+                close[row + x.saturating_sub(reach)..row + (x + reach + 1).min(width)].fill(true);
             }
         }
         close
