@@ -16,6 +16,9 @@ pub const MOST: u32 = 6;
 /// Times are added until interpolated light errs by no more than this share of itself, at any minute.
 pub const BOUND: f64 = 0.05;
 
+/// Times no farther apart than this many micro-hours get none between them: ten minutes, so that 240 hours a day are what was asked for.
+const CLOSE: i64 = 10 * 1_000_000 / 60;
+
 /// Light below this share of the day's greatest counts as this much: by night an error is none that anyone sees.
 const FLOOR: f64 = 1e-3;
 
@@ -33,7 +36,7 @@ pub struct ExtraTimes {
     /// Ascending.
     pub added: Vec<ExtraTime>,
     /// The greatest error at any minute without them, as a share of the light; `None` where it is not looked for: nothing changes, or there
-    /// is nothing to interpolate.
+    /// is nothing to interpolate for more than ten minutes.
     pub error_before: Option<f64>,
     /// The greatest error with them.
     pub error_after: Option<f64>,
@@ -220,7 +223,7 @@ impl Gap {
 }
 
 /// The stretches of time over which light is interpolated: within the ranges that were asked for, between moments that show the same
-/// lamps.
+/// lamps and are not close to each other.
 fn gaps(moments: &[Moment], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     let micro = |hour: f64| (hour * 1e6).round() as i64;
     let next = |k: usize| match moments.get(k + 1) {
@@ -231,7 +234,7 @@ fn gaps(moments: &[Moment], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     let pairs = moments.iter().enumerate().filter_map(|(k, moment)| {
         let (from, (to, next)) = (micro(moment.hour), next(k));
         let is_asked = hours.spans([moment.hour, to as f64 / 1e6]);
-        (is_asked && moment.groups_on == next.groups_on).then_some([from, to])
+        (is_asked && to - from > CLOSE && moment.groups_on == next.groups_on).then_some([from, to])
     });
     let mut gaps: Vec<Gap> = pairs.map(|pair| Gap::new(pair, smooth)).collect();
     let floor = FLOOR * gaps.iter().map(Gap::greatest).fold(0.0, f64::max);

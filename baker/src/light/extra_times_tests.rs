@@ -118,8 +118,9 @@ fn none_is_added_where_none_is_wanted() {
     // By day there is no need.
     let noon = times(&scene, "11..15", MOST);
     assert!(noon.added.is_empty() && noon.left_out().unwrap().starts_with("no extra times"), "{noon:?}");
-    // 240 hours are enough, but for deep dusk: the light of six minutes ago is half as much again.
-    assert!(times(&scene, "0..24/0.1", MOST).error_before.unwrap() < 0.06);
+    // 240 hours a day are what was asked for, and 72 are not.
+    assert_eq!(times(&scene, "0..24/0.1", MOST), ExtraTimes::default());
+    assert_eq!(times(&scene, "0..24/0.333", MOST).added.len(), MOST as usize);
 }
 
 #[test]
