@@ -3,9 +3,11 @@
 use baker::bake::charts::Charts;
 use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
+use baker::bake::plan::hour;
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
 use baker::bake::views::in_words;
+use baker::light::extra_times::{self, percent};
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};
 use baker::preview::run::preview;
@@ -65,6 +67,10 @@ struct Args {
     /// Hours to bake: a half-open range, a range with a step, or a list.
     #[arg(long, default_value = "0..24", value_name = "HOURS", allow_hyphen_values = true)]
     hours: String,
+    /// At most this many more times where the light of sky and sun changes too fast for the hours of a range, as at dusk: where the sets
+    /// interpolated would err by more than 5 % of it, found before any ray is traced (--plan lists them). 0: none.
+    #[arg(long, value_name = "N", default_value_t = extra_times::MOST)]
+    extra_times: u32,
     /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps, into dataset/<scene>-transfer:
     /// what `compress compare DATASET --transfer` needs for its comparison with precomputed radiance transfer.
     #[arg(long, conflicts_with_all = ["hours", "compress"])]
@@ -115,12 +121,13 @@ struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  bake scenes/yard.toml --hours 0..24              24 hourly sets and the switch extras into dataset/yard
+  bake scenes/yard.toml --hours 0..24              24 hourly sets, 6 more at dawn and dusk, and the switch extras into dataset/yard
   bake scenes/yard.toml --hours 0..24 --compress   the same, then dataset/yard/yard.ndgi and a report
   bake scenes/yard.toml --hours 12 --draft --out /data/look   one set, quickly, elsewhere
   bake scenes/yard.toml --final --out /data/yard   for shipping: twice the side, twice the samples
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
+  bake scenes/yard.toml --extra-times 12           closer to dawn and dusk; 0 for the hours and the switches alone
   bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
   bake scenes/yard.toml --indirect                 without the sun's direct light, for games that draw it themselves
   bake scenes/yard.toml --transfer                 its surfaces lit by spherical harmonics, into dataset/yard-transfer
@@ -131,8 +138,9 @@ Examples:
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
-`compress --json`. With --plan: scene, integrator, moments, layers, left_out, standing,
-forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
+`compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
+error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
+changes), layers, left_out, standing, forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
 texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), warnings.
 
@@ -181,6 +189,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         _ => Preset::Default,
     };
     let options = Options {
+        extra_times: args.extra_times,
         transfer: args.transfer,
         indirect: args.indirect,
         samples: args.samples,
@@ -266,6 +275,14 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let layout = unwrapped.into_iter().chain(skipped(&atlas)).chain(atlas.notes.iter().cloned());
     layout.for_each(|what| console.print(format!("  {what}")));
     in_short(&layers).iter().for_each(|what| console.print(format!("  trace {what}")));
+    plan.extra_times.added.iter().for_each(|time| {
+        console.print(format!(
+            "  extra time {}: light of sky and sun interpolated around it errs by up to {} instead of {}",
+            hour(time.hour),
+            percent(time.error_after),
+            percent(time.error_before)
+        ));
+    });
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
     let standing = foretold(&prepared, options)?;
     standing.iter().for_each(|what| console.print(format!("  {what}")));
@@ -275,6 +292,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "scene": prepared.scene.name,
         "integrator": prepared.integrator,
         "moments": moments,
+        "extra_times": plan.extra_times,
         "layers": layers,
         "left_out": plan.left_out,
         "standing": standing,

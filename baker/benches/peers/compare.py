@@ -14,6 +14,8 @@ import renderers
 
 ROOT = renderers.ROOT
 NOON = 12.0
+# The whole day, hour by hour: a range would get extra times at dawn and dusk.
+DAY = ",".join(str(hour) for hour in range(24))
 
 
 def arguments():
@@ -68,7 +70,7 @@ def main():
     lights = renderers.write_lights(a.sky_image, test, every, work / "lights", 256)
     sunny = [e["hour"] for e in lights["hours"] if e["sun"]]
     direct = work / "direct"
-    renderers.bake(a.bake, scene("direct", 0, 3), "0..24", 64, direct, a.threads)
+    renderers.bake(a.bake, scene("direct", 0, 3), DAY, 64, direct, a.threads)
     valid, suns = renderers.read_valid(direct), renderers.read_maps(direct, sunny, "sun")
     masks = {hour: measure.judged(valid, sun) for hour, sun in suns.items()}
     # Hours judged: those that Cycles bakes, with sun, and with a tenth of the texels off the edges.
@@ -107,7 +109,7 @@ def main():
     judge = lambda maps, truth, noise: {h: measure.relative_rmse(maps[h], truth[h], masks[h], noise) for h in day}
     rows = []
     for samples in a.samples:
-        cpu, maps = run_bake(a, test, "0..24", samples, work / "test", day)
+        cpu, maps = run_bake(a, test, DAY, samples, work / "test", day)
         errors = judge(maps, ours, samples / a.ref_samples)
         rows.append(row("bake", samples, cpu, errors))
     if not a.no_cycles:
@@ -155,7 +157,7 @@ def our_reference(a, cache, scene_file, day):
     out = cache / f"bake-{a.ref_samples}"
     done = cache / f"bake-{a.ref_samples}.json"
     if not done.exists():
-        cpu = renderers.bake(a.ref_bake, scene_file, "0..24", a.ref_samples, out, a.threads, a.ref_args)
+        cpu = renderers.bake(a.ref_bake, scene_file, DAY, a.ref_samples, out, a.threads, a.ref_args)
         done.write_text(json.dumps({"cpu": cpu, "bake": [str(a.ref_bake), *a.ref_args]}) + "\n")
     return renderers.read_maps(out, day)
 

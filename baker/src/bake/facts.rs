@@ -8,6 +8,7 @@ use super::plan::{Plan, hour};
 use super::rounds::Traced;
 use crate::atlas::{Atlas, Skipped};
 use crate::geometry::Geometry;
+use crate::light::extra_times::percent;
 use crate::scene::Scene;
 use dataset::console::count;
 
@@ -134,6 +135,13 @@ pub fn of_bake(
             count(extras, "set")
         ),
     ];
+    if let (added @ 1.., Some(after)) = (plan.extra_times.added.len(), plan.extra_times.error_after) {
+        facts.push(format!(
+            "{} besides, where light of sky and sun changes fast: interpolated between the sets it errs by up to {}",
+            count(added, "extra time"),
+            percent(after)
+        ));
+    }
     facts.extend(unseen(plan, stored));
     if !atlas.layouts.is_empty() {
         let sharing = atlas.placements.iter().flatten().filter(|p| p.layout.is_some()).count();

@@ -2,6 +2,7 @@
 
 use super::check::Check;
 use super::rounds::Round;
+use crate::light::extra_times;
 use crate::light::schedule::Hours;
 use crate::trace::backend::Backend;
 use crate::trace::counts::RayCounts;
@@ -14,6 +15,8 @@ use std::time::Duration;
 pub struct Options {
     /// The moments; not looked at for a transfer, which has its own.
     pub hours: Hours,
+    /// At most this many more where light changes fast; a transfer's light is told at those, too.
+    pub extra_times: u32,
     /// The scene's transfer instead of its light.
     pub transfer: bool,
     /// Of the sun only what surfaces reflect, as if the scene said `baked = "indirect"` of it.
@@ -43,6 +46,7 @@ impl Options {
     pub fn new(hours: Hours) -> Self {
         Options {
             hours,
+            extra_times: extra_times::MOST,
             transfer: false,
             indirect: false,
             samples: None,

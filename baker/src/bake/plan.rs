@@ -4,11 +4,12 @@ use super::json;
 use super::layers::Part;
 use crate::geometry::Geometry;
 use crate::light::emitter::emitters;
+use crate::light::extra_times::{self, ExtraTimes};
 use crate::light::ground;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
 use crate::light::harmonics;
-use crate::light::schedule::{Hours, Moment, moments, switches_outside};
+use crate::light::schedule::{Hours, Moment, switches_outside};
 use crate::light::sky::{self, SkyTable};
 use crate::light::sun::{self, SunDisc};
 use crate::scene::{Baked, Lamp, Scene, Sky};
@@ -23,6 +24,8 @@ use glam::{DVec3, Vec3};
 pub struct Plan {
     /// The moments, ascending.
     pub moments: Vec<Moment>,
+    /// Those of them that were added where light changes fast.
+    pub extra_times: ExtraTimes,
     /// Distinct suns: moments with the same sun share its layer.
     pub suns: Vec<SunDisc>,
     /// Per moment, its sun among `suns`.
@@ -65,10 +68,11 @@ pub struct PlannedGroup {
 }
 
 impl Plan {
-    /// Plans the bake of `scene` at `hours`.
-    pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours) -> Self {
-        let moments = moments(hours, &scene.groups);
+    /// Plans the bake of `scene` at `hours`, and at no more than `most` extra times.
+    pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours, most: u32) -> Self {
+        let (moments, extra_times) = extra_times::moments(scene, hours, most);
         let mut left_out = Vec::new();
+        left_out.extend(extra_times.left_out());
         let outside = switches_outside(hours, &scene.groups);
         if !outside.is_empty() {
             left_out.push(format!(
@@ -113,6 +117,7 @@ impl Plan {
         let sky_names = skies.iter().map(|&at| sky_name(scene, at)).collect();
         Plan {
             moments,
+            extra_times,
             suns,
             sun_of,
             sky_hours: skies,

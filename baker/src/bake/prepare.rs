@@ -188,7 +188,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let (mut scene, hours, transfer) = if options.transfer {
         let inputs = inputs_of_the_day(scene_file, options)?;
         warnings.extend(transfer::omitted(&scene));
-        let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs)?;
+        let (scene, hours, transfer) = transfer::of_scene(scene, scene_file, inputs, options.extra_times)?;
         (scene, hours, Some(transfer))
     } else {
         (scene, options.hours.clone(), None)
@@ -200,7 +200,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     warnings[before..].iter().for_each(|w| console.warn(w));
     let geometry = loaded?;
     geometry.lights.add_to(&mut scene);
-    let mut plan = Plan::new(&scene, &geometry, &hours);
+    let mut plan = Plan::new(&scene, &geometry, &hours, options.extra_times);
     let course = course(&scene, &hours, &mut plan.left_out)?;
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {
@@ -243,7 +243,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
 
 /// The digest of the day's bake of a scene, which its transfer goes with. (That bake is prepared for no more than this.)
 fn inputs_of_the_day(scene_file: &Path, options: &Options) -> Result<String> {
-    let day = Options { hours: transfer::day(), transfer: false, ..options.clone() };
+    let day = Options { hours: Hours::day(), transfer: false, ..options.clone() };
     let (_, inputs) = prepare(scene_file, &day, &Console::silent())?.manifest(&day)?;
     Ok(inputs)
 }

@@ -1,24 +1,25 @@
 //! A scene's transfer: the scene under spherical harmonics instead of its own sun, sky and lamps.
 
+use crate::light::extra_times;
 use crate::light::harmonics::{hours, parts};
 use crate::light::project::{coefficients, is_upper};
-use crate::light::schedule::{Hours, moments};
+use crate::light::schedule::Hours;
 use crate::scene::{Baked, LightsOfFiles, Look, Scene, Sky};
 use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
 
-/// The hours of a day's bake, for whose moments the light is told.
-pub fn day() -> Hours {
-    Hours { list: (0..24).map(f64::from).collect(), whole_day: true }
-}
-
 /// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of these hours; and what that
-/// stands for. `inputs` is the digest of the day's bake that it goes with.
+/// stands for. `inputs` is the digest of the day's bake that it goes with, which has at most `most` extra times.
 ///
 /// # Errors
 /// A scene whose light is that of lamps alone.
-pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scene, Hours, Transfer)> {
+pub fn of_scene(
+    scene: Scene,
+    scene_file: &Path,
+    inputs: String,
+    most: u32,
+) -> Result<(Scene, Hours, Transfer)> {
     if scene.sun.is_none() && scene.sky.is_none() {
         return Err(Error::invalid(
             scene_file.display(),
@@ -38,7 +39,8 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
         ));
     }
     let upper = is_upper(&scene);
-    let moments: Vec<f64> = moments(&day(), &scene.groups).iter().map(|moment| moment.hour).collect();
+    let (moments, _) = extra_times::moments(&scene, &Hours::day(), most);
+    let moments: Vec<f64> = moments.iter().map(|moment| moment.hour).collect();
     let light = moments.iter().zip(coefficients(&scene, &moments));
     let transfer = Transfer {
         scene: scene.name.clone(),
@@ -60,7 +62,7 @@ pub fn of_scene(scene: Scene, scene_file: &Path, inputs: String) -> Result<(Scen
         lights: LightsOfFiles { from_file: false, ..Default::default() },
         ..scene
     };
-    Ok((scene, Hours { list: hours(upper), whole_day: false }, transfer))
+    Ok((scene, Hours { list: hours(upper), ..Hours::default() }, transfer))
 }
 
 /// What a transfer leaves out of a scene's light, if anything.

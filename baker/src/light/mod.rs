@@ -8,6 +8,7 @@ pub mod harmonics;
 mod sky_model;
 pub mod sky;
 pub mod ground;
+pub mod extra_times;
 pub mod project;
 mod rectangle;
 mod cone;

@@ -7,13 +7,30 @@ use crate::scene::{Baked, Group};
 use dataset::typed::clock;
 
 /// The moments to bake, before the switch extras.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hours {
     /// Ascending, distinct, in [0, 24).
     pub list: Vec<f64>,
     /// Whether they cover the whole day (`0..24`): then every switch gets its extras, else only those strictly between
     /// the first and the last hour.
     pub whole_day: bool,
+    /// The ranges among what was asked for, `[from, to]` in [0, 24]: ascending, apart from each other. Lightmaps within them stand for a
+    /// stretch of time, and not for single hours.
+    pub ranges: Vec<[f64; 2]>,
+}
+
+impl Hours {
+    /// The hours from 0 to 23, of a whole day.
+    pub fn day() -> Self {
+        Hours { list: (0..24).map(f64::from).collect(), whole_day: true, ranges: vec![[0.0, 24.0]] }
+    }
+
+    /// Whether all of the time between two neighbouring lightmaps, `to` up to a day later than midnight, lies in a range that was asked
+    /// for.
+    pub fn spans(&self, [from, to]: [f64; 2]) -> bool {
+        let is_in = |[a, b]: [f64; 2]| self.ranges.iter().any(|range| range[0] <= a && b <= range[1]);
+        if to < 24.0 { is_in([from, to]) } else { is_in([from, 24.0]) && is_in([0.0, to - 24.0]) }
+    }
 }
 
 impl Hours {
@@ -36,6 +53,8 @@ pub struct Moment {
     pub groups_on: Vec<bool>,
     /// Whether it was added to show a side of a switch.
     pub extra: bool,
+    /// Whether it was added because light interpolated between the others would err there (`light::extra_times`).
+    pub refines: bool,
 }
 
 /// Micro-hours in an hour, in a day, and in the greatest distance of an extra from its switch (0.1 h).
@@ -51,7 +70,7 @@ const FINEST_STEP: i64 = HOUR / 1000;
 /// # Errors
 /// A sentence that names the offending part and what was expected: malformed, outside the day, empty, or an hour twice.
 pub fn parse_hours(text: &str) -> Result<Hours, String> {
-    let mut list = Vec::new();
+    let (mut list, mut ranges) = (Vec::new(), Vec::new());
     let mut whole_day = false;
     for item in text.split(',').map(str::trim) {
         if let Some((from, rest)) = item.split_once("..") {
@@ -70,6 +89,7 @@ pub fn parse_hours(text: &str) -> Result<Hours, String> {
                 ));
             }
             whole_day |= from == 0 && to == DAY;
+            ranges.push([from, to]);
             list.extend((from..to).step_by(step as usize));
         } else {
             let time = parse_time(item, item)?;
@@ -85,7 +105,20 @@ pub fn parse_hours(text: &str) -> Result<Hours, String> {
     if let Some(pair) = list.windows(2).find(|pair| pair[0] == pair[1]) {
         return Err(format!("`{text}`: hour {} is asked for twice, expected distinct hours", hours(pair[0])));
     }
-    Ok(Hours { list: list.into_iter().map(hours).collect(), whole_day })
+    Ok(Hours { list: list.into_iter().map(hours).collect(), whole_day, ranges: joined(ranges) })
+}
+
+/// Ranges in micro-hours as hours, those that touch or overlap as one.
+fn joined(mut ranges: Vec<[i64; 2]>) -> Vec<[f64; 2]> {
+    ranges.sort_unstable();
+    let mut all: Vec<[i64; 2]> = Vec::new();
+    for [from, to] in ranges {
+        match all.last_mut() {
+            Some(last) if from <= last[1] => last[1] = last[1].max(to),
+            _ => all.push([from, to]),
+        }
+    }
+    all.into_iter().map(|range| range.map(hours)).collect()
 }
 
 /// A time in [0, 24] as decimal hours or `HH:MM`, in micro-hours.
@@ -174,6 +207,7 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
         hour: self::hours(time),
         groups_on: groups.iter().map(|g| is_on(&g.on, self::hours(time))).collect(),
         extra: requested.binary_search(&time).is_err(),
+        refines: false,
     };
     all.into_iter().map(moment).collect()
 }

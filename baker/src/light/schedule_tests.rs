@@ -97,13 +97,26 @@ fn hours_parse() {
     let list = |text| parse_hours(text).unwrap();
     let day = list("0..24");
     assert!(day.whole_day && day.list == (0..24).map(f64::from).collect::<Vec<_>>());
-    assert_eq!(list("6,12,18.5"), Hours { list: vec![6.0, 12.0, 18.5], whole_day: false });
+    assert_eq!(list("6,12,18.5"), Hours { list: vec![6.0, 12.0, 18.5], ..Hours::default() });
+    assert_eq!(day, Hours::day());
     assert_eq!(list(" 18:30 , 6 ").list, [6.0, 18.5]);
     assert_eq!(list("00:20").list, [0.333333]);
     assert_eq!(list("6:00..7:30/0.5").list, [6.0, 6.5, 7.0]);
     assert_eq!(list("0..24/0.1").list[181], 18.1);
     assert!(list("0..24/6").whole_day && !list("0..23").whole_day && !list("1..24").whole_day);
     assert_eq!(list("22..24").list, [22.0, 23.0]);
+}
+
+#[test]
+fn ranges_are_kept_as_stretches_of_time() {
+    let ranges = |text| parse_hours(text).unwrap().ranges;
+    assert_eq!(ranges("5.5,12,18:30"), [] as [[f64; 2]; 0]);
+    assert_eq!(ranges("12,18..20/0.5,6..8"), [[6.0, 8.0], [18.0, 20.0]]);
+    assert_eq!(ranges("8..12,6..8,9.5..10"), [[6.0, 12.0]]);
+    let night = parse_hours("22..24,0..6").unwrap();
+    assert!(night.spans([22.0, 23.0]) && night.spans([23.0, 24.0]) && night.spans([5.0, 6.0]));
+    assert!(!night.spans([5.0, 22.0]) && !night.spans([5.0, 6.5]) && !night.spans([23.0, 31.0]));
+    assert!(!parse_hours("20..24").unwrap().spans([23.0, 24.0 + 20.0]));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::scene::{Place, Sky};
 use glam::{Vec3, Vec3Swizzles, Vec4};
 use std::f32::consts::FRAC_PI_4;
 
-pub use super::sky_model::{radiance, radiances};
+pub use super::sky_model::{Illuminance, radiance, radiances};
 
 /// Sky radiance of several hours over the sphere of directions, stored so that one lookup reads all hours from
 /// neighbouring memory. A constant sky, a picture and harmonics are what they are; others are bilinear in a map of the upper hemisphere that is equal-area in

@@ -150,3 +150,21 @@ fn nothing_below_the_horizon_but_a_constant_sky() {
     let odd = Sky::HosekWilkie { turbidity: 0.0, ground_albedo: 7.0 };
     assert!(radiance(&odd, Some(&place), 12.0, Vec3::Y).is_finite());
 }
+
+/// From deep night to noon, and on both sides of sunset: as the sky itself gives it, within two hundredths.
+#[test]
+fn illuminance_over_time_is_that_of_the_sky() {
+    let place = Place { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 };
+    let clear = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
+    let even = Sky::Constant { radiance: glam::DVec3::splat(2.0) };
+    for (sky, tolerance) in [(&clear, 0.02), (&even, 1e-4)] {
+        let illuminance = Illuminance::new(Some(sky), Some(&place));
+        for hour in [0.0, 5.5, 6.0, 6.2, 6.5, 9.3, 13.0, 18.75, 19.4, 19.75, 20.0, 20.5, 21.3] {
+            let at = SkyAt::new(sky, Some(&place), hour);
+            let expected = f64::from(horizontal_illuminance(|direction| at.radiance(direction)));
+            let found = illuminance.at(hour);
+            assert!((found / expected - 1.0).abs() < tolerance, "{hour} h: {found}, not {expected}");
+        }
+    }
+    assert_eq!(Illuminance::new(None, Some(&place)).at(12.0), 0.0);
+}

@@ -24,7 +24,7 @@ impl Light {
     pub fn new(scene: &Scene, geometry: &Geometry, config: &Config, moment: &Moment) -> Self {
         let mut list: Vec<f64> = moment.parts.iter().map(|&(set, _)| config.frames[set].hour).collect();
         list.sort_by(f64::total_cmp);
-        let plan = Plan::new(scene, geometry, &Hours { list, whole_day: false });
+        let plan = Plan::new(scene, geometry, &Hours { list, ..Hours::default() }, 0);
         let mut shares: BTreeMap<usize, Rgb> = BTreeMap::new();
         for &(set, weight) in &moment.parts {
             let hour = config.frames[set].hour;

@@ -2,9 +2,9 @@
 
 use crate::scenes::{Obj, outdoors};
 use crate::{Stage, assert_same};
-use baker::bake::run::Options;
+use baker::bake::run::{Options, prepare};
 use baker::light::harmonics::harmonics;
-use baker::light::schedule::parse_hours;
+use baker::light::schedule::{Hours, parse_hours};
 use dataset::config::Transfer;
 use dataset::console::Console;
 use dataset::image::Image;
@@ -183,8 +183,12 @@ fn another_sun_is_another_transfer_of_the_same_layers() {
     let (outcome, third) = again(&text.replace("[lightmap]", lamp));
     assert_eq!(outcome.layers.traced, 0);
     let hours: Vec<f64> = light(&third).iter().map(|light| light.hour).collect();
-    assert_eq!(hours.len(), 26);
     assert!([5.9, 18.1].iter().all(|hour| hours.contains(hour)));
+    // And the extra times, those of the day's bake.
+    let day = Options::new(Hours::day());
+    let day = prepare(&case.stage.path("case.toml"), &day, &Console::silent()).expect("a plan").plan;
+    assert!(!day.extra_times.added.is_empty());
+    assert_eq!(hours, day.moments.iter().map(|moment| moment.hour).collect::<Vec<_>>());
     assert!(third.config.groups.is_empty());
     // The lamp put aside, it is the same light, byte for byte.
     let (_, fourth) = again(&text);

@@ -21,6 +21,7 @@ fn baked(stage: &Stage, name: &str, hours: &str, samples: u32) -> (Prepared, Lay
     let options = Options {
         samples: Some(samples),
         out: Some(out.clone()),
+        extra_times: 0,
         ..Options::new(parse_hours(hours).unwrap())
     };
     baker::bake::run::bake(&court(), &options, &Console::silent()).unwrap();

@@ -208,7 +208,7 @@ fn a_time_limit_leaves_a_whole_dataset_that_says_its_error() {
 fn a_plan_traces_nothing_and_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let scene = fixture("court.toml");
-    let arguments = [text(&scene), "--plan", "--hours", "0..24"];
+    let arguments = [text(&scene), "--plan", "--hours", "0..24", "--extra-times", "0"];
     let run = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
         let output = command.current_dir(dir.path()).args(arguments).args(more).output().unwrap();
@@ -244,6 +244,37 @@ fn a_plan_traces_nothing_and_writes_nothing() {
     assert_eq!((&forecast["size"], &forecast["pages"]), (&serde_json::json!([96, 96]), &1.into()));
     assert!(forecast["open"].as_u64().unwrap() > 100, "{forecast}");
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "a plan wrote something");
+}
+
+#[test]
+fn a_plan_lists_the_extra_times_and_what_they_avoid() {
+    let scene = fixture("court.toml");
+    let run = |more: &[&str]| {
+        let output = bake(&[&[text(&scene), "--plan"], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let object = |more: &[&str]| -> serde_json::Value {
+        serde_json::from_str(&run(&[more, &["--json"]].concat())).unwrap()
+    };
+    let moments = |object: &serde_json::Value| object["moments"].as_array().unwrap().len();
+    let (day, without) = (object(&[]), object(&["--extra-times", "0"]));
+    let added = day["extra_times"]["added"].as_array().unwrap();
+    assert_eq!((moments(&day), added.len()), (moments(&without) + 6, 6));
+    let errors = |object: &serde_json::Value| {
+        ["error_before", "error_after"].map(|key| object["extra_times"][key].as_f64().unwrap())
+    };
+    let [before, after] = errors(&day);
+    assert!(after < 0.5 * before, "{before} {after}");
+    assert_eq!(errors(&without), [before; 2]);
+    for time in added {
+        assert!(day["moments"].as_array().unwrap().contains(&time["hour"]), "{time}");
+        assert!(time["error_after"].as_f64() < time["error_before"].as_f64(), "{time}");
+    }
+    assert_eq!(run(&[]).lines().filter(|line| line.starts_with("  extra time ")).count(), 6);
+    assert!(run(&["--extra-times", "1"]).contains("left out: no more than 1 extra time (--extra-times)"));
+    // One hour is not a range.
+    assert_eq!(moments(&object(&["--hours", "12"])), 1);
 }
 
 #[test]

@@ -84,6 +84,8 @@ impl Stage {
         let out = self.path(&format!("set-{seed}"));
         let hours = parse_hours(hours).expect("hours");
         let options = Options {
+            // Not what these tests are about: `light::extra_times` has its own.
+            extra_times: 0,
             integrator: self.integrator,
             target_error: self.target_error,
             samples: self.target_error.map(|_| samples),
