@@ -331,14 +331,19 @@ impl Layers {
         fine_if_gone(&journal, std::fs::remove_file(&journal))
     }
 
-    /// Removes all files but those of these layers, of this page and of the charts, and tells how many layers that were.
+    /// Removes all files but those of these layers, of this page and of the charts, and tells how many layers that were. `visibility`: the
+    /// folder of the tiles of the sun's visibility to keep; a bake that needs none keeps those of another for a later one.
     pub fn keep_only(&self, base: &str, digests: &[String], visibility: Option<&Path>) -> usize {
         let paths = |digest: &String| [Part::Direct, Part::Rest].map(|part| self.path(digest, part));
         let mut keep: BTreeSet<PathBuf> = digests.iter().flat_map(paths).collect();
         keep.extend([self.texels_path(base), self.rounds_path(base), self.root.join(CHARTS)]);
         keep.extend(visibility.map(Path::to_owned));
         let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
-        let others = entries.flatten().map(|e| e.path()).filter(|path| !keep.contains(path));
+        let is_kept = |path: &PathBuf| {
+            let is_visibility = path.extension().is_some_and(|extension| extension == "visibility");
+            keep.contains(path) || is_visibility && visibility.is_none()
+        };
+        let others = entries.flatten().map(|e| e.path()).filter(|path| !is_kept(path));
         let remove = |path: &PathBuf| match path.is_dir() {
             true => dataset::files::remove_folder(path).is_ok(),
             false => std::fs::remove_file(path).is_ok(),

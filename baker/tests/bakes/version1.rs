@@ -94,7 +94,7 @@ fn make_old(root: &Path, kept: Kept) {
         group.insert("layers".to_owned(), if layer.is_null() { json!([]) } else { json!([layer]) });
     }
     let object = manifest.as_object_mut().expect("an object");
-    for key in ["frames", "layers", "sun", "sky"] {
+    for key in ["frames", "layers", "sun", "sky", "sun_path", "visibility"] {
         object.remove(key);
     }
     object.extend(
