@@ -20,7 +20,7 @@ fn quiet() -> Console {
 }
 
 fn options(hours: &str, out: &Path) -> Options {
-    Options { out: Some(out.to_owned()), ..Options::new(parse_hours(hours).unwrap()) }
+    Options { out: Some(out.to_owned()), extra_times: 0, ..Options::new(parse_hours(hours).unwrap()) }
 }
 
 /// Everything that breaks a rule of the format.
