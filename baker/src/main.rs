@@ -140,7 +140,7 @@ mean_samples, layers (traced, reused), relative_error (median over tile and set)
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
-changes), layers, left_out, standing, forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
+changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, standing, forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
 texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), warnings.
 
@@ -283,6 +283,13 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             percent(time.error_before)
         ));
     });
+    if let Some(course) = &prepared.course {
+        console.print(format!(
+            "  find the sun's visibility at {}, every {} min where it changes",
+            count(course.hours.len(), "time"),
+            course.minutes
+        ));
+    }
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
     let standing = foretold(&prepared, options)?;
     standing.iter().for_each(|what| console.print(format!("  {what}")));
@@ -294,6 +301,10 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "moments": moments,
         "extra_times": plan.extra_times,
         "layers": layers,
+        "visibility": prepared.course.as_ref().map(|course| json!({
+            "times": course.hours.len(),
+            "minutes": course.minutes,
+        })),
         "left_out": plan.left_out,
         "standing": standing,
         "forecast": forecast,

@@ -15,7 +15,7 @@ use std::time::Duration;
 pub struct Options {
     /// The moments; not looked at for a transfer, which has its own.
     pub hours: Hours,
-    /// At most this many more where light changes fast; a transfer's light is told at those, too.
+    /// At most this many more where light changes fast; a transfer has its light at those, too.
     pub extra_times: u32,
     /// The scene's transfer instead of its light.
     pub transfer: bool,

@@ -31,9 +31,7 @@ impl Hours {
         let is_in = |[a, b]: [f64; 2]| self.ranges.iter().any(|range| range[0] <= a && b <= range[1]);
         if to < 24.0 { is_in([from, to]) } else { is_in([from, 24.0]) && is_in([0.0, to - 24.0]) }
     }
-}
 
-impl Hours {
     /// The first and the last time that they cover: of a whole day 0 and 24.
     pub fn span(&self) -> [f64; 2] {
         match (self.whole_day, &self.list[..]) {

@@ -5,11 +5,12 @@ use crate::{Stage, assert_same, data};
 use baker::bake::run::{Integrator, Options, Outcome};
 use dataset::store::Dataset;
 
-const HOURS: &str = "12,21";
+/// At noon the sun shines, at night both groups.
+pub const HOURS: &str = "12,21";
 
 /// A crate on the ground; a sun, a sky and two groups: four layers. They are traced in one round: what later rounds draw is allocated by
 /// all layers together, and a layer traced by itself would have other samples.
-const SCENE: &str = r#"
+pub const SCENE: &str = r#"
 [sun]
 track = [{ hour = 0, direction = [0.4, 1, 0.3], irradiance = [50, 48, 45] }]
 [sky]
@@ -44,7 +45,8 @@ padding = 2
 samples = 2
 "#;
 
-fn stage() -> Stage {
+/// A folder with its geometry.
+pub fn stage() -> Stage {
     let obj = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
     Stage::new(&[("a.obj", obj.mesh("crate").block([-0.5, -0.05, -0.5], [1.0, 1.05, 1.0]).bytes())])
 }

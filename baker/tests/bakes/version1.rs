@@ -1,6 +1,6 @@
 //! Datasets of version 1 of the format, baked again: what comes of them is of the current version, and as if they had not been there.
 
-use crate::scenes::Obj;
+use crate::relight::{HOURS, SCENE, stage};
 use crate::{Stage, assert_same, data};
 use baker::bake::run::{Options, Outcome, bake};
 use baker::light::schedule::parse_hours;
@@ -10,39 +10,6 @@ use dataset::store::{Dataset, Writer};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
-
-const HOURS: &str = "12,21";
-
-/// A crate on the ground; a sun, a sky and two groups: four layers.
-const SCENE: &str = r#"
-[sun]
-track = [{ hour = 0, direction = [0.4, 1, 0.3], irradiance = [50, 48, 45] }]
-[sky]
-model = "constant"
-radiance = [3, 4, 5]
-[[object]]
-file = "a.obj"
-albedo = 0.5
-[[group]]
-name = "porch"
-on = [["18:00", "06:00"]]
-[[group.sphere]]
-centre = [1.2, 1, 1.1]
-radius = 0.1
-radiance = [8, 6, 4]
-[[group]]
-name = "garden"
-on = [["20:00", "22:00"]]
-[[group.sphere]]
-centre = [-1.2, 0.6, 1]
-radius = 0.1
-radiance = [4, 4, 4]
-[lightmap]
-size = 40
-padding = 2
-[bake]
-samples = 2
-"#;
 
 /// What a folder of version 1 has beside its lightmaps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,11 +90,6 @@ fn assert_new(dataset: &Dataset, fresh: &Dataset) {
     assert_eq!(dataset.version, 2);
     assert_same(dataset, fresh);
     assert_whole(dataset);
-}
-
-fn stage() -> Stage {
-    let obj = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
-    Stage::new(&[("a.obj", obj.mesh("crate").block([-0.5, -0.05, -0.5], [1.0, 1.05, 1.0]).bytes())])
 }
 
 fn layers(outcome: &Outcome) -> (usize, usize) {

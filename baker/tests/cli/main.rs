@@ -273,8 +273,18 @@ fn a_plan_lists_the_extra_times_and_what_they_avoid() {
     }
     assert_eq!(run(&[]).lines().filter(|line| line.starts_with("  extra time ")).count(), 6);
     assert!(run(&["--extra-times", "1"]).contains("left out: no more than 1 extra time (--extra-times)"));
-    // One hour is not a range.
-    assert_eq!(moments(&object(&["--hours", "12"])), 1);
+    // One hour is not a range, and has no time between.
+    let noon = object(&["--hours", "12"]);
+    assert_eq!((moments(&noon), &noon["visibility"]), (1, &serde_json::Value::Null));
+    assert_eq!(day["visibility"]["minutes"], 15.0);
+    assert_eq!(object(&["--final"])["visibility"]["minutes"], 2.5);
+    assert!(run(&[]).contains("find the sun's visibility at "));
+    assert!(
+        run(&["--hours", "12"]).contains("left out: no visibility of the sun over time: one time is baked")
+    );
+    assert!(
+        run(&["--indirect"]).contains("left out: no visibility of the sun: its direct light is not baked")
+    );
 }
 
 #[test]
