@@ -84,8 +84,8 @@ fn write(root: &Path) {
         sky: Some(Daylight { baked: Baked::All }),
         groups: vec![Group { name: "lamp".to_owned(), on: vec![[18.0, 6.0]], baked: Baked::All }],
         layers: vec![
-            Layer { light: Light::Sky, group: None, part: Part::All, files: of_sky },
-            Layer { light: Light::Group, group: Some(0), part: Part::All, files: of_lamp },
+            Layer { light: Light::Sky, group: None, part: Part::All, files: of_sky, curve: None },
+            Layer { light: Light::Group, group: Some(0), part: Part::All, files: of_lamp, curve: None },
         ],
         frames,
         noise: Some(noise),

@@ -73,7 +73,13 @@ fn write(folder: &Path) {
         let file = writer.add("lamp", "exr", &image(SIZE, 3).to_exr()).unwrap();
         // What surfaces reflect of it is black.
         config.layers = [(Part::Direct, Some(file)), (Part::Indirect, None)]
-            .map(|(part, file)| Layer { light: Light::Group, group: Some(0), part, files: vec![vec![file]] })
+            .map(|(part, file)| Layer {
+                light: Light::Group,
+                group: Some(0),
+                part,
+                files: vec![vec![file]],
+                curve: None,
+            })
             .into();
     });
     let parts = [(0, false), (1, false), (1, true)];

@@ -6,7 +6,7 @@
 
 As a module: s = Dataset('yard'); s.hours; s.light(12); s.layer('sun', 12); s.layer('porch', 21); s.mask(); where the parts of a light
 are kept apart, s.layer('sun', 12, part='direct'), or 'indirect'; where the sun's visibility is kept, s.sun_direct(12.37), the sun's direct
-light at any time, and what it is made of: s.visibility(12.37), s.normals(), s.sun(12.37)
+light at any time, and what it is made of: s.visibility(12.37), s.normals(), s.sun(12.37). s.moment(12.37) is the whole light at any hour.
 """
 import argparse, json, lzma, pathlib, struct, sys, zlib, numpy as np, OpenEXR
 
@@ -25,13 +25,12 @@ class Dataset:
             raise ValueError(f"{file['path']}: {len(data)} bytes; expected {file['bytes']}")
         return data
     def files(self, name, frame, page, part):
-        """The files whose sum is a light in a frame, those that are black left out."""
+        """The files whose sum is a light in a frame (None: of a group, when it is on), those that are black left out."""
         names, config = [group['name'] for group in self.config['groups']], self.config
-        if name in names and not self.frames[frame]['groups_on'][names.index(name)]:
+        if name in names and frame is not None and not self.frames[frame]['groups_on'][names.index(name)]:
             return []
         if config['version'] == 1:  # one layer per light
-            entry = self.frames[frame]['maps'][page]
-            own = config['groups'][names.index(name)]['layers'][page:page + 1] if name in names else [entry.get(name)]
+            own = config['groups'][names.index(name)]['layers'][page:page + 1] if name in names else [self.frames[frame]['maps'][page].get(name)]
             return [file for file in own if file and part in (None, 'all')]
         if name == 'file':
             return [self.frames[frame]['maps'][page]]
@@ -44,7 +43,7 @@ class Dataset:
         """'sun', 'sky', a light group, or 'local', the lamps of imported datasets. Black where it does not shine."""
         size = self.config['pages'][page]
         light = np.zeros((size['height'], size['width'], 3), np.float32)
-        for file in self.files(name, self.hours.index(hour), page, part):
+        for file in self.files(name, None if hour is None else self.hours.index(hour), page, part):
             self.data(file)
             with OpenEXR.File(str(self.root / file['path'])) as exr:
                 light = light + np.asarray(exr.channels()['RGB'].pixels, np.float32)
@@ -52,6 +51,42 @@ class Dataset:
     def mask(self, page=0):
         """True on surfaces."""
         return png(self.data(self.config['pages'][page]['mask']))[:, :, 0] == 255
+    def moment(self, hour, page=0):
+        """The light at any hour of the day: between frames by the curves of layers, the sun's direct light by its visibility."""
+        n, config = len(self.hours), self.config
+        after = int(np.searchsorted(self.hours, hour, 'right'))
+        ends = [(after - 1) % n, after % n]
+        a, b = self.hours[ends[0]], self.hours[ends[1]]
+        part = (hour - a) % 24 / ((b - a) % 24 or 24)
+        def mix(name, which=None, curve=None, part=part):
+            lights = [self.layer(name, self.hours[end], page, which) for end in ends]
+            if not curve:
+                return lights[0] * (1 - part) + lights[1] * part
+            known = json.loads(self.data(curve))
+            s, sa, sb = (np.array([np.interp(h, known['hours'], axis) for axis in np.transpose(known['values'])]) for h in (hour, a, b))
+            part = np.where((sa > 0) & (sb > 0), part, np.where(sa > 0, 0, np.where(sb > 0, 1, part)))
+            dark = (sa == 0) & (sb == 0)
+            share = lambda end: np.where(dark, 1, s) / np.where(end > 0, end, 1)
+            return lights[0] * (1 - part) * share(sa) + lights[1] * part * share(sb)
+        def is_on(group):
+            ends = [min(abs(x - hour), 24 - abs(x - hour)) for span in group['on'] for x in span]  # there it is off
+            on = any(x < hour < y if x < y else x < hour or hour < y for x, y in group['on'])
+            return [0, 24] in group['on'] or on and min(ends) >= 1e-6
+        on = [is_on(group) for group in config['groups']]
+        same = [self.frames[end]['groups_on'] == on for end in ends]  # lamps that are one layer: of the frame that shows these
+        of_lamps = part if self.frames[ends[0]]['groups_on'] == self.frames[ends[1]]['groups_on'] else \
+            {(True, False): 0, (False, True): 1}.get(tuple(same), round(part))
+        names = [group['name'] for group in config['groups']]
+        if not any(self.files(name, frame, page, None) for name in ['sun', 'sky', 'local'] + names for frame in range(n)):
+            return mix('file', part=of_lamps)  # layers are not kept
+        layers = config.get('layers') or [{'light': 'sun', 'part': None}, {'light': 'sky', 'part': None}]
+        is_direct = lambda each: (each['light'], each['part']) == ('sun', 'direct')
+        apart = 'visibility' in config and any(map(is_direct, layers))
+        light = self.sun_direct(hour, page) if apart else 0
+        for each in layers:
+            if each['light'] in ('sun', 'sky') and not (apart and is_direct(each)):
+                light = light + mix(each['light'], each['part'], each.get('curve'))
+        return light + mix('local', part=of_lamps) + sum(self.layer(name, None, page) for name, on in zip(names, on) if on)
     def sun(self, hour):
         """Mean direction towards the sun's disc, and its irradiance; zeros before the first time of its path and after the last."""
         path = json.loads(self.data(self.config['sun_path']))

@@ -15,6 +15,7 @@ pub mod lock;
 pub mod tiles;
 pub mod visibility;
 pub mod sun;
+pub mod curve;
 pub mod normals;
 pub mod store;
 pub mod exchange;

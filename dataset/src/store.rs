@@ -11,6 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 mod check;
+mod moment;
 mod stage;
 mod sunlight;
 mod verify;

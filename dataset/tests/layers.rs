@@ -58,6 +58,10 @@ fn every_rule_that_layers_break_is_named() {
             },
             "layer 3 (lamps, direct): part is \"direct\"; expected \"all\" of lamps",
         ),
+        (
+            |c| c.layers[4].curve = c.noise.clone(),
+            "(group \"porch\", indirect): curve: expected none (a group's light",
+        ),
         // Order.
         (
             |c| c.layers.swap(0, 1),

@@ -112,6 +112,38 @@ fn light_is_visibility_times_cosine_times_irradiance() {
 }
 
 #[test]
+fn light_between_frames_has_the_suns_by_its_visibility() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = write(folder.path());
+    let with = Dataset::open(folder.path()).unwrap();
+    for hour in [5.9, 18.6] {
+        let said = with.moment(hour, 0).unwrap_err().to_string();
+        assert!(said.contains("expected one from 6 to 18.5"), "{said}");
+    }
+    let light =
+        |dataset: &Dataset| [6.0, 9.3, 12.0, 17.0].map(|hour| dataset.moment(hour, 0).unwrap().texels);
+    let (found, sun) = (light(&with), with.sunlight(0).unwrap().unwrap());
+    // Without the visibility and the layer whose place it takes.
+    config.visibility = None;
+    let direct = config.layers.iter_mut().find(|layer| layer.is_direct_sun()).unwrap();
+    direct.files.iter_mut().flatten().for_each(|file| *file = None);
+    assert_eq!(told(folder.path(), &config), "");
+    let without = light(&Dataset::open(folder.path()).unwrap());
+    for (place, hour) in [6.0, 9.3, 12.0, 17.0].into_iter().enumerate() {
+        let direct = sun.at(hour).unwrap().texels;
+        for (i, texel) in direct.iter().enumerate() {
+            for (c, value) in texel.iter().enumerate() {
+                let expected = without[place][i][c] + value;
+                assert!(
+                    (found[place][i][c] - expected).abs() <= 1e-5 * expected + 1e-6,
+                    "{hour} h, texel {i}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn every_rule_that_the_manifest_breaks_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let good = write(folder.path());

@@ -52,7 +52,7 @@ const BYTES_PER_BYTE: usize = 4 * 1100;
 /// Changes per target: so many that each takes some seconds at most.
 fn changes(target: &str) -> usize {
     match target {
-        "config" | "mask" | "bundle" | "scene" | "ies" | "sun" => 20_000,
+        "config" | "mask" | "bundle" | "scene" | "ies" | "sun" | "curve" => 20_000,
         _ => 4_000,
     }
 }

@@ -245,7 +245,7 @@ impl<'a> Assembler<'a> {
         }
         let (sun_parts, sky_parts) = (parts_in_dataset(baked.sun, false), parts_in_dataset(baked.sky, true));
         let empty = |light: Light, parts: &[(Part, config::Part)]| -> Vec<Layer> {
-            let layer = |&(_, part)| Layer { light, group: None, part, files: Vec::new() };
+            let layer = |&(_, part)| Layer { light, group: None, part, files: Vec::new(), curve: None };
             parts.iter().map(layer).collect()
         };
         let (mut suns, mut skies) = (empty(Light::Sun, sun_parts), empty(Light::Sky, sky_parts));

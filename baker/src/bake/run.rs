@@ -20,7 +20,8 @@ use super::views;
 use super::visibility::Finder;
 use super::work::WorkFolder;
 use crate::atlas::Atlas;
-use crate::scene::Baked;
+use crate::light::curves;
+use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
 use crate::trace::walk::Transport;
@@ -29,6 +30,7 @@ use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
 use dataset::console::{Console, count};
+use dataset::curve::Curve;
 use dataset::files::{remove_stale_temporaries, write_atomically};
 use dataset::store::Writer;
 use std::collections::BTreeSet;
@@ -115,8 +117,11 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         sky: if scene.sky.is_some() { scene.sky_baked } else { Baked::None },
         groups: scene.groups.iter().map(|group| group.baked).collect(),
     };
-    let stored = assembler.store(&mut writer, &baked, || progress.advance(1))?;
+    let mut stored = assembler.store(&mut writer, &baked, || progress.advance(1))?;
     drop(progress);
+    if stored.frames.len() > 1 {
+        add_curves(scene, &mut stored.daylight, &mut writer)?;
+    }
     let sun = sunlight(&prepared, &atlas, &layers, &base, &mut writer, console)?;
     let written = super::scene_glb::to_glb(geometry, &atlas)?;
     let glb = writer.add("scene", "glb", &written.glb)?;
@@ -173,6 +178,21 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     Ok(outcome)
 }
 
+/// Writes how light of sun and sky goes between frames, and names it in their layers. (The sun's direct light goes by its visibility.)
+fn add_curves(scene: &Scene, daylight: &mut [Layer], writer: &mut Writer) -> Result<()> {
+    let place = scene.place.as_ref();
+    for layer in daylight.iter_mut().filter(|layer| !layer.is_direct_sun()) {
+        let curve = match layer.light {
+            Light::Sun => scene.sun.as_ref().and_then(|sun| curves::of_reflected_sun(sun, place)),
+            _ => scene.sky.as_ref().and_then(|sky| curves::of_sky(sky, place)),
+        };
+        let add =
+            |curve: Curve| writer.add(&format!("curve-{}", layer.light.name()), "json", &curve.to_json());
+        layer.curve = curve.map(add).transpose()?;
+    }
+    Ok(())
+}
+
 /// The manifest of what was stored.
 fn manifest(
     prepared: &Prepared,
@@ -195,7 +215,8 @@ fn manifest(
     let mut groups = Vec::new();
     for (group, shares) in scene.groups.iter().zip(stored.groups).filter(|(of, _)| of.baked != Baked::None) {
         let index = Some(groups.len() as u32);
-        let layer = |(part, row)| Layer { light: Light::Group, group: index, part, files: vec![row] };
+        let layer =
+            |(part, row)| Layer { light: Light::Group, group: index, part, files: vec![row], curve: None };
         layers.extend(shares.into_iter().map(layer));
         groups.push(Group { name: group.name.clone(), on: group.on.clone(), baked: group.baked.into() });
     }

@@ -3,6 +3,7 @@
 pub mod schedule;
 pub mod sun;
 pub mod course;
+pub mod curves;
 mod sky_image;
 pub mod harmonics;
 mod sky_model;

@@ -185,21 +185,27 @@ fn smoothstep(t: f64) -> f32 {
     (t * t * (3.0 - 2.0 * t)) as f32
 }
 
-/// Illuminance of a horizontal surface under a sky, by a midpoint rule uniform in cosine-weighted solid angle.
-fn horizontal_illuminance(sky: impl Fn(Vec3) -> Rgb) -> f32 {
-    illuminance_by(64, sky)
+/// Irradiance of a horizontal surface under a sky at an hour, in kilolux.
+pub(super) fn irradiance(sky: &Sky, place: Option<&Place>, hour: f64) -> Rgb {
+    let at = SkyAt::new(sky, place, hour);
+    irradiance_by(32, |direction| at.radiance(direction))
 }
 
-/// [`horizontal_illuminance`] from `n`² directions.
-fn illuminance_by(n: u32, sky: impl Fn(Vec3) -> Rgb) -> f32 {
-    let mut sum = 0.0;
+/// Illuminance of a horizontal surface under a sky.
+fn horizontal_illuminance(sky: impl Fn(Vec3) -> Rgb) -> f32 {
+    luminance(irradiance_by(64, sky))
+}
+
+/// Irradiance of a horizontal surface under a sky from `n`² directions, by a midpoint rule uniform in cosine-weighted solid angle.
+fn irradiance_by(n: u32, sky: impl Fn(Vec3) -> Rgb) -> Rgb {
+    let mut sum = Rgb::ZERO;
     for i in 0..n * n {
         let u = Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32;
         let (sin_phi, cos_phi) = (2.0 * PI * u.y).sin_cos();
         let r = u.x.sqrt();
-        sum += luminance(sky(Vec3::new(r * cos_phi, (1.0 - u.x).sqrt(), r * sin_phi)));
+        sum += sky(Vec3::new(r * cos_phi, (1.0 - u.x).sqrt(), r * sin_phi));
     }
-    PI * sum / (n * n) as f32
+    sum * (PI / (n * n) as f32)
 }
 
 /// Horizontal illuminance of a sky over time, without its directions: a hundred times cheaper than the sky itself.
@@ -222,7 +228,7 @@ impl<'a> Illuminance<'a> {
                     let (sin, cos) = elevation.to_radians().sin_cos();
                     let sun = Vec3::new(cos as f32, sin as f32, 0.0);
                     let dome = Dome::new(sun, elevation, *turbidity, *ground_albedo);
-                    f64::from(illuminance_by(32, |direction| dome.radiance(direction)))
+                    f64::from(luminance(irradiance_by(32, |direction| dome.radiance(direction))))
                 };
                 illuminance.by_degree = (0..=90).into_par_iter().map(of_degree).collect();
             }

@@ -96,6 +96,9 @@ pub struct Layer {
     pub part: Part,
     /// `files[frame][page]`; of a light group, whose light does not depend on the hour, `files[0][page]`. `None` is black.
     pub files: Vec<Vec<Option<FileRef>>>,
+    /// How its light goes between two frames: a [`crate::curve::Curve`]. Without one it goes linearly. Light groups have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<FileRef>,
 }
 
 impl Layer {
@@ -105,7 +108,12 @@ impl Layer {
         self.files.get(row)?.get(page)?.as_ref()
     }
 
-    /// All files that it names.
+    /// Whether it is what arrives straight from the sun, which the sun's visibility tells at any time.
+    pub fn is_direct_sun(&self) -> bool {
+        (self.light, self.part) == (Light::Sun, Part::Direct)
+    }
+
+    /// All images that it names.
     pub fn files(&self) -> impl Iterator<Item = &FileRef> {
         self.files.iter().flatten().flatten()
     }

@@ -88,7 +88,13 @@ impl Config1 {
         for (index, group) in (0..).zip(self.groups) {
             if !group.layers.is_empty() {
                 let files = vec![group.layers.into_iter().map(Some).collect()];
-                of_groups.push(Layer { light: Light::Group, group: Some(index), part: Part::All, files });
+                of_groups.push(Layer {
+                    light: Light::Group,
+                    group: Some(index),
+                    part: Part::All,
+                    files,
+                    curve: None,
+                });
             }
             groups.push(super::Group { name: group.name, on: group.on, baked: Baked::All });
         }
@@ -130,6 +136,6 @@ impl Config1 {
         let row = |set: &Set| set.maps.iter().map(|map| of(map).clone()).collect();
         let files: Vec<Vec<Option<FileRef>>> = self.sets.iter().map(row).collect();
         let is_named = files.iter().flatten().any(Option::is_some);
-        is_named.then_some(Layer { light, group: None, part: Part::All, files })
+        is_named.then_some(Layer { light, group: None, part: Part::All, files, curve: None })
     }
 }

@@ -98,7 +98,7 @@ pub(super) fn convert(
 
 /// The layer of a light, without files as yet.
 fn share(light: Lights, frames: usize) -> Layer {
-    Layer { light, group: None, part: Part::All, files: vec![Vec::new(); frames] }
+    Layer { light, group: None, part: Part::All, files: vec![Vec::new(); frames], curve: None }
 }
 
 /// Digest of all texels.

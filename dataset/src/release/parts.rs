@@ -1,6 +1,6 @@
 //! What of a dataset goes into which archive: the sets with all that is needed to use them, and each layer of light apart.
 
-use crate::config::{Config, FileRef, Layer, Light, SunVisibility};
+use crate::config::{Config, FileRef, Light, SunVisibility};
 use std::collections::BTreeSet;
 
 /// The dataset's own manifest, beside that of the sets alone: it names the layers, too.
@@ -15,7 +15,7 @@ pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
     let own = own.chain(config.visibility.iter().flat_map(SunVisibility::references));
     let of = |lights: &[Light]| {
         let layers = config.layers.iter().filter(|layer| lights.contains(&layer.light));
-        layers.flat_map(Layer::files).collect()
+        layers.flat_map(|layer| layer.files().chain(&layer.curve)).collect()
     };
     let parts: [(&str, Vec<&FileRef>); 4] = [
         ("sets", own.collect()),

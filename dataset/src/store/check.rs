@@ -210,7 +210,8 @@ pub(crate) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
     let layers = config.layers.iter().flat_map(Layer::files);
     let maps = config.frames.iter().flat_map(|frame| &frame.maps);
     let source = config.source.iter().flat_map(|source| &source.config);
-    let all = masks.chain(layers).chain(maps).chain(&config.noise).chain(&config.geometry);
+    let curves = config.layers.iter().filter_map(|layer| layer.curve.as_ref());
+    let all = masks.chain(layers).chain(curves).chain(maps).chain(&config.noise).chain(&config.geometry);
     all.chain(&config.sun_path)
         .chain(config.visibility.iter().flat_map(SunVisibility::references))
         .chain(source)

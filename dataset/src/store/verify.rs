@@ -3,6 +3,7 @@
 use super::{Dataset, check};
 use crate::config::FileRef;
 use crate::console::count;
+use crate::curve::Curve;
 use crate::image::{self, Mask};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -46,7 +47,7 @@ impl Dataset {
         self.distinct_files().len() + self.images().len() + sums
     }
 
-    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the sun's path and visibility, that images are finite and not
+    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the curves of layers, the sun's path and visibility, that images are finite and not
     /// negative, that frames show the lamps as the schedules have them, and where layers are kept that each lightmap is
     /// (sun + sky) + local: bit for bit, about so in imported sets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
@@ -72,6 +73,10 @@ impl Dataset {
                 Err(fault) => found.faults.push(fault),
             }
         }
+        let curves = self.config.layers.iter().filter_map(|layer| layer.curve.as_ref());
+        let curves: BTreeSet<&str> =
+            curves.map(|file| &*file.path).filter(|path| !broken.contains(*path)).collect();
+        found.faults.extend(curves.iter().filter_map(|path| Curve::read(&self.root.join(path)).err()));
         found.faults.extend(self.verify_sunlight(|file| broken.contains(&file.path)));
         let images = self.images();
         for page in 0..self.config.pages.len() {

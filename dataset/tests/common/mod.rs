@@ -113,7 +113,7 @@ pub fn write_hours(root: &Path, sizes: &[(usize, usize)], seed: u64, hours: &[f6
     let mut layers = lights.map(|(light, group, part)| {
         let is_group = light == Light::Group;
         let files = vec![vec![]; if is_group { 1 } else { hours.len() }];
-        Layer { light, group: is_group.then_some(group), part, files }
+        Layer { light, group: is_group.then_some(group), part, files, curve: None }
     });
     for (page, &(width, height)) in sizes.iter().enumerate() {
         let mut mask = full_mask(width, height);

@@ -7,6 +7,7 @@ use compressor::bundle::{Bundle, checksum};
 use compressor::decode::Decoder;
 use dataset::config::Layout;
 use dataset::console::Console;
+use dataset::curve::Curve;
 use dataset::exchange::{Origin, import};
 use dataset::image::{Image, Mask, read_exr_rows};
 use dataset::normals::Normals;
@@ -21,7 +22,7 @@ use std::path::Path;
 pub type Target = fn(&Path, &[u8]) -> bool;
 
 /// All of them, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 13] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("config", config),
     ("exr", exr),
     ("mask", mask),
@@ -35,6 +36,7 @@ pub const TARGETS: [(&str, Target); 13] = [
     ("visibility", visibility),
     ("normals", normals),
     ("sun", sun),
+    ("curve", curve),
 ];
 
 /// `config.json`.
@@ -231,6 +233,21 @@ pub fn sun(scratch: &Path, bytes: &[u8]) -> bool {
     }
     fs::write(&file, path.to_json()).expect("a file");
     assert!(SunPath::read(&file).expect("a sun") == path);
+    true
+}
+
+/// How light goes between frames.
+pub fn curve(scratch: &Path, bytes: &[u8]) -> bool {
+    let file = scratch.join("curve.json");
+    fs::write(&file, bytes).expect("a file");
+    let Ok(curve) = Curve::read(&file) else { return false };
+    for (frames, hour) in [([6.0, 7.0], 6.3), ([23.0, 1.0], 0.5), ([12.0, 12.0], 12.0), ([19.5, 20.0], 20.0)]
+    {
+        let weights = curve.weights(frames, hour);
+        assert!(weights.iter().flatten().all(|x| x.is_finite() && *x >= 0.0), "{weights:?}");
+    }
+    fs::write(&file, curve.to_json()).expect("a file");
+    assert!(Curve::read(&file).expect("a curve") == curve);
     true
 }
 

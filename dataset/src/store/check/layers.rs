@@ -71,6 +71,9 @@ fn shape(config: &Config, layer: &Layer, name: &str, wrong: &mut impl FnMut(Stri
         Light::Group => (1, "a group's light does not depend on the hour"),
         _ => (config.frames.len(), "one per frame"),
     };
+    if layer.light == Light::Group && layer.curve.is_some() {
+        wrong(format!("{name}: curve: expected none ({why})"));
+    }
     if layer.files.len() != rows {
         wrong(format!("{name}: files for {}; expected {rows} ({why})", count(layer.files.len(), "frame")));
     }

@@ -1,0 +1,145 @@
+//! Light at any time of the day, between the frames too.
+
+use super::Dataset;
+use crate::config::{FileRef, Group, Layer, Light};
+use crate::curve::{Curve, way};
+use crate::image::{self, Image};
+use crate::{Error, Result};
+
+/// The frames before and after an hour, and by what the light of each is multiplied.
+struct Mix {
+    frames: [usize; 2],
+    weights: [[f64; 2]; 3],
+}
+
+impl Dataset {
+    /// The light of a page at any hour: the sun's direct light by its visibility, where the dataset has that; each other layer between
+    /// the frames around the hour, by its curve or linearly; the light groups that are on by their schedules. Where layers are not kept,
+    /// and of the lamps of imported datasets, light goes linearly between two frames under the same lamps; between others it is that of
+    /// the frame whose lamps are those of the hour, or else of the nearer one.
+    ///
+    /// At the hours of frames it is [`Dataset::map`] but for the rounding of the visibility.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] of an hour outside of the day, or of the time over which the sun's visibility is known. Those of the files' readers.
+    ///
+    /// # Panics
+    /// If `page` is not below the number of pages.
+    pub fn moment(&self, hour: f64, page: usize) -> Result<Image> {
+        self.expect_moments()?;
+        let refuse = |from: f64, to: f64| {
+            let what = format!("the hour {hour}: expected one from {from} to {to}");
+            Err(Error::invalid(self.root.display(), what))
+        };
+        if !(0.0..=24.0).contains(&hour) {
+            return refuse(0.0, 24.0);
+        }
+        if self.config.layers.is_empty() {
+            let mix = self.mix_of_lamps(hour);
+            return self.mixed(|frame| vec![&self.config.frames[frame].maps[page]], page, &mix);
+        }
+        // ((sun direct + sun indirect) + sky) + local, as in frames.
+        let is_apart = self.config.layers.iter().any(Layer::is_direct_sun);
+        let sunlight = if is_apart { self.sunlight(page)? } else { None };
+        let mut total = match &sunlight {
+            Some(sunlight) => match sunlight.path.hours[..] {
+                [from, .., to] if !(from..=to).contains(&hour) => return refuse(from, to),
+                [only] if only != hour => return refuse(only, only),
+                _ => sunlight.at(hour)?,
+            },
+            None => {
+                Image::black(self.config.pages[page].width as usize, self.config.pages[page].height as usize)
+            }
+        };
+        let daylight =
+            self.config.layers.iter().filter(|layer| matches!(layer.light, Light::Sun | Light::Sky));
+        for layer in daylight.filter(|layer| sunlight.is_none() || !layer.is_direct_sun()) {
+            let mix = self.mix_of_layer(layer, hour)?;
+            add(&mut total, &self.mixed(|frame| layer.file(frame, page).into_iter().collect(), page, &mix)?);
+        }
+        let mut local = Image::black(total.width, total.height);
+        for (index, _) in self.groups_on(hour).into_iter().enumerate().filter(|(_, on)| *on) {
+            add(&mut local, &self.light(Light::Group, Some(index as u32), 0, page)?);
+        }
+        if self.config.layers_of(Light::Lamps, None).next().is_some() {
+            let mix = self.mix_of_lamps(hour);
+            add(
+                &mut local,
+                &self.mixed(|frame| self.config.files_of(Light::Lamps, None, frame, page), page, &mix)?,
+            );
+        }
+        add(&mut total, &local);
+        Ok(total)
+    }
+
+    /// Which groups are on. At the very instant of a switch they are off.
+    fn groups_on(&self, hour: f64) -> Vec<bool> {
+        let is_on = |group: &Group| group.is_on(hour).unwrap_or(false);
+        self.config.groups.iter().map(is_on).collect()
+    }
+
+    /// The frames before and after an hour, on the circle of the day.
+    fn frames_around(&self, hour: f64) -> [usize; 2] {
+        let frames = &self.config.frames;
+        let next = frames.partition_point(|frame| frame.hour <= hour);
+        [(next + frames.len() - 1) % frames.len(), next % frames.len()]
+    }
+
+    fn mix_of_layer(&self, layer: &Layer, hour: f64) -> Result<Mix> {
+        let frames = self.frames_around(hour);
+        let hours = frames.map(|frame| self.config.frames[frame].hour);
+        let weights = match &layer.curve {
+            Some(file) => {
+                self.check_content(file)?;
+                Curve::read(&self.path(file))?.weights(hours, hour)
+            }
+            None => linear(way(hours, hour)),
+        };
+        Ok(Mix { frames, weights })
+    }
+
+    fn mix_of_lamps(&self, hour: f64) -> Mix {
+        let frames = self.frames_around(hour);
+        let [before, after] = frames.map(|frame| &self.config.frames[frame]);
+        let part = way([before.hour, after.hour], hour);
+        let on = self.groups_on(hour);
+        let part = match [before.groups_on == on, after.groups_on == on] {
+            _ if before.groups_on == after.groups_on => part,
+            [true, false] => 0.0,
+            [false, true] => 1.0,
+            _ => part.round(),
+        };
+        Mix { frames, weights: linear(part) }
+    }
+
+    /// The light of two frames, each a sum of files, weighted.
+    fn mixed<'a>(&self, files: impl Fn(usize) -> Vec<&'a FileRef>, page: usize, mix: &Mix) -> Result<Image> {
+        let [width, height] =
+            [self.config.pages[page].width, self.config.pages[page].height].map(|side| side as usize);
+        let mut mixed = Image::black(width, height);
+        for (end, frame) in mix.frames.into_iter().enumerate() {
+            let files = files(frame);
+            let weights = mix.weights.map(|ends| ends[end]);
+            if files.is_empty() || weights == [0.0; 3] {
+                continue;
+            }
+            let light = self.sum_rows(&files, page, 0, height)?;
+            files.into_iter().try_for_each(|file| self.check_content(file))?;
+            for (sum, light) in mixed.texels.iter_mut().zip(light) {
+                for c in 0..3 {
+                    let value = f64::from(sum[c]) + weights[c] * f64::from(light[c]);
+                    sum[c] = value.min(f64::from(f32::MAX)) as f32;
+                }
+            }
+        }
+        Ok(mixed)
+    }
+}
+
+fn linear(part: f64) -> [[f64; 2]; 3] {
+    [[1.0 - part, part]; 3]
+}
+
+fn add(sum: &mut Image, other: &Image) {
+    image::add(&mut sum.texels, &other.texels);
+}
