@@ -11,6 +11,9 @@ const FINEST: i64 = 24;
 /// The steps of the levels, coarsest first, in units of 2.5 minutes: 60, 30, 15, 7.5 and 2.5 minutes.
 const STEPS: [i64; 5] = [24, 12, 6, 3, 1];
 
+/// The level of quarters of an hour. Where steps are finer, all is asked for as often: beams through narrow gaps show for a few minutes.
+const QUARTERS: usize = 2;
+
 /// The times at which the sun's visibility is asked for, ascending, and the sun at each: none at which it gives no light.
 #[derive(Clone, Debug)]
 pub struct Course {
@@ -33,7 +36,9 @@ impl Course {
         let step = (minutes / 2.5).round().max(1.0) as i64;
         let finest = (from * FINEST as f64).ceil() as i64..=(to * FINEST as f64).floor() as i64;
         let of_clock = finest.filter(|k| k % step == 0);
-        let level = |k: i64| STEPS.iter().position(|step| k % step == 0).unwrap_or(0) as u8;
+        let coarsest = if minutes < 15.0 && is_moving(sun) { QUARTERS } else { 0 };
+        let of_step = |k: i64| STEPS.iter().position(|step| k % step == 0).filter(|level| *level > coarsest);
+        let level = |k: i64| of_step(k).unwrap_or(0) as u8;
         let mut times: Vec<(f64, u8)> = of_clock.map(|k| (k as f64 / FINEST as f64, level(k))).collect();
         let mut add = |hour: f64| {
             times.retain(|(other, _)| *other != hour);
@@ -83,6 +88,14 @@ impl Course {
     /// The finest level.
     pub fn finest(&self) -> u8 {
         self.levels.iter().copied().max().unwrap_or(0)
+    }
+}
+
+/// Whether a sun stands at several places in the course of a day.
+fn is_moving(sun: &Sun) -> bool {
+    match &sun.track {
+        SunTrack::Place { .. } => true,
+        SunTrack::Authored(keys) => keys.iter().any(|key| key.direction != keys[0].direction),
     }
 }
 

@@ -66,7 +66,7 @@ mod tests {
             let (found, expected) = (0.2126 * r + 0.7152 * g + 0.0722 * b, illuminance.at(hour));
             assert!((found / expected - 1.0).abs() < 0.03, "{hour} h: {found} {expected}");
         }
-        assert!(curve.hours.len() < 300, "{} times", curve.hours.len());
+        assert!(curve.hours.len() < 400, "{} times", curve.hours.len());
         let noon = curve.at(13.0);
         assert!(noon[2] > 1.5 * noon[0], "a clear sky is blue: {noon:?}");
     }

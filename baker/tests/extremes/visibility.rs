@@ -239,9 +239,10 @@ fn visibility_that_stays_takes_few_rays() {
         for (texel, hour) in texels.iter().flat_map(|t| curves.hours.iter().map(move |h| (t, *h))) {
             assert!((curves.at(texel, hour) - 0.37).abs() <= 0.5 / curves.top + 1e-6, "{texel:?} at {hour}");
         }
-        // Nine hours, eight points of each texel.
+        // Nine hours, by 2.5 minutes their quarters, eight points of each texel.
         let rays = baked.outcome.rays.visibility;
-        let most = 9 * 8 * baked.mask.count() as u64;
+        let times = if minutes == "15min" { 9 } else { 8 * 4 + 1 };
+        let most = times * 8 * baked.mask.count() as u64;
         println!("{minutes}: {rays} rays of {most}");
         assert!(rays > 0 && rays <= most, "{rays} rays, {most} at most");
     }
@@ -275,8 +276,8 @@ fn a_minute_of_sun_is_found_where_the_track_says_so_and_missed_between_the_times
             assert!((0..24).all(|hour| at(f64::from(hour)) == 0.0));
         }
     }
-    // A slit far above that the sun passes in one minute: what lies between two times of the clock is not found; on a time of
-    // the clock it is, and seems to last as long as a line to the times beside it.
+    // A slit far above that the sun passes in one minute: what lies between two times that are always asked for (hours, by 2.5
+    // minutes their quarters) is not found; on one of them it is, and seems to last as long as a line to the times beside it.
     let slit = |middle: f64| {
         let [from, to] = [middle - minute / 2.0, middle + minute / 2.0].map(|hour| 100.0 * tangent(hour));
         [[-300.0, from], [to, 300.0]]
@@ -286,7 +287,8 @@ fn a_minute_of_sun_is_found_where_the_track_says_so_and_missed_between_the_times
         ("2.5min", 10.1, 0.0),
         ("2.5min", 10.0, 2.5),
         ("15min", 10.0, 15.0),
-        ("2.5min", 10.5, 0.0),
+        ("2.5min", 10.25, 2.5),
+        ("2.5min", 10.125, 0.0),
     ] {
         let baked = strips(0.01, 100.0, 0.0, &slit(middle)).bake("6..19", 16, &scene(&sun(minutes, &DAY), 4));
         let curves = Curves::new(&baked.dataset);
@@ -341,7 +343,8 @@ fn a_track_that_jumps_turns_back_or_stands_still() {
     };
     let (coarse, fine) = (stands("15min"), stands("2.5min"));
     println!("standing still: {coarse} rays, {fine} rays");
-    assert!(coarse > 0 && coarse == fine, "{coarse} {fine}");
+    // (By 2.5 minutes twice as many points look where not all see the same.)
+    assert!(coarse > 0 && (coarse..=2 * coarse).contains(&fine), "{coarse} {fine}");
 }
 
 #[test]

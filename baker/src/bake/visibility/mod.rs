@@ -31,10 +31,7 @@ use std::path::{Path, PathBuf};
 use tile::{Suns, Tile};
 
 /// Changes whenever the same scene would give other curves.
-const METHOD: &str = "visibility-2";
-
-/// Points of a texel that look at the sun where they do not all see the same.
-const POINTS: u32 = 32;
+const METHOD: &str = "visibility-3";
 
 /// All texels have the same points at the same places of the disc: an edge that passes over them then shows each the same steps, which takes
 /// few bytes. (It is an index that no texel has.)
@@ -244,7 +241,7 @@ impl<'a> Finder<'a> {
         let surface = surfaces.get(&self.worker.bins.block_of(x, y))?;
         let place = (y - surface.y0) * surface.width + x - surface.x0;
         let sequence = Sequence::new(self.worker.seed, Kind::Texel, SAME, Stream::Visibility as u32);
-        let points = (0..POINTS).map(|i| sequence.sample(i));
+        let points = (0..points(self.course)).map(|i| sequence.sample(i));
         let points = points.filter_map(|sample| {
             let at = self.worker.receiver(surface, place, sample, texel.probes, counts)?;
             Some((at, sun_draw(sample)))
@@ -290,6 +287,11 @@ fn by_tile(atlas: &Atlas, texels: &[Texel]) -> Vec<Vec<u32>> {
         by_tile[tile].push(place);
     }
     by_tile
+}
+
+/// Points of a texel that look at the sun where they do not all see the same.
+fn points(course: &Course) -> u32 {
+    if course.minutes < 15.0 { 64 } else { 32 }
 }
 
 /// The level that stands for 1: between quarters of an hour the line is off by more than eighths are.

@@ -104,8 +104,8 @@ fn few_rays_are_traced_where_nothing_changes() {
     let course = Course::new(&still, None, [8.0, 16.0], 2.5);
     let (planes, counts) = planes(&course, 32);
     assert!(planes.levels.iter().all(|level| *level == 255));
-    // Nine hours, eight points each; no time between.
-    assert_eq!((course.hours.len(), counts.visibility), (8 * 24 + 1, 32 * 9 * 8));
+    // Each quarter of eight hours, and the last; eight points each; no time between.
+    assert_eq!((course.hours.len(), counts.visibility), (8 * 24 + 1, 32 * (8 * 4 + 1) * 8));
 }
 
 #[test]
