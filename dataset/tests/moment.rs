@@ -68,12 +68,12 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
         (1.0, 3, 0, 0.6, [true, false]),
         (12.0, 1, 2, 0.0, [false, false]),
     ] {
-        for page in 0..SIZES.len() {
+        for (page, size) in SIZES.iter().enumerate() {
             let of_sun = |part| config.layers_of(Light::Sun, None).find(|layer| layer.part == part).unwrap();
             let (direct, indirect) = (of_sun(Part::Direct), of_sun(Part::Indirect));
             let read = |layer: &dataset::config::Layer, frame| {
                 let files: Vec<_> = layer.file(frame, page).into_iter().collect();
-                dataset.sum_rows(&files, page, 0, SIZES[page].1).unwrap()
+                dataset.sum_rows(&files, page, 0, size.1).unwrap()
             };
             let of = |frame| {
                 (read(direct, frame), read(indirect, frame), image(&dataset, Light::Sky, None, frame, page))
