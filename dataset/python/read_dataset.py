@@ -13,8 +13,11 @@ import argparse, json, lzma, pathlib, struct, sys, zlib, numpy as np, OpenEXR
 class Dataset:
     def __init__(self, folder):
         self.root = pathlib.Path(folder)
-        layers = self.root / 'layers.json'  # in releases: what config.json says, and the layers
-        self.config = json.loads((layers if layers.exists() else self.root / 'config.json').read_text('utf-8'))
+        self.config = json.loads((self.root / 'config.json').read_text('utf-8'))
+        if (self.root / 'layers.json').exists():  # in releases: what config.json says, and the layers; those that were unpacked
+            whole = json.loads((self.root / 'layers.json').read_text('utf-8'))
+            files = [file for each in whole['layers'] for row in each['files'] for file in row if file]
+            self.config = whole if all((self.root / file['path']).exists() for file in files) else self.config
         if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] not in (1, 2):
             raise ValueError('not a temporal lightmap dataset of version 1 or 2')
         self.frames = self.config['frames' if self.config['version'] == 2 else 'sets']
@@ -27,6 +30,8 @@ class Dataset:
     def files(self, name, frame, page, part):
         """The files whose sum is a light in a frame (None: of a group, when it is on), those that are black left out."""
         names, config = [group['name'] for group in self.config['groups']], self.config
+        if name not in names + ['file', 'sun', 'sky', 'local'] or part not in (None, 'direct', 'indirect', 'all'):
+            raise ValueError(f"{name!r}, part {part!r}: expected 'sun', 'sky', 'local' or one of {names}; 'direct', 'indirect', 'all' or None")
         if name in names and frame is not None and not self.frames[frame]['groups_on'][names.index(name)]:
             return []
         if config['version'] == 1:  # one layer per light
@@ -42,6 +47,8 @@ class Dataset:
     def layer(self, name, hour, page=0, part=None):
         """'sun', 'sky', a light group, or 'local', the lamps of imported datasets. Black where it does not shine."""
         size = self.config['pages'][page]
+        if hour not in self.hours and hour is not None:
+            raise ValueError(f'no frame at {hour} h: expected one of {self.hours}; moment({hour}) is between frames')
         light = np.zeros((size['height'], size['width'], 3), np.float32)
         for file in self.files(name, None if hour is None else self.hours.index(hour), page, part):
             self.data(file)
@@ -54,6 +61,10 @@ class Dataset:
     def moment(self, hour, page=0):
         """The light at any hour of the day: between frames by the curves of layers, the sun's direct light by its visibility."""
         n, config = len(self.hours), self.config
+        if not 0 <= hour <= 24:
+            raise ValueError(f'the hour {hour}: expected one from 0 to 24')
+        if 'sun_path' in config:
+            self.sun(hour)  # which refuses hours that were not baked
         after = int(np.searchsorted(self.hours, hour, 'right'))
         ends = [(after - 1) % n, after % n]
         a, b = self.hours[ends[0]], self.hours[ends[1]]
@@ -75,25 +86,32 @@ class Dataset:
         on = [is_on(group) for group in config['groups']]
         same = [self.frames[end]['groups_on'] == on for end in ends]  # lamps that are one layer: of the frame that shows these
         of_lamps = part if self.frames[ends[0]]['groups_on'] == self.frames[ends[1]]['groups_on'] else \
-            {(True, False): 0, (False, True): 1}.get(tuple(same), round(part))
+            {(True, False): 0, (False, True): 1}.get(tuple(same), int(part >= 0.5))
         names = [group['name'] for group in config['groups']]
         if not any(self.files(name, frame, page, None) for name in ['sun', 'sky', 'local'] + names for frame in range(n)):
             return mix('file', part=of_lamps)  # layers are not kept
         layers = config.get('layers') or [{'light': 'sun', 'part': None}, {'light': 'sky', 'part': None}]
         is_direct = lambda each: (each['light'], each['part']) == ('sun', 'direct')
         apart = 'visibility' in config and any(map(is_direct, layers))
-        light = self.sun_direct(hour, page) if apart else 0
+        light = 0
         for each in layers:
-            if each['light'] in ('sun', 'sky') and not (apart and is_direct(each)):
-                light = light + mix(each['light'], each['part'], each.get('curve'))
+            if each['light'] in ('sun', 'sky'):
+                share = mix(each['light'], each['part'], each.get('curve'))
+                if apart and is_direct(each):  # off the mask, where nothing is known of the sun, the layer has what is filled in
+                    share = np.where(self.mask(page)[:, :, None], self.sun_direct(hour, page), share)
+                light = light + share
         return light + mix('local', part=of_lamps) + sum(self.layer(name, None, page) for name, on in zip(names, on) if on)
     def sun(self, hour):
-        """Mean direction towards the sun's disc, and its irradiance; zeros before the first time of its path and after the last."""
+        """Mean direction towards the sun's disc, and its irradiance, from the first time of its path to the last."""
         path = json.loads(self.data(self.config['sun_path']))
-        between = lambda values: [np.interp(hour, path['hours'], axis, 0, 0) for axis in np.transpose(values)]
+        if not path['hours'][0] <= hour <= path['hours'][-1]:
+            raise ValueError(f"the hour {hour}: expected one from {path['hours'][0]} to {path['hours'][-1]}")
+        between = lambda values: [np.interp(hour, path['hours'], axis) for axis in np.transpose(values)]
         return np.array(between(path['direction'])), np.array(between(path['irradiance']))
     def visibility(self, hour, page=0):
         """The part of the sun that texels see, 0 to 1: height x width x 3."""
+        if 'visibility' not in self.config:
+            raise ValueError("the dataset has no visibility of the sun: bake with [sun] visibility other than 'off'")
         data = self.data(self.config['visibility']['files'][page])
         width, height, top, count = struct.unpack_from('<4I', data, 8)
         if data[:8] != b'TLMVIS01':
@@ -117,8 +135,8 @@ class Dataset:
         return (png(self.data(self.config['visibility']['normals'][page])).astype(np.float32) - 32768) / 32767
     def sun_direct(self, hour, page=0):
         """The sun's direct light at any time of the bake: visibility x (normal . direction) x irradiance."""
-        direction, irradiance = self.sun(hour)
-        return self.visibility(hour, page) * np.maximum(self.normals(page) @ direction, 0)[:, :, None] * irradiance
+        visibility, (direction, irradiance) = self.visibility(hour, page), self.sun(hour)
+        return visibility * np.maximum(self.normals(page) @ direction, 0)[:, :, None] * irradiance
 def png(data):
     """The samples of a PNG file, grey or RGB, of 8 or 16 bits. Its rows are zipped, in front of each the number of its filter."""
     at, packed = 8, b''

@@ -80,6 +80,16 @@ impl SunPath {
         Some((lerp(&self.direction), lerp(&self.irradiance)))
     }
 
+    /// The error of an hour before the first time or after the last.
+    pub(crate) fn outside(&self, place: impl ToString, hour: f64) -> Error {
+        let [from, to] =
+            [self.hours.first(), self.hours.last()].map(|hour| hour.copied().unwrap_or_default());
+        Error::invalid(
+            place,
+            format!("the hour {hour}: expected one from {from} to {to}, the hours that were baked"),
+        )
+    }
+
     /// The direct irradiance of a texel at an hour, red, green and blue: `visibility` · (`normal` · direction)⁺ · irradiance.
     pub fn light(&self, hour: f64, normal: [f32; 3], visibility: [f32; 3]) -> [f32; 3] {
         let Some((direction, irradiance)) = self.at(hour) else { return [0.0; 3] };

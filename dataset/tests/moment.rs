@@ -14,11 +14,11 @@ use std::process::Command;
 const SIZES: [(usize, usize); 2] = [(20, 9), (3, 2)];
 const HOURS: [f64; 4] = [3.0, 12.0, 18.5, 22.0];
 
-/// A day that is brightest at noon, from 0 at midnight; blue stays.
+/// A day that is brightest at noon. Red is 0 at the first frame, green at the first two; blue stays.
 fn curve() -> Curve {
     Curve {
-        hours: vec![0.0, 12.0, 19.0, 24.0],
-        values: vec![[0.0, 1e-6, 1.0], [9.0, 5.0, 1.0], [1.0, 1e-3, 1.0], [0.0, 1e-6, 1.0]],
+        hours: vec![0.0, 3.0, 12.0, 19.0, 24.0],
+        values: vec![[0.0, 1e-6, 1.0], [0.0, 0.0, 1.0], [9.0, 0.0, 1.0], [1.0, 1e-3, 1.0], [0.0, 1e-6, 1.0]],
     }
 }
 
@@ -88,7 +88,13 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
                         let lerp = |a: f64, b: f64| a + (b - a) * part;
                         let value = |texels: &[[f32; 3]]| f64::from(texels[i][c]);
                         let share = |a: &[[f32; 3]], b: &[[f32; 3]]| {
-                            s[0][c] * lerp(value(a) / s[1][c], value(b) / s[2][c])
+                            let (a, b) = (value(a), value(b));
+                            match [s[1][c], s[2][c]] {
+                                [0.0, 0.0] => lerp(a, b),
+                                [0.0, after] => s[0][c] * b / after,
+                                [before, 0.0] => s[0][c] * a / before,
+                                [before, after] => s[0][c] * lerp(a / before, b / after),
+                            }
                         };
                         let local: f64 =
                             (0..2).filter(|&group| on[group]).map(|group| value(&lamps[group])).sum();
@@ -102,9 +108,8 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
             assert_close(&dataset.moment(hour, page).unwrap(), &expected, &format!("{hour} h, page {page}"));
         }
     }
-    let at_noon =
-        dataset.map(1, 0).unwrap().texels.iter().map(|texel| texel.map(f64::from)).collect::<Vec<_>>();
-    assert_close(&dataset.moment(12.0, 0).unwrap(), &at_noon, "a frame");
+    let map = dataset.map(2, 0).unwrap().texels.iter().map(|texel| texel.map(f64::from)).collect::<Vec<_>>();
+    assert_close(&dataset.moment(18.5, 0).unwrap(), &map, "a frame");
     for hour in [-0.1, 24.1, f64::NAN] {
         let said = dataset.moment(hour, 0).unwrap_err().to_string();
         assert!(said.contains("expected one from 0 to 24"), "{said}");

@@ -137,7 +137,7 @@ pub fn of_bake(
     ];
     if let (added @ 1.., Some(after)) = (plan.extra_times.added.len(), plan.extra_times.error_after) {
         facts.push(format!(
-            "{} besides, where light of sky and sun changes fast: interpolated between the sets it errs by up to {}",
+            "{} besides, where light of sky and sun changes fast: interpolated linearly between the sets it errs by up to {}",
             count(added, "extra time"),
             percent(after)
         ));

@@ -166,7 +166,7 @@ fn limits(text: &mut String, config: &Config) {
     }
     text.push_str(
         "- Texels outside the masks are copies of their neighbours, or whatever their writer left there; leave them out of metrics.\n\
-         - Between two sets light is not known. It may be interpolated only where the same lamps are on.\n\
+         - Between two sets whole lightmaps may be interpolated only where the same lamps are on. Layers say how their light goes between sets.\n\
          - A bundle is as good as its compressor made it, and was not compared with this set.\n",
     );
 }

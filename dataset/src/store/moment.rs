@@ -13,12 +13,12 @@ struct Mix {
 }
 
 impl Dataset {
-    /// The light of a page at any hour: the sun's direct light by its visibility, where the dataset has that; each other layer between
+    /// The light of a page at any hour: on the mask the sun's direct light by its visibility, where the dataset has that; each other layer between
     /// the frames around the hour, by its curve or linearly; the light groups that are on by their schedules. Where layers are not kept,
     /// and of the lamps of imported datasets, light goes linearly between two frames under the same lamps; between others it is that of
     /// the frame whose lamps are those of the hour, or else of the nearer one.
     ///
-    /// At the hours of frames it is [`Dataset::map`] but for the rounding of the visibility.
+    /// At the hours of frames it is [`Dataset::map`], but for what the visibility rounds, and misses with its few points per texel.
     ///
     /// # Errors
     /// [`Error::Invalid`] of an hour outside of the day, or of the time over which the sun's visibility is known. Those of the files' readers.
@@ -27,12 +27,14 @@ impl Dataset {
     /// If `page` is not below the number of pages.
     pub fn moment(&self, hour: f64, page: usize) -> Result<Image> {
         self.expect_moments()?;
-        let refuse = |from: f64, to: f64| {
-            let what = format!("the hour {hour}: expected one from {from} to {to}");
-            Err(Error::invalid(self.root.display(), what))
-        };
         if !(0.0..=24.0).contains(&hour) {
-            return refuse(0.0, 24.0);
+            let what = format!("the hour {hour}: expected one from 0 to 24");
+            return Err(Error::invalid(self.root.display(), what));
+        }
+        if let Some(path) = self.sun_path()?
+            && path.at(hour).is_none()
+        {
+            return Err(path.outside(self.root.display(), hour));
         }
         if self.config.layers.is_empty() {
             let mix = self.mix_of_lamps(hour);
@@ -41,21 +43,24 @@ impl Dataset {
         // ((sun direct + sun indirect) + sky) + local, as in frames.
         let is_apart = self.config.layers.iter().any(Layer::is_direct_sun);
         let sunlight = if is_apart { self.sunlight(page)? } else { None };
-        let mut total = match &sunlight {
-            Some(sunlight) => match sunlight.path.hours[..] {
-                [from, .., to] if !(from..=to).contains(&hour) => return refuse(from, to),
-                [only] if only != hour => return refuse(only, only),
-                _ => sunlight.at(hour)?,
-            },
-            None => {
-                Image::black(self.config.pages[page].width as usize, self.config.pages[page].height as usize)
-            }
-        };
+        let [width, height] =
+            [self.config.pages[page].width, self.config.pages[page].height].map(|side| side as usize);
+        let mut total = Image::black(width, height);
         let daylight =
             self.config.layers.iter().filter(|layer| matches!(layer.light, Light::Sun | Light::Sky));
-        for layer in daylight.filter(|layer| sunlight.is_none() || !layer.is_direct_sun()) {
+        for layer in daylight {
             let mix = self.mix_of_layer(layer, hour)?;
-            add(&mut total, &self.mixed(|frame| layer.file(frame, page).into_iter().collect(), page, &mix)?);
+            let mut share = self.mixed(|frame| layer.file(frame, page).into_iter().collect(), page, &mix)?;
+            if let Some(sunlight) = sunlight.as_ref().filter(|_| layer.is_direct_sun()) {
+                // Off the mask, where nothing is known of the sun, the layer has what is filled in.
+                let valid = self.mask(page)?.valid;
+                let found = sunlight.at(hour)?.texels.into_iter().zip(valid);
+                for (share, (found, _)) in share.texels.iter_mut().zip(found).filter(|(_, (_, valid))| *valid)
+                {
+                    *share = found;
+                }
+            }
+            add(&mut total, &share);
         }
         let mut local = Image::black(total.width, total.height);
         for (index, _) in self.groups_on(hour).into_iter().enumerate().filter(|(_, on)| *on) {

@@ -20,11 +20,15 @@ pub struct Sunlight {
 }
 
 impl Sunlight {
-    /// The direct light of the sun at an hour; black before the first time of the sun's path and after the last.
+    /// The direct light of the sun at an hour.
     ///
     /// # Errors
-    /// Those of [`Visibility::tile`].
+    /// [`Error::Invalid`] of an hour before the first time of the sun's path or after the last: nothing is known of the sun then. Those of
+    /// [`Visibility::tile`].
     pub fn at(&self, hour: f64) -> Result<Image> {
+        if self.path.at(hour).is_none() {
+            return Err(self.path.outside("the sun's direct light", hour));
+        }
         let [width, height] = self.visibility.size.map(|side| side as usize);
         let mut image = Image::black(width, height);
         let between = Between::new(&self.visibility.hours, hour);

@@ -85,7 +85,8 @@ impl<'a> Finder<'a> {
         course: &'a Course,
     ) -> Result<Self> {
         assert!(course.hours.len() <= visibility::MOST_TIMES, "{} times", course.hours.len());
-        let decisive = (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.place, &course.hours);
+        let times = (course.minutes, &course.hours, &course.levels);
+        let decisive = (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.place, times);
         let of_layers = &prepared.digests[..prepared.plan.suns.len()];
         let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
         let folder = layers.visibility_folder(&digest);
