@@ -696,6 +696,12 @@ fn bytes_do_not_depend_on_threads_or_on_what_was_kept() {
         assert!(again.rays.visibility > 0 && again.layers.traced == 0, "{:?}", again.rays);
         assert_eq!(kept_tiles(&root), tiles);
     }
+    // Other steps, which here have the same times: what was kept has other levels, and is not used.
+    let fine = text.replace("15min", "2.5min");
+    let (_, fresh) = keeping(&stage, "fresh", "12,12.02", &fine);
+    keeping(&stage, "stepped", "12,12.02", &text);
+    let (_, stepped) = keeping(&stage, "stepped", "12,12.02", &fine);
+    assert!(files(&stepped) == files(&fresh));
     // Another lamp's light: nothing is traced.
     let dimmed = text.replace("[8, 6, 4]", "[1, 2, 3]");
     let (lit, dataset) = keeping(&stage, "first", "8..17", &dimmed);
