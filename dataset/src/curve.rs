@@ -8,6 +8,7 @@
 //!
 //! per red, green and blue.
 
+use crate::store::read_json;
 use crate::visibility::Between;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -34,9 +35,7 @@ impl Curve {
     /// # Errors
     /// [`Error::Io`]; [`Error::Invalid`] with the time whose value is wrong.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
-        let found: Curve =
-            serde_json::from_slice(&bytes).map_err(|error| Error::invalid(path.display(), error))?;
+        let found: Curve = read_json(path)?;
         match found.fault() {
             Some(what) => Err(Error::invalid(path.display(), what)),
             None => Ok(found),
@@ -60,8 +59,7 @@ impl Curve {
 
     /// Its value at an hour.
     pub fn at(&self, hour: f64) -> [f64; 3] {
-        let Between { before, after, .. } = Between::new(&self.hours, hour);
-        let part = part_of([self.hours[before], self.hours[after]], hour);
+        let Between { before, after, part } = Between::new(&self.hours, hour);
         std::array::from_fn(|c| {
             let [a, b] = [before, after].map(|i| f64::from(self.values[i][c]));
             a + (b - a) * part
@@ -93,7 +91,7 @@ impl Curve {
                 (from + (to - from) * part - value).abs() <= share * value
             })
         };
-        let last = self.hours.len().saturating_sub(1);
+        let Some(last) = self.hours.len().checked_sub(1) else { return self.clone() };
         let (mut kept, mut at) = (vec![0], 0);
         while at < last {
             // One by one: a time that can be reached stays one that can be tried from.
@@ -102,7 +100,6 @@ impl Curve {
             at = next.unwrap_or(at + 1);
             kept.push(at);
         }
-        kept.retain(|&i| i <= last && !self.hours.is_empty());
         Curve {
             hours: kept.iter().map(|&i| self.hours[i]).collect(),
             values: kept.iter().map(|&i| self.values[i]).collect(),

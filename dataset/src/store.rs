@@ -212,6 +212,11 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
     Ok((config, version.map_or(0, |version| version as u32)))
 }
 
+/// Reads a JSON file.
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    serde_json::from_slice(&read(path)?).map_err(|error| json_error(path, &error))
+}
+
 /// A syntax or type error of a JSON file, with its line.
 pub(crate) fn json_error(path: &Path, error: &serde_json::Error) -> Error {
     match error.line() {
@@ -394,8 +399,7 @@ impl Dataset {
     pub fn noise(&self) -> Result<Option<Noise>> {
         let Some(file) = &self.config.noise else { return Ok(None) };
         let path = self.path(file);
-        let bytes = read(&path)?;
-        let noise: Noise = serde_json::from_slice(&bytes).map_err(|error| json_error(&path, &error))?;
+        let noise: Noise = read_json(&path)?;
         if noise.tile as usize != TILE {
             return Err(Error::unsupported(
                 path.display(),

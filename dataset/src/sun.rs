@@ -1,5 +1,6 @@
 //! The sun over the day, and what it gives a surface: the file that [`crate::config`] names as the sun's path.
 
+use crate::store::read_json;
 use crate::visibility::Between;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -30,9 +31,7 @@ impl SunPath {
     /// # Errors
     /// [`Error::Io`]; [`Error::Invalid`] with the key and the time whose value is wrong.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
-        let found: SunPath =
-            serde_json::from_slice(&bytes).map_err(|error| Error::invalid(path.display(), error))?;
+        let found: SunPath = read_json(path)?;
         match found.fault() {
             Some(what) => Err(Error::invalid(path.display(), what)),
             None => Ok(found),

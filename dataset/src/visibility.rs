@@ -103,7 +103,7 @@ pub struct Between {
     /// The time after, or the last.
     pub after: usize,
     /// From 0 at `before` to 1 at `after`.
-    pub part: f32,
+    pub part: f64,
 }
 
 impl Between {
@@ -112,13 +112,13 @@ impl Between {
         let next = hours.partition_point(|time| *time <= hour);
         let (before, after) = (next.saturating_sub(1), next.min(hours.len() - 1));
         let (from, to) = (hours[before], hours[after]);
-        let part = if after > before { ((hour - from) / (to - from)) as f32 } else { 0.0 };
+        let part = if after > before { (hour - from) / (to - from) } else { 0.0 };
         Between { before, after, part }
     }
 
     /// The value between those of the two times.
     pub fn lerp(&self, before: f32, after: f32) -> f32 {
-        before + (after - before) * self.part
+        before + (after - before) * self.part as f32
     }
 }
 

@@ -50,7 +50,7 @@ fn info_names_hours_and_lamps() {
     assert_eq!((&object["version"], &object["sun"]), (&2.into(), &"all".into()));
     assert_eq!(
         object["layers"][3],
-        serde_json::json!({"light": "group", "group": "porch", "part": "direct", "images": 2})
+        serde_json::json!({"light": "group", "group": "porch", "part": "direct", "images": 2, "curve": false})
     );
     let output = run(&["info"], folder.path());
     let text = String::from_utf8_lossy(&output.stdout);

@@ -450,14 +450,23 @@ fn north(date: &str) -> String {
 
 #[test]
 fn no_sun_always_sun_and_a_sun_that_nothing_sees() {
-    let keys = |baked: &Baked| {
-        let text = fs::read_to_string(baked.dataset.root.join("config.json")).unwrap();
-        ["sun_path", "visibility"].map(|key| text.contains(&format!("\"{key}\"")))
+    let has = |baked: &Baked, key: &str| {
+        fs::read_to_string(baked.dataset.root.join("config.json")).unwrap().contains(&format!("\"{key}\""))
     };
+    let keys = |baked: &Baked| ["sun_path", "visibility"].map(|key| has(baked, key));
     let stage = strips(1.0, 1.0, 0.0, &[[30.0, 31.0]]);
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"floor.obj\"\n[lightmap]\nsize = 8\n";
     let none = stage.bake("0..24", 16, sky);
-    assert_eq!(keys(&none), [false; 2]);
+    assert_eq!((keys(&none), has(&none, "curve")), ([false; 2], false));
+    // Light of a computed sun and sky goes by curves; of an authored sun and a steady sky, or of one hour, by none.
+    let computed = north("2026-04-12").replace("\"constant\"\nradiance = [1, 1, 1]", "\"hosek-wilkie\"");
+    let layers = |baked: &Baked| -> Vec<bool> {
+        baked.dataset.config.layers.iter().map(|l| l.curve.is_some()).collect()
+    };
+    assert_eq!(layers(&stage.bake("4..8/2", 4, &computed)), [false, true, true]);
+    assert_eq!(layers(&stage.bake("12", 4, &computed)), [false; 3]);
+    let authored = sun("off", &DAY) + sky;
+    assert_eq!(layers(&stage.bake("9..11", 4, &authored)), [false; 3]);
     assert!(none.dataset.sunlight(0).unwrap().is_none());
     // The midnight sun: all times of the day, and all of it is seen.
     let always = stage.bake("0..24", 16, &north("2026-06-21"));

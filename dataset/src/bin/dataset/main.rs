@@ -44,7 +44,7 @@ enum Command {
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
     /// valid_texels}], version (of the manifest as it stands there), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
-    /// [{hour, on, relative_error}], layers [{light, group, part, images}], sun_path (whether it is there), visibility (null, or of the sun: {minutes, times, bytes}), source (null, or of an imported set:
+    /// [{hour, on, relative_error}], layers [{light, group, part, images, curve}], sun_path (whether it is there), visibility (null, or of the sun: {minutes, times, bytes}), source (null, or of an imported set:
     /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (null, or of a scene's transfer: {scene, functions, moments}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
     Info {
@@ -205,7 +205,8 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     for layer in &config.layers {
         let light = group_of(config, layer).unwrap_or(layer.light.name());
         let (part, images) = (layer.part.name(), count(layer.files().count(), "image"));
-        console.print(format!("  layer  {light}, {part}: {images}"));
+        let curve = if layer.curve.is_some() { ", between frames by its curve" } else { "" };
+        console.print(format!("  layer  {light}, {part}: {images}{curve}"));
     }
     let visibility = visibility_of(&dataset)?;
     if let Some((minutes, times, bytes)) = visibility {
@@ -233,6 +234,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             "group": group_of(config, layer),
             "part": layer.part,
             "images": layer.files().count(),
+            "curve": layer.curve.is_some(),
         })
     });
     console.result(&json!({
