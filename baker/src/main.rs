@@ -15,7 +15,7 @@ use baker::starter;
 use baker::trace::backend::Backend;
 use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
-use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle};
+use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle, light_of};
 use compressor::run::compress_and_judge;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{self, Report};
@@ -244,7 +244,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
 fn stale_bundle(set: &Dataset) -> Option<PathBuf> {
     let path = default_bundle(set);
     let bundle = Bundle::open(&path).ok()?;
-    (bundle.header.light() != Some(set.config.digest_of_light())).then_some(path)
+    (light_of(&bundle.header) != Some(set.config.digest_of_light())).then_some(path)
 }
 
 /// Prints what a bake would do.

@@ -18,7 +18,7 @@ use crate::grid::Grid;
 use crate::model::{PROFILES, Profile};
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
-use crate::{Error, Result};
+use crate::{Error, Result, of_bundle};
 use dataset::config::{Layer, Light};
 use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::{expect_writable, write_atomically};
@@ -124,6 +124,12 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
     dataset.root.join(format!("{}.ndgi", dataset.config.scene))
 }
 
+/// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if it says so.
+pub fn light_of(header: &Header) -> Option<String> {
+    let info: serde_json::Value = serde_json::from_str(&header.info).ok()?;
+    Some(info["inputs"].as_str()?.to_owned())
+}
+
 /// Trains every tile of the dataset in `root` and writes the bundle and, beside it, `<bundle>.run.json` with timings.
 ///
 /// # Errors
@@ -167,7 +173,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         deadline: options.time_limit.map(|limit| start + limit),
     };
     let work = tiles.work(console)?;
-    let bytes = bundle::encode(&header, &work.payloads)?;
+    let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&out, &bytes)?;
 
     let outcome = Outcome::new(&header, out.clone(), bytes.len() as u64, &work, start, checked);

@@ -19,7 +19,7 @@ pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
 pub use sample::{Looks, Sample};
 pub use steps::{Step, Steps};
-pub(crate) use strips::{read, strips, valid};
+pub(crate) use strips::{decode, read, strips, valid};
 pub use table::COLUMNS;
 pub(crate) use table::{aligned, cell};
 
@@ -186,7 +186,7 @@ impl Found {
             let more = rows.start..(rows.end + 1).min(mask.height);
             let mut reference = references.take(rows)?;
             let start = std::time::Instant::now();
-            let mut decoded = of.decoder.decode_rows(page, sets[set].hour, more.clone())?;
+            let mut decoded = strips::decode(of.decoder, page, sets[set].hour, &more)?;
             self.decode_seconds += start.elapsed().as_secs_f64();
             let mut mask = strips::cut(mask, &more);
             self.seams.add(&decoded, &reference, &mask, rows, page_mean);

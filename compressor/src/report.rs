@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::compress::{Outcome, TileOutcome};
 use crate::decode::Decoder;
-use crate::evaluate::{COLUMNS, Evaluation, cell, read, strips, valid};
+use crate::evaluate::{COLUMNS, Evaluation, cell, decode, read, strips, valid};
 use crate::mean::mean;
 use dataset::image::Image;
 use dataset::report::Section;
@@ -194,7 +194,7 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
             let mut next = 0;
             for rows in strips(&mask) {
                 let (reference, decoded) =
-                    (read(dataset, k, page, &rows)?, decoder.decode_rows(page, hour, rows.clone())?);
+                    (read(dataset, k, page, &rows)?, decode(decoder, page, hour, &rows)?);
                 let error = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| (a[c] - b[c]).abs());
                 let difference: Vec<_> = reference.texels.iter().zip(&decoded.texels).map(error).collect();
                 let all = [&reference.texels, &decoded.texels, &difference];

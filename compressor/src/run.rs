@@ -1,10 +1,10 @@
 //! The whole command: compress, read the written bundle back, judge it, and tell.
 
-use crate::Result;
 use crate::compress::{Options, Outcome, Rate, compress};
 use crate::decode::Decoder;
 use crate::evaluate::{Evaluation, Measures, evaluate};
 use crate::report;
+use crate::{Result, of_bundle};
 use dataset::console::Console;
 use dataset::report::Section;
 use dataset::store::Dataset;
@@ -37,7 +37,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         console.say(format!("{path} already holds this dataset so compressed (--force trains it again)"));
     }
     let dataset = Dataset::open(root)?;
-    let decoder = Decoder::open(&outcome.bundle)?;
+    let decoder = Decoder::open(&outcome.bundle).map_err(of_bundle)?;
     let evaluation = evaluate(&dataset, &decoder, Measures::default(), console)?;
     let mut remarks: Vec<String> =
         quantisation(&outcome).into_iter().chain(steps(options, &outcome)).collect();

@@ -11,7 +11,7 @@ use crate::model::{Profile, TileParams};
 use crate::tile::{Band, Coverage, TileSource, valid_texels};
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe, TrainedTile, train};
-use crate::{Error, Result};
+use crate::{Error, Result, of_bundle};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::{Image, Mask};
 use dataset::metrics;
@@ -208,7 +208,7 @@ fn qualities(
     timeline: &Timeline,
 ) -> Result<Vec<metrics::TileQuality>> {
     let (width, height) = (source.width, source.height);
-    let decoder = TileDecoder::new(params, timeline)?;
+    let decoder = TileDecoder::new(params, timeline).map_err(of_bundle)?;
     let valid = source.coverage.iter().map(|coverage| *coverage == Coverage::Valid).collect();
     let mask = Mask { width, height, valid };
     let all = Rect { x0: 0, y0: 0, x1: width, y1: height };

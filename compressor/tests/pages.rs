@@ -205,7 +205,7 @@ fn the_command_line_reaches_every_page() {
             run(&["decode", "isles/isles.ndgi", "--hour", "12", "--page", &number, "--out", "x.exr"]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let image = Image::read_exr(&folder.path().join("x.exr")).unwrap();
-        assert_eq!(image, decoder.decode_page(page, 12.0).unwrap());
+        assert_eq!(image.texels, decoder.decode_page(page, 12.0).unwrap().texels);
     }
     let output = run(&["decode", "isles/isles.ndgi", "--hour", "12", "--page", "3", "--out", "y.exr"]);
     assert!(!output.status.success());

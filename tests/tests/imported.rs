@@ -6,7 +6,7 @@ use compressor::evaluate::{Measures, evaluate};
 use dataset::config::Layout;
 use dataset::console::Console;
 use dataset::exchange::{Origin, import};
-use dataset::image::{Image, Mask};
+use dataset::image::Mask;
 use dataset::store::Dataset;
 use std::fs;
 use std::path::Path;
@@ -57,7 +57,11 @@ fn write(root: &Path) {
 }
 
 /// Root of the mean squared difference of valid texels, over that of the reference.
-fn error(image: &Image, mask: &Mask, reference: impl Fn(usize, usize) -> [f32; 3]) -> f64 {
+fn error(
+    image: &compressor::decode::Image,
+    mask: &Mask,
+    reference: impl Fn(usize, usize) -> [f32; 3],
+) -> f64 {
     let (mut difference, mut size) = (0.0, 0.0);
     for (i, texel) in image.texels.iter().enumerate().filter(|(i, _)| mask.valid[*i]) {
         let expected = reference(i % image.width, i / image.width);

@@ -82,11 +82,11 @@ mod tests {
     #[test]
     fn eigenvectors_give_the_matrix_back() {
         let n = 7;
-        let mut random = crate::testing::Random(3);
+        let mut random = crate::train::random::Random::new(3);
         let mut a = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..=i {
-                let value = f64::from(random.unit()) - 0.5;
+                let value = f64::from(random.uniform(0.0, 1.0)) - 0.5;
                 (a[i * n + j], a[j * n + i]) = (value, value);
             }
         }

@@ -9,7 +9,7 @@ use crate::model::{PAYLOAD, Profile, STORED, TileParams};
 use crate::tile::TileSource;
 use crate::time::Timeline;
 use crate::train::{Aim, Recipe, TrainedTile, train};
-use crate::{Error, Result};
+use crate::{Error, Result, of_bundle};
 
 /// A bundle's tiles overlap by their border: so many more texels are stored than there are.
 const BORDERS: f64 = (STORED * STORED) as f64 / (PAYLOAD * PAYLOAD) as f64;
@@ -52,6 +52,6 @@ fn decode(tile: &Tile, timeline: &Timeline, params: Option<&TileParams>) -> Resu
     let Some(params) = params else {
         return Ok(vec![vec![[0.0; 3]; tile.texels()]; hours.len()]);
     };
-    let decoder = TileDecoder::new(params, timeline)?;
+    let decoder = TileDecoder::new(params, timeline).map_err(of_bundle)?;
     Ok(hours.iter().map(|hour| decoder.decode_tile(&timeline.at(*hour))).collect())
 }

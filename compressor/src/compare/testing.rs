@@ -2,9 +2,9 @@
 
 use super::tiles::{Texels, Tile, TileSet};
 use crate::grid::Place;
-use crate::testing::Random;
 use crate::tile::{Coverage, TileSource};
 use crate::time::{Coding, Timeline};
+use crate::train::random::Random;
 
 /// A tile of these sets, all valid, at even hours.
 pub(super) fn tile_of(width: usize, height: usize, sets: Vec<Texels>) -> Tile {
@@ -16,8 +16,8 @@ pub(super) fn tile_of(width: usize, height: usize, sets: Vec<Texels>) -> Tile {
 
 /// A tile of random light, every seventh texel invalid.
 pub(super) fn tile(width: usize, height: usize, sets: usize, seed: u64) -> Tile {
-    let mut random = Random(seed);
-    let mut set = || (0..width * height).map(|_| std::array::from_fn(|_| random.unit())).collect();
+    let mut random = Random::new(seed);
+    let mut set = || (0..width * height).map(|_| std::array::from_fn(|_| random.uniform(0.0, 1.0))).collect();
     let mut tile = tile_of(width, height, (0..sets).map(|_| set()).collect());
     let mut source = tile.source.clone();
     source.coverage.iter_mut().step_by(7).for_each(|coverage| *coverage = Coverage::Outside);

@@ -12,7 +12,7 @@ use crate::lanes::Tier;
 use crate::model::{Contents, PROFILES};
 use crate::tile::{self, Band};
 use crate::train::{self, Recipe, Trial};
-use crate::{Error, Result};
+use crate::{Error, Result, of_bundle};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::Mask;
 use dataset::store::Dataset;
@@ -262,7 +262,7 @@ impl Tiles<'_> {
     /// What is left for payloads of so many bits per texel and set.
     fn bytes(&self, bpp: f64) -> Result<Goal> {
         let none = vec![Payload::default(); self.header.tiles()];
-        let header = bundle::encode(self.header, &none)?.len() as f64;
+        let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
         let texels: f64 = self.header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
         let bytes = bpp * texels * self.header.timeline.hours.len() as f64 / 8.0;
         Ok(Goal::Bytes((bytes - header).max(0.0) as u64))

@@ -4,7 +4,7 @@
 //! compared with light that goes linearly from set to set, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
 //! more places.
 
-use super::strips::{cut, read, strips};
+use super::strips::{cut, decode, read, strips};
 use crate::decode::Decoder;
 use crate::time::Moment;
 use crate::{Error, Result};
@@ -67,7 +67,7 @@ pub fn between(
             for (&(hour, moment, index), [of_decoder, of_linear]) in moments.iter().zip(&mut pools) {
                 stop_if_interrupted()?;
                 let linear = sets.linear(&moment)?;
-                let decoded = decoder.decode_rows(page, hour, rows.clone())?;
+                let decoded = decode(decoder, page, hour, rows)?;
                 let truth = match (withheld, index) {
                     (Some(withheld), Some(index)) => Some(read(withheld, index, page, rows)?),
                     _ => None,

@@ -1,6 +1,6 @@
 //! Smoothness in time: how well the change of light from set to set is met, over the day and across switches.
 
-use super::strips::{read, strips, valid};
+use super::strips::{decode, read, strips, valid};
 use crate::Result;
 use crate::decode::Decoder;
 use crate::mean::mean;
@@ -64,7 +64,7 @@ pub(super) fn steps(dataset: &Dataset, decoder: &Decoder, console: &Console) -> 
         for rows in strips(&mask) {
             let load = |k: usize| -> Result<[Image; 2]> {
                 stop_if_interrupted()?;
-                Ok([decoder.decode_rows(page, sets[k].hour, rows.clone())?, read(dataset, k, page, &rows)?])
+                Ok([decode(decoder, page, sets[k].hour, &rows)?, read(dataset, k, page, &rows)?])
             };
             let valid = valid(&mask, &rows);
             let mut before = load(0)?;

@@ -1,7 +1,8 @@
 //! Pages a strip of whole tiles at a time, the large ones of [`super::LARGE`] too, so that memory grows with their width, not with their height.
 
 use super::LARGE;
-use crate::Result;
+use crate::decode::Decoder;
+use crate::{Result, of_bundle};
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
 use std::ops::Range;
@@ -33,6 +34,13 @@ pub(crate) fn cut(mask: &Mask, rows: &Range<usize>) -> Mask {
 pub(crate) fn read(dataset: &Dataset, set: usize, page: usize, rows: &Range<usize>) -> Result<Image> {
     let width = dataset.config.pages[page].width as usize;
     Ok(Image { width, height: rows.len(), texels: dataset.map_rows(set, page, rows.start, rows.end)? })
+}
+
+/// Rows of a page as a bundle has them at an hour.
+pub(crate) fn decode(decoder: &Decoder, page: usize, hour: f64, rows: &Range<usize>) -> Result<Image> {
+    let ndgi::decode::Image { width, height, texels } =
+        decoder.decode_rows(page, hour, rows.clone()).map_err(of_bundle)?;
+    Ok(Image { width, height, texels })
 }
 
 #[cfg(test)]

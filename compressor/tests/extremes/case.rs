@@ -36,7 +36,7 @@ pub struct Result {
     /// Per set.
     pub references: Vec<Image>,
     /// Per set, at its hour.
-    pub decoded: Vec<Image>,
+    pub decoded: Vec<compressor::decode::Image>,
 }
 
 impl<'a> Case<'a> {

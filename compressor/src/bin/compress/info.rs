@@ -1,9 +1,10 @@
 //! `compress info`.
 
 use super::open;
-use compressor::Result;
+
 use compressor::bundle::Bundle;
 use compressor::model::Contents;
+use compressor::{Result, of_bundle};
 use dataset::console::Console;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -27,7 +28,7 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let bundle = open(&path)?;
     let header = &bundle.header;
     // All tiles are read, for what is damaged to be told.
-    header.places().try_for_each(|place| bundle.tile(place).map(drop))?;
+    header.places().try_for_each(|place| bundle.tile(place).map(drop)).map_err(of_bundle)?;
     let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
     let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
     let groups: Vec<_> = header

@@ -6,14 +6,15 @@ mod info;
 use args::{Command, Compare, Compress, LooksArgs, RecipeName, Sweep};
 use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
-use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle};
+use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle, light_of};
 use compressor::decode::Decoder;
 use compressor::evaluate::{Looks, Measures, evaluate, expect_match};
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
-use compressor::{Error, Result};
+use compressor::{Error, Result, of_bundle};
 use dataset::console::{Console, catch_interrupts, fail};
 use dataset::files::{expect_output, write_atomically};
+use dataset::image::Image;
 use dataset::metrics::Lpips;
 use dataset::report::{Report, preview};
 use dataset::store::Dataset;
@@ -100,7 +101,7 @@ fn judge(
     let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
     if of != scene {
         console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
-    } else if decoder.bundle().header.light() != Some(dataset.config.digest_of_light()) {
+    } else if light_of(&decoder.bundle().header) != Some(dataset.config.digest_of_light()) {
         console.warn("the bundle was made from another bake than this dataset holds: compress it again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
@@ -198,7 +199,7 @@ fn open(path: &Path) -> Result<Bundle> {
     if !path.exists() {
         return Err(Error::invalid(path.display(), "no such bundle; `compress <dataset>` writes one"));
     }
-    Bundle::open(path)
+    Bundle::open(path).map_err(of_bundle)
 }
 
 fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
@@ -210,7 +211,8 @@ fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Conso
         let set = timeline.hours[timeline.at(hour).a];
         console.warn(format!("no set has the lamps as they are at {hour} h: this is the light of {set} h"));
     }
-    let image = decoder.decode_page(page, hour)?;
+    let ndgi::decode::Image { width, height, texels } = decoder.decode_page(page, hour).map_err(of_bundle)?;
+    let image = Image { width, height, texels };
     write_atomically(&out, &image.to_exr())?;
     console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));
     let seconds = start.elapsed().as_secs_f64();

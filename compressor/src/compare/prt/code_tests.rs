@@ -3,14 +3,14 @@
 use super::super::super::method::squared_error;
 use super::super::super::testing::tile_of;
 use super::*;
-use crate::testing::Random;
+use crate::train::random::Random;
 
 const SIDE: usize = 16;
 
 /// Vectors that are sums of `rank` random ones plus a mean, under random weights of so many sets; and the tile that they light.
 fn case(sources: usize, sets: usize, rank: usize) -> (Tile, Vectors) {
-    let mut random = Random(7);
-    let mut some = |n: usize| -> Vec<f64> { (0..n).map(|_| f64::from(random.unit())).collect() };
+    let mut random = Random::new(7);
+    let mut some = |n: usize| -> Vec<f64> { (0..n).map(|_| f64::from(random.uniform(0.0, 1.0))).collect() };
     let n = 3 * sources;
     let parts: Vec<Vec<f64>> = (0..=rank).map(|_| some(n)).collect();
     let weights = some(3 * sets * sources);
@@ -66,11 +66,11 @@ fn enough_components_give_the_light_back_but_for_rounding() {
 /// Two functions, one of which lights the left half alone: two clusters of one component each have what one cluster needs two for.
 #[test]
 fn clusters_part_what_different_functions_light() {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let mut rows = Vec::new();
     for i in 0..SIDE * SIDE {
         let is_left = i % SIDE < SIDE / 2;
-        let x = f64::from(random.unit());
+        let x = f64::from(random.uniform(0.0, 1.0));
         rows.extend((0..3).flat_map(|_| if is_left { [x, 0.0] } else { [0.0, x] }));
     }
     let weights = vec![1.0, 0.2, 1.0, 0.2, 1.0, 0.2, 0.1, 1.0, 0.1, 1.0, 0.1, 1.0];
@@ -132,12 +132,14 @@ fn black_sets_and_equal_texels_are_no_trouble() {
 #[test]
 fn rounds_raise_the_mean_psnr() {
     // One set is of one function, the others of three that are noise.
-    let mut random = Random(11);
-    let rows = (0..12 * SIDE * SIDE).map(|_| f64::from(random.unit())).collect();
+    let mut random = Random::new(11);
+    let rows = (0..12 * SIDE * SIDE).map(|_| f64::from(random.uniform(0.0, 1.0))).collect();
     let mut weights = vec![0.0; 4 * 12];
     for c in 0..3 {
         weights[4 * c] = 1.0;
-        (1..4).for_each(|k| (0..4).for_each(|s| weights[12 * k + 4 * c + s] = f64::from(random.unit())));
+        (1..4).for_each(|k| {
+            (0..4).for_each(|s| weights[12 * k + 4 * c + s] = f64::from(random.uniform(0.0, 1.0)))
+        });
     }
     let (tile, vectors) = lit(Vectors { sources: 4, rows, weights, scales: 0 }, 4);
     let [plain, weighted] = [1, ROUNDS].map(|rounds| best(&tile, &vectors, 2, 3, rounds).1);

@@ -47,12 +47,6 @@ pub struct Header {
 }
 
 impl Header {
-    /// The digest of the light that the bundle was made from ([`dataset::config::Config::digest_of_light`]), if it says so.
-    pub fn light(&self) -> Option<String> {
-        let info: serde_json::Value = serde_json::from_str(&self.info).ok()?;
-        Some(info["inputs"].as_str()?.to_owned())
-    }
-
     /// Number of tiles of all pages.
     pub fn tiles(&self) -> usize {
         self.pages.iter().map(Grid::tiles).sum()
@@ -113,7 +107,7 @@ pub struct Entry {
 }
 
 /// Whether a file is a bundle, of any version and however broken, or is empty, so that nothing else is lost with it.
-pub(crate) fn begins_like_one(path: &Path) -> bool {
+pub fn begins_like_one(path: &Path) -> bool {
     let mut first = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut first));
     read.is_ok() && (first == MAGIC || first.is_empty())

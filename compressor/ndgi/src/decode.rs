@@ -15,7 +15,7 @@ use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
 use crate::time::{self, Coding, Moment, Timeline};
 use crate::{Error, Result};
-use dataset::image::Image;
+#[cfg(feature = "rayon")]
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -75,18 +75,29 @@ fn irradiance(y: f32, mean: f32, coding: Coding) -> f32 {
     (mean * curve).min(f32::MAX)
 }
 
+/// Decoded texels: linear Rec. 709 irradiance, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Texels across.
+    pub width: usize,
+    /// Texels down.
+    pub height: usize,
+    /// Red, green, blue.
+    pub texels: Vec<[f32; 3]>,
+}
+
 /// Tiles kept for random access.
 const CACHED: usize = 64;
 
 /// Random access to a bundle.
 ///
 /// ```no_run
-/// use compressor::decode::Decoder;
+/// use ndgi::decode::Decoder;
 ///
 /// let decoder = Decoder::open("yard.ndgi".as_ref())?;
 /// // In the middle of page 0 at a quarter past six in the evening: red, green, blue.
 /// let [r, g, b] = decoder.sample(0, 0.5, 0.5, 18.25)?;
-/// # Ok::<(), compressor::Error>(())
+/// # Ok::<(), ndgi::Error>(())
 /// ```
 #[derive(Debug)]
 pub struct Decoder {
@@ -151,7 +162,7 @@ impl Decoder {
         Ok(tile)
     }
 
-    /// A whole page at `hour`, tiles in parallel.
+    /// A whole page at `hour`, its rows of tiles in parallel with the feature `rayon`.
     ///
     /// # Errors
     /// As [`Decoder::sample`]; [`Error::Unsupported`] where the page does not fit into memory.
@@ -190,7 +201,7 @@ impl Decoder {
             bands.push((y, band));
             (rest, y) = (tail, end);
         }
-        bands.into_par_iter().try_for_each(|(first, band)| {
+        let decode = |(first, band): (usize, &mut [[f32; 3]])| {
             let row = first / PAYLOAD;
             let mut decoded = Vec::new();
             for column in 0..grid.columns() {
@@ -206,17 +217,18 @@ impl Decoder {
                 }
             }
             Ok::<(), Error>(())
-        })?;
+        };
+        #[cfg(feature = "rayon")]
+        bands.into_par_iter().try_for_each(decode)?;
+        #[cfg(not(feature = "rayon"))]
+        bands.into_iter().try_for_each(decode)?;
         Ok(image)
     }
 
     fn grid(&self, page: usize) -> Result<crate::grid::Grid> {
         let pages = &self.bundle.header.pages;
         let missing = || {
-            Error::invalid(
-                format!("page {page}"),
-                format!("the bundle has {}, counted from 0", dataset::console::count(pages.len(), "page")),
-            )
+            Error::invalid(format!("page {page}"), format!("the bundle has {}, counted from 0", pages.len()))
         };
         pages.get(page).copied().ok_or_else(missing)
     }

@@ -1,0 +1,19 @@
+//! Reads and decodes NDGI bundles (`../FORMAT.md`): temporal lightmaps, neurally compressed, with random access to any (u, v, t).
+//! Equations follow the paper "Neural Dynamic GI: Random-Access Neural Compression for Temporal Lightmaps in Dynamic Lighting Environments".
+//!
+//! Modules in the order the data passes them; a module imports only what stands above it. The crate depends on nothing else of this
+//! repository.
+
+mod error;
+pub mod lanes;
+pub mod time;
+pub mod model;
+pub mod bc7;
+pub mod grid;
+pub mod bundle;
+pub mod decode;
+
+#[cfg(test)]
+mod testing;
+
+pub use error::{Error, Result};
