@@ -129,7 +129,7 @@ fn kinds(profile: &Profile, iterations: usize) {
         let all = start.elapsed().as_secs_f64();
         let main = trained.curve.iter().find(|p| p.iteration >= iterations).map_or(0.0, |p| p.seconds);
         let bytes = trained.params.as_ref().map_or(0, |params| {
-            compressor::bundle::encode_payload(params).expect("finite parameters").bytes.len()
+            compressor::bundle::encode_payload(params).expect("finite parameters").bytes()
         });
         let db = trained.psnr_db.map_or("–".to_owned(), |db| format!("{db:.1}"));
         println!("{name:10}  {all:.2}  {:.3}  {bytes}  {db}", 1e3 * main / iterations as f64);

@@ -52,25 +52,56 @@ def at_time(values, tau):  # the periodic first axis, read at tau
 
 class Bundle:
     def __init__(self, path):
-        self.data, self.at, self.index = open(path, 'rb').read(), 0, {}
+        self.data, self.at, self.index, self.suns = open(path, 'rb').read(), 0, {}, {}
         magic, version, end, length, digest = self.take('8sIIQQ')
-        check(magic == b'NDGI\r\n\x1a\n' and version == 3, 'not an NDGI bundle of version 3')
+        check(magic == b'NDGI\r\n\x1a\n' and version in (3, 4), 'not an NDGI bundle of version 3 or 4')
         check(end % 16 == 0 and 56 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
         check(checksum(self.data[:24] + self.data[32:end]) == digest, 'header damaged')
-        side, border, self.coding, self.n, pages, groups = self.take('6I')
+        new, between, streams, times, seen, block = version == 4, 0, 1, 0, 0, 0
+        (side, border), self.coding = self.take('2I'), 0 if new else self.take('I')[0]
+        if new:
+            self.n, between, pages, groups, streams, times, seen, zero, block = self.take('8IQ')
+        else:
+            self.n, pages, groups = self.take('3I')
         check((side, border) == (128, 1) and self.coding in (0, 1), 'tile side, border or coding unknown')
-        self.scene, self.info, self.pages = self.text(), self.text(), [self.take('2I') for _ in range(pages)]
-        self.hours = np.array(self.take(f'{self.n}d'))
-        check(np.all(np.diff(self.hours) > 0) and 0 <= self.hours[0] and self.hours[-1] < 24, 'hours out of order')
+        self.scene, self.info, self.pages = self.text(), self.text(), [self.take('3I' if new else '2I')[-2:] for _ in range(pages)]
+        self.hours, self.between = np.array(self.take(f'{self.n}d')), np.array(self.take(f'{between}d'))
+        self.knots = np.sort(np.concatenate([self.hours, self.between]))
+        check(np.all(np.diff(self.knots) > 0) and 0 <= self.knots[0] and self.knots[-1] < 24, 'hours out of order')
         group = lambda: (self.text(), [self.take('2d') for _ in range(*self.take('I'))], np.array(self.take(f'{self.n}B')))
-        self.groups, offset = [group() for _ in range(groups)], end
+        self.groups = [group() for _ in range(groups)]
         check(all(max(on) <= 1 and all(0 <= x <= 24 for k in spans for x in k) for _, spans, on in self.groups), 'light groups')
+        kinds = [self.take('3I') for _ in range(streams)] if new else [(0, 0, 1)]
+        check(len({k[:2] for k in kinds}) == streams and (0, 0, 1) in kinds, 'streams')
+        check(all(kind in (0, 1) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
+        self.sun_hours, self.sun_times = np.array(self.take(f'{times}d')), np.array(self.take(f'{seen}d'))
+        self.sun_to, self.sun_light = (np.array(self.take(f'{3 * times}f')).reshape(-1, 3) for _ in range(2))
+        lines = []  # place, offset, and per stream length, word, checksum
         for page, (W, H) in enumerate(self.pages):
             for r, c in np.ndindex(-(-H // 126), -(-W // 126)):
-                self.index[page, c, r] = at, length, word, digest = self.take('QIIQ')
-                check(at == offset and (length or word == digest == 0), f'index line of tile {c}, {r} of page {page}')
+                at = self.take('Q')
+                lines.append(((page, c, r), at[0], [self.take('IIQ') for _ in range(streams)]))
+        first, features, suns = self.at, [k[0] for k in kinds].index(0), [i for i, k in enumerate(kinds) if k[0] == 1]
+        check(not any(self.data[first:end]), 'header too long')
+        lit = sum(sections[features][0] > 0 for *_, sections in lines)
+        line, offset, self.resident = 8 + 8 * len(self.knots), end, {}
+        if new:
+            whole = self.data[end:end + lit * line]
+            check(len(whole) == lit * line and checksum(whole) == block, 'resident block damaged')
+            offset += (lit * line + 15) // 16 * 16
+        for place, at, sections in lines:
+            check(at == offset, f'index line of tile {place}')
+            if new and sections[features][0]:
+                self.resident[place] = self.data[end:end + line]
+                end += line
+            for i, (length, word, digest) in enumerate(sections):
+                check(length % 16 == 0 and (length or digest == 0), f'index line of tile {place}')
+                if i == features:
+                    self.index[place] = offset, length, word, digest
+                elif i in suns:
+                    self.suns[place] = offset, length, word, digest
                 offset += length
-        check(offset == len(self.data) and not any(self.data[self.at:end]), 'payloads do not fill the file')
+        check(offset == len(self.data), 'payloads do not fill the file')
 
     def take(self, form):
         self.at += struct.calcsize('<' + form)
@@ -80,17 +111,20 @@ class Bundle:
         return [4 * -(-(min(126, side - 126 * at) + 2) // 4) for side, at in zip(self.pages[page][::-1], (r, c))]
 
     def moment(self, hour):
-        """Section 4: sets a and b, and the share f of b."""
+        """Section 4: sets a and b, knots i and j, and how far it is from the one to the other."""
         t, hours, n = hour % 24, self.hours, self.n
         inside = lambda x, y: (x, y) == (0, 24) or (x < t < y if x <= y else t > x or t < y)
         same = np.all([on == any(inside(*k) for k in spans) for _, spans, on in self.groups] + [np.ones(n, bool)], 0)
         q = int(np.searchsorted(hours, t)) % n
         p, away = (q - 1) % n, np.minimum((hours - t) % 24, (t - hours) % 24)
         if hours[q] != t and same[p] and same[q] and p != q:
-            return p, q, (t - hours[p]) % 24 / ((hours[q] - hours[p]) % 24)
+            i = int(np.searchsorted(self.knots, t, 'right')) - 1
+            i, j = i % len(self.knots), (i + 1) % len(self.knots)
+            return p, q, i, j, (t - self.knots[i]) % 24 / ((self.knots[j] - self.knots[i]) % 24)
         nearest = int(np.argmin(np.where(same | ~same.any(), away, np.inf)))
         held = q if hours[q] == t else p if same[p] else q if same[q] else nearest
-        return held, held, 0
+        knot = int(np.searchsorted(self.knots, hours[held]))
+        return held, held, knot, knot, 0
 
     def tile(self, page, c, r, hour):
         """What a tile stores at an hour, border included: height x width x 3, float32."""
@@ -99,7 +133,7 @@ class Bundle:
             return np.zeros((height, width, 3), np.float32)
         check(checksum(self.data[at:at + length]) == digest, f'tile {c}, {r} of page {page} is damaged')
         field = lambda k, bits=1: word >> k & (1 << bits) - 1
-        (a, b, f), n, end = self.moment(hour), self.n, at + length
+        (a, b, i, j, g), n, end = self.moment(hour), self.n, at + length
         def take(count, form='u1'):
             nonlocal at
             at += count * int(form[-1])
@@ -114,7 +148,14 @@ class Bundle:
         S, R, h = field(8, 8), field(16, 8), 16 + 48 * field(7)
         uv = field(0) and blocks(height // 4 * (width // 4), field(30))
         uvt = field(4, 3) and blocks(s[0] * s[1] * S, field(31))
-        means, axis = take(3 * n, '<f4').reshape(n, 3).astype(float), take(0 if self.coding else 1 + n, '<u2').astype(int)
+        shares = np.zeros(len(self.knots))
+        if self.resident:
+            line = self.resident[page, c, r]
+            means = np.frombuffer(line, '<f2').reshape(-1, 4)[1:, :3].astype(float) * np.frombuffer(line, '<f4', 1)
+            means, shares = np.minimum(means, np.finfo(np.float32).max), np.frombuffer(line, 'u1')[15::8] / 255
+        else:
+            means = take(3 * n, '<f4').reshape(n, 3).astype(float)
+        axis = take(0 if self.coding else 1 + n, '<u2').astype(int)
         turn = n + 1 - int(np.argmax(axis[:0:-1])) if len(axis) else 1  # behind the last set on the largest place
         day = len(axis) == 0 or axis[1] == 0 and np.all(np.diff(axis[1:turn]) >= 0) and not axis[turn:].any() and axis[turn - 1] < axis[0]
         gates = take(field(24, 6), '<u2')
@@ -125,8 +166,11 @@ class Bundle:
         check(good and at + 15 & -16 == end, f'tile {c}, {r} of page {page}: means, time axis, decoder or length out of range')
         # The maps that there are, at this moment: height x width (or 1) x channels.
         tau = self.hours / 24 if self.coding else (axis[1:] + 0.5) / axis[0]
-        share, whole = f * means[b].sum(), (1 - f) * means[a].sum() + f * means[b].sum()
-        tau, maps = tau[a] + (share / whole if whole > 0 and not self.coding else f) * ((tau[b] - tau[a]) % 1), []
+        ends = (1 - g) * means[i].sum(), g * means[j].sum()
+        of_b = shares[i], 1 if self.knots[j] == self.hours[b] else shares[j]
+        straight = self.coding or sum(ends) == 0
+        share = (1 - g) * of_b[0] + g * of_b[1] if straight else (ends[0] * of_b[0] + ends[1] * of_b[1]) / sum(ends)
+        tau, maps = tau[a] + share * ((tau[b] - tau[a]) % 1), []
         uvt = at_time(bc7(uvt, s[1]).reshape(S, 4 * s[0], 4 * s[1], 4), tau) if field(4, 3) else None
         maps += [stretch(stretch(uvt, 0, height), 1, width)] if field(4, 3) else []
         maps += [bc7(uv, width // 4)] if field(0) else []
@@ -139,7 +183,7 @@ class Bundle:
         for W, bias in zip(parts[::2], parts[1::2]):
             z = np.clip(y := x @ W.reshape(len(bias), -1).T + bias, -2.25, 2.25)
             x = y * (0.5 + z / 3 - 16 * z ** 3 / 729)
-        light = ((1 - f) * means[a] + f * means[b]) * np.clip(y, 0, 65504) ** (2.2 if self.coding else 2)
+        light = ((1 - g) * means[i] + g * means[j]) * np.clip(y, 0, 65504) ** (2.2 if self.coding else 2)
         return np.minimum(light, np.finfo(np.float32).max).astype(np.float32)
 
     def page(self, page, hour):

@@ -15,13 +15,16 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Bundle, Header};
 use crate::grid::Grid;
+use crate::law::Law;
 use crate::model::{PROFILES, Profile};
+use crate::sunlight::Sunlight;
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use crate::{Error, Result, of_bundle};
-use dataset::config::{Layer, Light};
+use dataset::config::{Layer, Light, PageKind};
 use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::{expect_writable, write_atomically};
+use dataset::image::Mask;
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
 use part::Part;
@@ -52,8 +55,6 @@ pub const MEDIUM: Preset = Preset { name: "medium", iterations: 10_000, passes: 
 pub const FINAL: Preset = Preset { name: "final", iterations: 32_000, passes: 4 };
 /// All of them, the shortest first.
 pub const PRESETS: [Preset; 3] = [DRAFT, MEDIUM, FINAL];
-/// Steps by the paper's recipe, whose constant rate needs about 15 times more for equal quality.
-pub const PAPER_ITERATIONS: usize = 100_000;
 
 /// What tiles have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,8 +79,8 @@ pub struct Options {
     /// Training is planned to end so long after the start of the run: all tiles get about as many steps, none of them is left out. The
     /// bytes then depend on the machine and its load. Goes with [`Rate::Profile`] alone: trials take what time they take.
     pub time_limit: Option<Duration>,
-    /// The paper's literal recipe; see [`Recipe::paper`].
-    pub paper: bool,
+    /// Leave out the sun's direct light where the dataset keeps it apart: the bundle's reader draws the sun itself.
+    pub without_sun: bool,
     /// Seed of all randomness.
     pub seed: u64,
     /// The bundle's path; `None` for [`default_bundle`].
@@ -95,7 +96,7 @@ impl Options {
             Rate::Profile(_) => Aim::MeanPsnr,
             _ => Aim::PooledError,
         };
-        Recipe { iterations: self.iterations, passes: self.passes, paper: self.paper, seed: self.seed, aim }
+        Recipe { iterations: self.iterations, passes: self.passes, paper: false, seed: self.seed, aim }
     }
 
     /// The defaults, trained as a preset says.
@@ -105,7 +106,7 @@ impl Options {
             iterations: preset.iterations,
             passes: preset.passes,
             time_limit: None,
-            paper: false,
+            without_sun: false,
             seed: 1,
             out: None,
             force: false,
@@ -130,6 +131,12 @@ pub fn light_of(header: &Header) -> Option<String> {
     Some(info["inputs"].as_str()?.to_owned())
 }
 
+/// Whether a bundle lacks the sun's direct light, which its dataset keeps apart.
+pub(crate) fn sun_is_left_out(header: &Header) -> bool {
+    let info: serde_json::Value = serde_json::from_str(&header.info).unwrap_or_default();
+    info["sun"] == "left out"
+}
+
 /// Trains every tile of the dataset in `root` and writes the bundle and, beside it, `<bundle>.run.json` with timings.
 ///
 /// # Errors
@@ -146,7 +153,10 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     expect_writable(&out)?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
-    let header = header(&dataset, options);
+    let law = Law::new(&dataset)?;
+    let sunlight = if options.without_sun { None } else { Sunlight::new(&dataset)? };
+    let sun = sunlight.as_ref().map(|sunlight| sunlight.coded(&masks, console)).transpose()?;
+    let header = Header { sun, ..header(&dataset, &masks, &law, options)? };
     if !options.force {
         match standing(&out, &header) {
             Standing::Same(outcome) => return Ok(*outcome),
@@ -163,8 +173,14 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let part = Part::open(&out, options.force)?;
     let checked = start.elapsed().as_secs_f64();
 
+    let suns = match sunlight.as_ref().zip(header.sun.as_ref()) {
+        Some((sunlight, sun)) => sunlight.sections(sun, &masks, console)?,
+        None => Vec::new(),
+    };
     let tiles = Tiles {
+        bytes_of_sun: suns.iter().map(|section| section.bytes.len() as u64).sum(),
         dataset: &dataset,
+        law: &law,
         masks: &masks,
         options,
         header: &header,
@@ -172,7 +188,8 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         trained_on: trained_on(&dataset),
         deadline: options.time_limit.map(|limit| start + limit),
     };
-    let work = tiles.work(console)?;
+    let mut work = tiles.work(console)?;
+    suns.into_iter().zip(&mut work.payloads).for_each(|(section, payload)| payload.sun = section);
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&out, &bytes)?;
 
@@ -278,7 +295,7 @@ fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
 }
 
 /// What the bundle says of itself.
-fn header(dataset: &Dataset, options: &Options) -> Header {
+fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Result<Header> {
     let config = &dataset.config;
     let info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
@@ -297,31 +314,42 @@ fn header(dataset: &Dataset, options: &Options) -> Header {
             Rate::Bpp(target) => json!(target),
             _ => json!(null),
         },
-        "recipe": if options.paper { "paper" } else { "standard" },
         "iterations": options.iterations,
         "passes": options.passes,
         "time_limit_secs": options.time_limit.map(|limit| limit.as_secs_f64()),
         "seed": options.seed,
+        "sun": law.is_apart.then_some(if options.without_sun { "left out" } else { "apart" }),
     });
     let grid =
         |page: &dataset::config::Page| Grid { width: page.width as usize, height: page.height as usize };
-    Header {
+    let mut timeline = timeline(dataset);
+    timeline.between = law.hours(dataset, masks, &timeline)?;
+    Ok(Header {
         scene: config.scene.clone(),
         info: info.to_string(),
         pages: config.pages.iter().map(grid).collect(),
+        kinds: config
+            .pages
+            .iter()
+            .map(|page| match page.kind {
+                PageKind::Atlas => bundle::PageKind::Atlas,
+            })
+            .collect(),
+        sun: None,
         groups: config.groups.iter().map(|group| group.name.clone()).collect(),
-        timeline: timeline(dataset, options.recipe().coding()),
-    }
+        timeline,
+    })
 }
 
 /// The dataset's hours, schedules and states.
-pub(crate) fn timeline(dataset: &Dataset, coding: Coding) -> Timeline {
+pub(crate) fn timeline(dataset: &Dataset) -> Timeline {
     let config = &dataset.config;
     Timeline {
         hours: config.frames.iter().map(|set| set.hour).collect(),
         intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
         states: config.frames.iter().map(|set| set.groups_on.clone()).collect(),
-        coding,
+        between: vec![],
+        coding: Coding::Standard,
     }
 }
 

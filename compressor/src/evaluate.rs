@@ -23,7 +23,8 @@ pub(crate) use strips::{decode, read, strips, valid};
 pub use table::COLUMNS;
 pub(crate) use table::{aligned, cell};
 
-use crate::decode::Decoder;
+use crate::decode::{Decoder, Lights};
+use crate::law::Law;
 use crate::mean::mean;
 use crate::{Error, Result};
 use dataset::config::Noise;
@@ -57,6 +58,10 @@ pub struct Evaluation {
     pub samples: Vec<Sample>,
     /// Over all sets.
     pub all: Quality,
+    /// Over the sets that the sun lights directly, where the dataset tells which.
+    pub sunny: Option<Quality>,
+    /// Of what maps hold, without the sun's direct light, where this is a stream of its own: over all sets, without looks and noise.
+    pub without_sun: Option<Quality>,
     /// Per set: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
     /// Over the sets that differ: nights under the same lamps are one image, which `all` counts once per set.
@@ -69,6 +74,12 @@ pub struct Evaluation {
     pub steps: Steps,
     /// Length of the bundle file × 8 ÷ (texels of all pages × sets), texels without a surface included.
     pub bpp: f64,
+    /// The same ÷ (valid texels × sets), and ÷ (valid texels × sets that differ).
+    pub bits_of_valid: [f64; 2],
+    /// Bytes of the bundle's tiles of the sun.
+    pub bytes_of_sun: u64,
+    /// Tiles of which something is stored.
+    pub tiles: usize,
     /// Bytes of the bundle file.
     pub bytes: u64,
     /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
@@ -104,22 +115,73 @@ pub fn evaluate(
     let noise = dataset.noise()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let strips = masks.iter().map(strips).collect();
-    let lightmaps = Lightmaps { dataset, decoder, noise, masks, strips, looks: measures.looks };
-    let sets = dataset.config.frames.len();
-    let progress = console.progress("evaluating", (sets * lightmaps.masks.len()) as u64);
+    let (law, lights) = (reference_law(decoder), Lights::All);
+    let mut lightmaps = Lightmaps {
+        dataset,
+        law,
+        lights,
+        decoder,
+        visible: visible(dataset),
+        noise,
+        masks,
+        strips,
+        looks: measures.looks,
+    };
+    let found = found(&lightmaps, "evaluating", console)?;
+    let mut indirect = None;
+    if decoder.bundle().header.sun.is_some() {
+        (lightmaps.law, lightmaps.lights) = (Law::of(true), Lights::Baked);
+        (lightmaps.noise, lightmaps.looks) = (None, Looks::default());
+        let found = self::found(&lightmaps, "evaluating without the sun", console)?;
+        indirect = Some(Quality {
+            dark_relative_error: mean(found.dark.into_iter().flatten()),
+            ..quality(found.samples.iter())
+        });
+    }
+    let evaluation =
+        found.into_evaluation(dataset, &reference_law(decoder), decoder, measures.withheld, console)?;
+    Ok(Evaluation { without_sun: indirect, ..evaluation })
+}
+
+/// What people can still see by, in lux: half the light of a full moon. Where the unit is not known, any light counts.
+pub const VISIBLE_LUX: f64 = 0.1;
+
+/// The same in the unit of a dataset.
+fn visible(dataset: &Dataset) -> f64 {
+    let unit = &dataset.config.unit;
+    match () {
+        () if unit.contains("kilolux") => VISIBLE_LUX / 1000.0,
+        () if unit.contains("lux") => VISIBLE_LUX,
+        () => 0.0,
+    }
+}
+
+/// What of a dataset's light a bundle is to be compared with: all, or where the sun was left out, all but its direct light.
+pub(crate) fn reference_law(decoder: &Decoder) -> Law {
+    Law::of(crate::compress::sun_is_left_out(&decoder.bundle().header))
+}
+
+/// Compares all sets.
+fn found(lightmaps: &Lightmaps, what: &str, console: &Console) -> Result<Found> {
+    let sets = lightmaps.dataset.config.frames.len();
+    let progress = console.progress(what, (sets * lightmaps.masks.len()) as u64);
     let mut found = Found::default();
     for set in 0..sets {
-        found.add_set(&lightmaps, set, &progress)?;
+        found.add_set(lightmaps, set, &progress)?;
     }
-    drop(progress);
-    found.into_evaluation(dataset, decoder, measures.withheld, console)
+    Ok(found)
 }
 
 /// What is compared, page by page in strips.
 struct Lightmaps<'a> {
     dataset: &'a Dataset,
+    /// What of its light is compared, and what of the bundle's.
+    law: Law,
+    lights: Lights,
     decoder: &'a Decoder,
     noise: Option<Noise>,
+    /// Sets of a lower mean are too dark to be judged in their darkest texels.
+    visible: f64,
     /// Of each page.
     masks: Vec<Mask>,
     /// Of each page, the rows of its strips.
@@ -155,7 +217,8 @@ impl Found {
             sample.relative_error =
                 metrics::relative_error(sample.quality.mse(), sample.quality.mean, set_mean);
         }
-        self.dark.push(brightnesses.dark_relative_error(set_mean));
+        let is_seen = set_mean >= of.visible;
+        self.dark.push(if is_seen { brightnesses.dark_relative_error(set_mean) } else { None });
         Ok(())
     }
 
@@ -169,7 +232,7 @@ impl Found {
     ) -> Result<(f64, usize)> {
         let (dataset, mask) = (of.dataset, &of.masks[page]);
         let sets = &dataset.config.frames;
-        let mut references = References { dataset, set, page, height: mask.height, last: None };
+        let mut references = References { dataset, law: &of.law, set, page, height: mask.height, last: None };
         // The mean first: it is the unit of what follows.
         let (mut sum, mut texels) = (0.0, 0);
         for rows in &of.strips[page] {
@@ -186,7 +249,7 @@ impl Found {
             let more = rows.start..(rows.end + 1).min(mask.height);
             let mut reference = references.take(rows)?;
             let start = std::time::Instant::now();
-            let mut decoded = strips::decode(of.decoder, page, sets[set].hour, &more)?;
+            let mut decoded = strips::decode(of.decoder, of.lights, page, sets[set].hour, &more)?;
             self.decode_seconds += start.elapsed().as_secs_f64();
             let mut mask = strips::cut(mask, &more);
             self.seams.add(&decoded, &reference, &mask, rows, page_mean);
@@ -218,6 +281,7 @@ impl Found {
     fn into_evaluation(
         self,
         dataset: &Dataset,
+        law: &Law,
         decoder: &Decoder,
         withheld: Option<&Dataset>,
         console: &Console,
@@ -233,7 +297,17 @@ impl Found {
         let files = |k: usize| sets[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
         let mut seen = std::collections::BTreeSet::new();
         let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
+        let valid = (0..pages.len())
+            .map(|page| Ok(dataset.mask(page)?.valid.iter().filter(|valid| **valid).count()))
+            .sum::<Result<usize>>()?;
+        let is_sunny = |k: usize| {
+            let mut direct = dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
+            direct.any(|layer| (0..pages.len()).any(|page| layer.file(k, page).is_some()))
+        };
+        let sunny = (0..sets.len()).any(is_sunny);
         Ok(Evaluation {
+            without_sun: None,
+            sunny: sunny.then(|| over(&is_sunny)),
             all: over(&|_| true),
             by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
             distinct: over(&|k| firsts.binary_search(&k).is_ok()),
@@ -243,8 +317,12 @@ impl Found {
                 psnr_range_db: over_large(|quality| quality.psnr_range_db),
                 one_minus_ssim: over_large(|quality| quality.ssim).map(|ssim| 1.0 - ssim),
             },
-            steps: steps::steps(dataset, decoder, console)?,
+            steps: steps::steps(dataset, law, decoder, console)?,
             bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
+            bits_of_valid: [sets.len(), firsts.len()]
+                .map(|sets| bundle.bytes as f64 * 8.0 / (valid as f64 * sets as f64)),
+            bytes_of_sun: bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum(),
+            tiles: bundle.index.iter().filter(|entry| entry.bytes() > 0).count(),
             bytes: bundle.bytes,
             seam_ratio: self.seams.ratio(),
             between: between::between(dataset, withheld, decoder, console)?,
@@ -263,6 +341,7 @@ fn mean_of(sum: f64, texels: usize) -> f64 {
 /// read once.
 struct References<'a> {
     dataset: &'a Dataset,
+    law: &'a Law,
     set: usize,
     page: usize,
     height: usize,
@@ -280,7 +359,7 @@ impl References<'_> {
             Some((first, image)) if first == rows.start => Ok(image),
             _ => {
                 let more = rows.start..(rows.end + 1).min(self.height);
-                strips::read(self.dataset, self.set, self.page, &more)
+                strips::read(self.dataset, self.law, self.set, self.page, &more)
             }
         }
     }

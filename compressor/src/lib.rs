@@ -4,12 +4,14 @@
 //! Modules in the order the data passes them; a module imports only what stands above it. The decoding half is a crate of its own,
 //! [`ndgi`], whose modules are re-exported here. Of what follows, `evaluate` needs `mean` alone.
 
-pub use ndgi::{bc7, bundle, decode, grid, lanes, model, time};
+pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 
 mod error;
 mod clock;
 mod mean;
+pub mod law;
 pub mod tile;
+pub mod sunlight;
 pub mod train;
 pub mod compress;
 pub mod evaluate;

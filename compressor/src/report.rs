@@ -2,8 +2,8 @@
 
 use crate::Result;
 use crate::compress::{Outcome, TileOutcome};
-use crate::decode::Decoder;
-use crate::evaluate::{COLUMNS, Evaluation, cell, decode, read, strips, valid};
+use crate::decode::{Decoder, Lights};
+use crate::evaluate::{COLUMNS, Evaluation, cell, decode, read, reference_law, strips, valid};
 use crate::mean::mean;
 use dataset::image::Image;
 use dataset::report::Section;
@@ -175,7 +175,7 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     section.paragraph(&format!(
         "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour at its own exposure."
     ));
-    let sets = &dataset.config.frames;
+    let (sets, law) = (&dataset.config.frames, reference_law(decoder));
     let mut shown: Vec<usize> = Vec::new();
     for wanted in SHOWN_HOURS {
         let distance = |k: &usize| {
@@ -194,7 +194,7 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
             let mut next = 0;
             for rows in strips(&mask) {
                 let (reference, decoded) =
-                    (read(dataset, k, page, &rows)?, decode(decoder, page, hour, &rows)?);
+                    (read(dataset, &law, k, page, &rows)?, decode(decoder, Lights::All, page, hour, &rows)?);
                 let error = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| (a[c] - b[c]).abs());
                 let difference: Vec<_> = reference.texels.iter().zip(&decoded.texels).map(error).collect();
                 let all = [&reference.texels, &decoded.texels, &difference];

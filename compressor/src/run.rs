@@ -157,11 +157,16 @@ mod tests {
         let all = Quality { psnr_pooled_db: Some(39.7), ..Quality::default() };
         let evaluation = Evaluation {
             samples: vec![],
+            sunny: None,
+            without_sun: None,
             all,
             by_hour: vec![],
             distinct: all,
             distinct_sets: 0,
             bpp: 0.5,
+            bits_of_valid: [0.7; 2],
+            bytes_of_sun: 0,
+            tiles: 1,
             bytes: 1,
             seam_ratio: None,
             large: Large::default(),

@@ -6,10 +6,11 @@ use crate::compress::{Preset, of_tile, seed, timeline};
 use crate::decode::TileDecoder;
 use crate::evaluate::{aligned, cell};
 use crate::grid::{Grid, Place};
+use crate::law::Law;
 use crate::mean::{mean, weighted_mean};
 use crate::model::{Profile, TileParams};
 use crate::tile::{Band, Coverage, TileSource, valid_texels};
-use crate::time::{Coding, Timeline};
+use crate::time::Timeline;
 use crate::train::{Aim, Recipe, TrainedTile, train};
 use crate::{Error, Result, of_bundle};
 use dataset::console::{Console, stop_if_interrupted};
@@ -105,7 +106,8 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
     dataset.expect_moments()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let (places, of) = choose(&masks, options);
-    let timeline = timeline(dataset, Coding::Standard);
+    let timeline = timeline(dataset);
+    let law = Law::new(dataset)?;
     let kinds: Vec<(&Profile, &Preset)> = options
         .profiles
         .iter()
@@ -115,7 +117,7 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
     let mut measured: Vec<Vec<Measured>> = kinds.iter().map(|_| Vec::new()).collect();
     for row in places.chunk_by(|a, b| (a.page, a.row) == (b.page, b.row)) {
         let Place { page, row: of_page, .. } = row[0];
-        let band = Band::load(dataset, &masks[page], page, of_page)?;
+        let band = Band::load(dataset, &law, &masks[page], page, of_page)?;
         let sources: Vec<(Place, TileSource)> =
             row.iter().map(|&place| (place, band.tile(place.column))).collect();
         let work: Vec<_> =
@@ -191,7 +193,7 @@ fn measure(
     let qualities = qualities(source, params, timeline)?;
     Ok(Some(Measured {
         weight,
-        bits: 8.0 * payload.bytes.len() as f64,
+        bits: 8.0 * payload.bytes() as f64,
         values: (own * source.sets.len()) as f64,
         unquantised: trained.psnr_unquantised_db,
         of_8bit: trained.psnr_8bit_features_db,

@@ -5,6 +5,7 @@
 use crate::Result;
 use crate::grid::mirrored;
 use crate::grid::{Grid, Place};
+use crate::law::{Kept, Law, Shares, Sums};
 use crate::model::{BORDER, PAYLOAD};
 use dataset::config::Light;
 use dataset::image::Mask;
@@ -99,6 +100,23 @@ pub fn valid_texels(mask: &Mask, place: Place) -> usize {
     rows.flat_map(|y| &mask.valid[y * mask.width..][columns.clone()]).filter(|valid| **valid).count()
 }
 
+/// Per texel of a rectangle from (left, top) on, row by row, which of the page's rows it is: past the page's edge mirrored.
+pub(crate) fn stored(
+    page: Grid,
+    rows: &Range<usize>,
+    [left, top]: [isize; 2],
+    [width, height]: [usize; 2],
+) -> Vec<usize> {
+    let mut from = Vec::with_capacity(width * height);
+    for y in 0..height as isize {
+        // What is not looked at may lie past the rows that are held.
+        let row = mirrored(top + y, page.height).clamp(rows.start, rows.end - 1);
+        let line = (row - rows.start) * page.width;
+        from.extend((0..width as isize).map(|x| line + mirrored(left + x, page.width)));
+    }
+    from
+}
+
 /// A row of tiles with its light, in memory.
 #[derive(Debug)]
 pub struct Band {
@@ -113,6 +131,8 @@ pub struct Band {
     sets: Vec<Arc<Vec<[f32; 3]>>>,
     /// Per texel of `rows`.
     coverage: Vec<Coverage>,
+    /// Per column of tiles and set, the shares of its light, over all rows held; nothing where no layer has a curve.
+    shares: Vec<Vec<Shares>>,
     /// Light groups that are on at some sets and off at others, with their own light where the dataset keeps it.
     groups: Vec<(Gate, Option<Vec<[f32; 3]>>)>,
 }
@@ -126,32 +146,57 @@ impl Band {
         top.max(0) as usize..grid.height.min((top + stored as isize) as usize)
     }
 
-    /// Reads one band of all sets. Texels are checked by [`Dataset::map_rows`].
-    pub fn load(dataset: &Dataset, mask: &Mask, page: usize, row: usize) -> Result<Self> {
+    /// Reads one band of all sets: the light that maps hold. Texels are checked by [`Dataset::map_rows`].
+    pub fn load(dataset: &Dataset, law: &Law, mask: &Mask, page: usize, row: usize) -> Result<Self> {
         let grid = Grid { width: mask.width, height: mask.height };
-        Self::read(dataset, mask, page, row, Self::rows(grid, row))
+        Self::read(dataset, law, mask, page, row, Self::rows(grid, row))
     }
 
     /// Reads the rows of a page that hold `rect`, of all sets, and cuts out its texels alone: a tile without a border. `rect` is at
     /// most 128×128.
     pub(crate) fn load_alone(dataset: &Dataset, mask: &Mask, page: usize, rect: Rect) -> Result<TileSource> {
-        let band = Self::read(dataset, mask, page, 0, rect.y0..rect.y1)?;
+        let band = Self::read(dataset, &Law::of(false), mask, page, 0, rect.y0..rect.y1)?;
         let size = [rect.width(), rect.height()];
         Ok(band.cut([rect.x0 as isize, rect.y0 as isize], size.map(|side| side.next_multiple_of(4)), size))
     }
 
     /// The rows `rows` of a page, which hold band `row` or are looked at otherwise.
-    fn read(dataset: &Dataset, mask: &Mask, page: usize, row: usize, rows: Range<usize>) -> Result<Self> {
+    fn read(
+        dataset: &Dataset,
+        law: &Law,
+        mask: &Mask,
+        page: usize,
+        row: usize,
+        rows: Range<usize>,
+    ) -> Result<Self> {
         let grid = Grid { width: mask.width, height: mask.height };
-        let mut read: BTreeMap<&str, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
+        let mut read: BTreeMap<Vec<&str>, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
         let mut sets = Vec::with_capacity(dataset.config.frames.len());
-        for (k, set) in dataset.config.frames.iter().enumerate() {
-            let path = set.maps[page].path.as_str();
-            let texels = match read.get(path) {
-                Some(texels) => texels.clone(),
-                None => Arc::new(dataset.map_rows(k, page, rows.start, rows.end)?),
-            };
-            sets.push(read.entry(path).or_insert(texels).clone());
+        let mut shares: Vec<Vec<Shares>> = vec![Vec::new(); grid.columns()];
+        let mut kept = Kept::new();
+        for k in 0..dataset.config.frames.len() {
+            let files = law.files(dataset, k, page);
+            // Sets of the same light have the same shares of it, unless the shares alone are wanted.
+            if let Some(texels) = read.get(&files)
+                && law.curves() == 0
+            {
+                sets.push(texels.clone());
+                continue;
+            }
+            let light = law.rows(dataset, [k, page], [rows.start, rows.end], &mut kept)?;
+            if law.curves() > 0 {
+                for (column, shares) in shares.iter_mut().enumerate() {
+                    let own = column * PAYLOAD..((column + 1) * PAYLOAD).min(grid.width);
+                    let mut sums = Sums::new(law);
+                    for y in rows.clone() {
+                        let line = (y - rows.start) * grid.width;
+                        let valid = own.clone().filter(|x| mask.valid[y * grid.width + x]);
+                        sums.add(&light, valid.map(|x| line + x));
+                    }
+                    shares.push(sums.mean());
+                }
+            }
+            sets.push(read.entry(files).or_insert(Arc::new(light.0)).clone());
         }
         let hours = dataset.config.frames.iter().map(|set| set.hour).collect();
         let mut groups = Vec::new();
@@ -170,7 +215,22 @@ impl Band {
                 groups.push((Gate { group: group_index, on }, layer));
             }
         }
-        Ok(Band { grid, page, row, hours, coverage: coverage(mask, rows.clone()), rows, sets, groups })
+        Ok(Band {
+            grid,
+            page,
+            row,
+            hours,
+            coverage: coverage(mask, rows.clone()),
+            rows,
+            sets,
+            groups,
+            shares,
+        })
+    }
+
+    /// The shares of a tile's light per set, its border's rows with them; nothing where no layer has a curve.
+    pub(crate) fn shares(&self, column: usize) -> &[Shares] {
+        &self.shares[column]
     }
 
     /// Cuts out one tile. Past the page's edge texels are mirrored; filler past the border is never read, so it is `Outside`.
@@ -188,14 +248,7 @@ impl Band {
 
     /// The texels from (left, top) on, of which only the first `looked_at` across and down are; without neighbours.
     fn cut(&self, [left, top]: [isize; 2], [width, height]: [usize; 2], looked_at: [usize; 2]) -> TileSource {
-        // Index into the band's texels of each stored texel, row by row.
-        let mut from = Vec::with_capacity(width * height);
-        for y in 0..height as isize {
-            // What is not looked at may lie past the rows that are held.
-            let row = mirrored(top + y, self.grid.height).clamp(self.rows.start, self.rows.end - 1);
-            let line = (row - self.rows.start) * self.grid.width;
-            from.extend((0..width as isize).map(|x| line + mirrored(left + x, self.grid.width)));
-        }
+        let from = stored(self.grid, &self.rows, [left, top], [width, height]);
         let sets = self.sets.iter().map(|texels| from.iter().map(|&i| texels[i]).collect()).collect();
         let read = |i: usize| i % width < looked_at[0] && i / width < looked_at[1];
         let coverage = from
@@ -261,6 +314,7 @@ mod tests {
             sets: vec![Arc::new(texels.collect())],
             coverage: coverage(mask, rows.clone()),
             groups: vec![],
+            shares: vec![],
             rows,
         }
     }

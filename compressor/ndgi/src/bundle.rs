@@ -6,21 +6,26 @@
 
 mod header;
 mod payload;
+mod resident;
 
-pub use payload::{Payload, blocks_len, decode_payload, encode_payload, full_len};
+pub use payload::{Payload, Section, blocks_len, encode_payload, full_len};
 
 use crate::grid::{Grid, Place};
-use crate::model::{Contents, Shape, TileParams};
+use crate::model::{Contents, Knot, Shape, TileParams};
+use crate::sun::{Sun, SunDecoder, TileSun};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
-/// The version this crate writes; readers refuse others.
-pub const VERSION: u32 = 3;
+/// The version this crate writes.
+pub const VERSION: u32 = 4;
+/// The oldest that it reads.
+const OLDEST: u32 = 3;
 /// Bytes before the variable part of the header.
 const FIXED: usize = 32;
 /// Headers, and every payload, start and end on multiples of this.
@@ -29,6 +34,15 @@ const ALIGN: usize = 16;
 const MAX_HEADER: u64 = 1 << 28;
 /// A page's sides are at most this long.
 const MAX_SIDE: usize = 1 << 20;
+
+/// What a page holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PageKind {
+    /// The charts of surfaces.
+    Atlas = 0,
+    /// The light of points in space.
+    Probes = 1,
+}
 
 /// What a bundle says of itself.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,10 +54,14 @@ pub struct Header {
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,
+    /// What each page holds.
+    pub kinds: Vec<PageKind>,
     /// Names of the light groups, in the timeline's order.
     pub groups: Vec<String>,
     /// Hours of the sets, schedules and states of the groups, and the coding.
     pub timeline: Timeline,
+    /// The sun, where its direct light is a stream of its own.
+    pub sun: Option<Sun>,
 }
 
 impl Header {
@@ -65,17 +83,29 @@ impl Header {
         inside.then(|| before + place.row * grid.columns() + place.column)
     }
 
+    /// Number of knots: [`Timeline::knots`].
+    pub fn knots(&self) -> usize {
+        self.timeline.hours.len() + self.timeline.between.len()
+    }
+
     /// Sizes of a tile's maps. The place must be one of [`Header::places`].
     pub fn shape(&self, place: Place, contents: &Contents) -> Shape {
         let (width, height) = self.pages[place.page].stored(place.column, place.row);
         Shape::new(contents, width, height, self.timeline.hours.len(), self.timeline.coding)
     }
 
-    /// What a tile of a payload's word and length has; `None` for a black tile.
+    /// What a tile has whose section of features has this word and length; `None` for a black tile. `has_means`: whether it is of version
+    /// 3, which keeps means there.
     ///
     /// # Errors
     /// What is wrong: a word that no tile of this bundle can have, or a length that its maps cannot have.
-    fn contents(&self, place: Place, word: u32, length: usize) -> Result<Option<Contents>, String> {
+    fn contents(
+        &self,
+        place: Place,
+        word: u32,
+        length: usize,
+        has_means: bool,
+    ) -> Result<Option<Contents>, String> {
         if length == 0 {
             return if word == 0 { Ok(None) } else { Err(format!("word {word:#x} of a tile of length 0")) };
         }
@@ -83,7 +113,7 @@ impl Header {
         let contents = payload::contents(word, self.groups.len(), axis).ok_or_else(|| {
             format!("word {word:#x}, which stands for no contents that a tile here can have")
         })?;
-        let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word);
+        let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word, has_means);
         if !(least..=largest).contains(&length) || !length.is_multiple_of(ALIGN) {
             return Err(format!(
                 "length {length}; expected 0 or a multiple of {ALIGN} from {least} to {largest}"
@@ -93,17 +123,33 @@ impl Header {
     }
 }
 
-/// One line of the index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Entry {
-    /// Where the payload starts in the file.
+/// Where something stands in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Part {
+    /// Where it starts.
     pub offset: u64,
-    /// Its length in bytes; 0 for a tile without light, which decodes to black.
+    /// Its length in bytes; 0 where there is nothing.
     pub length: u32,
-    /// What the tile has ([`Contents::word`]), and which maps leave out blocks; 0 for an empty tile.
+    /// What its stream says of it: [`Section::word`].
     pub word: u32,
-    /// [`checksum`] of the payload; 0 for an empty tile.
+    /// [`checksum`] of it; 0 where there is nothing.
     pub checksum: u64,
+}
+
+/// One line of the index.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Entry {
+    /// Features and decoder; of a tile whose light, the sun's apart, is black at all times, nothing.
+    pub ndgi: Part,
+    /// The sun's visibility.
+    pub sun: Part,
+}
+
+impl Entry {
+    /// Bytes of both.
+    pub fn bytes(&self) -> u64 {
+        u64::from(self.ndgi.length) + u64::from(self.sun.length)
+    }
 }
 
 /// Whether a file is a bundle, of any version and however broken, or is empty, so that nothing else is lost with it.
@@ -134,13 +180,21 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
         return Err(wrong(format!("{} payloads given for {} tiles", payloads.len(), header.tiles())));
     }
     for (payload, place) in payloads.iter().zip(header.places()) {
-        header
-            .contents(place, payload.word, payload.bytes.len())
-            .map_err(|what| wrong(format!("payload of {place:?}: {what}")))?;
+        let wrong = |what: String| wrong(format!("payload of {place:?}: {what}"));
+        let Payload { ndgi, sun, resident } = payload;
+        header.contents(place, ndgi.word, ndgi.bytes.len(), false).map_err(wrong)?;
+        let line = if ndgi.bytes.is_empty() { 0 } else { resident::len(header.knots()) };
+        if resident.len() != line {
+            return Err(wrong(format!("{} resident bytes; expected {line}", resident.len())));
+        }
+        if !sun.bytes.is_empty() && header.sun.is_none() || !sun.bytes.len().is_multiple_of(ALIGN) {
+            return Err(wrong(format!("{} bytes of a sun", sun.bytes.len())));
+        }
     }
     let mut bytes = header::encode(header, payloads)?;
     for payload in payloads {
-        bytes.extend_from_slice(&payload.bytes);
+        bytes.extend_from_slice(&payload.ndgi.bytes);
+        bytes.extend_from_slice(&payload.sun.bytes);
     }
     Ok(bytes)
 }
@@ -180,7 +234,7 @@ fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<
     std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
 }
 
-/// An opened bundle: header and index in memory, payloads where they were.
+/// An opened bundle: header, index and resident block in memory, payloads where they were.
 #[derive(Debug)]
 pub struct Bundle {
     /// What the bundle says of itself.
@@ -189,12 +243,16 @@ pub struct Bundle {
     pub index: Vec<Entry>,
     /// Length of the whole file in bytes.
     pub bytes: u64,
+    /// Per place, how bright the tile is at each knot; none of a tile without features, and before version 4.
+    knots: Vec<Vec<Knot>>,
+    is_old: bool,
+    sun_decoder: OnceLock<SunDecoder>,
     source: Source,
     name: String,
 }
 
 impl Bundle {
-    /// Opens a bundle file; reads its header and index only.
+    /// Opens a bundle file; reads its header, its index and its resident block.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Unsupported`] for another version; [`Error::Invalid`] for anything else that breaks FORMAT.md.
@@ -217,32 +275,99 @@ impl Bundle {
         let start = source.read(0, FIXED).map_err(io)?;
         let length = header::check_start(&start, bytes, &name)?;
         let head = source.read(0, length).map_err(io)?;
-        let (header, index) = header::decode(&head, bytes, &name)?;
-        Ok(Bundle { header, index, bytes, source, name })
+        let header::Read { header, index, resident } = header::decode(&head, bytes, &name)?;
+        let mut bundle = Bundle {
+            knots: Vec::new(),
+            is_old: resident.is_none(),
+            sun_decoder: OnceLock::new(),
+            header,
+            index,
+            bytes,
+            source,
+            name,
+        };
+        if let Some(part) = resident {
+            bundle.knots = bundle.read_knots(&part)?;
+        }
+        Ok(bundle)
     }
 
-    /// Reads and checks one tile; `None` for a black one.
+    fn read_knots(&self, part: &Part) -> Result<Vec<Vec<Knot>>> {
+        let bytes = self.read(part, || format!("{}, resident block", self.name))?;
+        let mut lines = bytes.chunks_exact(resident::len(self.header.knots()));
+        let line = |entry: &Entry| match entry.ndgi.length {
+            0 => Ok(Vec::new()),
+            _ => resident::decode(lines.next().unwrap_or_default()),
+        };
+        let wrong = |what| Error::invalid(format!("{}, resident block", self.name), what);
+        self.index.iter().map(line).collect::<Result<_, String>>().map_err(wrong)
+    }
+
+    /// The bytes of a part whose checksum is right. `at` names it.
+    fn read(&self, part: &Part, at: impl Fn() -> String) -> Result<Vec<u8>> {
+        let io = |source| Error::Io { path: self.name.clone().into(), source };
+        let bytes = self.source.read(part.offset, part.length as usize).map_err(io)?;
+        let found = checksum(&[&bytes]);
+        if found != part.checksum {
+            let what = format!("checksum {found:016x}; the index says {:016x}", part.checksum);
+            return Err(Error::invalid(at(), what));
+        }
+        Ok(bytes)
+    }
+
+    fn position(&self, place: Place) -> Result<usize> {
+        self.header.position(place).ok_or_else(|| Error::invalid(self.at(place), "no such tile"))
+    }
+
+    fn at(&self, place: Place) -> String {
+        format!("{}, page {}, tile ({}, {})", self.name, place.page, place.column, place.row)
+    }
+
+    /// How bright a tile is at each of [`Timeline::knots`], without reading it: a fallback colour, and by how much light will change. Empty
+    /// for a black tile, and in bundles of version 3.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a place that the bundle does not have.
+    pub fn knots(&self, place: Place) -> Result<&[Knot]> {
+        let position = self.position(place)?;
+        Ok(self.knots.get(position).map_or(&[], Vec::as_slice))
+    }
+
+    /// Reads and checks one tile's features and decoder; `None` where its light, the sun's stream apart, is black.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have, a checksum that differs, or a value that the format forbids.
     pub fn tile(&self, place: Place) -> Result<Option<TileParams>> {
-        let at = || format!("{}, page {}, tile ({}, {})", self.name, place.page, place.column, place.row);
-        let position = self.header.position(place).ok_or_else(|| Error::invalid(at(), "no such tile"))?;
-        let entry = self.index[position];
+        let position = self.position(place)?;
+        let part = &self.index[position].ndgi;
         // The index was checked when it was read.
-        let Some(contents) = Contents::of_word(entry.word).filter(|_| entry.length > 0) else {
+        let Some(contents) = Contents::of_word(part.word).filter(|_| part.length > 0) else {
             return Ok(None);
         };
-        let io = |source| Error::Io { path: self.name.clone().into(), source };
-        let payload = self.source.read(entry.offset, entry.length as usize).map_err(io)?;
-        let found = checksum(&[&payload]);
-        if found != entry.checksum {
-            let what = format!("checksum {found:016x}; the index says {:016x}", entry.checksum);
-            return Err(Error::invalid(at(), what));
-        }
+        let section = self.read(part, || self.at(place))?;
+        let knots = if self.is_old { None } else { Some(self.knots[position].clone()) };
         let shape = self.header.shape(place, &contents);
-        decode_payload(&payload, entry.word, shape, self.header.groups.len())
-            .map_err(|what| Error::invalid(at(), what))
+        payload::decode_section(&section, part.word, shape, self.header.groups.len(), knots)
+            .map_err(|what| Error::invalid(self.at(place), what))
+            .map(Some)
+    }
+}
+
+impl Bundle {
+    /// Reads and checks what one tile sees of the sun; `None` where that is nothing, or no stream of its own.
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`].
+    pub fn sun(&self, place: Place) -> Result<Option<TileSun>> {
+        let position = self.position(place)?;
+        let part = &self.index[position].sun;
+        let (Some(sun), 1..) = (&self.header.sun, part.length) else { return Ok(None) };
+        let section = self.read(part, || self.at(place))?;
+        let (width, height) = self.header.pages[place.page].stored(place.column, place.row);
+        let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
+        decoder
+            .tile(&section, part.word, [width, height])
+            .map_err(|what| Error::invalid(self.at(place), what))
             .map(Some)
     }
 }

@@ -13,6 +13,7 @@ pub use tile::TileDecoder;
 use crate::bundle::Bundle;
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
+use crate::sun::TileSun;
 use crate::time::{self, Coding, Moment, Timeline};
 use crate::{Error, Result};
 #[cfg(feature = "rayon")]
@@ -52,7 +53,7 @@ fn lerp(a: f32, b: f32, s: f32) -> f32 {
 
 /// The means at a moment.
 fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
-    let (a, b) = (tile.means[moment.a], tile.means[moment.b]);
+    let [a, b] = moment.knots.map(|knot| tile.knots[knot].mean);
     let [of_a, of_b] = [1.0 - moment.fraction, moment.fraction];
     std::array::from_fn(|c| (of_a * f64::from(a[c]) + of_b * f64::from(b[c])) as f32)
 }
@@ -60,10 +61,11 @@ fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
 /// A tile's time coordinate at a moment.
 fn tau_at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> f64 {
     let taus = timeline.coding.taus(&timeline.hours, &tile.axis);
-    moment.tau(&taus, |set| match timeline.coding {
-        Coding::Standard => time::brightness(&tile.means[set]),
+    let brightness = |knot: usize| match timeline.coding {
+        Coding::Standard => time::brightness(&tile.knots[knot].mean),
         Coding::Paper => 1.0,
-    })
+    };
+    moment.tau(&taus, brightness, |knot| f64::from(tile.knots[knot].share))
 }
 
 /// Irradiance from the decoder's output: `mean · clamp(y, 0, Y_MAX)^p`, finite.
@@ -86,6 +88,17 @@ pub struct Image {
     pub texels: Vec<[f32; 3]>,
 }
 
+/// Which light of a bundle is decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lights {
+    /// All of it.
+    All,
+    /// What the maps hold: without the sun's direct light, where that is a stream of its own.
+    Baked,
+    /// The sun's direct light alone, where it is a stream of its own.
+    Sun,
+}
+
 /// Tiles kept for random access.
 const CACHED: usize = 64;
 
@@ -103,7 +116,32 @@ const CACHED: usize = 64;
 pub struct Decoder {
     bundle: Bundle,
     /// Most recently read tiles by their place in the index, newest first.
-    recent: Mutex<VecDeque<(usize, Option<Arc<TileParams>>)>>,
+    recent: Recent<TileParams>,
+    /// The same of what they see of the sun.
+    recent_sun: Recent<TileSun>,
+}
+
+type Recent<T> = Mutex<VecDeque<(usize, Option<Arc<T>>)>>;
+
+/// A tile by its place in the index: from memory where it was read lately.
+fn recent<T>(
+    of: &Recent<T>,
+    position: usize,
+    read: impl FnOnce() -> Result<Option<T>>,
+) -> Result<Option<Arc<T>>> {
+    let mut recent = of.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(i) = recent.iter().position(|(at, _)| *at == position)
+        && let Some(hit) = recent.remove(i)
+    {
+        recent.push_front(hit.clone());
+        return Ok(hit.1);
+    }
+    drop(recent);
+    let tile = read()?.map(Arc::new);
+    let mut recent = of.lock().unwrap_or_else(PoisonError::into_inner);
+    recent.push_front((position, tile.clone()));
+    recent.truncate(CACHED);
+    Ok(tile)
 }
 
 impl Decoder {
@@ -114,7 +152,7 @@ impl Decoder {
 
     /// A decoder of an opened bundle.
     pub fn new(bundle: Bundle) -> Self {
-        Decoder { bundle, recent: Mutex::default() }
+        Decoder { bundle, recent: Mutex::default(), recent_sun: Mutex::default() }
     }
 
     /// The bundle.
@@ -138,8 +176,18 @@ impl Decoder {
         };
         let (x, column, s) = axis(u, grid.width);
         let (y, row, t) = axis(v, grid.height);
-        let Some(tile) = self.tile(Place { page, column, row })? else { return Ok([0.0; 3]) };
-        let at = |dx, dy| texel(&tile, &self.bundle.header.timeline, &moment, x + dx, y + dy);
+        let place = Place { page, column, row };
+        let (tile, lit) = (self.tile(place)?, self.sun(place)?);
+        let (width, _) = grid.stored(column, row);
+        let at = |dx, dy| {
+            let baked =
+                tile.as_ref().map(|tile| texel(tile, &self.bundle.header.timeline, &moment, x + dx, y + dy));
+            let lit = self.bundle.header.sun.as_ref().zip(lit.as_ref());
+            let direct =
+                lit.map(|(sun, tile)| tile.texel(sun, time::fold_hour(hour), (y + dy) * width + x + dx));
+            let [baked, direct] = [baked, direct].map(Option::unwrap_or_default);
+            [0, 1, 2].map(|c| (baked[c] + direct[c]).min(f32::MAX))
+        };
         let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
         Ok(std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t)))
     }
@@ -147,19 +195,13 @@ impl Decoder {
     /// The parameters of a tile, from memory where it was read lately; `None` for a black one. Errors as [`Bundle::tile`].
     pub fn tile(&self, place: Place) -> Result<Option<Arc<TileParams>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
-        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(i) = recent.iter().position(|(at, _)| *at == position)
-            && let Some(hit) = recent.remove(i)
-        {
-            recent.push_front(hit.clone());
-            return Ok(hit.1);
-        }
-        drop(recent);
-        let tile = self.bundle.tile(place)?.map(Arc::new);
-        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
-        recent.push_front((position, tile.clone()));
-        recent.truncate(CACHED);
-        Ok(tile)
+        recent(&self.recent, position, || self.bundle.tile(place))
+    }
+
+    /// What a tile sees of the sun, in the same way; `None` where that is nothing, or no stream of its own.
+    pub fn sun(&self, place: Place) -> Result<Option<Arc<TileSun>>> {
+        let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
+        recent(&self.recent_sun, position, || self.bundle.sun(place))
     }
 
     /// A whole page at `hour`, its rows of tiles in parallel with the feature `rayon`.
@@ -171,11 +213,34 @@ impl Decoder {
         self.decode_rows(page, hour, 0..height)
     }
 
+    /// Some of the light of a whole page; otherwise as [`Decoder::decode_page`].
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_page`].
+    pub fn decode_page_of(&self, lights: Lights, page: usize, hour: f64) -> Result<Image> {
+        let height = self.grid(page)?.height;
+        self.decode_rows_of(lights, page, hour, 0..height)
+    }
+
     /// Some rows of a page; otherwise as [`Decoder::decode_page`].
     ///
     /// # Errors
     /// As [`Decoder::decode_page`]; [`Error::Invalid`] for rows that the page does not have.
     pub fn decode_rows(&self, page: usize, hour: f64, rows: Range<usize>) -> Result<Image> {
+        self.decode_rows_of(Lights::All, page, hour, rows)
+    }
+
+    /// Some of the light of some rows of a page; otherwise as [`Decoder::decode_rows`].
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_rows`].
+    pub fn decode_rows_of(
+        &self,
+        lights: Lights,
+        page: usize,
+        hour: f64,
+        rows: Range<usize>,
+    ) -> Result<Image> {
         let grid = self.grid(page)?;
         if rows.start > rows.end || rows.end > grid.height {
             let what = format!("rows {}..{} asked for, it has {}", rows.start, rows.end, grid.height);
@@ -206,12 +271,24 @@ impl Decoder {
             let mut decoded = Vec::new();
             for column in 0..grid.columns() {
                 // Past the memory of recent tiles: a page may have more than it holds, and needs each once.
-                let Some(tile) = self.bundle.tile(Place { page, column, row })? else { continue };
+                let place = Place { page, column, row };
+                let tile = if lights == Lights::Sun { None } else { self.bundle.tile(place)? };
+                let sun = if lights == Lights::Baked { None } else { self.bundle.sun(place)? };
+                if tile.is_none() && sun.is_none() {
+                    continue;
+                }
                 let (own_width, _) = grid.payload(column, row);
-                decoded.resize(tile.shape.width * tile.shape.height, [0.0; 3]);
-                TileDecoder::new(&tile, timeline)?.decode_into(&moment, &mut decoded);
+                let (width, height) = grid.stored(column, row);
+                decoded.clear();
+                decoded.resize(width * height, [0.0; 3]);
+                if let Some(tile) = tile {
+                    TileDecoder::new(&tile, timeline)?.decode_into(&moment, &mut decoded);
+                }
+                if let Some((sun, tile)) = self.bundle.header.sun.as_ref().zip(sun) {
+                    tile.add_light(sun, time::fold_hour(hour), &mut decoded);
+                }
                 for (y, line) in band.chunks_exact_mut(grid.width).enumerate() {
-                    let from = (first + y - row * PAYLOAD + BORDER) * tile.shape.width + BORDER;
+                    let from = (first + y - row * PAYLOAD + BORDER) * width + BORDER;
                     let to = column * PAYLOAD;
                     line[to..to + own_width].copy_from_slice(&decoded[from..from + own_width]);
                 }

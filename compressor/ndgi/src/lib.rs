@@ -10,6 +10,7 @@ pub mod time;
 pub mod model;
 pub mod bc7;
 pub mod grid;
+pub mod sun;
 pub mod bundle;
 pub mod decode;
 

@@ -291,6 +291,17 @@ impl Shape {
     }
 }
 
+/// How bright a tile is at an hour.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Knot {
+    /// What each channel's curve is multiplied with, finite and ≥ 0; exactly 0 decodes to 0.
+    pub mean: [f32; 3],
+    /// At least the tile's largest value, about, finite and ≥ 0: for output in few bits. Decoding does not need it.
+    pub peak: f32,
+    /// Between two sets, the share of the light that is the second one's, from 0 to 1; 0 at a set.
+    pub share: f32,
+}
+
 /// A tile as it is stored: everything a decoder needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TileParams {
@@ -306,8 +317,8 @@ pub struct TileParams {
     pub f_vt: Vec<[u8; 2]>,
     /// W₁ (`hidden × inputs`, row-major), b₁, W₂ (`hidden × hidden`), b₂, W₃ (`3 × hidden`), b₃.
     pub mlp: Vec<half::f16>,
-    /// Per set: the mean that channel's curve is multiplied with, finite and ≥ 0; exactly 0 decodes to 0.
-    pub means: Vec<[f32; 3]>,
+    /// How bright the tile is at each of [`crate::time::Timeline::knots`].
+    pub knots: Vec<Knot>,
     /// The time axis; empty under the paper's coding.
     pub axis: Axis,
     /// The light groups that are gates, strictly ascending.
@@ -331,13 +342,15 @@ impl TileParams {
             ("texels of F_ut", self.f_ut.len(), ut),
             ("texels of F_vt", self.f_vt.len(), vt),
             ("decoder weights", self.mlp.len(), shape.mlp_len()),
-            ("means", self.means.len(), shape.sets),
             ("places on the time axis", self.axis.places.len(), if shape.axis { shape.sets } else { 0 }),
             ("gates", self.gates.len(), shape.contents.gates),
         ] {
             if found != expected {
                 return Err(format!("{found} {what}; expected {expected}"));
             }
+        }
+        if self.knots.len() < shape.sets {
+            return Err(format!("{} knots; expected one for each of {} sets", self.knots.len(), shape.sets));
         }
         Ok(())
     }

@@ -1,10 +1,10 @@
 //! Random tiles and bundles for unit tests.
 
 use crate::bc7::{self, Block, Mode};
-use crate::bundle::{self, Header, Payload};
+use crate::bundle::{self, Header, PageKind, Payload};
 use crate::grid::Grid;
 use crate::grid::Place;
-use crate::model::{Contents, PROFILES, Shape, TileParams};
+use crate::model::{Contents, Knot, PROFILES, Shape, TileParams};
 use crate::time::{Axis, Coding, Timeline, is_on};
 use half::f16;
 
@@ -61,7 +61,10 @@ pub fn tile(shape: Shape, seed: u64) -> TileParams {
     let mut plane = |n: usize| (0..n).map(|_| [random.byte(), random.byte()]).collect();
     let (f_ut, f_vt) = (plane(ut), plane(vt));
     let mlp = (0..shape.mlp_len()).map(|_| f16::from_f32(random.unit() - 0.45)).collect();
-    let means = (0..shape.sets).map(|_| [random.unit(), 10.0 * random.unit(), 0.0]).collect();
+    // In whole steps of what a resident block holds.
+    let mut mean = || (2048.0 * random.unit()).floor() / 2048.0;
+    let knot = |_| Knot { mean: [mean(), 8.0 * mean(), 0.0], ..Knot::default() };
+    let knots = (0..shape.sets).map(knot).collect();
     // Sets in pairs on the axis, the last ones with the first.
     let place = |k: usize| (3 * (k / 2 % (shape.sets / 2).max(1))) as u16;
     let axis = match shape.axis {
@@ -69,7 +72,7 @@ pub fn tile(shape: Shape, seed: u64) -> TileParams {
         false => Axis::default(),
     };
     let gates = (0..shape.contents.gates as u16).collect();
-    TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, means, axis, gates }
+    TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, knots, axis, gates }
 }
 
 /// A header with two small pages (2 + 1 tiles), 4 sets and two light groups.
@@ -81,8 +84,10 @@ pub fn header() -> Header {
         scene: "yard".to_owned(),
         info: "{\"seed\":1}".to_owned(),
         pages: vec![Grid { width: 128, height: 5 }, Grid { width: 9, height: 1 }],
+        kinds: vec![PageKind::Atlas, PageKind::Probes],
         groups: vec!["porch".to_owned(), "garden".to_owned()],
-        timeline: Timeline { hours, intervals, states, coding: Coding::Standard },
+        timeline: Timeline { hours, between: vec![20.0], intervals, states, coding: Coding::Standard },
+        sun: None,
     }
 }
 
@@ -95,6 +100,8 @@ pub fn tile_of(header: &Header, i: usize, place: Place) -> Option<TileParams> {
         _ => Contents { slices: 5, ut: false, vt: false, rows: 0, gamma: false, gates: 2, ..all },
     };
     let mut tile = tile(header.shape(place, &contents), i as u64);
+    let dusk = Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 };
+    tile.knots.push(dusk);
     if i > 1 {
         let grey = bc7::encode(&bc7::GREY);
         tile.f_uv[1..3].fill(grey);

@@ -89,6 +89,8 @@ impl Axis {
 pub struct Timeline {
     /// The sets' hours: at least one, strictly ascending, in [0, 24).
     pub hours: Vec<f64>,
+    /// Hours between sets at which tiles' means are known too, strictly ascending, in [0, 24): see [`Timeline::knots`].
+    pub between: Vec<f64>,
     /// Per light group: its open on-intervals `(from, to)` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
     pub intervals: Vec<Vec<[f64; 2]>>,
     /// Per set, per light group: whether the set shows it on.
@@ -104,27 +106,41 @@ pub struct Moment {
     pub a: usize,
     /// The set after; equal to `a` at a set's hour and where a set is held.
     pub b: usize,
-    /// Share of `b` in the means, in [0, 1): in double precision, as beside a far dimmer `b` all depends on how much is left of `a`.
+    /// The knots around the moment, as indices of [`Timeline::knots`], from that of `a` to that of `b`.
+    pub knots: [usize; 2],
+    /// Whether the second of them is that of `b`.
+    pub reaches_b: bool,
+    /// Share of the second knot in the means, in [0, 1): in double precision, as beside a far dimmer one all depends on how much is left
+    /// of the first.
     pub fraction: f64,
 }
 
 impl Moment {
-    /// The time coordinate, those of the sets given, and how bright a tile is at each: forwards from that of `a` to that of `b`, so
-    /// far as `b` has a share of the light. Beside a set a thousand times brighter the picture is that set's almost at once, and
-    /// beside a black one light only fades. May pass 1.
-    pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64) -> f64 {
-        let along = light_share(self.fraction, brightness(self.a), brightness(self.b));
+    /// The time coordinate, those of the sets given; how bright a tile is at each knot; and the share of its light there that is `b`'s,
+    /// 0 at `a`. It goes forwards from the coordinate of `a` to that of `b`, so far as `b` has a share of the light. Beside a set a
+    /// thousand times brighter the picture is that set's almost at once, and beside a black one light only fades. May pass 1.
+    pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {
+        let [from, to] = self.knots;
+        let shares = [share(from), if self.reaches_b { 1.0 } else { share(to) }];
+        let along = light_share(self.fraction, [brightness(from), brightness(to)], shares);
         taus[self.a] + along * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
     }
 }
 
-/// The second set's share of the light at a fraction of the way between two sets; the fraction itself where both are black.
-fn light_share(fraction: f64, a: f64, b: f64) -> f64 {
-    let (a, b) = ((1.0 - fraction) * a, fraction * b);
-    if a + b > 0.0 { b / (a + b) } else { fraction }
+/// The share of the light that is the second set's at a fraction of the way between two knots of such brightnesses and shares; linear
+/// where both are black.
+fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
+    let weights = [(1.0 - fraction) * a, fraction * b];
+    let sum = weights[0] + weights[1];
+    if sum > 0.0 {
+        (weights[0] * of_a + weights[1] * of_b) / sum
+    } else {
+        (1.0 - fraction) * of_a + fraction * of_b
+    }
 }
 
-/// The inverse of that: the fraction of the way at which the second of two sets, neither of them black, has this share of the light.
+/// The fraction of the way at which the second of two sets, neither of them black, has this share of the light: the inverse of what
+/// [`Moment::tau`] does without knots between them.
 pub fn fraction_of_share(share: f64, a: f64, b: f64) -> f64 {
     let (a, b) = (share * a, (1.0 - share) * b);
     a / (a + b)
@@ -202,14 +218,52 @@ impl Timeline {
 
     /// Exactly at set `k`.
     pub fn hold(&self, k: usize) -> Moment {
-        Moment { a: k, b: k, fraction: 0.0 }
+        let knot = self.knot_of(k);
+        Moment { a: k, b: k, knots: [knot; 2], reaches_b: true, fraction: 0.0 }
     }
 
-    /// Linearly between neighbouring sets, possibly across midnight.
+    /// The hours at which tiles' means are known, ascending: the sets' and those between.
+    pub fn knots(&self) -> Vec<f64> {
+        let mut knots = [&self.hours[..], &self.between].concat();
+        knots.sort_by(f64::total_cmp);
+        knots
+    }
+
+    /// The knot of set `k`.
+    pub fn knot_of(&self, k: usize) -> usize {
+        k + self.between.partition_point(|&hour| hour < self.hours[k])
+    }
+
+    /// What is wrong with the hours between sets: one that no decoder looks at.
+    pub(crate) fn check_between(&self) -> Result<(), String> {
+        if !self.between.is_sorted_by(|a, b| a < b) || self.between.iter().any(|h| !(0.0..24.0).contains(h)) {
+            return Err("hours between sets that are not strictly ascending in [0, 24)".to_owned());
+        }
+        match self.between.iter().find(|&&hour| self.at(hour).a == self.at(hour).b) {
+            Some(hour) => Err(format!("{hour} h, between sets of which one is held, or a set's own hour")),
+            None => Ok(()),
+        }
+    }
+
+    /// Linearly between neighbouring sets, or between knots that lie between them, possibly across midnight.
     fn between(&self, a: usize, b: usize, hour: f64) -> Moment {
-        let wrapped = |x: f64| if x < 0.0 { x + 24.0 } else { x };
-        let fraction = wrapped(hour - self.hours[a]) / wrapped(self.hours[b] - self.hours[a]);
-        Moment { a, b, fraction }
+        let after = |x: f64| {
+            let x = x - self.hours[a];
+            if x < 0.0 { x + 24.0 } else { x }
+        };
+        let (now, mut from, mut to) =
+            (after(hour), (0.0, self.knot_of(a)), (after(self.hours[b]), self.knot_of(b)));
+        let (end, mut reaches_b) = (to.0, true);
+        for (i, &knot) in self.between.iter().enumerate() {
+            let (at, index) = (after(knot), i + self.hours.partition_point(|&set| set < knot));
+            if at <= now && at > from.0 {
+                from = (at, index);
+            } else if at > now && at < to.0 && at < end {
+                (to, reaches_b) = ((at, index), false);
+            }
+        }
+        let fraction = (now - from.0) / (to.0 - from.0);
+        Moment { a, b, knots: [from.1, to.1], reaches_b, fraction }
     }
 }
 
@@ -227,14 +281,14 @@ mod tests {
     fn timeline(mut hours: Vec<f64>, intervals: Vec<Vec<[f64; 2]>>) -> Timeline {
         hours.sort_by(f64::total_cmp);
         let states = hours.iter().map(|&h| intervals.iter().map(|on| is_on(on, h)).collect()).collect();
-        Timeline { hours, intervals, states, coding: Coding::Standard }
+        Timeline { hours, between: vec![], intervals, states, coding: Coding::Standard }
     }
 
     /// The time coordinate where every set has a place of its own.
     fn tau(timeline: &Timeline, moment: Moment) -> f64 {
         let length = timeline.hours.len() as u16;
         let axis = Axis { length, places: (0..length).collect() };
-        moment.tau(&timeline.coding.taus(&timeline.hours, &axis), |_| 1.0)
+        moment.tau(&timeline.coding.taus(&timeline.hours, &axis), |_| 1.0, |_| 0.0)
     }
 
     fn set(timeline: &Timeline, hour: f64) -> usize {
@@ -298,24 +352,64 @@ mod tests {
         let taus = Coding::Standard.taus(&t.hours, &axis);
         assert_eq!(taus[0], 0.5 / 15.0);
         for hour in [23.5, 0.0, 0.5, 3.3] {
-            assert_eq!(t.at(hour).tau(&taus, |_| 1.0), 0.5 / 15.0, "{hour}");
+            assert_eq!(t.at(hour).tau(&taus, |_| 1.0, |_| 0.0), 0.5 / 15.0, "{hour}");
         }
         // Forwards past 1 from the last place to the first.
-        let late = Moment { a: 19, b: 20, fraction: 0.75 };
-        assert!((late.tau(&taus, |_| 1.0) - (14.5 + 0.75) / 15.0).abs() < 1e-12);
+        let late = Moment { a: 19, b: 20, knots: [19, 20], reaches_b: true, fraction: 0.75 };
+        assert!((late.tau(&taus, |_| 1.0, |_| 0.0) - (14.5 + 0.75) / 15.0).abs() < 1e-12);
     }
 
     #[test]
     fn the_time_coordinate_goes_with_the_light() {
-        let moment = |fraction: f64| Moment { a: 0, b: 1, fraction };
-        let tau = |fraction: f64, light: [f64; 2]| moment(fraction).tau(&[0.25, 0.75], |set| light[set]);
+        let moment = |fraction: f64| Moment { a: 0, b: 1, knots: [0, 1], reaches_b: true, fraction };
+        let tau =
+            |fraction: f64, light: [f64; 2]| moment(fraction).tau(&[0.25, 0.75], |set| light[set], |_| 0.0);
         // Beside a black set that of the lit one; a thousandth of the way to a set a thousand times as bright, halfway.
         assert_eq!([tau(0.01, [0.0, 2.0]), tau(0.99, [2.0, 0.0]), tau(0.5, [0.0, 0.0])], [0.75, 0.25, 0.5]);
         assert!((tau(0.001, [1.0, 999.0]) - 0.5).abs() < 1e-6);
         for (share, a, b) in [(0.5, 1.0, 1.0), (1.0 / 3.0, 1e-8, 1.0), (0.7, 3.0, 1e9)] {
             let fraction = fraction_of_share(share, a, b);
-            assert!((0.0..1.0).contains(&fraction) && (light_share(fraction, a, b) - share).abs() < 1e-12);
+            assert!(
+                (0.0..1.0).contains(&fraction)
+                    && (light_share(fraction, [a, b], [0.0, 1.0]) - share).abs() < 1e-12
+            );
         }
+    }
+
+    #[test]
+    fn means_go_from_knot_to_knot_and_the_picture_by_the_share_of_light() {
+        // Dusk: a tenth of the light, all of it the first set's picture, at the first knot; at the second a half is the second's.
+        let t = Timeline {
+            between: vec![1.0, 19.0, 19.5, 23.0],
+            ..timeline(vec![2.0, 18.0, 20.0, 22.0], vec![])
+        };
+        t.check_between().unwrap();
+        assert_eq!(t.knots(), [1.0, 2.0, 18.0, 19.0, 19.5, 20.0, 22.0, 23.0]);
+        let light = [1e-3, 1e-3, 100.0, 10.0, 0.2, 0.1, 1e-2, 1e-3];
+        let share = [0.5, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.25];
+        let tau = |hour: f64| t.at(hour).tau(&[0.0, 0.25, 0.5, 0.75], |i| light[i], |i| share[i]);
+        let at = |hour: f64| (t.at(hour).a, t.at(hour).b, t.at(hour).knots, t.at(hour).fraction);
+        assert_eq!(at(18.5), (1, 2, [2, 3], 0.5));
+        assert_eq!(at(19.0), (1, 2, [3, 4], 0.0));
+        assert_eq!(at(19.75), (1, 2, [4, 5], 0.5));
+        assert_eq!(at(20.0), (2, 2, [5, 5], 0.0));
+        assert_eq!(
+            (at(22.5), at(0.0), at(1.5)),
+            ((3, 0, [6, 7], 0.5), (3, 0, [7, 0], 0.5), (3, 0, [0, 1], 0.5))
+        );
+        assert_eq!((tau(18.5), tau(19.0), tau(19.5)), (0.25, 0.25, 0.375));
+        // Light linear between knots: (0.5 · 0.2 · 0.5 + 0.5 · 0.1) / 0.15 of it is the second set's.
+        assert!((tau(19.75) - (0.25 + 0.25 * 2.0 / 3.0)).abs() < 1e-12);
+        assert!((tau(1.5) - (0.75 + 0.25 * 0.75)).abs() < 1e-12);
+        for between in [vec![24.0], vec![-1.0], vec![f64::NAN], vec![3.0, 3.0], vec![4.0, 3.0], vec![18.0]] {
+            assert!(
+                Timeline { between: between.clone(), ..t.clone() }.check_between().is_err(),
+                "{between:?}"
+            );
+        }
+        // Where a set is held nobody looks.
+        let held = Timeline { between: vec![18.2], ..timeline(vec![18.0, 19.0], vec![vec![[18.5, 20.0]]]) };
+        assert!(held.check_between().is_err());
     }
 
     #[test]
@@ -359,7 +453,7 @@ mod tests {
         for on in [vec![], vec![[18.0, 6.0]], vec![[0.0, 24.0]]] {
             let t = timeline(vec![12.0], vec![on]);
             for i in 0..240 {
-                assert_eq!(t.at(f64::from(i) / 10.0), Moment { a: 0, b: 0, fraction: 0.0 });
+                assert_eq!(t.at(f64::from(i) / 10.0), t.hold(0));
             }
         }
     }
@@ -384,6 +478,7 @@ mod tests {
     fn just_before_a_set_what_is_left_of_the_one_before_keeps_its_digits() {
         let timeline = Timeline {
             hours: vec![0.0, 6.0],
+            between: vec![],
             intervals: vec![],
             states: vec![vec![]; 2],
             coding: Coding::Standard,

@@ -174,6 +174,7 @@ mod tests {
     fn lamps_do_not_fade() {
         let timeline = Timeline {
             hours: vec![0.0, 6.0, 12.0, 13.0, 18.0],
+            between: vec![],
             intervals: vec![vec![[12.5, 24.0]]],
             states: [false, false, false, true, true].map(|on| vec![on]).to_vec(),
             coding: crate::time::Coding::Standard,

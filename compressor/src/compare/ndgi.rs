@@ -39,7 +39,7 @@ pub(super) fn trained(
             None => 0.0,
             Some(params) => {
                 let payload = encode_payload(params).map_err(|what| Error::invalid("payload", what))?;
-                8.0 * payload.bytes.len() as f64 * BORDERS
+                8.0 * payload.bytes() as f64 * BORDERS
             }
         };
         Ok((params, bits, Vec::new()))

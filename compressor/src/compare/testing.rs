@@ -28,6 +28,12 @@ pub(super) fn tile(width: usize, height: usize, sets: usize, seed: u64) -> Tile 
 /// The tiles of a run, without light groups.
 pub(super) fn set_of(tiles: Vec<Tile>, hours: &[f64]) -> TileSet {
     let states = vec![vec![]; hours.len()];
-    let timeline = Timeline { hours: hours.to_vec(), intervals: vec![], states, coding: Coding::Standard };
+    let timeline = Timeline {
+        hours: hours.to_vec(),
+        between: vec![],
+        intervals: vec![],
+        states,
+        coding: Coding::Standard,
+    };
     TileSet { of: tiles.len(), tiles, timeline }
 }

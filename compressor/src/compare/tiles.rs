@@ -5,7 +5,7 @@ use crate::bundle::checksum;
 use crate::compress::{seed, timeline};
 use crate::grid::Place;
 use crate::tile::{Band, Coverage, TileSource};
-use crate::time::{Coding, Timeline};
+use crate::time::Timeline;
 use crate::{Error, Result};
 use dataset::config::FileRef;
 use dataset::console::{count, stop_if_interrupted};
@@ -120,7 +120,7 @@ impl TileSet {
             Ok(Tile::new(place, place.row * across + place.column, source))
         };
         let tiles = chosen.into_iter().map(load).collect::<Result<_>>()?;
-        Ok(TileSet { tiles, of, timeline: timeline(dataset, Coding::Standard) })
+        Ok(TileSet { tiles, of, timeline: timeline(dataset) })
     }
 }
 

@@ -102,10 +102,10 @@ impl Outcome {
         let tile =
             |(Place { page, column, row }, (payload, stats)): (Place, (&Payload, &TileStats))| TileOutcome {
                 place: [page, column, row],
-                has: Contents::of_word(payload.word)
-                    .filter(|_| !payload.bytes.is_empty())
+                has: Contents::of_word(payload.ndgi.word)
+                    .filter(|_| !payload.ndgi.bytes.is_empty())
                     .map(|contents| contents.to_string()),
-                bytes: payload.bytes.len(),
+                bytes: payload.bytes(),
                 steps: stats.steps,
                 psnr_db: stats.psnr_db,
                 left_out: stats.left_out.clone(),
@@ -119,7 +119,7 @@ impl Outcome {
             bytes,
             steps: steps().min().zip(steps().max()).map(|(least, most)| [least, most]),
             tiles: payloads.len(),
-            empty: payloads.iter().filter(|payload| payload.bytes.is_empty()).count(),
+            empty: payloads.iter().filter(|payload| payload.bytes() == 0).count(),
             resumed: *resumed,
             up_to_date: false,
             ran_with: (rayon::current_num_threads(), format!("{:?}", Tier::detect())),

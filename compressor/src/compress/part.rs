@@ -1,7 +1,7 @@
 //! The work folder `<bundle>.part/`: one file per finished tile and per finished list of trials, named by what decided it.
 
 use super::beside;
-use crate::bundle::{self, Payload};
+use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
 use dataset::files::{remove_stale_temporaries, write_atomically};
 use dataset::lock::{LOCK, Lock, lock};
@@ -57,7 +57,7 @@ impl Part {
 
     /// A finished tile: its payload and what training told. `None` where there is none, or a damaged one.
     pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<(Payload, S)> {
-        // Checksum of the rest, length of the statistics, statistics, word and bytes of the payload.
+        // Checksum of the rest, length of the statistics, statistics, word, length and bytes of the features, resident bytes.
         let bytes = fs::read(self.path(key)).ok()?;
         let (sum, rest) = bytes.split_first_chunk::<8>()?;
         if bundle::checksum(&[rest]) != u64::from_le_bytes(*sum) {
@@ -65,19 +65,23 @@ impl Part {
         }
         let (length, rest) = rest.split_first_chunk::<8>()?;
         let (stats, rest) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
-        let (word, bytes) = rest.split_first_chunk::<4>()?;
-        let payload = Payload { word: u32::from_le_bytes(*word), bytes: bytes.to_vec() };
+        let (word, rest) = rest.split_first_chunk::<4>()?;
+        let (length, rest) = rest.split_first_chunk::<8>()?;
+        let (bytes, resident) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
+        let ndgi = Section { word: u32::from_le_bytes(*word), bytes: bytes.to_vec() };
+        let payload = Payload { ndgi, resident: resident.to_vec(), ..Payload::default() };
         Some((payload, serde_json::from_slice(stats).ok()?))
     }
 
-    /// Keeps a finished tile.
+    /// Keeps a finished tile, its sun apart: that is found again in no time.
     pub(super) fn write(&self, key: &str, payload: &Payload, stats: &impl Serialize) -> Result<()> {
         let path = self.path(key);
         let stats = serde_json::to_vec(stats).map_err(|error| Error::invalid(path.display(), error))?;
         let length = (stats.len() as u64).to_le_bytes();
-        let word = payload.word.to_le_bytes();
-        let sum = bundle::checksum(&[&length, &stats, &word, &payload.bytes]).to_le_bytes();
-        write_atomically(&path, &[&sum[..], &length, &stats, &word, &payload.bytes].concat())?;
+        let Section { word, bytes } = &payload.ndgi;
+        let of_bytes = (bytes.len() as u64).to_le_bytes();
+        let rest = [&length[..], &stats, &word.to_le_bytes(), &of_bytes, bytes, &payload.resident].concat();
+        write_atomically(&path, &[&bundle::checksum(&[&rest]).to_le_bytes()[..], &rest].concat())?;
         self.written.lock().unwrap_or_else(|e| e.into_inner()).insert(key.to_owned());
         Ok(())
     }
@@ -136,7 +140,8 @@ mod tests {
             left_out: vec!["black at 1 of 2 sets".to_owned()],
             seconds: 1.5,
         };
-        let payload = Payload { word: 0x1234_5678, bytes: b"payload".to_vec() };
+        let ndgi = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };
+        let payload = Payload { ndgi, resident: b"resident".to_vec(), ..Payload::default() };
         assert!(!part.wrote("k"));
         part.write("k", &payload, &stats).unwrap();
         assert!(part.wrote("k"));

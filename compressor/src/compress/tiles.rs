@@ -9,7 +9,8 @@ use crate::bundle::{self, Header, Payload};
 use crate::clock::Clock;
 use crate::grid::Place;
 use crate::lanes::Tier;
-use crate::model::{Contents, PROFILES};
+use crate::law::Law;
+use crate::model::{Contents, PROFILES, TileParams};
 use crate::tile::{self, Band};
 use crate::train::{self, Recipe, Trial};
 use crate::{Error, Result, of_bundle};
@@ -62,6 +63,8 @@ impl Tile {
 /// All that decides the tiles.
 pub(super) struct Tiles<'a> {
     pub dataset: &'a Dataset,
+    /// What of its light the maps hold.
+    pub law: &'a Law,
     /// Of every page.
     pub masks: &'a [Mask],
     pub options: &'a Options,
@@ -69,6 +72,8 @@ pub(super) struct Tiles<'a> {
     pub part: &'a Part,
     /// Digest of what of the dataset decides a tile.
     pub trained_on: String,
+    /// Bytes of what tiles see of the sun.
+    pub bytes_of_sun: u64,
     /// When training is to end.
     pub deadline: Option<Instant>,
 }
@@ -259,13 +264,13 @@ impl Tiles<'_> {
         Ok((stored > 0.0).then(|| tried / stored))
     }
 
-    /// What is left for payloads of so many bits per texel and set.
+    /// What is left for the features of all tiles of so many bits per texel and set.
     fn bytes(&self, bpp: f64) -> Result<Goal> {
         let none = vec![Payload::default(); self.header.tiles()];
         let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
         let texels: f64 = self.header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
         let bytes = bpp * texels * self.header.timeline.hours.len() as f64 / 8.0;
-        Ok(Goal::Bytes((bytes - header).max(0.0) as u64))
+        Ok(Goal::Bytes((bytes - header - self.bytes_of_sun as f64).max(0.0) as u64))
     }
 
     /// Does something with every tile that is not `finished`, in parallel; the results in the order of the bundle's index.
@@ -296,7 +301,9 @@ impl Tiles<'_> {
                     .par_iter()
                     .zip(missing)
                     .map(|(&row, missing)| {
-                        missing.then(|| Band::load(self.dataset, &self.masks[page], page, row)).transpose()
+                        missing
+                            .then(|| Band::load(self.dataset, self.law, &self.masks[page], page, row))
+                            .transpose()
                     })
                     .collect::<Result<Vec<Option<Band>>>>()?;
                 let tiles: Vec<Result<T>> = places
@@ -334,7 +341,7 @@ impl Tiles<'_> {
             let page = of_page[0].0;
             for rows in of_page.chunks(self.bands_at_once(page)) {
                 let load = |&(_, row): &(usize, usize)| {
-                    Ok((row, Band::load(self.dataset, &self.masks[page], page, row)?))
+                    Ok((row, Band::load(self.dataset, self.law, &self.masks[page], page, row)?))
                 };
                 let bands = rows.par_iter().map(load).collect::<Result<BTreeMap<usize, Band>>>()?;
                 let of_bands = places.par_iter().with_max_len(1).filter(|place| place.page == page);
@@ -364,19 +371,28 @@ impl Tiles<'_> {
         let Place { page, column, row } = place;
         let tier = format!("{:?}", Tier::detect());
         let program = json!([env!("CARGO_PKG_VERSION"), bundle::VERSION, tier]);
-        let all = json!([program, self.trained_on, page, column, row, self.recipe(place).seed, values]);
+        let all = json!([
+            program,
+            self.trained_on,
+            self.header.timeline.between,
+            page,
+            column,
+            row,
+            self.recipe(place).seed,
+            values
+        ]);
         blake3::hash(all.to_string().as_bytes()).to_hex()[..32].to_owned()
     }
 
     /// What decides a tile, and so names its file in the work folder.
     fn key(&self, place: Place, contents: Option<Contents>) -> String {
-        let Recipe { iterations, passes, paper, seed: _, aim } = self.recipe(place);
+        let Recipe { iterations, passes, aim, .. } = self.recipe(place);
         let limit = self.options.time_limit;
         let has = match (self.options.rate, contents) {
             (Rate::Profile(profile), _) => json!(profile.name),
             (_, contents) => json!(contents.and_then(|contents| contents.word())),
         };
-        self.name(place, &json!(["tile", has, iterations, passes, limit, paper, format!("{aim:?}")]))
+        self.name(place, &json!(["tile", has, iterations, passes, limit, format!("{aim:?}")]))
     }
 
     /// The same for its trials.
@@ -408,7 +424,11 @@ impl Tiles<'_> {
         let trained = trained.map_err(|error| of_tile(place, error))?;
         let faulty = |what| of_tile(place, Error::invalid("payload", format!("training failed: {what}")));
         let payload = match &trained.params {
-            Some(params) => bundle::encode_payload(params).map_err(faulty)?,
+            Some(params) => {
+                let timeline = &self.header.timeline;
+                let knots = self.law.knots(timeline, &params.knots, band.shares(place.column));
+                bundle::encode_payload(&TileParams { knots, ..params.clone() }).map_err(faulty)?
+            }
             None => Payload::default(),
         };
         let stats = TileStats {

@@ -4,8 +4,10 @@
 //! compared with light that goes linearly from set to set, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
 //! more places.
 
+use super::reference_law;
 use super::strips::{cut, decode, read, strips};
-use crate::decode::Decoder;
+use crate::decode::{Decoder, Lights};
+use crate::law::{Kept, Law, Rows};
 use crate::time::Moment;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
@@ -50,6 +52,13 @@ pub fn between(
         }
     }
     let moments = moments(dataset, withheld, decoder);
+    // Without another bake nothing is known of the sun between the sets but its visibility, which is judged apart.
+    let reference = reference_law(decoder);
+    let has_sun = decoder.bundle().header.sun.is_some();
+    let (law, lights) = match withheld {
+        Some(_) => (Law::of(reference.is_apart), Lights::All),
+        None => (Law::new(dataset)?, if has_sun { Lights::Baked } else { Lights::All }),
+    };
     let strips: Vec<_> = masks.iter().map(strips).collect();
     let total = moments.len() * strips.iter().map(Vec::len).sum::<usize>();
     let progress = console.progress("between sets", total as u64);
@@ -63,13 +72,13 @@ pub fn between(
         for rows in &strips[page] {
             let mask = cut(mask, rows);
             let rects = tiles(mask.width, mask.height, TILE);
-            let mut sets = Sets { dataset, page, rows: rows.clone(), recent: Vec::new() };
+            let mut sets = Sets { dataset, law: &law, page, rows: rows.clone(), recent: Vec::new() };
             for (&(hour, moment, index), [of_decoder, of_linear]) in moments.iter().zip(&mut pools) {
                 stop_if_interrupted()?;
-                let linear = sets.linear(&moment)?;
-                let decoded = decode(decoder, page, hour, rows)?;
+                let linear = sets.linear(hour, &moment)?;
+                let decoded = decode(decoder, lights, page, hour, rows)?;
                 let truth = match (withheld, index) {
-                    (Some(withheld), Some(index)) => Some(read(withheld, index, page, rows)?),
+                    (Some(withheld), Some(index)) => Some(read(withheld, &reference, index, page, rows)?),
                     _ => None,
                 };
                 for rect in &rects {
@@ -147,32 +156,31 @@ struct Sets<'a> {
     dataset: &'a Dataset,
     page: usize,
     rows: Range<usize>,
-    recent: Vec<(usize, Image)>,
+    recent: Vec<(usize, Rows)>,
+    law: &'a Law,
 }
 
 impl Sets<'_> {
     fn read(&mut self, set: usize) -> Result<()> {
         if self.recent.iter().all(|(k, _)| *k != set) {
             self.recent.truncate(1);
-            self.recent.insert(0, (set, read(self.dataset, set, self.page, &self.rows)?));
+            let range = [self.rows.start, self.rows.end];
+            let light = self.law.rows(self.dataset, [set, self.page], range, &mut Kept::new())?;
+            self.recent.insert(0, (set, light));
         }
         // The newest first.
         self.recent.sort_by_key(|(k, _)| *k != set);
         Ok(())
     }
 
-    /// Light linear between the sets around a moment.
-    fn linear(&mut self, moment: &Moment) -> Result<Image> {
+    /// Light as it goes between the sets around a moment.
+    fn linear(&mut self, hour: f64, moment: &Moment) -> Result<Image> {
         self.read(moment.a)?;
         self.read(moment.b)?;
         let [(_, b), (_, a)] = &self.recent[..] else { unreachable!("two sets that differ were read") };
-        let mix = |a: f32, b: f32| {
-            let share = moment.fraction;
-            ((1.0 - share) * f64::from(a) + share * f64::from(b)) as f32
-        };
-        let texels = a.texels.iter().zip(&b.texels);
-        let texels = texels.map(|(a, b)| std::array::from_fn(|c| mix(a[c], b[c]))).collect();
-        Ok(Image { width: a.width, height: a.height, texels })
+        let hours = [moment.a, moment.b].map(|set| self.dataset.config.frames[set].hour);
+        let width = self.dataset.config.pages[self.page].width as usize;
+        Ok(Image { width, height: self.rows.len(), texels: self.law.mixed(hours, hour, [a, b]) })
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::strips::{decode, read, strips, valid};
 use crate::Result;
-use crate::decode::Decoder;
-use crate::mean::mean;
+use crate::decode::{Decoder, Lights};
+use crate::law::Law;
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::Image;
 use dataset::metrics::StepError;
@@ -27,9 +27,10 @@ pub struct Step {
 pub struct Steps {
     /// Every set to the one after it; none where there is one set.
     pub each: Vec<Step>,
-    /// Mean error of the steps between sets under the same lamps.
+    /// Error of the steps between sets under the same lamps, all together ([`StepError::pooled`]): that of a bright hour counts for more
+    /// than that of a night.
     pub smooth: Option<f64>,
-    /// Mean error of the steps across a switch.
+    /// The same of the steps across a switch.
     pub switch: Option<f64>,
 }
 
@@ -44,14 +45,15 @@ impl Steps {
         };
         let each: Vec<Step> = errors.iter().enumerate().map(step).collect();
         let of = |switch: bool| {
-            mean(each.iter().filter(|step| step.switch == switch).filter_map(|step| step.error))
+            let steps = each.iter().zip(errors).filter(|(step, _)| step.switch == switch);
+            StepError::pooled(steps.map(|(_, error)| error))
         };
         Steps { smooth: of(false), switch: of(true), each }
     }
 }
 
 /// Judges a bundle's steps; the bundle is the dataset's.
-pub(super) fn steps(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Steps> {
+pub(super) fn steps(dataset: &Dataset, law: &Law, decoder: &Decoder, console: &Console) -> Result<Steps> {
     let sets = &dataset.config.frames;
     let n = sets.len();
     if n < 2 {
@@ -64,7 +66,10 @@ pub(super) fn steps(dataset: &Dataset, decoder: &Decoder, console: &Console) -> 
         for rows in strips(&mask) {
             let load = |k: usize| -> Result<[Image; 2]> {
                 stop_if_interrupted()?;
-                Ok([decode(decoder, page, sets[k].hour, &rows)?, read(dataset, k, page, &rows)?])
+                Ok([
+                    decode(decoder, Lights::All, page, sets[k].hour, &rows)?,
+                    read(dataset, law, k, page, &rows)?,
+                ])
             };
             let valid = valid(&mask, &rows);
             let mut before = load(0)?;
@@ -99,6 +104,8 @@ mod tests {
         let switches: Vec<bool> = steps.each.iter().map(|step| step.switch).collect();
         assert_eq!(switches, [false, true, true]);
         assert_eq!((steps.each[2].from, steps.each[2].to), (9.0, 1.0));
-        assert_eq!((steps.smooth, steps.switch), (Some(0.25), Some(0.75)));
+        // (0.5² + 1²) / 2 of the change squared.
+        assert!(steps.switch.is_some_and(|error| (error - 0.625f64.sqrt()).abs() < 1e-9));
+        assert!(steps.smooth.is_some_and(|error| (error - 0.25).abs() < 1e-9));
     }
 }

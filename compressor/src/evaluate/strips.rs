@@ -1,7 +1,8 @@
 //! Pages a strip of whole tiles at a time, the large ones of [`super::LARGE`] too, so that memory grows with their width, not with their height.
 
 use super::LARGE;
-use crate::decode::Decoder;
+use crate::decode::{Decoder, Lights};
+use crate::law::{Kept, Law};
 use crate::{Result, of_bundle};
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
@@ -30,16 +31,29 @@ pub(crate) fn cut(mask: &Mask, rows: &Range<usize>) -> Mask {
     Mask { width: mask.width, height: rows.len(), valid: valid(mask, rows).to_vec() }
 }
 
-/// Rows of a page of a set.
-pub(crate) fn read(dataset: &Dataset, set: usize, page: usize, rows: &Range<usize>) -> Result<Image> {
+/// Rows of a page of a set: what `law` has of its light.
+pub(crate) fn read(
+    dataset: &Dataset,
+    law: &Law,
+    set: usize,
+    page: usize,
+    rows: &Range<usize>,
+) -> Result<Image> {
     let width = dataset.config.pages[page].width as usize;
-    Ok(Image { width, height: rows.len(), texels: dataset.map_rows(set, page, rows.start, rows.end)? })
+    let (texels, _) = law.rows(dataset, [set, page], [rows.start, rows.end], &mut Kept::new())?;
+    Ok(Image { width, height: rows.len(), texels })
 }
 
 /// Rows of a page as a bundle has them at an hour.
-pub(crate) fn decode(decoder: &Decoder, page: usize, hour: f64, rows: &Range<usize>) -> Result<Image> {
+pub(crate) fn decode(
+    decoder: &Decoder,
+    lights: Lights,
+    page: usize,
+    hour: f64,
+    rows: &Range<usize>,
+) -> Result<Image> {
     let ndgi::decode::Image { width, height, texels } =
-        decoder.decode_rows(page, hour, rows.clone()).map_err(of_bundle)?;
+        decoder.decode_rows_of(lights, page, hour, rows.clone()).map_err(of_bundle)?;
     Ok(Image { width, height, texels })
 }
 

@@ -1,6 +1,6 @@
 //! An evaluation as table, CSV and JSON.
 
-use super::{Between, Evaluation, Quality, Sample};
+use super::{Between, Evaluation, Quality, Sample, VISIBLE_LUX};
 use crate::Result;
 use dataset::files::write_atomically;
 use serde_json::{Value, json};
@@ -81,10 +81,30 @@ impl Evaluation {
     /// What the table leaves out, in sentences.
     pub fn remarks(&self) -> Vec<String> {
         let q = &self.all;
+        let [of_valid, of_distinct] = self.bits_of_valid;
         let mut remarks = vec![format!(
-            "{:.3} bits per texel and set ({} bytes), {} (tile, set) pairs judged",
-            self.bpp, self.bytes, q.samples
+            "{:.3} bits per texel and set; {of_valid:.3} per valid texel and set, {of_distinct:.3} where equal sets count once; {} bytes, {:.0} a \
+             tile; {} (tile, set) pairs judged",
+            self.bpp,
+            self.bytes,
+            self.bytes as f64 / self.tiles.max(1) as f64,
+            q.samples
         )];
+        let figures = |q: &Quality| {
+            let [mean, pooled, worst] =
+                [q.psnr_db, q.psnr_pooled_db, q.psnr_worst_percent_db].map(|db| cell(db, 2));
+            format!("mean {mean} dB, pooled {pooled} dB, worst 1 % {worst} dB")
+        };
+        if let Some(sunny) = &self.sunny {
+            remarks.push(format!("over the sets that the sun lights directly: {}", figures(sunny)));
+        }
+        if let Some(baked) = &self.without_sun {
+            let bits = self.bytes_of_sun as f64 / self.bytes as f64 * of_valid;
+            remarks.push(format!(
+                "without the sun's direct light, which is a stream of {bits:.3} of these bits: {}",
+                figures(baked)
+            ));
+        }
         if q.black > 0 {
             remarks.push(format!(
                 "{} (tile, set) pairs are black and not judged; largest error there {}",
@@ -128,7 +148,8 @@ impl Evaluation {
             .collect();
         if dark.contains(&true) {
             remarks.push(format!(
-                "in the darkest quarter of {} of {} sets the error is larger than the light, which PSNR does not see ({} h)",
+                "in the darkest quarter of {} of {} sets the error is larger than the light, which PSNR does not see ({} h; sets below {VISIBLE_LUX} lux \
+                 in the mean are not looked at)",
                 dark.iter().filter(|dark| **dark).count(),
                 self.by_hour.len(),
                 ranges(&hours, &dark)
@@ -162,7 +183,7 @@ impl Evaluation {
                 error.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error))
             };
             remarks.push(format!(
-                "from set to set the change of light is wrong by {} of itself in the mean, across switches of lamps by {}",
+                "from set to set the change of light is wrong by {} of itself, each change counting as it is large; across switches of lamps by {}",
                 percent(self.steps.smooth),
                 percent(self.steps.switch)
             ));
@@ -257,6 +278,13 @@ impl Evaluation {
             "pairs_black": q.black,
             "bpp": self.bpp,
             "bytes": self.bytes,
+            "bits_per_valid_texel": self.bits_of_valid[0],
+            "bits_per_valid_texel_distinct": self.bits_of_valid[1],
+            "bytes_of_sun": self.bytes_of_sun,
+            "psnr_sunny_db": self.sunny.and_then(|q| q.psnr_db),
+            "psnr_pooled_sunny_db": self.sunny.and_then(|q| q.psnr_pooled_db),
+            "psnr_without_sun_db": self.without_sun.and_then(|q| q.psnr_db),
+            "psnr_pooled_without_sun_db": self.without_sun.and_then(|q| q.psnr_pooled_db),
             "seam_ratio": self.seam_ratio,
             "between_median_db": self.between.map(|between| between.median_db),
             "between_worst_db": self.between.map(|between| between.worst.0),

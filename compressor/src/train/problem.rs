@@ -4,7 +4,7 @@ use super::Coded;
 use super::features::in_blocks;
 use super::light::{LEAST_MEAN_OF_PEAK, Light};
 use crate::lanes::Quad;
-use crate::model::{BORDER, STORED, Shape};
+use crate::model::{BORDER, Knot, STORED, Shape};
 use crate::tile::{Coverage, TileSource};
 use crate::time::{self, Axis, Coding};
 
@@ -144,7 +144,7 @@ pub struct Problem {
     /// Per moment and texel: (E/mean)^(1/p) of three channels, and its loss weight when an epoch visits it.
     pub targets: Vec<Quad>,
     /// Means of all sets, zero where black.
-    pub means: Vec<[f32; 3]>,
+    pub knots: Vec<Knot>,
     /// The time axis.
     pub axis: Axis,
     /// Light groups that are gates.
@@ -212,7 +212,12 @@ impl Problem {
             valid,
             edges,
             targets,
-            means: light.means.clone(),
+            knots: light
+                .means
+                .iter()
+                .zip(&light.peaks)
+                .map(|(&mean, &peak)| Knot { mean, peak, share: 0.0 })
+                .collect(),
             axis: light.axis.clone(),
             gates: if shape.contents.gates > 0 { light.gates.clone() } else { Vec::new() },
             shape,

@@ -144,7 +144,7 @@ impl<const H: usize> Trainer<H> {
             f_ut: plane(&self.layout.ut),
             f_vt: plane(&self.layout.vt),
             mlp: self.params[self.layout.mlp.clone()].iter().map(|v| half::f16::from_f32(*v)).collect(),
-            means: self.problem.means.clone(),
+            knots: self.problem.knots.clone(),
             axis: self.problem.axis.clone(),
             gates: self.problem.gates.clone(),
         }

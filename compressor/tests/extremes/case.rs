@@ -130,7 +130,7 @@ impl<'a> Case<'a> {
         let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
         for place in decoder.bundle().header.places() {
             if let Some(tile) = decoder.tile(place).unwrap() {
-                assert!(tile.means.as_flattened().iter().all(|m| m.is_finite() && *m >= 0.0));
+                assert!(tile.knots.iter().flat_map(|knot| knot.mean).all(|m| m.is_finite() && m >= 0.0));
                 assert!(tile.mlp.iter().all(|w| w.is_finite()));
             }
         }

@@ -29,6 +29,15 @@ impl StepError {
         }
     }
 
+    /// Of several steps together: RMS error of the change ÷ its RMS, so that each counts as its light changes. `None` where none of them
+    /// changes.
+    pub fn pooled<'a>(steps: impl Iterator<Item = &'a StepError>) -> Option<f64> {
+        let of = steps.filter(|step| step.relative().is_some());
+        let (error, change) =
+            of.fold((0.0, 0.0), |(e, c), step| (e + step.squared_error, c + step.squared_change));
+        (change > 0.0).then(|| (error / change).sqrt())
+    }
+
     /// RMS error of the change ÷ its RMS, which is also that of the rate of change, the hours between being the same; `None` for a
     /// change below [`RELATIVE_FLOOR`] of the mean light, which is held to be none.
     pub fn relative(&self) -> Option<f64> {

@@ -2,13 +2,12 @@
 
 use crate::{Error, Result};
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
-const VERSION: u32 = 3;
-/// Where the scene's name begins, and after it what wrote the bundle and how.
-const TEXTS: usize = 56;
+/// The versions that are known, and where the scene's name begins in each, and after it what wrote the bundle and how.
+const TEXTS: [(u32, usize); 2] = [(3, 56), (4, 80)];
 /// Longest text that is read.
 const MOST_TEXT: u64 = 1 << 20;
 
@@ -16,22 +15,23 @@ const MOST_TEXT: u64 = 1 << 20;
 pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
     let torn = |error| Error::invalid(bundle.display(), format!("not a whole bundle: {error}"));
     let mut file = File::open(bundle).map_err(Error::io(bundle))?;
-    let mut start = [0; TEXTS];
+    let mut start = [0; 24];
     file.read_exact(&mut start).map_err(torn)?;
     if start[..8] != MAGIC {
         return Err(Error::invalid(bundle.display(), "not a bundle: it does not begin as one"));
     }
     let version = u32::from_le_bytes([start[8], start[9], start[10], start[11]]);
-    if version != VERSION {
-        let what = format!("a bundle of version {version}; expected {VERSION}");
+    let Some((_, texts)) = TEXTS.iter().find(|(known, _)| *known == version) else {
+        let what = format!("a bundle of version {version}; expected {} or {}", TEXTS[0].0, TEXTS[1].0);
         return Err(Error::unsupported(bundle.display(), what));
-    }
+    };
     let told = u64::from_le_bytes(std::array::from_fn(|i| start[16 + i]));
     let length = file.metadata().map_err(Error::io(bundle))?.len();
     if told != length {
         let what = format!("not a whole bundle: {length} bytes; expected {told}");
         return Err(Error::invalid(bundle.display(), what));
     }
+    file.seek(SeekFrom::Start(*texts as u64)).map_err(torn)?;
     text(&mut file).map_err(torn)?;
     let info = text(&mut file).map_err(torn)?;
     let info: serde_json::Value = serde_json::from_slice(&info).unwrap_or_default();

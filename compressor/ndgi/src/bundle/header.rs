@@ -1,50 +1,82 @@
 //! The header's bytes and the index that ends it.
 
-use super::{ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, Payload, VERSION, checksum};
+use super::{
+    ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, OLDEST, PageKind, Part, Payload, Section,
+    VERSION, checksum, resident,
+};
 use crate::grid::Grid;
 use crate::model::{BORDER, STORED};
+use crate::sun::{Sun, SunPath, Tables};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 
-/// Bytes of one line of the index.
-const ENTRY: usize = 24;
+/// Bytes of one line of the index of version 3, and of a tile's and of a section's part of one.
+const ENTRY3: usize = 24;
+const ENTRY: usize = 8;
+const SECTION: usize = 16;
+/// The streams that this crate knows: features and decoder, the sun.
+const NDGI: u32 = 0;
+const SUN: u32 = 1;
+/// The flag of a stream without which a bundle must not be decoded.
+const REQUIRED: u32 = 1;
 
-/// The header with its index, padded; payloads follow it directly, in order.
+/// The header with its index, padded, and the resident block; payloads follow it directly, in order.
 pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     check(header).map_err(|what| Error::invalid("bundle header", what))?;
     let mut out = vec![0; FIXED];
     let u32_ = |out: &mut Vec<u8>, n: usize| out.extend((n as u32).to_le_bytes());
-    for n in [STORED, BORDER, coding_number(header.timeline.coding)] {
+    let time = &header.timeline;
+    let resident: Vec<u8> = payloads.iter().flat_map(|payload| payload.resident.iter().copied()).collect();
+    let streams: &[[u32; 3]] = match header.sun {
+        None => &[[NDGI, 0, REQUIRED]],
+        Some(_) => &[[NDGI, 0, REQUIRED], [SUN, 0, 0]],
+    };
+    let (path, visible) = header.sun.as_ref().map_or((0, 0), |sun| (sun.path.hours.len(), sun.times.len()));
+    for n in [STORED, BORDER, time.hours.len(), time.between.len(), header.pages.len(), header.groups.len()] {
         u32_(&mut out, n);
     }
-    for n in [header.timeline.hours.len(), header.pages.len(), header.groups.len()] {
+    for n in [streams.len(), path, visible, 0] {
         u32_(&mut out, n);
     }
+    out.extend(checksum(&[&resident]).to_le_bytes());
     for text in [&header.scene, &header.info] {
         u32_(&mut out, text.len());
         out.extend(text.as_bytes());
     }
-    for page in &header.pages {
+    for (page, kind) in header.pages.iter().zip(&header.kinds) {
+        u32_(&mut out, *kind as usize);
         u32_(&mut out, page.width);
         u32_(&mut out, page.height);
     }
-    out.extend(header.timeline.hours.iter().flat_map(|hour| hour.to_le_bytes()));
-    for (group, (name, on)) in header.groups.iter().zip(&header.timeline.intervals).enumerate() {
+    out.extend(time.hours.iter().chain(&time.between).flat_map(|hour| hour.to_le_bytes()));
+    for (group, (name, on)) in header.groups.iter().zip(&time.intervals).enumerate() {
         u32_(&mut out, name.len());
         out.extend(name.as_bytes());
         u32_(&mut out, on.len());
         out.extend(on.iter().flatten().flat_map(|hour| hour.to_le_bytes()));
-        out.extend(header.timeline.states.iter().map(|state| u8::from(state[group])));
+        out.extend(time.states.iter().map(|state| u8::from(state[group])));
     }
-    // The index, each payload right after the one before.
-    let length = (out.len() + ENTRY * payloads.len()).next_multiple_of(ALIGN);
-    let mut offset = length as u64;
+    out.extend(streams.iter().flatten().flat_map(|n| n.to_le_bytes()));
+    if let Some(Sun { path, times, tables }) = &header.sun {
+        out.extend(path.hours.iter().chain(times).flat_map(|hour| hour.to_le_bytes()));
+        let vectors = path.direction.iter().chain(&path.irradiance);
+        out.extend(vectors.flatten().flat_map(|value| value.to_le_bytes()));
+        let tables = tables.encode();
+        u32_(&mut out, tables.len());
+        out.extend(tables);
+    }
+    // The index, each section right after the one before.
+    let lines = (ENTRY + SECTION * streams.len()) * payloads.len();
+    let length = (out.len() + lines).next_multiple_of(ALIGN);
+    let mut offset = (length + resident.len().next_multiple_of(ALIGN)) as u64;
     for payload in payloads {
         out.extend(offset.to_le_bytes());
-        u32_(&mut out, payload.bytes.len());
-        out.extend(payload.word.to_le_bytes());
-        out.extend(if payload.bytes.is_empty() { 0 } else { checksum(&[&payload.bytes]) }.to_le_bytes());
-        offset += payload.bytes.len() as u64;
+        for Section { word, bytes } in [&payload.ndgi, &payload.sun].into_iter().take(streams.len()) {
+            u32_(&mut out, bytes.len());
+            out.extend(word.to_le_bytes());
+            out.extend(if bytes.is_empty() { 0 } else { checksum(&[bytes]) }.to_le_bytes());
+            offset += bytes.len() as u64;
+        }
     }
     out.resize(length, 0);
     if length as u64 > MAX_HEADER {
@@ -60,6 +92,8 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     out[16..24].copy_from_slice(&offset.to_le_bytes());
     let sum = checksum(&[&out[..24], &out[FIXED..]]);
     out[24..32].copy_from_slice(&sum.to_le_bytes());
+    out.extend(resident);
+    out.resize(out.len().next_multiple_of(ALIGN), 0);
     Ok(out)
 }
 
@@ -70,8 +104,8 @@ pub(super) fn check_start(start: &[u8], file_bytes: u64, name: &str) -> Result<u
         return Err(Error::invalid(name, "does not begin with the magic bytes of an NDGI bundle"));
     }
     let version = cursor.u32("version")?;
-    if version != VERSION {
-        let what = format!("bundle version {version}; this program reads version {VERSION}");
+    if !(OLDEST..=VERSION).contains(&version) {
+        let what = format!("bundle version {version}; this program reads versions {OLDEST} to {VERSION}");
         return Err(Error::unsupported(name, what));
     }
     let length = u64::from(cursor.u32("header length")?);
@@ -85,10 +119,20 @@ pub(super) fn check_start(start: &[u8], file_bytes: u64, name: &str) -> Result<u
     Ok(length as usize)
 }
 
+/// A header as it was read.
+pub(super) struct Read {
+    pub header: Header,
+    pub index: Vec<Entry>,
+    /// The resident block's place and checksum; `None` before version 4.
+    pub resident: Option<Part>,
+}
+
 /// Parses a whole header. `bytes` passed [`check_start`] and are as long as it says.
-pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<(Header, Vec<Entry>)> {
+pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> {
     let wrong = |what: String| Error::invalid(name, what);
-    let mut cursor = Cursor { bytes, at: 24, name };
+    let mut cursor = Cursor { bytes, at: 8, name };
+    let is_old = cursor.u32("version")? < 4;
+    cursor.at = 24;
     let expected = u64::from_le_bytes(cursor.array("checksum")?);
     let found = checksum(&[&bytes[..24], &bytes[FIXED..]]);
     if found != expected {
@@ -101,27 +145,42 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<(Heade
         );
         return Err(Error::unsupported(name, what));
     }
-    let coding = match cursor.u32("coding")? {
+    let coding = match if is_old { cursor.u32("coding")? } else { 0 } {
         0 => Coding::Standard,
         1 => Coding::Paper,
         other => return Err(Error::unsupported(name, format!("coding {other}; this program reads 0 and 1"))),
     };
     let sets = cursor.count("sets", 8)?;
+    let between = if is_old { 0 } else { cursor.count("hours between sets", 8)? };
     let pages = cursor.count("pages", 8)?;
     let groups = cursor.count("groups", 8)?;
+    let (mut streams, mut path, mut visible, mut sum) = (1, 0, 0, 0);
+    if !is_old {
+        streams = cursor.count("streams", 12)?;
+        path = cursor.count("times of the sun's path", 32)?;
+        visible = cursor.count("times of visibility", 8)?;
+        if cursor.u32("zero")? != 0 {
+            return Err(wrong(format!("byte {}: expected 0", cursor.at - 4)));
+        }
+        sum = u64::from_le_bytes(cursor.array("checksum of the resident block")?);
+    }
     let (scene, info) = (cursor.text("scene")?, cursor.text("info")?);
     cursor.has(pages, 8, "pages")?;
-    let mut grids = Vec::with_capacity(pages);
+    let (mut grids, mut kinds) = (Vec::with_capacity(pages), Vec::with_capacity(pages));
     for _ in 0..pages {
+        let kind = if is_old { 0 } else { cursor.u32("kind of a page")? };
+        kinds.push(match kind {
+            0 => PageKind::Atlas,
+            1 => PageKind::Probes,
+            other => return Err(Error::unsupported(name, format!("a page of kind {other}"))),
+        });
         let (width, height) = (cursor.u32("page width")? as usize, cursor.u32("page height")? as usize);
         grids.push(Grid { width, height });
     }
-    let hours = cursor.doubles(sets, "hours")?;
-    let mut timeline = Timeline { hours, intervals: Vec::new(), states: Vec::new(), coding };
-    // Each group takes at least a byte per set, so the table of states is no longer than the header.
-    cursor.has(groups, 8 + sets, "groups")?;
-    timeline.states = vec![Vec::with_capacity(groups); sets];
-    let mut names = Vec::with_capacity(groups);
+    let (hours, between) = (cursor.doubles(sets, "hours")?, cursor.doubles(between, "hours between sets")?);
+    let mut timeline = Timeline { hours, between, intervals: Vec::new(), states: Vec::new(), coding };
+    timeline.states.resize(sets, Vec::new());
+    let mut names = Vec::new();
     for _ in 0..groups {
         names.push(cursor.text("group name")?);
         let intervals = cursor.u32("intervals")? as usize;
@@ -136,21 +195,101 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<(Heade
             }
         }
     }
-    let header = Header { scene, info, pages: grids, groups: names, timeline };
+    let mut kinds_of_streams = vec![NDGI];
+    if !is_old {
+        kinds_of_streams = cursor.streams(streams)?;
+    }
+    let mut sun = None;
+    if path > 0 || visible > 0 {
+        let (hours, times) = (cursor.doubles(path, "sun's path")?, cursor.doubles(visible, "visibility")?);
+        let (direction, irradiance) =
+            (cursor.vectors(path, "direction")?, cursor.vectors(path, "irradiance")?);
+        let count = cursor.count("bytes of tables", 1)?;
+        let tables = Tables::decode(cursor.take(count, "tables")?).map_err(wrong)?;
+        sun = Some(Sun { path: SunPath { hours, direction, irradiance }, times, tables });
+    }
+    if sun.is_some() != kinds_of_streams.contains(&SUN) {
+        return Err(wrong("a stream of the sun without its path, or a path without a stream".to_owned()));
+    }
+    let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun };
     check(&header).map_err(wrong)?;
-    let index = decode_index(&mut cursor, &header, file_bytes)?;
+    let (index, resident) = match is_old {
+        true => (decode_index3(&mut cursor, &header, file_bytes)?, None),
+        false => decode_index(&mut cursor, &header, &kinds_of_streams, sum, file_bytes)
+            .map(|(index, resident)| (index, Some(resident)))?,
+    };
     if cursor.bytes.len() - cursor.at >= ALIGN || cursor.bytes[cursor.at..].iter().any(|&byte| byte != 0) {
         return Err(wrong(format!(
             "byte {}: only zeros up to the next multiple of {ALIGN} may follow the index",
             cursor.at
         )));
     }
-    Ok((header, index))
+    Ok(Read { header, index, resident })
 }
 
-/// The index: payloads lie one after another, each empty or of a length that its tile's contents can have, and end with the file.
-fn decode_index(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result<Vec<Entry>> {
-    cursor.has(header.tiles(), ENTRY, "tiles")?;
+/// The index: payloads lie one after another behind the resident block, each a section per stream, and end with the file.
+fn decode_index(
+    cursor: &mut Cursor,
+    header: &Header,
+    streams: &[u32],
+    checksum: u64,
+    file_bytes: u64,
+) -> Result<(Vec<Entry>, Part)> {
+    let line = ENTRY + SECTION * streams.len();
+    cursor.has(header.tiles(), line, "tiles")?;
+    // How long the resident block is, the features of the tiles tell.
+    let ndgi = streams.iter().position(|&stream| stream == NDGI).unwrap_or_default();
+    let lengths = cursor.bytes[cursor.at..].chunks_exact(line).take(header.tiles());
+    let lit = lengths.filter(|line| line[ENTRY + SECTION * ndgi..][..4] != [0; 4]).count();
+    let length = lit * resident::len(header.knots());
+    let resident = Part {
+        offset: cursor.bytes.len() as u64,
+        length: u32::try_from(length)
+            .map_err(|_| Error::invalid(cursor.name, "a resident block past 4 GiB"))?,
+        word: 0,
+        checksum,
+    };
+    let mut index = Vec::with_capacity(header.tiles());
+    let mut end = (cursor.bytes.len() + length.next_multiple_of(ALIGN)) as u64;
+    for place in header.places() {
+        let (at, name) = (cursor.at, cursor.name);
+        let wrong =
+            |what: String| Error::invalid(name, format!("byte {at}, index line of {place:?}: {what}"));
+        let offset = u64::from_le_bytes(cursor.array("offset")?);
+        if offset != end {
+            return Err(wrong(format!("offset {offset}; expected {end}")));
+        }
+        let mut entry = Entry::default();
+        for &stream in streams {
+            let (length, word) = (cursor.u32("length")?, cursor.u32("word")?);
+            let part =
+                Part { offset: end, length, word, checksum: u64::from_le_bytes(cursor.array("checksum")?) };
+            if length == 0 && part.checksum != 0 || !length.is_multiple_of(ALIGN as u32) {
+                return Err(wrong(format!(
+                    "length {length}: expected a multiple of {ALIGN}, 0 without a checksum"
+                )));
+            }
+            match stream {
+                NDGI => {
+                    header.contents(place, word, length as usize, false).map_err(wrong)?;
+                    entry.ndgi = part;
+                }
+                SUN => entry.sun = part,
+                _ => {}
+            }
+            end += u64::from(length);
+        }
+        index.push(entry);
+    }
+    if end != file_bytes {
+        return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));
+    }
+    Ok((index, resident))
+}
+
+/// The index of version 3: payloads lie one after another, each empty or of a length that its tile's contents can have, and end with the file.
+fn decode_index3(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result<Vec<Entry>> {
+    cursor.has(header.tiles(), ENTRY3, "tiles")?;
     let mut index = Vec::with_capacity(header.tiles());
     let mut end = cursor.bytes.len() as u64;
     for place in header.places() {
@@ -166,22 +305,14 @@ fn decode_index(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result
         if length == 0 && sum != 0 {
             return Err(wrong("a checksum of a tile of length 0".to_owned()));
         }
-        header.contents(place, word, length as usize).map_err(wrong)?;
+        header.contents(place, word, length as usize, true).map_err(wrong)?;
         end += u64::from(length);
-        index.push(Entry { offset, length, word, checksum: sum });
+        index.push(Entry { ndgi: Part { offset, length, word, checksum: sum }, sun: Part::default() });
     }
     if end != file_bytes {
         return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));
     }
     Ok(index)
-}
-
-/// The number FORMAT.md gives a coding.
-fn coding_number(coding: Coding) -> usize {
-    match coding {
-        Coding::Standard => 0,
-        Coding::Paper => 1,
-    }
 }
 
 /// The rules on values, the same for writing and reading.
@@ -208,10 +339,19 @@ fn check(header: &Header) -> Result<(), String> {
     if time.intervals.iter().flatten().flatten().any(|hour| !(0.0..=24.0).contains(hour)) {
         return Err("an on-interval outside [0, 24]".to_owned());
     }
+    if header.kinds.len() != header.pages.len() {
+        return Err("pages and kinds that differ in number".to_owned());
+    }
+    if let Some(sun) = &header.sun {
+        sun.check()?;
+    }
     let shaped = time.intervals.len() == header.groups.len()
         && time.states.len() == time.hours.len()
         && time.states.iter().all(|state| state.len() == header.groups.len());
-    if shaped { Ok(()) } else { Err("groups, intervals and states that differ in number".to_owned()) }
+    if !shaped {
+        return Err("groups, intervals and states that differ in number".to_owned());
+    }
+    time.check_between()
 }
 
 /// Reads little-endian fields one after another.
@@ -262,6 +402,38 @@ impl<'a> Cursor<'a> {
         let bytes = self.take(n, what)?.to_vec();
         String::from_utf8(bytes)
             .map_err(|_| Error::invalid(self.name, format!("byte {at}: {what} is not UTF-8")))
+    }
+
+    /// The kinds of the streams, each of which is there once, features among them; unknown ones must not be required.
+    fn streams(&mut self, n: usize) -> Result<Vec<u32>> {
+        let mut kinds = Vec::new();
+        self.has(n, 12, "streams")?;
+        let mut seen = std::collections::BTreeSet::new();
+        for _ in 0..n {
+            let [kind, light, flags] = [self.u32("stream")?, self.u32("light")?, self.u32("flags")?];
+            let is_known = kind == NDGI || kind == SUN;
+            if !is_known && flags & REQUIRED != 0 {
+                let what = format!("a stream of kind {kind}, which this program does not know and must");
+                return Err(Error::unsupported(self.name, what));
+            }
+            let is_wrong = is_known && (light != 0 || flags != if kind == NDGI { REQUIRED } else { 0 });
+            if !seen.insert((kind, light)) || is_wrong {
+                let what =
+                    format!("byte {}: a stream of kind {kind}, light {light}, flags {flags}", self.at - 12);
+                return Err(Error::invalid(self.name, what));
+            }
+            kinds.push(kind);
+        }
+        match kinds.contains(&NDGI) {
+            true => Ok(kinds),
+            false => Err(Error::invalid(self.name, "no stream of features")),
+        }
+    }
+
+    fn vectors(&mut self, n: usize, what: &str) -> Result<Vec<[f32; 3]>> {
+        self.has(n, 12, what)?;
+        let mut number = || self.array(what).map(f32::from_le_bytes);
+        (0..n).map(|_| Ok([number()?, number()?, number()?])).collect()
     }
 
     fn doubles(&mut self, n: usize, what: &str) -> Result<Vec<f64>> {

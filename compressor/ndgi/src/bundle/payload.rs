@@ -1,18 +1,36 @@
-//! One tile's bytes: BC7 blocks, means, time axis, gates, 8-bit planes, decoder weights.
+//! The section of a tile's features: BC7 blocks, time axis, gates, 8-bit planes, decoder weights.
 
-use super::ALIGN;
+use super::{ALIGN, resident};
 use crate::bc7;
-use crate::model::{Contents, Shape, TileParams};
+use crate::model::{Contents, Knot, Shape, TileParams};
 use crate::time::Axis;
 use half::f16;
 
-/// A tile as the file holds it: the word of its index line, and its bytes.
+/// A part of a tile as the file holds it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Section {
+    /// What its stream says of it in the index; of NDGI, [`Contents::word`], and which maps leave out grey blocks.
+    pub word: u32,
+    /// The bytes, a multiple of 16; none where there is nothing to say.
+    pub bytes: Vec<u8>,
+}
+
+/// A tile as the file holds it. The default is one that is black at all times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Payload {
-    /// [`Contents::word`], and which maps leave out grey blocks.
-    pub word: u32,
-    /// The bytes, a multiple of 16; none for a black tile.
-    pub bytes: Vec<u8>,
+    /// Its features and decoder.
+    pub ndgi: Section,
+    /// The sun's visibility and the normals.
+    pub sun: Section,
+    /// Its line of the resident block; none without features.
+    pub resident: Vec<u8>,
+}
+
+impl Payload {
+    /// All its bytes.
+    pub fn bytes(&self) -> usize {
+        self.ndgi.bytes.len() + self.sun.bytes.len() + self.resident.len()
+    }
 }
 
 /// The block that a map may leave out: [`bc7::GREY`].
@@ -37,13 +55,15 @@ fn field_len(blocks: usize) -> usize {
 fn rest_len(shape: &Shape) -> usize {
     let [_, _, ut, vt] = shape.counts();
     let axis = if shape.axis { 2 + 2 * shape.sets } else { 0 };
-    12 * shape.sets + axis + 2 * shape.contents.gates + 2 * (ut + vt) + 2 * shape.mlp_len()
+    axis + 2 * shape.contents.gates + 2 * (ut + vt) + 2 * shape.mlp_len()
 }
 
-/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps.
-pub(super) fn len_bounds(shape: &Shape, word: u32) -> [usize; 2] {
+/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps; those of version 3 have the
+/// means of the sets among them.
+pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2] {
     let [uv, uvt, ..] = shape.counts();
-    let (mut least, mut largest) = (rest_len(shape), rest_len(shape));
+    let means = if has_means { 12 * shape.sets } else { 0 };
+    let (mut least, mut largest) = (rest_len(shape) + means, rest_len(shape) + means);
     for (map, blocks) in [uv, uvt].into_iter().enumerate() {
         if word & sparse(map) == 0 {
             least += 16 * blocks;
@@ -56,12 +76,12 @@ pub(super) fn len_bounds(shape: &Shape, word: u32) -> [usize; 2] {
     [least, largest].map(|length| length.next_multiple_of(ALIGN))
 }
 
-/// Length of a payload in bytes of which no block is left out, a multiple of 16.
+/// Length of a section in bytes of which no block is left out, a multiple of 16.
 pub fn full_len(shape: &Shape) -> usize {
-    len_bounds(shape, 0)[1]
+    len_bounds(shape, 0, false)[1]
 }
 
-/// Length of a payload in bytes with so many blocks of F_uv and F_uvt that are not grey.
+/// Length of a section in bytes with so many blocks of F_uv and F_uvt that are not grey.
 pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
     let [uv, uvt, ..] = shape.counts();
     let map = |(all, there): (usize, usize)| match pays(all, there) {
@@ -72,10 +92,10 @@ pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
     (maps + rest_len(shape)).next_multiple_of(ALIGN)
 }
 
-/// A tile as bytes. Grey blocks are left out where that pays.
+/// A tile without a sun as bytes. Grey blocks are left out where that pays.
 ///
 /// # Errors
-/// What is wrong with the parameters: lengths that differ from the shape's, or values that [`decode_payload`] would refuse.
+/// What is wrong with the parameters: lengths that differ from the shape's, or values that [`decode_section`] would refuse.
 pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     let shape = &tile.shape;
     tile.check_lengths()?;
@@ -96,23 +116,30 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
         bytes.extend(field);
         bytes.extend(blocks.iter().filter(there).flatten());
     }
-    bytes.extend(tile.means.iter().flatten().flat_map(|mean| mean.to_le_bytes()));
     let length = shape.axis.then_some(&tile.axis.length);
     let shorts = length.into_iter().chain(&tile.axis.places).chain(&tile.gates);
     bytes.extend(shorts.flat_map(|number| number.to_le_bytes()));
     bytes.extend(tile.f_ut.iter().chain(&tile.f_vt).flatten());
     bytes.extend(tile.mlp.iter().flat_map(|weight| weight.to_le_bytes()));
     bytes.resize(bytes.len().next_multiple_of(ALIGN), 0);
-    Ok(Payload { word, bytes })
+    let resident = resident::encode(&tile.knots)?;
+    Ok(Payload { ndgi: Section { word, bytes }, sun: Section::default(), resident })
 }
 
-/// A tile from its bytes, the word of its index line, the shape that its contents give, and the number of light groups.
+/// A tile from its section of features, the word of its index line, the shape that its contents give, the number of light groups, and
+/// how bright it is at the knots; `None` where its bytes are of version 3, which tell of the sets' means.
 ///
 /// # Errors
 /// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are there or not as the word does
 /// not say, a time axis that steps back, gates that do not ascend or are no groups, a weight or mean that is not finite, a negative mean,
 /// padding that is not zero.
-pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> Result<TileParams, String> {
+pub(super) fn decode_section(
+    bytes: &[u8],
+    word: u32,
+    shape: Shape,
+    groups: usize,
+    knots: Option<Vec<Knot>>,
+) -> Result<TileParams, String> {
     let mut rest = bytes;
     let mut take = |n: usize, what: &str| {
         let parts = rest.split_at_checked(n);
@@ -150,9 +177,14 @@ pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> R
         }
     }
     let [f_uv, f_uvt] = maps;
-    let numbers = take(12 * shape.sets, "means")?.as_chunks::<4>().0;
-    let means: Vec<f32> = numbers.iter().map(|&b| f32::from_le_bytes(b)).collect();
-    let means = means.as_chunks::<3>().0.to_vec();
+    let knots = match knots {
+        Some(knots) => knots,
+        None => {
+            let means = take(12 * shape.sets, "means")?.as_chunks::<12>().0;
+            let mean = |of: &[u8; 12], c: usize| f32::from_le_bytes(std::array::from_fn(|i| of[4 * c + i]));
+            means.iter().map(|of| Knot { mean: [0, 1, 2].map(|c| mean(of, c)), ..Knot::default() }).collect()
+        }
+    };
     let shorts = |part: &[u8]| -> Vec<u16> {
         part.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)).collect()
     };
@@ -169,7 +201,7 @@ pub fn decode_payload(bytes: &[u8], word: u32, shape: Shape, groups: usize) -> R
     if rest.len() >= ALIGN || rest.iter().any(|&byte| byte != 0) {
         return Err(format!("only zeros up to the next multiple of {ALIGN} may follow the decoder"));
     }
-    let tile = TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, means, axis, gates };
+    let tile = TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, knots, axis, gates };
     check(&tile)?;
     if let Some(group) = tile.gates.iter().find(|&&group| usize::from(group) >= groups) {
         return Err(format!("a gate of light group {group}; there are {groups}"));
@@ -187,9 +219,9 @@ fn check(tile: &TileParams) -> Result<(), String> {
     if let Some((i, w)) = tile.mlp.iter().enumerate().find(|(_, w)| !w.is_finite()) {
         return Err(format!("decoder weight {i} is {w}; expected a finite number"));
     }
-    for (set, mean) in tile.means.iter().enumerate() {
-        if let Some(m) = mean.iter().find(|m| !(m.is_finite() && **m >= 0.0)) {
-            return Err(format!("mean of set {set} is {m}; expected a finite number ≥ 0"));
+    for (i, knot) in tile.knots.iter().enumerate() {
+        if let Some(m) = knot.mean.iter().find(|m| !(m.is_finite() && **m >= 0.0)) {
+            return Err(format!("mean {i} is {m}; expected a finite number ≥ 0"));
         }
     }
     tile.axis.check()?;

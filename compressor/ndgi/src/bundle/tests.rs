@@ -40,7 +40,11 @@ fn bytes_parse_to_the_same_values_and_the_same_bytes() {
     for (i, place) in header.places().enumerate() {
         assert_eq!(header.position(place), Some(i));
         assert_eq!(bundle.tile(place).unwrap(), testing::tile_of(&header, i, place));
-        assert_eq!(bundle.index[i].word, payloads[i].word);
+        assert_eq!(bundle.index[i].ndgi.word, payloads[i].ndgi.word);
+        assert_eq!(
+            bundle.knots(place).unwrap(),
+            testing::tile_of(&header, i, place).map_or(vec![], |tile| tile.knots)
+        );
     }
     assert_eq!(read_all(bytes.clone()).unwrap(), bytes);
     assert!(bundle.tile(Place { page: 0, column: 2, row: 0 }).is_err());
@@ -64,7 +68,7 @@ fn a_file_reads_as_memory_does() {
 fn payloads_are_aligned_and_one_of_full_size_takes_the_paper_s_bits() {
     let (_, _, bytes) = testing::bundle();
     let bundle = Bundle::from_bytes(bytes).unwrap();
-    assert!(bundle.index.iter().all(|entry| entry.offset % 16 == 0));
+    assert!(bundle.index.iter().all(|entry| entry.ndgi.offset % 16 == 0));
     // Profile M, 26 sets, 128²: 0.68 bits per texel and set in the paper.
     let contents = crate::model::PROFILES[1].contents(26, 0);
     let shape = Shape::new(&contents, 128, 128, 26, Coding::Standard);
@@ -144,11 +148,12 @@ fn hostile_headers_with_a_right_checksum_never_panic() {
 #[test]
 fn each_count_and_offset_is_checked() {
     let (_, payloads, bytes) = testing::bundle();
-    // Fixed positions of FORMAT.md: sets, pages, groups, scene length; the offset of the last index line, found by its length and word.
-    let Payload { word, bytes: last } = payloads.last().unwrap();
+    // Fixed positions of FORMAT.md: length, sets, pages, groups, streams, times, zero, scene length; the offset of the last index line,
+    // found by its length and word.
+    let Section { word, bytes: last } = &payloads.last().unwrap().ndgi;
     let line = [(last.len() as u32).to_le_bytes(), word.to_le_bytes()].concat();
     let last = bytes[..header_len(&bytes)].windows(8).rposition(|window| window == line).unwrap() - 8;
-    for at in [12, 44, 48, 52, 56, last] {
+    for at in [12, 40, 48, 52, 56, 60, 64, 68, 80, last] {
         for value in [0, 3, 0xffff_ffff_u32] {
             let mut damaged = bytes.clone();
             if damaged[at..at + 4] == value.to_le_bytes() {
@@ -164,6 +169,10 @@ fn each_count_and_offset_is_checked() {
     assert!(matches!(read_all(newer), Err(Error::Unsupported { .. })));
 }
 
+fn read(bytes: &[u8], word: u32, shape: Shape, like: &TileParams) -> Result<TileParams, String> {
+    payload::decode_section(bytes, word, shape, 2, Some(like.knots.clone()))
+}
+
 #[test]
 fn payloads_with_forbidden_values_are_refused() {
     let header = testing::header();
@@ -172,7 +181,7 @@ fn payloads_with_forbidden_values_are_refused() {
     assert!(encode_payload(&good).is_ok());
     for mean in [f32::NAN, f32::INFINITY, -1.0] {
         let mut bad = good.clone();
-        bad.means[2][1] = mean;
+        bad.knots[2].mean[1] = mean;
         assert!(encode_payload(&bad).is_err());
     }
     let mut bad = good.clone();
@@ -191,17 +200,14 @@ fn payloads_with_forbidden_values_are_refused() {
     }
 
     // The same in a file whose checksums are right.
-    let Payload { word, bytes } = encode_payload(&good).unwrap();
-    let mean_at = 16 * (good.f_uv.len() + good.f_uvt.len());
-    let axis_at = mean_at + 12 * good.means.len();
+    let Section { word, bytes } = encode_payload(&good).unwrap().ndgi;
+    let axis_at = 16 * (good.f_uv.len() + good.f_uvt.len());
     let gates_at = axis_at + 2 + 2 * good.axis.places.len();
-    let nan = f32::NAN.to_le_bytes().to_vec();
     let grey_blocks = crate::bc7::encode(&crate::bc7::GREY).repeat(10);
     let end = bytes.len() - 1;
     let patches = [
         (0, vec![0], "mode"),
         (0, grey_blocks, "grey blocks that should be left out"),
-        (mean_at, nan, "mean"),
         (axis_at, vec![1], "time axis"),
         (axis_at + 2, vec![1], "time axis"),
         (gates_at, vec![2], "group 2"),
@@ -210,18 +216,18 @@ fn payloads_with_forbidden_values_are_refused() {
     for (at, patch, what) in patches {
         let mut bad = bytes.clone();
         bad[at..at + patch.len()].copy_from_slice(&patch);
-        let message = decode_payload(&bad, word, shape, 2).unwrap_err();
+        let message = read(&bad, word, shape, &good).unwrap_err();
         assert!(message.contains(what), "at {at}: {message}");
     }
-    assert_eq!(decode_payload(&bytes, word, shape, 2).unwrap(), good);
+    assert_eq!(read(&bytes, word, shape, &good).unwrap(), good);
 
     // A map whose grey blocks are left out, or not as the word says.
     let place = Place { page: 1, column: 0, row: 0 };
     let sparse = testing::tile_of(&header, 2, place).unwrap();
-    let Payload { word: sparse_word, bytes } = encode_payload(&sparse).unwrap();
+    let Section { word: sparse_word, bytes } = encode_payload(&sparse).unwrap().ndgi;
     assert_eq!(sparse_word & !word & Contents::SPARE, Contents::SPARE);
     assert!(bytes.len() < full_len(&sparse.shape));
-    let read = |bytes: &[u8], word: u32| decode_payload(bytes, word, sparse.shape, 2);
+    let read = |bytes: &[u8], word: u32| read(bytes, word, sparse.shape, &sparse);
     assert_eq!(read(&bytes, sparse_word).unwrap(), sparse);
     for flag in [1 << 30, 1 << 31] {
         assert!(read(&bytes, sparse_word ^ flag).is_err());
@@ -255,4 +261,82 @@ fn headers_that_cannot_be_read_are_not_written() {
     assert!(refused(&|h| h.timeline.states[0].clear()));
     assert!(refused(&|h| h.groups.truncate(1)));
     assert!(refused(&|h| h.pages.truncate(1)));
+    assert!(refused(&|h| h.kinds.truncate(1)));
+    assert!(refused(&|h| h.timeline.between[0] = 6.0));
+    assert!(refused(&|h| h.timeline.between.clear()));
+}
+
+#[test]
+fn bundles_of_version_3_decode_as_they_did() {
+    use crate::decode::Decoder;
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    for name in ["version3", "version3-paper"] {
+        let path = fixtures.join(name).with_extension("ndgi");
+        let decoder = Decoder::open(&path).unwrap();
+        let text = std::fs::read_to_string(path.with_extension("txt")).unwrap();
+        for line in text.lines() {
+            let numbers: Vec<f64> = line.split(' ').map(|number| number.parse().unwrap()).collect();
+            let [page, u, v, hour, light @ ..] = &numbers[..] else { panic!("{line}") };
+            let found = decoder.sample(*page as usize, *u, *v, *hour).unwrap();
+            for (found, expected) in found.iter().zip(light) {
+                assert!((f64::from(*found) - expected).abs() <= 1e-5 * expected, "{name} {line}: {found}");
+            }
+        }
+        // Its index, flipped bits and cut ends.
+        let bytes = std::fs::read(&path).unwrap();
+        for length in (0..bytes.len()).step_by(7) {
+            assert!(Bundle::from_bytes(bytes[..length].to_vec()).is_err(), "{length}");
+        }
+        for bit in 0..8 * bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            let whole = Bundle::from_bytes(damaged)
+                .and_then(|bundle| bundle.header.places().try_for_each(|place| bundle.tile(place).map(drop)));
+            assert!(whole.is_err(), "bit {bit}");
+        }
+    }
+}
+
+#[test]
+fn unknown_streams_are_skipped_unless_they_are_required() {
+    let (header, payloads, bytes) = testing::bundle();
+    // A second stream, behind the features of each tile: 16 bytes in the last one.
+    let read = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let head = read(12);
+    let ndgi = [0u32, 0, 1].map(u32::to_le_bytes).concat();
+    let streams_at = bytes[..head].windows(12).rposition(|window| window == ndgi).unwrap();
+    let with = |stream: [u32; 3]| {
+        let mut out = bytes[..streams_at + 12].to_vec();
+        out[56..60].copy_from_slice(&2u32.to_le_bytes());
+        out.extend(stream.map(u32::to_le_bytes).concat());
+        let lines = bytes[streams_at + 12..][..24 * header.tiles()].chunks_exact(24);
+        let new_head = (out.len() + 40 * header.tiles()).next_multiple_of(16);
+        let moved = (new_head - head) as u64;
+        for (i, line) in lines.enumerate() {
+            let offset = u64::from_le_bytes(line[..8].try_into().unwrap()) + moved;
+            out.extend(offset.to_le_bytes());
+            out.extend(&line[8..]);
+            let extra = if i + 1 == header.tiles() { 16u32 } else { 0 };
+            out.extend([extra, 7].map(u32::to_le_bytes).concat());
+            out.extend(if extra > 0 { checksum(&[&[9; 16]]) } else { 0 }.to_le_bytes());
+        }
+        out.resize(new_head, 0);
+        out[12..16].copy_from_slice(&(new_head as u32).to_le_bytes());
+        out.extend(&bytes[head..]);
+        out.extend([9; 16]);
+        let length = out.len() as u64;
+        out[16..24].copy_from_slice(&length.to_le_bytes());
+        seal(&mut out);
+        out
+    };
+    let bundle = Bundle::from_bytes(with([9, 3, 0])).unwrap();
+    for (i, place) in header.places().enumerate() {
+        assert_eq!(bundle.tile(place).unwrap(), testing::tile_of(&header, i, place));
+    }
+    assert_eq!(bundle.header, header);
+    assert_eq!(payloads.len(), bundle.index.len());
+    assert!(matches!(Bundle::from_bytes(with([9, 3, 1])), Err(Error::Unsupported { .. })));
+    for wrong in [[0, 0, 1], [0, 0, 0], [1, 0, 0]] {
+        assert!(Bundle::from_bytes(with(wrong)).is_err(), "{wrong:?}");
+    }
 }

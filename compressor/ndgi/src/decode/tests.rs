@@ -4,7 +4,7 @@ use super::*;
 use crate::bundle;
 use crate::grid::Grid;
 use crate::lanes::Tier;
-use crate::model::{Contents, PROFILES, Profile, Shape};
+use crate::model::{Contents, Knot, PROFILES, Profile, Shape};
 use crate::testing;
 use crate::time::{Axis, Timeline};
 use half::f16;
@@ -51,7 +51,8 @@ fn every_tier_gives_what_the_formulae_give() {
                 let tile = testing::tile(shape, 100 + i as u64);
                 let hours = (0..sets).map(|k| k as f64 * 24.0 / sets as f64).collect();
                 let states = (0..sets).map(|k| vec![k % 3 == 0, k % 2 == 0, true]).collect();
-                let timeline = Timeline { hours, intervals: vec![vec![]; 3], states, coding };
+                let timeline =
+                    Timeline { hours, between: vec![], intervals: vec![vec![]; 3], states, coding };
                 for hour in [0.0, 7.77, 23.9] {
                     let moment = timeline.at(hour);
                     let means = means_at(&tile, &moment);
@@ -83,6 +84,7 @@ fn a_tile_of_the_wrong_size_is_refused() {
     let contents = PROFILES[1].contents(2, 1);
     let good = testing::tile(Shape::new(&contents, 16, 8, 2, Coding::Standard), 3);
     let timeline = Timeline {
+        between: vec![],
         hours: vec![0.0, 12.0],
         intervals: vec![vec![]],
         states: vec![vec![true], vec![false]],
@@ -96,7 +98,7 @@ fn a_tile_of_the_wrong_size_is_refused() {
         ("F_ut", |t| t.f_ut.truncate(1)),
         ("F_vt", |t| t.f_vt.clear()),
         ("weights", |t| t.mlp.truncate(1)),
-        ("means", |t| t.means.truncate(1)),
+        ("knots", |t| t.knots.truncate(1)),
         ("places", |t| t.axis.places.truncate(1)),
         ("gates", |t| t.gates.clear()),
         ("uvt: 33", |t| t.shape.contents.uvt = 33),
@@ -138,13 +140,20 @@ fn extreme_weights_and_means_stay_finite() {
         for (i, w) in tile.mlp.iter_mut().enumerate() {
             *w = if i % 7 == 3 { f16::MIN } else { f16::MAX };
         }
-        tile.means = vec![[f32::MAX, 0.0, f32::MIN_POSITIVE], [f32::MAX, 0.0, 1e-40]];
+        tile.knots = [[f32::MAX, 0.0, f32::MIN_POSITIVE], [f32::MAX, 0.0, 1e-40]]
+            .map(|mean| Knot { mean, ..Knot::default() })
+            .to_vec();
         for coding in [Coding::Standard, Coding::Paper] {
             tile.shape.axis = coding == Coding::Standard;
             tile.axis =
                 if tile.shape.axis { Axis { length: 2, places: vec![0, 1] } } else { Axis::default() };
-            let timeline =
-                Timeline { hours: vec![0.0, 12.0], intervals: vec![], states: vec![vec![]; 2], coding };
+            let timeline = Timeline {
+                hours: vec![0.0, 12.0],
+                between: vec![],
+                intervals: vec![],
+                states: vec![vec![]; 2],
+                coding,
+            };
             for hour in [0.0, 3.0] {
                 let moment = timeline.at(hour);
                 let oracle: Vec<_> =

@@ -15,6 +15,7 @@ Examples:
   compress dataset/yard --draft --profile L                 fast and small
   compress dataset/yard --time-limit 5m                     as well trained as that allows
   compress dataset/yard --target-psnr 40                    bits to the tiles that need them
+  compress dataset/yard --without-sun                       for a game that draws the sun itself
   compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
   compress evaluate dataset/yard --csv quality.csv
   compress sweep dataset/yard --tiles 4 --presets draft     profiles side by side
@@ -38,15 +39,18 @@ Keys of the --json object (null where there is none):
   psnr_256_db, psnr_range_256_db, one_minus_ssim_256   on tiles of 256x256 texels instead of 128x128
   lpips, flip            mean LPIPS, with --lpips, and HDR-FLIP, with --flip
   relative_error         mean of RMSE / mean
-  dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets
+  dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets of 0.1 lux or more in the mean
   constant_relative_error  the same over pairs constant in space, which have no PSNR
   pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
-  bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle
+  bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle; bytes_of_sun those of the sun's tiles
+  bits_per_valid_texel   the same per valid texel and set; bits_per_valid_texel_distinct where equal sets count once
+  psnr_sunny_db, psnr_pooled_sunny_db   over the sets that the sun lights directly
+  psnr_without_sun_db, psnr_pooled_without_sun_db   of what maps hold, where the sun's direct light is a stream of its own
   seam_ratio             error of the step between neighbouring texels, across tile borders / inside tiles
   between_median_db      psnr_pooled_db of moments between sets against light linear between them, or against a withheld bake: the
                          median; between_worst_db the least
   between_linear_median_db  of that linear light, against the withheld bake
-  step_error             from set to set, RMS error of the change of light / RMS of the change, mean; switch_error across switches
+  step_error             from set to set, RMS error of the change of light / RMS of the change, all together; switch_error across switches
                          (changes below 0.001 of the light are left out)
   hours                  a list of hour, psnr_db, psnr_range_db, psnr_pooled_db, psnr_worst_percent_db, noise_ceiling_db, psnr_log_db,
                          one_minus_ssim, relative_error, dark_relative_error
@@ -111,6 +115,9 @@ pub enum Command {
         /// The page.
         #[arg(long, default_value_t = 0)]
         page: usize,
+        /// Which light: all, or where the sun is a stream of its own, its direct light (sun) or what else there is (baked).
+        #[arg(long, value_enum, default_value_t = LightName::All)]
+        light: LightName,
     },
     /// Compare a bundle with its dataset: a table by hour, and optionally every tile as CSV.
     #[command(
@@ -237,16 +244,16 @@ pub struct Compress {
     /// The same as --preset draft.
     #[arg(long, conflicts_with = "preset")]
     pub draft: bool,
-    /// Training steps per tile, instead of the preset's [default with --recipe paper: 100000].
+    /// Training steps per tile, instead of the preset's.
     #[arg(long, conflicts_with_all = ["preset", "draft"], value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
     /// Plan the training to end after this time, e.g. 90s, 5m, 2h: every tile gets about as many steps as the time allows for all, and at
     /// least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
-    /// How to train.
-    #[arg(long, value_enum, default_value_t = RecipeName::Standard)]
-    pub recipe: RecipeName,
+    /// Leave the sun's direct light out, where the dataset keeps it apart: for readers that draw the sun themselves.
+    #[arg(long)]
+    pub without_sun: bool,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -257,11 +264,10 @@ pub struct Compress {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum RecipeName {
-    /// This project's.
-    Standard,
-    /// The paper's, literally: time axis by the hour, γ on πτ and 2πτ, power 2.2, constant learning rate, plain BC7.
-    Paper,
+pub enum LightName {
+    All,
+    Baked,
+    Sun,
 }
 
 fn parse_profile(name: &str) -> Result<Profile, String> {

@@ -13,10 +13,10 @@ use std::path::PathBuf;
 /// What tiles have, with their number and bytes: the largest share of the bundle first.
 fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
     let mut kinds: BTreeMap<String, (usize, u64)> = BTreeMap::new();
-    for entry in bundle.index.iter().filter(|entry| entry.length > 0) {
-        let kind = Contents::of_word(entry.word).map_or(String::new(), |contents| contents.to_string());
+    for entry in bundle.index.iter().filter(|entry| entry.ndgi.length > 0) {
+        let kind = Contents::of_word(entry.ndgi.word).map_or(String::new(), |contents| contents.to_string());
         let (tiles, bytes) = kinds.entry(kind).or_default();
-        (*tiles, *bytes) = (*tiles + 1, *bytes + u64::from(entry.length));
+        (*tiles, *bytes) = (*tiles + 1, *bytes + u64::from(entry.ndgi.length));
     }
     let mut kinds: Vec<_> = kinds.into_iter().collect();
     kinds.sort_by_key(|(_, (_, bytes))| std::cmp::Reverse(*bytes));
@@ -30,7 +30,7 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     // All tiles are read, for what is damaged to be told.
     header.places().try_for_each(|place| bundle.tile(place).map(drop)).map_err(of_bundle)?;
     let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
-    let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
+    let empty = bundle.index.iter().filter(|entry| entry.bytes() == 0).count();
     let groups: Vec<_> = header
         .groups
         .iter()
@@ -44,6 +44,8 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let object = json!({
         "scene": header.scene, "profile": written["profile"], "pages": pages, "hours": header.timeline.hours, "groups": groups,
         "tiles": bundle.index.len(), "tiles_empty": empty, "contents": contents(&bundle),
+        "hours_between": header.timeline.between, "sun_times": header.sun.as_ref().map(|sun| &sun.times),
+        "bytes_of_sun": bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum::<u64>(),
         "bytes": bundle.bytes, "bpp": bpp, "written": written,
     });
     for (name, text) in in_words(&bundle, &written, bpp) {
@@ -71,11 +73,19 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
         ));
     }
     lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and set", bundle.bytes)));
-    let empty = bundle.index.iter().filter(|entry| entry.length == 0).count();
+    let empty = bundle.index.iter().filter(|entry| entry.bytes() == 0).count();
     lines.push(("tiles", format!("{}, {empty} of them empty", bundle.index.len())));
     let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
     for kind in contents(bundle) {
         lines.push(("", format!("{} × {}: {} bytes", kind["tiles"], text(&kind["has"]), kind["bytes"])));
+    }
+    let of_sun: Vec<u64> =
+        bundle.index.iter().map(|entry| u64::from(entry.sun.length)).filter(|n| *n > 0).collect();
+    if let Some(sun) = &header.sun {
+        let [first, last] =
+            [sun.times.first(), sun.times.last()].map(|hour| hour.copied().unwrap_or_default());
+        let times = format!("{} times from {first} h to {last} h", sun.times.len());
+        lines.push(("sun", format!("{times}, {} tiles: {} bytes", of_sun.len(), of_sun.iter().sum::<u64>())));
     }
     if written.is_object() {
         let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {
@@ -83,7 +93,7 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
             (_, serde_json::Value::Number(db), _) => format!("--target-psnr {db}"),
             (.., bpp) => format!("--target-bpp {bpp}"),
         };
-        let by = format!("{}, {choice}, recipe {}", text(&written["generator"]), text(&written["recipe"]));
+        let by = format!("{}, {choice}", text(&written["generator"]));
         let limit = written["time_limit_secs"].as_f64();
         let limit = limit.map_or(String::new(), |limit| format!(" at most, within {limit} s"));
         let steps = format!("{} steps{limit}, seed {}", written["iterations"], written["seed"]);

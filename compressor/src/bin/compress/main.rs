@@ -3,11 +3,11 @@
 mod args;
 mod info;
 
-use args::{Command, Compare, Compress, LooksArgs, RecipeName, Sweep};
+use args::{Command, Compare, Compress, LightName, LooksArgs, Sweep};
 use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
-use compressor::compress::{DRAFT, MEDIUM, Options, PAPER_ITERATIONS, Rate, default_bundle, light_of};
-use compressor::decode::Decoder;
+use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_of};
+use compressor::decode::{Decoder, Lights};
 use compressor::evaluate::{Looks, Measures, evaluate, expect_match};
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
@@ -29,7 +29,14 @@ fn main() -> ExitCode {
     let console = Console::new(cli.console);
     let done = match cli.command {
         None => compress(cli.compress, &console),
-        Some(Command::Decode { bundle, hour, out, page }) => decode(bundle, hour, out, page, &console),
+        Some(Command::Decode { bundle, hour, out, page, light }) => {
+            let lights = match light {
+                LightName::All => Lights::All,
+                LightName::Baked => Lights::Baked,
+                LightName::Sun => Lights::Sun,
+            };
+            decode(bundle, hour, out, page, lights, &console)
+        }
         Some(Command::Evaluate { dataset, bundle, withheld, looks, csv }) => {
             judge(dataset, bundle, withheld, looks, csv, &console)
         }
@@ -45,26 +52,19 @@ fn main() -> ExitCode {
 
 fn compress(args: Compress, console: &Console) -> Result<()> {
     let root = args.dataset.ok_or_else(|| Error::invalid("command line", "expected a dataset's folder"))?;
-    let paper = args.recipe == RecipeName::Paper;
     let rate = match (args.target_psnr, args.target_bpp) {
         (None, None) => Rate::Profile(args.profile),
-        _ if paper => {
-            return Err(Error::invalid(
-                "--recipe paper",
-                "has one profile for all tiles: expected no target",
-            ));
-        }
         (Some(db), _) => Rate::Psnr(db),
         (_, Some(bpp)) => Rate::Bpp(bpp),
     };
     let preset = args.preset.unwrap_or(if args.draft { DRAFT } else { MEDIUM });
     let iterations = match args.iterations {
         Some(iterations) => iterations as usize,
-        None if paper && args.preset.is_none() && !args.draft => PAPER_ITERATIONS,
         None => preset.iterations,
     };
-    let Compress { time_limit, seed, out, force, .. } = args;
-    let options = Options { rate, iterations, time_limit, paper, seed, out, force, ..Options::of(preset) };
+    let Compress { time_limit, seed, out, force, without_sun, .. } = args;
+    let options =
+        Options { rate, iterations, time_limit, seed, out, force, without_sun, ..Options::of(preset) };
     for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
         path.as_ref().map_or(Ok(()), |path| expect_output(path, extension, option))?;
     }
@@ -202,7 +202,14 @@ fn open(path: &Path) -> Result<Bundle> {
     Bundle::open(path).map_err(of_bundle)
 }
 
-fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Console) -> Result<()> {
+fn decode(
+    bundle: PathBuf,
+    hour: f64,
+    out: PathBuf,
+    page: usize,
+    lights: Lights,
+    console: &Console,
+) -> Result<()> {
     expect_output(&out, "exr", "--out")?;
     let start = Instant::now();
     let decoder = Decoder::new(open(&bundle)?);
@@ -211,7 +218,8 @@ fn decode(bundle: PathBuf, hour: f64, out: PathBuf, page: usize, console: &Conso
         let set = timeline.hours[timeline.at(hour).a];
         console.warn(format!("no set has the lamps as they are at {hour} h: this is the light of {set} h"));
     }
-    let ndgi::decode::Image { width, height, texels } = decoder.decode_page(page, hour).map_err(of_bundle)?;
+    let ndgi::decode::Image { width, height, texels } =
+        decoder.decode_page_of(lights, page, hour).map_err(of_bundle)?;
     let image = Image { width, height, texels };
     write_atomically(&out, &image.to_exr())?;
     console.say(format!("{} × {} texels at {hour} h: {}", image.width, image.height, out.display()));

@@ -1,0 +1,267 @@
+//! The sun: where it stands and how bright it is over the day, and the times at which a bundle tells which texels see it.
+
+mod bits;
+mod normals;
+mod planes;
+mod tables;
+
+pub use planes::{Coder, Counts};
+pub use tables::Tables;
+
+use planes::Decoder;
+
+/// The sun by the minute, or less often where it moves evenly. Between two times direction and irradiance are interpolated linearly,
+/// component by component; outside of all times there is no sun.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SunPath {
+    /// Ascending, in hours from 0 to 24; one at least.
+    pub hours: Vec<f64>,
+    /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
+    /// one, in the axes of the normals.
+    pub direction: Vec<[f32; 3]>,
+    /// Per time, the irradiance of a surface that faces the disc, red, green and blue, in the unit of the lightmaps.
+    pub irradiance: Vec<[f32; 3]>,
+}
+
+impl SunPath {
+    /// Mean direction and irradiance at an hour; `None` before the first time and after the last.
+    pub fn at(&self, hour: f64) -> Option<([f32; 3], [f32; 3])> {
+        let [first, last] = [self.hours.first()?, self.hours.last()?];
+        let (before, after, part) = around(&self.hours, hour);
+        let lerp =
+            |of: &[[f32; 3]]| std::array::from_fn(|c| of[before][c] * (1.0 - part) + of[after][c] * part);
+        (first..=last).contains(&&hour).then(|| (lerp(&self.direction), lerp(&self.irradiance)))
+    }
+}
+
+/// The indices of the times before and after an hour, and how far it is from the one to the other; outside of all times the nearest.
+fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
+    let next = times.partition_point(|time| *time <= hour);
+    let (before, after) = (next.saturating_sub(1), next.min(times.len() - 1));
+    let span = times[after] - times[before];
+    let part = if span > 0.0 { (hour - times[before]) / span } else { 0.0 };
+    (before, after, part as f32)
+}
+
+/// What a bundle's header says of the sun.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sun {
+    /// Where it stands and how bright it is.
+    pub path: SunPath,
+    /// The times of visibility, ascending, in hours from 0 to 24; one at least.
+    pub times: Vec<f64>,
+    /// How levels are coded.
+    pub tables: Tables,
+}
+
+impl Sun {
+    /// What is wrong with it.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let SunPath { hours, direction, irradiance } = &self.path;
+        for hours in [hours, &self.times] {
+            let ascend =
+                hours.is_sorted_by(|a, b| a < b) && hours.iter().all(|hour| (0.0..=24.0).contains(hour));
+            if hours.is_empty() || !ascend {
+                return Err("times of the sun that are not strictly ascending in [0, 24]".to_owned());
+            }
+        }
+        let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-5;
+        if direction.len() != hours.len() || !direction.iter().all(is_direction) {
+            return Err("directions of the sun longer than 1".to_owned());
+        }
+        let is_light = |e: &f32| e.is_finite() && *e >= 0.0;
+        if irradiance.len() != hours.len() || !irradiance.as_flattened().iter().all(is_light) {
+            return Err("an irradiance of the sun that is not a finite number ≥ 0".to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// What one tile sees of the sun, unpacked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TileSun {
+    /// Stored texels across, a multiple of 4.
+    pub width: usize,
+    /// Stored texels down, a multiple of 4.
+    pub height: usize,
+    /// Number of [`Sun::times`].
+    pub times: usize,
+    /// By channel (one, or red, green and blue behind coloured glass), time and texel: from 0, not seen, to [`TileSun::TOP`], all of it;
+    /// [`TileSun::ANY`] where that does not matter, before a tile is stored.
+    pub levels: Vec<u8>,
+    /// Per texel, the mean of the shading normals there; before a tile is stored, 0 where it does not matter.
+    pub normals: Vec<[f32; 3]>,
+}
+
+impl TileSun {
+    /// The level that stands for all of the sun.
+    pub const TOP: u8 = 7;
+    /// A level that does not matter.
+    pub const ANY: u8 = u8::MAX;
+
+    fn channels(&self) -> usize {
+        self.levels.len() / (self.times * self.width * self.height).max(1)
+    }
+
+    /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. Linear between the times of the sun, which are
+    /// those of its bundle, and held outside of them.
+    pub fn visibility(&self, sun: &Sun, hour: f64) -> Vec<[f32; 3]> {
+        let (before, after, part) = around(&sun.times, hour);
+        (0..self.width * self.height).map(|i| self.seen(i, before, after, part)).collect()
+    }
+
+    fn seen(&self, i: usize, before: usize, after: usize, part: f32) -> [f32; 3] {
+        let (texels, channels) = (self.width * self.height, self.channels());
+        let level = |c: usize, time: usize| {
+            f32::from(self.levels[(c.min(channels - 1) * self.times + time) * texels + i].min(Self::TOP))
+        };
+        [0, 1, 2].map(|c| (level(c, before) * (1.0 - part) + level(c, after) * part) / f32::from(Self::TOP))
+    }
+
+    /// The sun's direct light on one texel at an hour.
+    pub fn texel(&self, sun: &Sun, hour: f64, i: usize) -> [f32; 3] {
+        let Some((direction, irradiance)) = sun.path.at(hour) else { return [0.0; 3] };
+        let (before, after, part) = around(&sun.times, hour);
+        let seen = self.seen(i, before, after, part);
+        let cosine = cosine(self.normals[i], direction);
+        [0, 1, 2].map(|c| seen[c] * cosine * irradiance[c])
+    }
+
+    /// Adds the sun's direct light at an hour, visibility · (normal · direction)⁺ · irradiance, to that of all texels, row by row.
+    ///
+    /// # Panics
+    /// Unless there are as many as the tile has.
+    pub fn add_light(&self, sun: &Sun, hour: f64, out: &mut [[f32; 3]]) {
+        assert_eq!(out.len(), self.width * self.height, "texels of the tile");
+        let Some((direction, irradiance)) = sun.path.at(hour) else { return };
+        for ((light, seen), normal) in out.iter_mut().zip(self.visibility(sun, hour)).zip(&self.normals) {
+            let cosine = cosine(*normal, direction);
+            for c in 0..3 {
+                light[c] = (light[c] + seen[c] * cosine * irradiance[c]).min(f32::MAX);
+            }
+        }
+    }
+}
+
+fn cosine(normal: [f32; 3], direction: [f32; 3]) -> f32 {
+    (0..3).map(|axis| normal[axis] * direction[axis]).sum::<f32>().max(0.0)
+}
+
+/// A level that all texels have at one time, instead of a length in bytes.
+const DARK: u16 = 0;
+const LIT: u16 = 1;
+
+impl TileSun {
+    fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// The levels by channel and time.
+    fn planes(&self) -> impl Iterator<Item = &[u8]> {
+        self.levels.chunks_exact(self.width * self.height)
+    }
+
+    /// The level that all texels of a plane may have: dark or lit.
+    fn even(plane: &[u8]) -> Option<u16> {
+        let all = |level: u8| plane.iter().all(|l| [level, Self::ANY].contains(l));
+        if all(0) { Some(DARK) } else { all(Self::TOP).then_some(LIT) }
+    }
+
+    /// Counts what tables are made of, as others would code it where there are some.
+    pub fn count(&self, coder: Option<&Coder>, counts: &mut Counts) {
+        let mixed = self.planes().filter(|plane| Self::even(plane).is_none());
+        mixed.for_each(|plane| planes::count(plane, self.size(), coder, counts));
+    }
+
+    /// The tile's section; an empty one where it sees nothing of the sun.
+    ///
+    /// # Panics
+    /// Unless there is a level for each texel, time and channel.
+    pub fn encode(&self, coder: &Coder) -> crate::bundle::Section {
+        let channels = self.channels();
+        assert_eq!(self.levels.len(), channels * self.times * self.width * self.height, "levels of the tile");
+        let even: Vec<Option<u16>> = self.planes().map(Self::even).collect();
+        if even.iter().all(|even| *even == Some(DARK)) {
+            return crate::bundle::Section::default();
+        }
+        let (count, normals) = normals::encode(&self.normals, self.width);
+        let mut bytes = Vec::new();
+        let is_lit = even.iter().all(|even| *even == Some(LIT));
+        if !is_lit {
+            let mut streams: Vec<u8> = Vec::new();
+            for (plane, even) in self.planes().zip(even) {
+                let length = even.unwrap_or_else(|| {
+                    let stream = coder.plane(plane, self.size());
+                    streams.extend(&stream);
+                    stream.len() as u16
+                });
+                bytes.extend(length.to_le_bytes());
+            }
+            bytes.extend(streams);
+        }
+        let channels = if is_lit { 0 } else { channels as u32 };
+        let has_normals = if normals.is_empty() { 0 } else { 4 };
+        bytes.extend(normals);
+        bytes.resize(bytes.len().next_multiple_of(16), 0);
+        crate::bundle::Section { word: channels | has_normals | (count as u32) << 8, bytes }
+    }
+}
+
+/// Tiles of a bundle's sun, decoded.
+#[derive(Clone, Debug)]
+pub struct SunDecoder {
+    decoder: Decoder,
+    times: usize,
+}
+
+impl SunDecoder {
+    /// By the tables of a bundle's header.
+    pub fn new(sun: &Sun) -> Self {
+        SunDecoder { decoder: Decoder::new(&sun.tables), times: sun.times.len() }
+    }
+
+    /// A tile from its section, the word of its line in the index, and its size in stored texels.
+    ///
+    /// # Errors
+    /// What the format forbids.
+    pub fn tile(&self, bytes: &[u8], word: u32, size: [usize; 2]) -> Result<TileSun, String> {
+        let (channels, has_normals, count) = (word & 3, word & 4 != 0, (word >> 8 & 255) as usize);
+        if channels == 2 || word & 0xffff_00f8 != 0 || count > 0 && !has_normals {
+            return Err(format!("word {word:#x} of a sun, which stands for nothing"));
+        }
+        let [width, height] = size;
+        let texels = width * height;
+        let (mut levels, mut rest) = (Vec::new(), bytes);
+        if channels == 0 {
+            levels.resize(self.times * texels, TileSun::TOP);
+        } else {
+            let planes = channels as usize * self.times;
+            let (lengths, streams) =
+                rest.split_at_checked(2 * planes).ok_or("lengths of planes that are cut short")?;
+            rest = streams;
+            levels.reserve_exact(planes * texels);
+            for length in lengths.as_chunks::<2>().0 {
+                let length = u16::from_le_bytes(*length);
+                if [DARK, LIT].contains(&length) {
+                    levels.resize(levels.len() + texels, if length == LIT { TileSun::TOP } else { 0 });
+                    continue;
+                }
+                let (stream, tail) =
+                    rest.split_at_checked(length.into()).ok_or("levels that are cut short")?;
+                self.decoder.plane(stream, size, &mut levels)?;
+                rest = tail;
+            }
+        }
+        let (normals, rest) = match has_normals {
+            true => normals::decode(count, rest, size)?,
+            false => (vec![[0.0; 3]; texels], rest),
+        };
+        if rest.len() >= 16 || rest.iter().any(|byte| *byte != 0) {
+            return Err("only zeros up to the next multiple of 16 may follow the normals".to_owned());
+        }
+        Ok(TileSun { width, height, times: self.times, levels, normals })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,353 @@
+//! What of a dataset's light a bundle's maps hold, and how that goes between the sets.
+//!
+//! Where a dataset keeps the sun's direct light and visibility apart, maps hold the rest: what is smooth in time. A layer may have a
+//! curve by which it goes between two frames (`dataset::curve`); the bundle then tells tiles' means at more hours than those of the
+//! sets, so that dusk falls as it does and not in a straight line.
+
+use crate::Result;
+use crate::model::Knot;
+use crate::time::{Moment, Timeline};
+use dataset::config::{Config, FileRef, Layer, Light};
+use dataset::console::stop_if_interrupted;
+use dataset::curve::Curve;
+use dataset::image::Mask;
+use dataset::store::Dataset;
+use std::collections::BTreeMap;
+
+/// Means at hours between sets are told where a straight line is wrong by more than this share of the light,
+const WRONG: f64 = 0.03;
+/// or by this share of the day's brightest, if that is more.
+const TRIFLE: f64 = 1e-7;
+fn sum(light: &[[f64; 3]]) -> f64 {
+    light.iter().flatten().sum()
+}
+
+/// How much [`share`] holds to the share of light.
+const HOLD: f64 = 0.02;
+
+/// The share of the second set's picture that light between two sets is best shown by. `sets`: the light of each by its parts; `light`: what
+/// of it stems from each. When the sun has set, what was lit by it is not half there because half of the sky's light stems from the set
+/// before: so the parts' shares are met as well as they can be, and where they do not tell, the share of light counts.
+fn share(sets: [&[[f64; 3]]; 2], light: [&[[f64; 3]]; 2]) -> f64 {
+    let part = |of: &[[f64; 3]], i: usize| of[i].iter().sum::<f64>();
+    let [a, b] = sets.map(sum);
+    let whole = sum(light[0]) + sum(light[1]);
+    if a <= 0.0 || b <= 0.0 || whole <= 0.0 {
+        return if whole > 0.0 { sum(light[1]) / whole } else { 0.0 };
+    }
+    let (mut top, mut bottom) = (HOLD * sum(light[1]) / whole, HOLD);
+    for i in 0..sets[0].len() {
+        let (from, to) = (part(sets[0], i) / a, part(sets[1], i) / b);
+        let now = (part(light[0], i) + part(light[1], i)) / whole;
+        top += (now - from) * (to - from);
+        bottom += (to - from) * (to - from);
+    }
+    (top / bottom).clamp(0.0, 1.0)
+}
+
+/// Texels of a page that are looked at together.
+const TEXELS: usize = 1 << 22;
+/// Hours between two sets that are looked at: every minute.
+const STEP: f64 = 1.0 / 60.0;
+
+/// Light by layer: of some texels at a set, the mean of each layer that has a curve, and of all light, red, green and blue.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shares {
+    /// By curve.
+    pub of_curves: Vec<[f64; 3]>,
+    /// Of all that the maps hold.
+    pub all: [f64; 3],
+}
+
+impl Shares {
+    /// By curve, then the rest. (Sums of floats may leave a trifle below 0.)
+    fn parts(&self) -> Vec<[f64; 3]> {
+        let rest =
+            |c: usize| (self.all[c] - self.of_curves.iter().map(|light| light[c]).sum::<f64>()).max(0.0);
+        self.of_curves.iter().copied().chain([[rest(0), rest(1), rest(2)]]).collect()
+    }
+}
+
+/// What the maps of a bundle hold, and how it goes between sets.
+#[derive(Debug)]
+pub struct Law {
+    /// Whether the sun's direct light is apart.
+    pub is_apart: bool,
+    /// Indices of layers with a curve, and it.
+    curves: Vec<(usize, Curve)>,
+}
+
+impl Law {
+    /// Of a dataset, its sun's direct light apart if the bundle can tell of it otherwise.
+    pub fn new(dataset: &Dataset) -> Result<Self> {
+        let config = &dataset.config;
+        let is_apart = is_sun_apart(config);
+        let mut curves = Vec::new();
+        for (i, layer) in config.layers.iter().enumerate() {
+            if let Some(file) = layer.curve.as_ref().filter(|_| !(is_apart && layer.is_direct_sun())) {
+                dataset.check_content(file)?;
+                curves.push((i, Curve::read(&dataset.path(file))?));
+            }
+        }
+        Ok(Law { is_apart, curves })
+    }
+
+    /// The files whose sum the maps hold of a page at a set: sets of the same files are the same.
+    pub fn files<'a>(&self, dataset: &'a Dataset, set: usize, page: usize) -> Vec<&'a str> {
+        let config = &dataset.config;
+        if !self.is_apart {
+            return vec![&config.frames[set].maps[page].path];
+        }
+        let daylight = config.layers.iter().filter(|layer| matches!(layer.light, Light::Sun | Light::Sky));
+        let daylight =
+            daylight.filter(|layer| !layer.is_direct_sun()).filter_map(|layer| layer.file(set, page));
+        let local = config.files_of_local(set, page).into_iter().flatten();
+        daylight.chain(local).map(|file| file.path.as_str()).collect()
+    }
+
+    /// The light that maps hold of some rows of a page at a set; and per curve that of its layer, where it is not black.
+    pub fn rows<'a>(
+        &self,
+        dataset: &'a Dataset,
+        [set, page]: [usize; 2],
+        [y0, y1]: [usize; 2],
+        kept: &mut Kept<'a>,
+    ) -> Result<Rows> {
+        let config = &dataset.config;
+        let read = |file: &FileRef| dataset.image_rows(file, page, y0, y1);
+        let of_curve =
+            |(layer, _): &(usize, Curve)| config.layers[*layer].file(set, page).map(&read).transpose();
+        let layers = self.curves.iter().map(of_curve).collect::<Result<Vec<_>>>()?;
+        if !self.is_apart {
+            return Ok((dataset.map_rows(set, page, y0, y1)?, layers));
+        }
+        // ((sun indirect + sky) + local), as in frames but for the sun's direct light.
+        let daylight = config
+            .layers
+            .iter()
+            .enumerate()
+            .filter(|(_, layer)| matches!(layer.light, Light::Sun | Light::Sky));
+        let mut sum = vec![[0.0f32; 3]; config.pages[page].width as usize * (y1 - y0)];
+        let mut add = |texels: &[[f32; 3]]| {
+            sum.iter_mut().flatten().zip(texels.as_flattened()).for_each(|(sum, texel)| *sum += texel);
+        };
+        for (i, layer) in daylight.filter(|(_, layer)| !layer.is_direct_sun()) {
+            match self.curves.iter().position(|(of, _)| *of == i) {
+                Some(at) => layers[at].iter().for_each(|texels| add(texels)),
+                None => layer.file(set, page).map(&read).transpose()?.iter().for_each(|texels| add(texels)),
+            }
+        }
+        // What lamps give is the same at many sets.
+        for file in config.files_of_local(set, page).into_iter().flatten() {
+            if !kept.contains_key(file.path.as_str()) {
+                kept.insert(&file.path, read(file)?);
+            }
+            add(&kept[file.path.as_str()]);
+        }
+        Ok((sum, layers))
+    }
+
+    /// All light of a dataset but the sun's direct light, if `is_apart`; without curves.
+    pub fn of(is_apart: bool) -> Self {
+        Law { is_apart, curves: Vec::new() }
+    }
+
+    /// The light at an hour between two sets, from that of each.
+    pub fn mixed(&self, hours: [f64; 2], hour: f64, rows: [&Rows; 2]) -> Vec<[f32; 3]> {
+        let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
+        let weights: Vec<_> =
+            self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect();
+        let texel = |i: usize, c: usize| {
+            let mut light = 0.0;
+            for (end, straight) in [1.0 - part, part].into_iter().enumerate() {
+                let (all, layers) = rows[end];
+                let mut rest = f64::from(all[i][c]);
+                for (layer, weights) in layers.iter().zip(&weights) {
+                    let of_layer = layer.as_ref().map_or(0.0, |layer| f64::from(layer[i][c]));
+                    light += weights[c][end] * of_layer;
+                    rest -= of_layer;
+                }
+                light += straight * rest.max(0.0);
+            }
+            light.min(f64::from(f32::MAX)) as f32
+        };
+        (0..rows[0].0.len()).map(|i| [0, 1, 2].map(|c| texel(i, c))).collect()
+    }
+
+    /// Hours between sets at which tiles' means are to be told, by the light of all pages.
+    pub fn hours(&self, dataset: &Dataset, masks: &[Mask], timeline: &Timeline) -> Result<Vec<f64>> {
+        if self.curves.is_empty() {
+            return Ok(Vec::new());
+        }
+        let shares = (0..timeline.hours.len())
+            .map(|set| self.shares_of_pages(dataset, masks, set))
+            .collect::<Result<Vec<_>>>()?;
+        let brightest = shares.iter().flat_map(|shares| shares.all).fold(0.0, f64::max);
+        let mut found = Vec::new();
+        for a in 0..timeline.hours.len() {
+            let b = (a + 1) % timeline.hours.len();
+            let span = (timeline.hours[b] - timeline.hours[a]).rem_euclid(24.0);
+            let hour = |i: usize| (timeline.hours[a] + i as f64 * STEP).rem_euclid(24.0);
+            let steps = (span / STEP).ceil() as usize;
+            // The set, minutes between sets that are both shown, and the other set.
+            let is_between = |i: &usize| {
+                let moment = timeline.at(hour(*i));
+                (moment.a, moment.b) == (a, b)
+            };
+            let mut minutes: Vec<f64> = (1..steps).filter(is_between).map(|i| i as f64 * STEP).collect();
+            if a == b || minutes.is_empty() {
+                continue;
+            }
+            minutes.insert(0, 0.0);
+            minutes.push(span);
+            let light: Vec<[f64; 3]> = minutes
+                .iter()
+                .map(|minute| {
+                    let weighed =
+                        self.weighed(timeline, [a, b], timeline.hours[a] + minute, [&shares[a], &shares[b]]);
+                    std::array::from_fn(|c| weighed.iter().flatten().map(|part| part[c]).sum())
+                })
+                .collect();
+            let is_straight = |from: usize, to: usize| {
+                (from + 1..to).all(|i| {
+                    let part = (minutes[i] - minutes[from]) / (minutes[to] - minutes[from]);
+                    (0..3).all(|c| {
+                        let line = light[from][c] + (light[to][c] - light[from][c]) * part;
+                        (line - light[i][c]).abs() <= (WRONG * light[i][c]).max(TRIFLE * brightest)
+                    })
+                })
+            };
+            let (mut from, last) = (0, minutes.len() - 1);
+            while from < last {
+                let to = (from + 2..=last).take_while(|&to| is_straight(from, to)).last().unwrap_or(from + 1);
+                if to < last {
+                    found.push((timeline.hours[a] + minutes[to]).rem_euclid(24.0));
+                }
+                from = to;
+            }
+        }
+        found.sort_by(f64::total_cmp);
+        found.dedup();
+        Ok(found)
+    }
+
+    /// Means over the valid texels of all pages at a set.
+    fn shares_of_pages(&self, dataset: &Dataset, masks: &[Mask], set: usize) -> Result<Shares> {
+        let mut sums = Sums::new(self);
+        for (page, mask) in masks.iter().enumerate() {
+            let height = (TEXELS / mask.width).max(1);
+            for y0 in (0..mask.height).step_by(height) {
+                stop_if_interrupted()?;
+                let rows = [y0, (y0 + height).min(mask.height)];
+                let light = self.rows(dataset, [set, page], rows, &mut Kept::new())?;
+                let valid = &mask.valid[rows[0] * mask.width..rows[1] * mask.width];
+                sums.add(&light, (0..valid.len()).filter(|i| valid[*i]));
+            }
+        }
+        Ok(sums.mean())
+    }
+
+    /// Of the light at an hour between two sets, what stems from each: by curve, then the rest.
+    fn weighed(
+        &self,
+        timeline: &Timeline,
+        sets: [usize; 2],
+        hour: f64,
+        shares: [&Shares; 2],
+    ) -> [Vec<[f64; 3]>; 2] {
+        let hours = sets.map(|set| timeline.hours[set]);
+        let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
+        let weights: Vec<_> =
+            self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect();
+        [0, 1].map(|end| {
+            let straight = [1.0 - part, part][end];
+            let weight = |i: usize, c: usize| weights.get(i).map_or(straight, |weights| weights[c][end]);
+            let parts = shares[end].parts();
+            parts.iter().enumerate().map(|(i, light)| [0, 1, 2].map(|c| weight(i, c) * light[c])).collect()
+        })
+    }
+
+    /// The knots of a tile from those of its sets, by the shares of its light at each.
+    pub fn knots(&self, timeline: &Timeline, of_sets: &[Knot], shares: &[Shares]) -> Vec<Knot> {
+        let mut knots: BTreeMap<usize, Knot> = BTreeMap::new();
+        knots.extend(of_sets.iter().enumerate().map(|(set, knot)| (timeline.knot_of(set), *knot)));
+        for &hour in &timeline.between {
+            let Moment { a, b, knots: [at, _], .. } = timeline.at(hour);
+            let weighed = self.weighed(timeline, [a, b], hour, [&shares[a], &shares[b]]);
+            // A tile's scale is its mean, or more where that is too little.
+            let scaled = |set: usize, light: &[f64; 3]| -> [f64; 3] {
+                std::array::from_fn(|c| match shares[set].all[c] {
+                    mean if mean > 0.0 => light[c] / mean * f64::from(of_sets[set].mean[c]),
+                    _ => 0.0,
+                })
+            };
+            let parts = |set: usize, parts: &[[f64; 3]]| {
+                parts.iter().map(|part| scaled(set, part)).collect::<Vec<_>>()
+            };
+            let (of_a, of_b) = (parts(a, &weighed[0]), parts(b, &weighed[1]));
+            let (whole_a, whole_b) = (parts(a, &shares[a].parts()), parts(b, &shares[b].parts()));
+            let peak = |set: usize, light: &[[f64; 3]]| match crate::time::brightness(&of_sets[set].mean) {
+                whole if whole > 0.0 => f64::from(of_sets[set].peak) * sum(light) / whole,
+                _ => 0.0,
+            };
+            let knot = Knot {
+                mean: std::array::from_fn(|c| {
+                    of_a.iter().chain(&of_b).map(|part| part[c]).sum::<f64>() as f32
+                }),
+                peak: (peak(a, &of_a) + peak(b, &of_b)) as f32,
+                share: share([&whole_a, &whole_b], [&of_a, &of_b]) as f32,
+            };
+            knots.insert(at, knot);
+        }
+        knots.into_values().collect()
+    }
+
+    /// How many layers have a curve.
+    pub fn curves(&self) -> usize {
+        self.curves.len()
+    }
+}
+
+/// Light of texels: all that the maps hold, and per curve its layer's, where it is not black.
+pub type Rows = (Vec<[f32; 3]>, Vec<Option<Vec<[f32; 3]>>>);
+
+/// Sums of light over texels.
+#[derive(Debug)]
+pub struct Sums {
+    /// By curve, and of all light.
+    sums: Vec<[f64; 3]>,
+    texels: usize,
+}
+
+impl Sums {
+    /// Of nothing yet.
+    pub fn new(law: &Law) -> Self {
+        Sums { sums: vec![[0.0; 3]; law.curves.len() + 1], texels: 0 }
+    }
+
+    /// Adds the texels of these indices.
+    pub fn add(&mut self, (all, layers): &Rows, texels: impl Iterator<Item = usize>) {
+        let light: Vec<_> = layers.iter().map(Option::as_ref).chain([Some(all)]).collect();
+        for i in texels {
+            self.texels += 1;
+            for (sum, light) in self.sums.iter_mut().zip(&light) {
+                (0..3).for_each(|c| sum[c] += light.map_or(0.0, |light| f64::from(light[i][c])));
+            }
+        }
+    }
+
+    /// Their means.
+    pub fn mean(&self) -> Shares {
+        let mean = |sum: &[f64; 3]| sum.map(|sum| sum / self.texels.max(1) as f64);
+        let (all, of_curves) = self.sums.split_last().expect("all light is there");
+        Shares { of_curves: of_curves.iter().map(mean).collect(), all: mean(all) }
+    }
+}
+
+/// Rows of files that several sets name.
+pub type Kept<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
+
+/// Whether a dataset tells of the sun's direct light at any time: keeps it apart, and its visibility.
+pub fn is_sun_apart(config: &Config) -> bool {
+    config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
+}

@@ -1,0 +1,296 @@
+//! The sun as a stream of its own: which texels see it at the sets' hours, and how they face it.
+//!
+//! Visibility at a set is what its direct light is of an unshadowed sun's, normal · direction · irradiance: so the sets are met as well as
+//! its levels allow. Where the sun grazes a texel, and its light is next to none, the dataset's own visibility tells.
+
+use crate::Result;
+use crate::grid::{Grid, Place};
+use crate::model::BORDER;
+use crate::tile::{self, Band, Coverage, GUTTER};
+use dataset::config::Layer;
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::image::Mask;
+use dataset::store::Dataset;
+use dataset::visibility::{Between, Planes, Visibility};
+use ndgi::bundle::Section;
+use ndgi::sun::{Coder, Counts, Sun, SunPath, Tables, TileSun};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// The cosine below which light is too little to tell visibility.
+const GRAZING: f32 = 0.02;
+/// To how much of itself the sun's path is met by the times that are kept.
+const PATH: f32 = 3e-3;
+
+/// The sun of a dataset that keeps it apart.
+#[derive(Debug)]
+pub struct Sunlight<'a> {
+    dataset: &'a Dataset,
+    /// What the bundle's header says of it.
+    pub sun: Sun,
+    /// The sets at whose hours visibility is told.
+    sets: Vec<usize>,
+}
+
+impl<'a> Sunlight<'a> {
+    /// Of a dataset; `None` where the sun lights nothing directly at any set.
+    pub fn new(dataset: &'a Dataset) -> Result<Option<Self>> {
+        let config = &dataset.config;
+        let Some(path) = dataset.sun_path()?.filter(|_| crate::law::is_sun_apart(config)) else {
+            return Ok(None);
+        };
+        let is_lit = |&set: &usize| {
+            let mut direct = config.layers.iter().filter(|layer| layer.is_direct_sun());
+            let is_there =
+                direct.any(|layer| (0..config.pages.len()).any(|page| layer.file(set, page).is_some()));
+            is_there && path.at(config.frames[set].hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3])
+        };
+        let sets: Vec<usize> = (0..config.frames.len()).filter(is_lit).collect();
+        if sets.is_empty() {
+            return Ok(None);
+        }
+        let times = sets.iter().map(|&set| config.frames[set].hour).collect();
+        Ok(Some(Sunlight {
+            dataset,
+            sun: Sun { path: thinned(&path), times, tables: Tables::default() },
+            sets,
+        }))
+    }
+
+    /// What the header says of the sun, with the tables that code its tiles in few bits: found by coding them twice.
+    pub fn coded(&self, masks: &[Mask], console: &Console) -> Result<Sun> {
+        let mut sun = self.sun.clone();
+        for round in 0..2 {
+            let coder = (round > 0).then(|| Coder::new(&sun.tables));
+            let counts = self.each_tile(masks, console, |tile| {
+                let mut counts = Counts::default();
+                tile.count(coder.as_ref(), &mut counts);
+                Some(counts)
+            })?;
+            let mut all = Counts::default();
+            counts.iter().flatten().for_each(|counts| all.add(counts));
+            sun.tables = all.tables();
+        }
+        Ok(sun)
+    }
+
+    /// The tiles of all pages in the order of a bundle's index, coded.
+    pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<Section>> {
+        let coder = Coder::new(&sun.tables);
+        let sections = self.each_tile(masks, console, |tile| Some(tile.encode(&coder)))?;
+        Ok(sections.into_iter().map(Option::unwrap_or_default).collect())
+    }
+
+    /// Something of every tile in the order of a bundle's index, in parallel; nothing of one without a valid texel.
+    fn each_tile<T: Send>(
+        &self,
+        masks: &[Mask],
+        console: &Console,
+        work: impl Fn(&TileSun) -> Option<T> + Sync,
+    ) -> Result<Vec<Option<T>>> {
+        let grid = |page: usize| Grid { width: masks[page].width, height: masks[page].height };
+        let rows = |page: usize| (0..grid(page).rows()).map(move |row| (page, row));
+        let bands: Vec<(usize, usize)> = (0..masks.len()).flat_map(rows).collect();
+        let progress = console.progress("the sun", bands.len() as u64);
+        let done: Vec<Result<Vec<Option<T>>>> = bands
+            .par_iter()
+            .with_max_len(1)
+            .map(|&(page, row)| {
+                stop_if_interrupted()?;
+                let columns = grid(page).columns();
+                let is_lit =
+                    |column: usize| tile::valid_texels(&masks[page], Place { page, column, row }) > 0;
+                let band = match (0..columns).any(is_lit) {
+                    true => self.band(&masks[page], page, row)?,
+                    false => None,
+                };
+                let of = |column: usize| work(&band.as_ref().filter(|_| is_lit(column))?.tile(column));
+                let done = (0..columns).map(of).collect();
+                progress.advance(1);
+                Ok(done)
+            })
+            .collect();
+        let mut all = Vec::new();
+        for done in done {
+            all.extend(done?);
+        }
+        Ok(all)
+    }
+
+    /// What a band's rows see of the sun.
+    pub fn band(&self, mask: &Mask, page: usize, row: usize) -> Result<Option<SunBand>> {
+        let grid = Grid { width: mask.width, height: mask.height };
+        let rows = Band::rows(grid, row);
+        let Some(sunlight) = self.dataset.sunlight(page)? else { return Ok(None) };
+        let texels = grid.width * rows.len();
+        let offset = rows.start * grid.width;
+        let coverage = tile::coverage(mask, rows.clone());
+        let normals = &sunlight.normals.normals[offset..offset + texels];
+        let seen = seen(&sunlight.visibility, &rows, &self.sun.times)?;
+        let mut levels = vec![[ANY; 3]; texels * self.sets.len()];
+        for (time, &set) in self.sets.iter().enumerate() {
+            let hour = self.sun.times[time];
+            let Some((direction, irradiance)) = sunlight.path.at(hour) else { continue };
+            let direct = self.direct(set, page, &rows)?;
+            for i in (0..texels).filter(|&i| coverage[i] == Coverage::Valid) {
+                let cosine: f32 = (0..3).map(|axis| normals[i][axis] * direction[axis]).sum();
+                if cosine <= 0.0 {
+                    continue;
+                }
+                let seen = seen[time * texels + i];
+                let is_grey = seen[0] == seen[1] && seen[1] == seen[2];
+                let share = |channels: Range<usize>| {
+                    let light: f32 = channels.clone().map(|c| direct[i][c]).sum();
+                    light / (cosine * channels.map(|c| irradiance[c]).sum::<f32>())
+                };
+                let of_channel = |c: usize| match () {
+                    () if cosine <= GRAZING || irradiance[c] <= 0.0 => seen[c],
+                    () if is_grey => share(0..3),
+                    () => share(c..c + 1),
+                };
+                let level =
+                    |c: usize| (f32::from(TileSun::TOP) * of_channel(c).clamp(0.0, 1.0)).round() as u8;
+                levels[time * texels + i] = [level(0), level(1), level(2)];
+            }
+        }
+        let mut band =
+            SunBand { grid, page, row, rows, times: self.sets.len(), normals: normals.to_vec(), levels };
+        band.fill(&coverage);
+        Ok(Some(band))
+    }
+
+    /// The sun's direct light of a set.
+    fn direct(&self, set: usize, page: usize, rows: &Range<usize>) -> Result<Vec<[f32; 3]>> {
+        let layers = self.dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
+        let files: Vec<_> = layers.filter_map(|layer: &Layer| layer.file(set, page)).collect();
+        self.dataset.sum_rows(&files, page, rows.start, rows.end)
+    }
+}
+
+/// A level that may be any, for it is not looked at.
+const ANY: u8 = TileSun::ANY;
+
+/// A row of tiles with what it sees of the sun.
+#[derive(Debug)]
+pub struct SunBand {
+    grid: Grid,
+    page: usize,
+    row: usize,
+    rows: Range<usize>,
+    times: usize,
+    normals: Vec<[f32; 3]>,
+    /// By time and texel.
+    levels: Vec<[u8; 3]>,
+}
+
+impl SunBand {
+    /// Gutter texels see what the nearest valid one does.
+    fn fill(&mut self, coverage: &[Coverage]) {
+        let (width, height) = (self.grid.width as isize, self.rows.len() as isize);
+        let reach = GUTTER as isize;
+        let mut near: Vec<(isize, isize)> =
+            (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))).collect();
+        near.sort_by_key(|(dx, dy)| dx * dx + dy * dy);
+        let texels = coverage.len();
+        for i in (0..texels).filter(|&i| coverage[i] == Coverage::Gutter) {
+            let (x, y) = (i as isize % width, i as isize / width);
+            let inside = near.iter().map(|(dx, dy)| (x + dx, y + dy));
+            let mut inside = inside.filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y));
+            let valid = inside.find(|(x, y)| coverage[(y * width + x) as usize] == Coverage::Valid);
+            if let Some((x, y)) = valid {
+                let from = (y * width + x) as usize;
+                self.normals[i] = self.normals[from];
+                (0..self.times)
+                    .for_each(|time| self.levels[time * texels + i] = self.levels[time * texels + from]);
+            }
+        }
+        // How texels face the sun that never see it does not matter, if they are told to be dark and not whatever is cheap.
+        for i in 0..texels {
+            let is_seen = |level: &u8| (1..=TileSun::TOP).contains(level);
+            let never = (0..self.times).all(|time| !self.levels[time * texels + i].iter().any(is_seen));
+            if never {
+                self.normals[i] = [0.0; 3];
+            }
+            if never && coverage[i] != Coverage::Outside {
+                (0..self.times).for_each(|time| self.levels[time * texels + i] = [0; 3]);
+            }
+        }
+    }
+
+    /// One tile; what lies past its border is not looked at.
+    pub fn tile(&self, column: usize) -> TileSun {
+        let (width, height) = self.grid.stored(column, self.row);
+        let (own_width, own_height) = self.grid.payload(column, self.row);
+        let (left, top) = Place { page: self.page, column, row: self.row }.origin();
+        let from = tile::stored(self.grid, &self.rows, [left, top], [width, height]);
+        let is_read = |i: usize| i % width < own_width + 2 * BORDER && i / width < own_height + 2 * BORDER;
+        let read: Vec<Option<usize>> = (0..from.len()).map(|i| is_read(i).then_some(from[i])).collect();
+        let mut by_channel = [0, 1, 2].map(|_| Vec::with_capacity(self.times * read.len()));
+        for of_time in self.levels.chunks_exact(self.grid.width * self.rows.len()) {
+            for i in &read {
+                let level = i.map_or([ANY; 3], |i| of_time[i]);
+                (0..3).for_each(|c| by_channel[c].push(level[c]));
+            }
+        }
+        let [red, green, blue] = by_channel;
+        let levels = if red == green && green == blue { red } else { [red, green, blue].concat() };
+        let normals = read.iter().map(|i| i.map_or([0.0; 3], |i| self.normals[i])).collect();
+        TileSun { width, height, times: self.times, levels, normals }
+    }
+}
+
+/// What a dataset's visibility says of rows of a page at some times: by time and texel.
+fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<Vec<[f32; 3]>> {
+    let width = visibility.size[0] as usize;
+    let mut seen = vec![[0.0; 3]; width * rows.len() * times.len()];
+    let top = f32::from(visibility.top);
+    for (tile, rect) in visibility.tiles.iter().enumerate() {
+        if rect.y0 >= rows.end || rect.y1 <= rows.start {
+            continue;
+        }
+        let planes: Planes = visibility.tile(tile)?;
+        for (time, &hour) in times.iter().enumerate() {
+            let between = Between::new(&visibility.hours, hour);
+            for y in rect.y0.max(rows.start)..rect.y1.min(rows.end) {
+                for x in rect.x0..rect.x1 {
+                    let texel = (y - rect.y0) * rect.width() + x - rect.x0;
+                    let [before, after] =
+                        [between.before, between.after].map(|time| planes.level(texel, time));
+                    let value =
+                        |c: usize| between.lerp(f32::from(before[c]) / top, f32::from(after[c]) / top);
+                    seen[(time * rows.len() + y - rows.start) * width + x] = [value(0), value(1), value(2)];
+                }
+            }
+        }
+    }
+    Ok(seen)
+}
+
+/// As few of the path's times as hold it.
+fn thinned(path: &dataset::sun::SunPath) -> SunPath {
+    let values = |i: usize| {
+        let (direction, light) = (path.direction[i], path.irradiance[i]);
+        [direction[0], direction[1], direction[2], light[0], light[1], light[2]]
+    };
+    let is_on_line = |from: usize, i: usize, to: usize| {
+        let part = ((path.hours[i] - path.hours[from]) / (path.hours[to] - path.hours[from])) as f32;
+        let (a, value, b) = (values(from), values(i), values(to));
+        (0..6).all(|k| {
+            let unit = if k < 3 { 1.0 } else { value[k] };
+            (a[k] + (b[k] - a[k]) * part - value[k]).abs() <= PATH * unit
+        })
+    };
+    let last = path.hours.len() - 1;
+    let (mut kept, mut at) = (vec![0], 0);
+    while at < last {
+        let reached = (at + 2..=last).take_while(|&to| (at + 1..to).all(|i| is_on_line(at, i, to))).last();
+        at = reached.unwrap_or(at + 1);
+        kept.push(at);
+    }
+    let pick = |of: &[[f32; 3]]| kept.iter().map(|&i| of[i]).collect();
+    SunPath {
+        hours: kept.iter().map(|&i| path.hours[i]).collect(),
+        direction: pick(&path.direction),
+        irradiance: pick(&path.irradiance),
+    }
+}
