@@ -6,6 +6,7 @@
 """
 import argparse, struct, sys, numpy as np
 from blake3_numpy import checksum
+from read_sun import Sun
 
 WEIGHTS = {2: np.array([0, 21, 43, 64]), 3: np.array([0, 9, 18, 27, 37, 46, 55, 64]),  # of indices of so many bits
            4: np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])}
@@ -74,8 +75,10 @@ class Bundle:
         kinds = [self.take('3I') for _ in range(streams)] if new else [(0, 0, 1)]
         check(len({k[:2] for k in kinds}) == streams and (0, 0, 1) in kinds, 'streams')
         check(all(kind in (0, 1) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
-        self.sun_hours, self.sun_times = np.array(self.take(f'{times}d')), np.array(self.take(f'{seen}d'))
-        self.sun_to, self.sun_light = (np.array(self.take(f'{3 * times}f')).reshape(-1, 3) for _ in range(2))
+        if times + seen:
+            hours, seen = np.array(self.take(f'{times}d')), np.array(self.take(f'{seen}d'))
+            to, light = (np.array(self.take(f'{3 * times}f')).reshape(-1, 3) for _ in range(2))
+            self.light_of_sun = Sun(hours, to, light, seen, self.take(f"{self.take('I')[0]}s")[0])
         lines = []  # place, offset, and per stream length, word, checksum
         for page, (W, H) in enumerate(self.pages):
             for r, c in np.ndindex(-(-H // 126), -(-W // 126)):
@@ -103,6 +106,13 @@ class Bundle:
                 offset += length
         check(offset == len(self.data), 'payloads do not fill the file')
 
+    def sun(self, page, c, r, hour):
+        """Section 8: the sun's direct light on what a tile stores: height x width x 3."""
+        at, length, word, digest = self.suns.get((page, c, r), (0, 0, 0, 0))
+        data = self.data[at:at + length]
+        check(length == 0 or checksum(data) == digest, f'tile {c}, {r} of page {page} is damaged')
+        return self.light_of_sun.tile(data, word, *self.stored(page, c, r), hour % 24)
+
     def take(self, form):
         self.at += struct.calcsize('<' + form)
         return struct.unpack_from('<' + form, self.data, self.at - struct.calcsize('<' + form))
@@ -129,8 +139,9 @@ class Bundle:
     def tile(self, page, c, r, hour):
         """What a tile stores at an hour, border included: height x width x 3, float32."""
         (height, width), (at, length, word, digest) = self.stored(page, c, r), self.index[page, c, r]
+        direct = self.sun(page, c, r, hour) if self.suns else 0
         if length == 0:
-            return np.zeros((height, width, 3), np.float32)
+            return np.float32(np.zeros((height, width, 3)) + direct)
         check(checksum(self.data[at:at + length]) == digest, f'tile {c}, {r} of page {page} is damaged')
         field = lambda k, bits=1: word >> k & (1 << bits) - 1
         (a, b, i, j, g), n, end = self.moment(hour), self.n, at + length
@@ -145,7 +156,7 @@ class Bundle:
             out[there] = take(16 * there.sum()).reshape(-1, 16)
             return out
         s = [-(-(-(-side * 2 * 2 ** field(4, 3) // 128)) // 4) for side in (height, width)]
-        S, R, h = field(8, 8), field(16, 8), 16 + 48 * field(7)
+        S, R, h = field(8, 7), field(16, 8), (16, 64, 32, 0)[field(7) + 2 * field(15)]
         uv = field(0) and blocks(height // 4 * (width // 4), field(30))
         uvt = field(4, 3) and blocks(s[0] * s[1] * S, field(31))
         shares = np.zeros(len(self.knots))
@@ -184,7 +195,7 @@ class Bundle:
             z = np.clip(y := x @ W.reshape(len(bias), -1).T + bias, -2.25, 2.25)
             x = y * (0.5 + z / 3 - 16 * z ** 3 / 729)
         light = ((1 - g) * means[i] + g * means[j]) * np.clip(y, 0, 65504) ** (2.2 if self.coding else 2)
-        return np.minimum(light, np.finfo(np.float32).max).astype(np.float32)
+        return np.minimum(light + direct, np.finfo(np.float32).max).astype(np.float32)
 
     def page(self, page, hour):
         out = np.empty(self.pages[page][::-1] + (3,), np.float32)

@@ -59,6 +59,8 @@ pub const PRESETS: [Preset; 3] = [DRAFT, MEDIUM, FINAL];
 /// What tiles have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
+    /// Profile M; S where the dataset keeps the sun's direct light apart: what is left is smooth in time.
+    Usual,
     /// The maps of a profile, all tiles alike; only what a tile does not need is left out.
     Profile(Profile),
     /// What brief trials of each tile find: so much that all tiles together reach this pooled PSNR in dB, about.
@@ -93,7 +95,7 @@ impl Options {
     /// The recipe of all tiles; each has a seed of its own.
     fn recipe(&self) -> Recipe {
         let aim = match self.rate {
-            Rate::Profile(_) => Aim::MeanPsnr,
+            Rate::Usual | Rate::Profile(_) => Aim::MeanPsnr,
             _ => Aim::PooledError,
         };
         Recipe { iterations: self.iterations, passes: self.passes, paper: false, seed: self.seed, aim }
@@ -102,7 +104,7 @@ impl Options {
     /// The defaults, trained as a preset says.
     pub fn of(preset: Preset) -> Self {
         Options {
-            rate: Rate::Profile(PROFILES[1]),
+            rate: Rate::Usual,
             iterations: preset.iterations,
             passes: preset.passes,
             time_limit: None,
@@ -144,7 +146,7 @@ pub(crate) fn sun_is_left_out(header: &Header) -> bool {
 /// [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
-    if options.time_limit.is_some() && !matches!(options.rate, Rate::Profile(_)) {
+    if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
         return Err(Error::unsupported("time_limit", "a target of quality or size has no time limit"));
     }
     let dataset = Dataset::open(root)?;
@@ -154,6 +156,11 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
     let law = Law::new(&dataset)?;
+    let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
+    let options = &match (options.rate, usual) {
+        (Rate::Usual, Some(profile)) => Options { rate: Rate::Profile(profile), ..options.clone() },
+        _ => options.clone(),
+    };
     let sunlight = if options.without_sun { None } else { Sunlight::new(&dataset)? };
     let sun = sunlight.as_ref().map(|sunlight| sunlight.coded(&masks, console)).transpose()?;
     let header = Header { sun, ..header(&dataset, &masks, &law, options)? };

@@ -3,88 +3,12 @@
 
 mod common;
 
-use common::{Scene, islands};
+use common::{Scene, difference, image, islands, python, read};
 use compressor::compress::{Options, Rate, compress};
 use compressor::decode::Decoder;
-use compressor::grid::Place;
-use compressor::model::{BORDER, PAYLOAD, PROFILES};
+use compressor::model::{BORDER, PROFILES};
 use dataset::console::Console;
-use dataset::image::Image;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-/// A Python that has numpy.
-fn python() -> Option<String> {
-    let named = std::env::var("NDGI_PYTHON").ok();
-    let python = named.clone().unwrap_or("python3".to_owned());
-    let works = Command::new(&python).args(["-c", "import numpy"]).output().is_ok_and(|o| o.status.success());
-    assert!(works || named.is_none(), "NDGI_PYTHON={python} does not run, or lacks numpy");
-    if !works {
-        eprintln!("skipped: there is no python3 with numpy");
-    }
-    works.then_some(python)
-}
-
-fn read(python: &str, bundle: &Path, arguments: &[&str]) -> (Output, PathBuf) {
-    let out = bundle.with_extension("npy");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/read_ndgi.py");
-    let mut command = Command::new(python);
-    command
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .arg(script)
-        .arg(bundle)
-        .args(arguments)
-        .arg("--out")
-        .arg(&out);
-    (command.output().unwrap(), out)
-}
-
-/// An array of height × width × 3 float32.
-fn image(path: &Path) -> Image {
-    let bytes = fs::read(path).unwrap();
-    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
-    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    let header = String::from_utf8_lossy(&bytes[10..start]).into_owned();
-    assert!(header.contains("'<f4'") && header.contains("'fortran_order': False"), "{header}");
-    let shape = header.split(['(', ')']).nth(1).unwrap();
-    let shape: Vec<usize> = shape.split(',').map(|n| n.trim().parse().unwrap()).collect();
-    let values: Vec<f32> =
-        bytes[start..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let texels = values.as_chunks::<3>().0.to_vec();
-    assert_eq!((shape[2], texels.len()), (3, shape[0] * shape[1]));
-    Image { width: shape[1], height: shape[0], texels }
-}
-
-/// Largest difference of two pages in units of FORMAT.md's max(E, mean / 100).
-fn difference(decoder: &Decoder, hour: f64, found: &Image) -> f64 {
-    let expected = decoder.decode_page(0, hour).unwrap();
-    assert_eq!((found.width, found.height), (expected.width, expected.height));
-    let moment = decoder.bundle().header.timeline.at(hour);
-    let mut worst = 0.0f64;
-    for row in 0..expected.height.div_ceil(PAYLOAD) {
-        for column in 0..expected.width.div_ceil(PAYLOAD) {
-            let tile = decoder.tile(Place { page: 0, column, row }).unwrap();
-            let mean = |c: usize| {
-                let share = moment.fraction as f32;
-                let [a, b] = moment.knots;
-                tile.as_ref().map_or(0.0, |t| (1.0 - share) * t.knots[a].mean[c] + share * t.knots[b].mean[c])
-            };
-            for y in row * PAYLOAD..((row + 1) * PAYLOAD).min(expected.height) {
-                for x in column * PAYLOAD..((column + 1) * PAYLOAD).min(expected.width) {
-                    let i = y * expected.width + x;
-                    for c in 0..3 {
-                        let (a, b) = (f64::from(expected.texels[i][c]), f64::from(found.texels[i][c]));
-                        if a != b {
-                            worst = worst.max((a - b).abs() / a.max(f64::from(mean(c)) / 100.0));
-                        }
-                    }
-                }
-            }
-        }
-    }
-    worst
-}
 
 #[test]
 fn a_reader_written_from_the_document_agrees_with_the_decoder() {
@@ -143,7 +67,8 @@ fn the_reader_refuses_what_is_damaged() {
         ("version", flipped(8)),
         ("header damaged", flipped(100)),
         ("header damaged", flipped(header - 40)),
-        ("is damaged", flipped(header + 5)),
+        ("resident block damaged", flipped(header + 5)),
+        ("is damaged", flipped(whole.len() - 20)),
         ("truncated", whole[..whole.len() - 16].to_vec()),
         ("", whole[..20].to_vec()),
         ("", Vec::new()),

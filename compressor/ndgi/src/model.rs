@@ -30,8 +30,12 @@ pub const PAYLOAD: usize = STORED - 2 * BORDER;
 pub const FEATURES: usize = 12;
 /// Most gates of a tile.
 pub const MOST_GATES: usize = 63;
-/// Most slices of F_uvt, and rows of F_ut and F_vt.
-const MOST_SLICES: usize = 255;
+/// Most slices of F_uvt.
+const MOST_SLICES: usize = 127;
+/// Most rows of F_ut and F_vt.
+const MOST_ROWS: usize = 255;
+/// Widths of hidden layers, by their number in a word.
+const WIDTHS: [usize; 3] = [16, 64, 32];
 
 /// A gate's input: whether its light group is on.
 pub fn gate(on: bool) -> f32 {
@@ -45,16 +49,22 @@ pub struct Profile {
     pub name: &'static str,
     /// Side of F_uvt for a full tile.
     pub uvt: usize,
+    /// Whether it has F_ut and F_vt.
+    pub planes: bool,
     /// Width of the two hidden layers.
     pub hidden: usize,
 }
 
-/// The paper's profiles.
-pub const PROFILES: [Profile; 4] = [
-    Profile { name: "L", uvt: 16, hidden: 16 },
-    Profile { name: "M", uvt: 32, hidden: 16 },
-    Profile { name: "M.64", uvt: 32, hidden: 64 },
-    Profile { name: "H", uvt: 64, hidden: 16 },
+/// The paper's profiles, the same with hidden layers of 32, and one without F_ut and F_vt for light that is smooth in time.
+pub const PROFILES: [Profile; 8] = [
+    Profile { name: "L", uvt: 16, planes: true, hidden: 16 },
+    Profile { name: "M", uvt: 32, planes: true, hidden: 16 },
+    Profile { name: "M.64", uvt: 32, planes: true, hidden: 64 },
+    Profile { name: "H", uvt: 64, planes: true, hidden: 16 },
+    Profile { name: "L.32", uvt: 16, planes: true, hidden: 32 },
+    Profile { name: "M.32", uvt: 32, planes: true, hidden: 32 },
+    Profile { name: "S", uvt: 16, planes: false, hidden: 16 },
+    Profile { name: "S.32", uvt: 16, planes: false, hidden: 32 },
 ];
 
 impl Profile {
@@ -65,9 +75,9 @@ impl Profile {
             uv: true,
             uvt: self.uvt,
             slices: distinct.div_ceil(2).min(12),
-            ut: true,
-            vt: true,
-            rows: distinct.min(24),
+            ut: self.planes,
+            vt: self.planes,
+            rows: if self.planes { distinct.min(24) } else { 0 },
             gamma: true,
             gates,
             hidden: self.hidden,
@@ -82,7 +92,7 @@ pub struct Contents {
     pub uv: bool,
     /// Side of F_uvt for a full tile: 0 (no F_uvt), 4, 8, 16, 32, 64 or 128.
     pub uvt: usize,
-    /// Slices of F_uvt, 1 … 255; 0 without it.
+    /// Slices of F_uvt, 1 … 127; 0 without it.
     pub slices: usize,
     /// F_ut.
     pub ut: bool,
@@ -94,7 +104,7 @@ pub struct Contents {
     pub gamma: bool,
     /// Number of gates, at most [`MOST_GATES`].
     pub gates: usize,
-    /// Width of the two hidden layers: 16 or 64.
+    /// Width of the two hidden layers: 16, 32 or 64.
     pub hidden: usize,
 }
 
@@ -123,16 +133,16 @@ impl Contents {
             _ => return None,
         };
         let known = self.slices <= MOST_SLICES
-            && self.rows <= MOST_SLICES
+            && self.rows <= MOST_ROWS
             && self.gates <= MOST_GATES
             && (self.uvt > 0) == (self.slices > 0)
-            && (self.ut || self.vt) == (self.rows > 0)
-            && matches!(self.hidden, 16 | 64);
+            && (self.ut || self.vt) == (self.rows > 0);
+        let hidden = WIDTHS.iter().position(|width| *width == self.hidden)? as u32;
         known.then(|| {
             let flags = [self.uv, self.ut, self.vt, self.gamma];
             let flags = (0..).zip(flags).map(|(bit, flag)| u32::from(flag) << bit).sum::<u32>();
             let sizes = (self.slices as u32) << 8 | (self.rows as u32) << 16 | (self.gates as u32) << 24;
-            flags | side << 4 | u32::from(self.hidden == 64) << 7 | sizes
+            flags | side << 4 | (hidden & 1) << 7 | (hidden >> 1) << 15 | sizes
         })
     }
 
@@ -146,13 +156,13 @@ impl Contents {
                 0 => 0,
                 side => 2 << side,
             },
-            slices: byte(8),
+            slices: byte(8) & MOST_SLICES,
             ut: flag(1),
             vt: flag(2),
             rows: byte(16),
             gamma: flag(3),
             gates: byte(24) & MOST_GATES,
-            hidden: if flag(7) { 64 } else { 16 },
+            hidden: *WIDTHS.get(((word >> 7 & 1) | (word >> 15 & 1) << 1) as usize)?,
         };
         (contents.word()? == word & !Self::SPARE).then_some(contents)
     }

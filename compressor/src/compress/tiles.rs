@@ -156,7 +156,7 @@ impl Tiles<'_> {
     /// What the trials chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
     /// seconds. No list where all tiles have the same profile.
     fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
-        if let Rate::Profile(_) = self.options.rate {
+        if let Rate::Usual | Rate::Profile(_) = self.options.rate {
             return Ok((Vec::new(), 0.0));
         }
         type Tried = (Vec<Trial>, f64);
@@ -183,7 +183,7 @@ impl Tiles<'_> {
         let chosen = match self.options.rate {
             Rate::Psnr(db) => self.calibrated(db, &trials, contents, console)?,
             Rate::Bpp(bpp) => allocate::choose(&trials, self.bytes(bpp)?),
-            Rate::Profile(_) => Vec::new(),
+            Rate::Usual | Rate::Profile(_) => Vec::new(),
         };
         Ok((contents(&chosen), seconds.iter().sum()))
     }

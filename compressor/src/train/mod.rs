@@ -112,7 +112,7 @@ const RETRIES: i32 = 6;
 ///
 /// # Errors
 /// [`Error::Invalid`] where the source's lists have wrong lengths or light that is negative or not finite,
-/// [`Error::Unsupported`] for a hidden width other than 16 or 64, [`Error::Interrupted`].
+/// [`Error::Unsupported`] for a hidden width other than 16, 32 or 64, [`Error::Interrupted`].
 pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<TrainedTile> {
     train_as(source, recipe, |light, left_out| needed(light, profile, recipe, left_out))
 }
@@ -197,8 +197,9 @@ fn train_coded(
     problem.coded = coded;
     match contents.hidden {
         16 => train_width::<16>(&problem, recipe, 1.0, left_out),
+        32 => train_width::<32>(&problem, recipe, 1.0, left_out),
         64 => train_width::<64>(&problem, recipe, 1.0, left_out),
-        other => Err(Error::unsupported("profile", format!("hidden width {other}; expected 16 or 64"))),
+        other => Err(Error::unsupported("profile", format!("hidden width {other}; expected 16, 32 or 64"))),
     }
 }
 

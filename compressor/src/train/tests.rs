@@ -164,6 +164,8 @@ fn gradients_are_those_of_finite_differences() {
     gradients_match::<16>(&M, Coding::Standard, |_| {});
     gradients_match::<16>(&M, Coding::Paper, |_| {});
     gradients_match::<64>(&PROFILES[2], Coding::Standard, |_| {});
+    gradients_match::<32>(&PROFILES[5], Coding::Standard, |_| {});
+    gradients_match::<16>(&PROFILES[6], Coding::Standard, |_| {});
 }
 
 #[test]

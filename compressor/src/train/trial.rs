@@ -50,7 +50,12 @@ pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<Trial>> {
         let problem = Problem::new(source, &light, shape, recipe.coding());
         let read = problem.blocks_read().map(|blocks| blocks.iter().filter(|read| **read).count());
         let terms = (problem.valid * problem.sets) as u64;
-        let error = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect()).trial(&recipe)?;
+        let tier = Tier::detect();
+        let error = match contents.hidden {
+            32 => Attempt::<32>::new(&problem, &recipe, 1.0, tier).trial(&recipe)?,
+            64 => Attempt::<64>::new(&problem, &recipe, 1.0, tier).trial(&recipe)?,
+            _ => Attempt::<16>::new(&problem, &recipe, 1.0, tier).trial(&recipe)?,
+        };
         // One that diverges is none.
         if let (Some(error), Some(word)) = (error, contents.word()) {
             trials.push(Trial { word, bytes: blocks_len(&shape, read) as u64, error, terms });
@@ -73,6 +78,7 @@ fn candidates(light: &Light) -> Vec<Contents> {
     let timed = Contents { gamma: true, gates, ..none };
     let map = |uvt: usize, slices: usize| Contents { uvt, slices, ..timed };
     let with_uv = |contents: Contents| Contents { uv: true, ..contents };
+    let wide = |hidden: usize, contents: Contents| Contents { hidden, ..contents };
     let full = |contents: Contents| Contents { uv: true, ut: true, vt: true, rows: all, ..contents };
     vec![
         timed,
@@ -82,7 +88,11 @@ fn candidates(light: &Light) -> Vec<Contents> {
         with_uv(map(16, half)),
         full(map(16, half)),
         full(map(16, all)),
+        wide(32, with_uv(map(16, half))),
+        wide(32, full(map(16, half))),
         full(map(32, half)),
+        wide(32, full(map(32, half))),
+        wide(64, full(map(32, half))),
         full(map(32, all)),
         full(map(64, all)),
     ]

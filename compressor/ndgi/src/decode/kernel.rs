@@ -55,8 +55,9 @@ pub(super) struct Folded<'a> {
 pub(super) fn decode(tier: Tier, tile: &Folded, out: &mut [[f32; 3]]) {
     match tile.hidden {
         16 => dispatch::<16>(tier, tile, out),
+        32 => dispatch::<32>(tier, tile, out),
         64 => dispatch::<64>(tier, tile, out),
-        other => unreachable!("profiles have hidden layers of 16 or 64, not {other}"),
+        other => unreachable!("profiles have hidden layers of 16, 32 or 64, not {other}"),
     }
 }
 

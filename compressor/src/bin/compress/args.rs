@@ -221,9 +221,10 @@ pub struct Compress {
     /// The dataset's folder.
     #[arg(required = true)]
     pub dataset: Option<PathBuf>,
-    /// Size of the representation, the same for all tiles: L, M, M.64 or H.
-    #[arg(long, default_value = "M", value_parser = parse_profile)]
-    pub profile: Profile,
+    /// Size of the representation, the same for all tiles: S, L, M or H; L.32, M.32 and S.32 with wider hidden layers, M.64 with yet wider ones.
+    /// [default: M; S where the dataset keeps the sun's direct light apart]
+    #[arg(long, value_parser = parse_profile)]
+    pub profile: Option<Profile>,
     /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB (more,
     /// where the least that tiles can have reaches more).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]

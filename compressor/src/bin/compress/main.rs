@@ -53,7 +53,7 @@ fn main() -> ExitCode {
 fn compress(args: Compress, console: &Console) -> Result<()> {
     let root = args.dataset.ok_or_else(|| Error::invalid("command line", "expected a dataset's folder"))?;
     let rate = match (args.target_psnr, args.target_bpp) {
-        (None, None) => Rate::Profile(args.profile),
+        (None, None) => args.profile.map_or(Rate::Usual, Rate::Profile),
         (Some(db), _) => Rate::Psnr(db),
         (_, Some(bpp)) => Rate::Bpp(bpp),
     };

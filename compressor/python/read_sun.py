@@ -1,0 +1,135 @@
+"""The sun's direct light in NDGI bundles, written from ../FORMAT.md, section 8; read_ndgi.py uses it."""
+import numpy as np
+
+def check(holds, what):
+    if not holds:
+        raise ValueError(what)
+def varint(data, at):
+    return (data[at], at + 1) if data[at] < 128 else (data[at] & 127 | data[at + 1] << 7, at + 2)
+
+class Sun:
+    def __init__(self, hours, to, light, times, data):
+        self.hours, self.to, self.light, self.times = hours, to, light, times
+        # The palette, and per context of modes and of patterns (symbol, bits, base) of each state.
+        palette, modes, at = np.frombuffer(data, '<u2', 256), np.frombuffer(data, 'u1', 486, 512).reshape(162, 3), 998
+        patterns = []
+        for _ in range(81):
+            frequencies, symbol = [0] * 259, 0
+            n, at = varint(data, at)
+            for _ in range(n):
+                gap, at = varint(data, at)
+                frequencies[symbol + gap], at = varint(data, at)
+                symbol += gap + 1
+            patterns.append(self.steps(frequencies, 10))
+        check(at == len(data), 'tables of the sun')
+        self.tables = palette, [self.steps(m, 7) for m in modes.tolist()], patterns
+    @staticmethod
+    def steps(frequencies, bits):
+        check(sum(frequencies) == 1 << bits, 'frequencies of the sun')
+        whole, at, symbols = 1 << bits, 0, [0] * (1 << bits)
+        for symbol, frequency in enumerate(frequencies):
+            for _ in range(frequency):
+                symbols[at], at = symbol, at + whole // 2 + whole // 8 + 3 & whole - 1
+        after, out = list(frequencies), []
+        for symbol in symbols:
+            count = bits + 1 - after[symbol].bit_length()
+            out.append((symbol, count, (after[symbol] << count) - whole))
+            after[symbol] += 1
+        return out
+
+    def plane(self, stream, height, width):
+        """Levels of one tile at one time."""
+        palette, modes, patterns = self.tables
+        bits, at = int.from_bytes(stream, 'little'), 0
+        def take(count):
+            nonlocal at
+            at += count
+            return bits >> at - count & (1 << count) - 1
+        down, across = -(-height // 8), -(-width // 8)
+        x, z = take(7), take(10)
+        def mode(context):
+            nonlocal x
+            symbol, count, base = modes[context][x]
+            x = base + take(count)
+            return symbol
+        eight = np.zeros((down + 1, across + 2), int)  # a border of dark ones above and beside
+        for r, c in np.ndindex(down, across):
+            n = eight[r, c:c + 3]
+            eight[r + 1, c + 1] = mode(eight[r + 1, c] + 3 * n[0] + 9 * n[1] + 27 * n[2])
+        eight = eight[1:, 1:-1]
+        four = np.pad(eight.repeat(2, 0).repeat(2, 1), ((1, 1), (1, 1)))
+        four[-1], four[:, -1] = 2, 2
+        four[0], four[:, 0] = 0, 0
+        mixed = [(2 * r + i, 2 * c + j) for r, c in np.argwhere(eight == 2) for i in (0, 1) for j in (0, 1)]
+        for r, c in mixed:
+            four[r + 1, c + 1] = mode(81 + four[r + 1, c] + 3 * four[r, c + 1] + 9 * four[r + 1, c + 2] + 27 * four[r + 2, c + 1])
+        four = four[1:-1, 1:-1]
+        out = np.pad(7 * (four == 1).repeat(4, 0).repeat(4, 1), ((1, 0), (1, 0)))
+        kind = np.array([0, 1, 1, 1, 1, 1, 1, 2])
+        for r, c in mixed:
+            for i, j in ((0, 0), (0, 2), (2, 0), (2, 2)) if four[r, c] == 2 else ():
+                y, w = 4 * r + i + 1, 4 * c + j + 1
+                left, up = kind[out[y:y + 2, w - 1]], kind[out[y - 1, w:w + 2]]
+                symbol, count, base = patterns[27 * left[0] + 9 * left[1] + 3 * up[0] + up[1]][z]
+                z = base + take(count)
+                pattern = [0, 0xfff][symbol] if symbol < 2 else take(12) if symbol == 258 else int(palette[symbol - 2])
+                out[y:y + 2, w:w + 2] = [[pattern & 7, pattern >> 3 & 7], [pattern >> 6 & 7, pattern >> 9]]
+        check(x == z == 0 and 0 <= 8 * len(stream) - at < 8 and bits >> at == 0, 'levels of the sun do not end as they should')
+        return out[1:1 + height, 1:1 + width]
+
+    def tile(self, data, word, height, width, t):
+        """The direct light on a tile, from its section and the word of its line in the index: height x width x 3."""
+        out, length = np.zeros((height, width, 3)), len(data)
+        if length == 0:
+            return out
+        channels, count, times, at = word & 3, word >> 8 & 255, len(self.times), 0
+        def take(size):
+            nonlocal at
+            at += size
+            check(at <= length, 'a tile of the sun is too short')
+            return data[at - size:at]
+        def of(values): return np.array([np.interp(t, self.hours, axis) for axis in values.T])
+        sizes = np.frombuffer(take(2 * channels * times), '<u2').reshape(channels, times)
+        streams = [[take(size if size > 1 else 0) for size in row] for row in sizes.tolist()]
+        before = min(max(int(np.searchsorted(self.times, t, 'right')) - 1, 0), times - 1)
+        after = min(before + 1, times - 1) if t >= self.times[0] else 0
+        span = self.times[after] - self.times[before]
+        part = (t - self.times[before]) / span if span > 0 else 0
+        def level(k, i):
+            size = sizes[k, i]
+            return self.plane(streams[k][i], height, width) if size > 1 else np.full((height, width), 7 * int(size))
+        seen = [(level(k, before) * (1 - part) + level(k, after) * part) / 7 for k in range(channels)] or [np.ones((height, width))]
+        normals = self.normals(take, count, height, width) if word & 4 else np.zeros((height, width, 3))
+        check(length - at < 16 and not any(data[at:]), 'a tile of the sun is too long')
+        if not self.hours[0] <= t <= self.hours[-1]:
+            return out
+        return np.stack([seen[min(k, len(seen) - 1)] for k in range(3)], 2) * np.maximum(normals @ of(self.to), 0)[:, :, None] * of(self.light)
+
+    @staticmethod
+    def normals(take, count, height, width):
+        palette, kinds, across = np.frombuffer(take(6 * count), '<i2').reshape(-1, 3) / 32767, [], width // 4
+        while len(kinds) < height * width // 16:
+            same, run, kind = take(3)
+            check(same + run > 0 and (same == 0 or len(kinds) >= across), 'runs of normals')
+            for _ in range(same):
+                kinds.append(kinds[-across])
+            kinds += [kind] * run
+        check(len(kinds) == height * width // 16, 'runs of normals')
+        def direction(two):
+            u, v = (np.array(two, float) - 128) / 127
+            y = 1 - abs(u) - abs(v)
+            under = max(-y, 0)
+            n = np.array([u + (under if u < 0 else -under), y, v + (under if v < 0 else -under)])
+            return n / np.linalg.norm(n)
+        out = np.zeros((height, width, 3))
+        for block, kind in enumerate(kinds):
+            told, bits = {250: (1, 0), 251: (2, 1), 252: (2, 2), 253: (4, 2), 254: (8, 3), 255: (16, 0)}.get(kind, (0, 0))
+            ends = [direction(two) for two in np.frombuffer(take(2 * told), 'u1').reshape(-1, 2)]
+            if kind == 252:
+                ends = [ends[0] * (1 - k / 3) + ends[1] * k / 3 for k in range(4)]
+                ends = [end / np.linalg.norm(end) for end in ends]
+            choice = int.from_bytes(take(2 * bits), 'little')
+            texels = [ends[choice >> bits * i & (1 << bits) - 1 if bits else min(i, told - 1)] if told else palette[kind] for i in range(16)]
+            y, x = block // across * 4, block % across * 4
+            out[y:y + 4, x:x + 4] = np.reshape(texels, (4, 4, 3))
+        return out

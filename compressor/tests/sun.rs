@@ -1,0 +1,331 @@
+//! The sun as a stream of its own: from a dataset that keeps it apart, through the bundle and back, in Rust and in Python.
+
+mod common;
+
+use common::{difference, image, python, read};
+use compressor::bundle::Bundle;
+use compressor::compress::{DRAFT, Options, compress};
+use compressor::decode::{Decoder, Lights};
+use compressor::evaluate::{Measures, evaluate};
+use dataset::config::{
+    Baked, Config, Daylight, FORMAT, Frame, Group, Layer, Light, Page, Part, SunVisibility, VERSION,
+};
+use dataset::console::Console;
+use dataset::curve::Curve;
+use dataset::image::{Image, Mask};
+use dataset::normals::Normals;
+use dataset::store::{Dataset, Writer};
+use dataset::sun::SunPath;
+use dataset::tiles::{TILE, tiles};
+use dataset::visibility::{self, Planes};
+use std::path::Path;
+
+/// Dark, sunrise within the minute of the lamp's switch, day, dusk.
+const HOURS: [f64; 8] = [0.0, 5.9, 6.1, 9.0, 12.0, 15.0, 18.1, 21.0];
+const SIZE: [usize; 2] = [150, 70];
+
+fn path() -> SunPath {
+    let hours: Vec<f64> = (0..=1440).map(|minute| f64::from(minute) / 60.0).collect();
+    let up = |hour: f64| ((hour - 6.0) / 13.0 * std::f64::consts::PI).sin();
+    let is_day = |hour: f64| (6.0..=19.0).contains(&hour);
+    let direction = |&hour: &f64| {
+        let y = up(hour).clamp(-1.0, 1.0);
+        [
+            ((1.0 - y * y).sqrt() * if hour < 12.5 { 0.8 } else { -0.8 }) as f32,
+            y as f32,
+            (0.6 * (1.0 - y * y).sqrt()) as f32,
+        ]
+    };
+    let light = |&hour: &f64| {
+        if is_day(hour) { [100.0, 90.0, 70.0].map(|e| e * up(hour).max(0.0).sqrt() as f32) } else { [0.0; 3] }
+    };
+    SunPath {
+        direction: hours.iter().map(direction).collect(),
+        irradiance: hours.iter().map(light).collect(),
+        hours,
+    }
+}
+
+/// Ground to the left, a wall that faces east to the right of a column.
+fn normal(x: usize, y: usize) -> [f32; 3] {
+    match x {
+        0..70 => [0.0, 1.0, 0.0],
+        70..90 => {
+            let angle = (x - 70) as f32 / 20.0 + y as f32 / 200.0;
+            [angle.sin(), angle.cos(), 0.0]
+        }
+        _ => [1.0, 0.0, 0.0],
+    }
+}
+
+/// What a texel sees of the sun: a soft shadow that moves; behind red glass at the right end where there is some.
+fn seen(x: usize, y: usize, hour: f64, glass: bool) -> [f32; 3] {
+    let edge = 12.0 * (hour - 6.0) + 0.3 * y as f64;
+    let grey = ((x as f64 - edge).abs() / 3.0 - 3.0).clamp(0.0, 1.0) as f32;
+    if glass && x > 120 { [grey, 0.5 * grey, 0.1 * grey] } else { [grey; 3] }
+}
+
+fn sum(a: &Image, b: &Image) -> Image {
+    let texels = a.texels.iter().zip(&b.texels).map(|(a, b)| [0, 1, 2].map(|c| a[c] + b[c])).collect();
+    Image { width: a.width, height: a.height, texels }
+}
+
+fn image_of(light: impl Fn(usize, usize) -> [f32; 3]) -> Image {
+    let [width, height] = SIZE;
+    Image { width, height, texels: (0..width * height).map(|i| light(i % width, i / width)).collect() }
+}
+
+fn direct(hour: f64, glass: bool) -> Image {
+    let path = path();
+    image_of(|x, y| path.light(hour, normal(x, y), seen(x, y, hour, glass)))
+}
+
+/// By the sky's light at an hour: it falls by a thousand in an hour of dusk.
+fn sky(hour: f64) -> f32 {
+    let day = 10f64.powf((4.0 * (1.0 - ((hour - 12.5) / 7.5).powi(2))).clamp(-4.0, 1.0));
+    day as f32
+}
+
+/// Writes the dataset `court`.
+fn write(root: &Path, glass: bool) {
+    let [width, height] = SIZE;
+    let mut writer = Writer::create(root).unwrap();
+    let mask = Mask {
+        width,
+        height,
+        valid: (0..width * height).map(|i| i % width % 75 > 1 && i / width > 2).collect(),
+    };
+    let mask = writer.add("mask", "png", &mask.to_png()).unwrap();
+    let curve = Curve {
+        hours: (0..=240).map(|i| f64::from(i) / 10.0).collect(),
+        values: (0..=240).map(|i| [sky(f64::from(i) / 10.0); 3]).collect(),
+    };
+    let curve = writer.add("curve", "json", &curve.to_json()).unwrap();
+    let is_on = |hour: f64| !(6.0..=18.0).contains(&hour);
+    let of_sky = |hour: f64| {
+        image_of(|x, y| [sky(hour) * (1.0 + 0.3 * (x as f32 / 40.0).sin() + y as f32 / 100.0); 3])
+    };
+    let lamp = image_of(|x, y| {
+        let far = (x as f32 - 40.0).powi(2) + (y as f32 - 30.0).powi(2);
+        [1.0, 0.6, 0.2].map(|c| c * 3.0 / (1.0 + far / 200.0))
+    });
+    let (mut frames, mut of_sun, mut of_skies) = (Vec::new(), Vec::new(), Vec::new());
+    for hour in HOURS {
+        let (direct, sky) = (direct(hour, glass), of_sky(hour));
+        let whole = sum(&direct, &sky);
+        let local = if is_on(hour) { lamp.clone() } else { Image::black(width, height) };
+        let map = writer.add(&format!("map-{hour}"), "exr", &sum(&whole, &local).to_exr()).unwrap();
+        let is_black = direct.texels.iter().all(|texel| *texel == [0.0; 3]);
+        let mut add = |name: &str, image: &Image| {
+            Some(writer.add(&format!("{name}-{hour}"), "exr", &image.to_exr()).unwrap())
+        };
+        of_sun.push(vec![if is_black { None } else { add("sun", &direct) }]);
+        of_skies.push(vec![add("sky", &sky)]);
+        frames.push(Frame { hour, groups_on: vec![is_on(hour)], relative_error: None, maps: vec![map] });
+    }
+    let lamp = writer.add("lamp", "exr", &lamp.to_exr()).unwrap();
+    let times: Vec<f64> = (0..=96).map(|i| f64::from(i) / 4.0).collect();
+    let payloads = tiles(width, height, TILE)
+        .iter()
+        .map(|rect| {
+            let channels = if glass && rect.x1 > 120 { 3 } else { 1 };
+            let places: Vec<(usize, usize)> =
+                (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))).collect();
+            let mut levels = Vec::new();
+            for c in 0..channels {
+                for &hour in &times {
+                    levels.extend(
+                        places.iter().map(|&(x, y)| (64.0 * seen(x, y, hour, glass)[c]).round() as u8),
+                    );
+                }
+            }
+            Planes { texels: places.len(), channels, levels }.to_payload()
+        })
+        .collect::<Vec<_>>();
+    let files = vec![
+        writer
+            .add(
+                "visibility",
+                "vis",
+                &visibility::to_bytes([width as u32, height as u32], 64, &times, &payloads),
+            )
+            .unwrap(),
+    ];
+    let normals = Normals {
+        width,
+        height,
+        normals: (0..width * height).map(|i| normal(i % width, i / width)).collect(),
+    };
+    let normals = vec![writer.add("normals", "png", &normals.to_png()).unwrap()];
+    let layer = |light: Light, part: Part, files, curve| Layer { light, group: None, part, files, curve };
+    let layers = vec![
+        layer(Light::Sun, Part::Direct, of_sun, None),
+        layer(Light::Sun, Part::Indirect, vec![vec![None]; HOURS.len()], None),
+        layer(Light::Sky, Part::All, of_skies, Some(curve)),
+        Layer {
+            light: Light::Group,
+            group: Some(0),
+            part: Part::All,
+            files: vec![vec![Some(lamp)]],
+            curve: None,
+        },
+    ];
+    let config = Config {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        instances: Vec::new(),
+        scene: "court".to_owned(),
+        generator: "test".to_owned(),
+        unit: "irradiance in kilolux".to_owned(),
+        seed: 1,
+        inputs: "0".repeat(64),
+        samples: 1,
+        pages: vec![Page::atlas(width as u32, height as u32, mask)],
+        sun: Some(Daylight { baked: Baked::All }),
+        sky: Some(Daylight { baked: Baked::All }),
+        groups: vec![Group { name: "lamp".to_owned(), on: vec![[18.0, 6.0]], baked: Baked::All }],
+        layers,
+        frames,
+        noise: None,
+        geometry: None,
+        settings: serde_json::json!({}),
+        source: None,
+        sun_path: Some(writer.add("sun-path", "json", &path().to_json()).unwrap()),
+        visibility: Some(SunVisibility { minutes: 15.0, files, normals }),
+        transfer: None,
+    };
+    writer.commit(&config).unwrap();
+}
+
+fn options(out: &Path) -> Options {
+    Options { iterations: 400, out: Some(out.to_owned()), ..Options::of(DRAFT) }
+}
+
+#[test]
+fn the_sun_goes_through_the_bundle_and_back() {
+    for glass in [false, true] {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("court");
+        write(&root, glass);
+        let dataset = Dataset::open(&root).unwrap();
+        let faults = dataset.verify(|| ()).faults;
+        assert!(faults.is_empty(), "{faults:?}");
+        let out = folder.path().join("court.ndgi");
+        compress(&root, &options(&out), &Console::silent()).unwrap();
+        let decoder = Decoder::open(&out).unwrap();
+        let header = &decoder.bundle().header;
+        let sun = header.sun.as_ref().unwrap();
+        assert_eq!(sun.times, [6.1, 9.0, 12.0, 15.0, 18.1]);
+        assert!(!header.timeline.between.is_empty());
+
+        // At the sets: three bits of visibility, a degree of the normals.
+        let valid = dataset.mask(0).unwrap().valid;
+        for hour in [6.1, 9.0, 12.0, 15.0, 18.1] {
+            let (found, expected) =
+                (decoder.decode_page_of(Lights::Sun, 0, hour).unwrap(), direct(hour, glass));
+            let peak = expected.texels.iter().flatten().fold(0.0, |a: f32, b| a.max(*b));
+            for i in (0..valid.len()).filter(|&i| valid[i]) {
+                for c in 0..3 {
+                    let error = (found.texels[i][c] - expected.texels[i][c]).abs();
+                    assert!(
+                        error < 0.12 * peak,
+                        "{glass} {hour} h, texel {i}: {:?} {:?}",
+                        found.texels[i],
+                        expected.texels[i]
+                    );
+                }
+            }
+            let squared =
+                |i: usize| (0..3).map(|c| (found.texels[i][c] - expected.texels[i][c]).powi(2)).sum::<f32>();
+            let mse =
+                (0..valid.len()).filter(|&i| valid[i]).map(squared).sum::<f32>() / (3 * valid.len()) as f32;
+            assert!(mse.sqrt() < 0.025 * peak, "{hour} h: {} of {peak}", mse.sqrt());
+        }
+        // By night there is none; all light is its parts.
+        assert!(
+            decoder
+                .decode_page_of(Lights::Sun, 0, 3.0)
+                .unwrap()
+                .texels
+                .iter()
+                .all(|texel| *texel == [0.0; 3])
+        );
+        for hour in [7.7, 12.0, 19.5] {
+            let of = |lights| decoder.decode_page_of(lights, 0, hour).unwrap();
+            let [all, baked, sun] = [Lights::All, Lights::Baked, Lights::Sun].map(of);
+            for (i, texel) in all.texels.iter().enumerate() {
+                assert!(
+                    (0..3).all(|c| (texel[c] - baked.texels[i][c] - sun.texels[i][c]).abs()
+                        < 1e-4 * texel[c].max(1.0))
+                );
+            }
+            let [x, y] = [40, 30];
+            let sample = decoder.sample(0, (x as f64 + 0.5) / 150.0, (y as f64 + 0.5) / 70.0, hour).unwrap();
+            let texel = all.texels[y * 150 + x];
+            assert!(
+                (0..3).all(|c| (sample[c] - texel[c]).abs() < 1e-3 * texel[c].max(0.1)),
+                "{sample:?} {texel:?}"
+            );
+        }
+
+        // What is judged: all light, what maps hold, and both are good.
+        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+        let baked = evaluation.without_sun.unwrap();
+        assert!(baked.psnr_db.unwrap() > 40.0, "{baked:?}");
+        assert!(evaluation.sunny.unwrap().psnr_pooled_db.unwrap() > 30.0, "{:?}", evaluation.sunny);
+        assert!(evaluation.bytes_of_sun > 0 && evaluation.bytes_of_sun < evaluation.bytes);
+        // Dusk falls by the curve: at 19.5 h a twentieth of what a straight line has.
+        let worst = evaluation.between.unwrap().worst;
+        assert!(worst.0 > 25.0, "{worst:?}");
+
+        // A second reader, from the document alone.
+        let Some(python) = python() else { continue };
+        for hour in [6.05, 7.7, 12.0, 16.3, 18.05, 19.2, 23.0] {
+            let (output, npy) = read(&python, &out, &[&format!("--hour={hour}")]);
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            let error = difference(&decoder, hour, &image(&npy));
+            assert!(error <= 2e-4, "{glass} at {hour} h: {error}");
+        }
+    }
+}
+
+#[test]
+fn without_the_sun_nothing_of_it_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, false);
+    let out = folder.path().join("court.ndgi");
+    let without = Options { without_sun: true, ..options(&out) };
+    compress(&root, &without, &Console::silent()).unwrap();
+    let decoder = Decoder::open(&out).unwrap();
+    assert!(decoder.bundle().header.sun.is_none());
+    assert!(decoder.bundle().index.iter().all(|entry| entry.sun.length == 0));
+    let (all, baked) =
+        (decoder.decode_page(0, 12.0).unwrap(), decoder.decode_page_of(Lights::Baked, 0, 12.0).unwrap());
+    assert_eq!(all, baked);
+    // It is compared with the same light of the dataset.
+    let dataset = Dataset::open(&root).unwrap();
+    let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+    assert!(evaluation.all.psnr_db.unwrap() > 40.0 && evaluation.without_sun.is_none());
+    // With the sun it is another bundle, whose maps are the same.
+    let with = folder.path().join("with.ndgi");
+    compress(&root, &options(&with), &Console::silent()).unwrap();
+    let with = Bundle::open(&with).unwrap();
+    for place in with.header.places() {
+        assert_eq!(with.tile(place).unwrap(), decoder.bundle().tile(place).unwrap());
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_or_on_what_a_stopped_run_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, true);
+    let bytes = |threads: usize, name: &str| {
+        let out = folder.path().join(name);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| compress(&root, &options(&out), &Console::silent())).unwrap();
+        std::fs::read(out).unwrap()
+    };
+    assert!(bytes(1, "one.ndgi") == bytes(3, "three.ndgi"));
+}
