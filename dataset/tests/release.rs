@@ -56,14 +56,18 @@ impl Released {
 
 /// The beginning of a bundle that says this of itself, and a payload.
 fn bundle(info: &str) -> Vec<u8> {
+    bundle_of(4, info)
+}
+
+fn bundle_of(version: u32, info: &str) -> Vec<u8> {
     let mut bytes = b"NDGI\r\n\x1a\n".to_vec();
-    bytes.resize(56, 0);
+    bytes.resize(if version == 3 { 56 } else { 80 }, 0);
     for text in ["hut", info] {
         bytes.extend((text.len() as u32).to_le_bytes());
         bytes.extend(text.as_bytes());
     }
     bytes.extend([7; 300]);
-    bytes[8..12].copy_from_slice(&3u32.to_le_bytes());
+    bytes[8..12].copy_from_slice(&version.to_le_bytes());
     let length = bytes.len() as u64;
     bytes[16..24].copy_from_slice(&length.to_le_bytes());
     bytes
@@ -159,11 +163,13 @@ fn bundles_of_other_light_are_refused_and_found() {
     refused(b"bundle", "not a whole bundle");
     refused(&[0; 100], "does not begin as one");
     let mut long = bundle("{}");
-    long[56..60].fill(255);
+    long[80..84].fill(255);
     refused(&long, "expected up to 1048576");
     let mut newer = bundle("{}");
-    newer[8] = 4;
-    refused(&newer, "a bundle of version 4; expected 3");
+    newer[8] = 5;
+    refused(&newer, "a bundle of version 5; expected 3 or 4");
+    let old = bundle_of(3, &format!(r#"{{"inputs":"{other}"}}"#));
+    refused(&old, "made from other light than the set it goes with");
     let whole = bundle("{}");
     refused(&whole[..whole.len() - 1], &format!("expected {}", whole.len()));
     // The same where sums were made to agree.

@@ -9,6 +9,7 @@ mod payload;
 mod resident;
 
 pub use payload::{Payload, Section, blocks_len, encode_payload, full_len};
+pub use resident::rounded_means;
 
 use crate::grid::{Grid, Place};
 use crate::model::{Contents, Knot, Shape, TileParams};

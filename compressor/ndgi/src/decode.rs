@@ -305,7 +305,13 @@ impl Decoder {
     fn grid(&self, page: usize) -> Result<crate::grid::Grid> {
         let pages = &self.bundle.header.pages;
         let missing = || {
-            Error::invalid(format!("page {page}"), format!("the bundle has {}, counted from 0", pages.len()))
+            Error::invalid(
+                format!("page {page}"),
+                match pages.len() {
+                    1 => "the bundle has 1 page, counted from 0".to_owned(),
+                    n => format!("the bundle has {n} pages, counted from 0"),
+                },
+            )
         };
         pages.get(page).copied().ok_or_else(missing)
     }

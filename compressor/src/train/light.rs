@@ -1,5 +1,6 @@
 //! What of a tile's light is known before its maps are chosen: its scales, which sets look alike, which gates switch it.
 
+use crate::bundle::rounded_means;
 use crate::model::{MOST_GATES, gate};
 use crate::tile::{Coverage, TileSource};
 use crate::time::{Axis, Coding};
@@ -41,7 +42,9 @@ impl Light {
     pub fn new(source: &TileSource, coding: Coding) -> Self {
         let of = |coverage| (0..source.coverage.len()).filter(move |&i| source.coverage[i] == coverage);
         let valid: Vec<usize> = of(Coverage::Valid).collect();
-        let (means, peaks): (Vec<_>, Vec<_>) = source.sets.iter().map(|light| scales(light, &valid)).unzip();
+        let (means, peaks): (Vec<[f32; 3]>, Vec<_>) = source.sets.iter().map(|light| scales(light, &valid)).unzip();
+        // As they are stored, so that what rounding does is trained away.
+        let means = rounded_means(&means).unwrap_or(means);
         let (axis, distinct) = match coding {
             Coding::Standard => axis(source, &valid, &means),
             Coding::Paper => (Axis::default(), source.sets.len()),

@@ -33,12 +33,27 @@ pub(super) fn encode(knots: &[Knot]) -> Result<Vec<u8>, String> {
     let mut bytes = (scale as f32).to_le_bytes().to_vec();
     bytes.extend([0; 4]);
     for knot in knots {
-        bytes.extend(knot.mean.iter().flat_map(|mean| f16::from_f64(f64::from(*mean) / scale).to_le_bytes()));
+        bytes.extend(knot.mean.iter().flat_map(|mean| units(*mean, scale).to_le_bytes()));
         let steps = f64::from(PEAK_STEPS) * (f64::from(knot.peak) / scale).log2() + f64::from(PEAK_OF_SCALE);
         bytes.push(if knot.peak > 0.0 { steps.ceil().clamp(1.0, 255.0) as u8 } else { 0 });
         bytes.push((255.0 * knot.share.clamp(0.0, 1.0)).round() as u8);
     }
     Ok(bytes)
+}
+
+/// A mean in units of a scale: never 0 where there is light.
+fn units(mean: f32, scale: f64) -> f16 {
+    let units = f16::from_f64(f64::from(mean) / scale);
+    if mean > 0.0 && units == f16::ZERO { f16::MIN_POSITIVE_SUBNORMAL } else { units }
+}
+
+/// Means as a line gives them back: what a tile is trained to.
+///
+/// # Errors
+/// As [`encode_payload`](super::encode_payload) of such means.
+pub fn rounded_means(means: &[[f32; 3]]) -> Result<Vec<[f32; 3]>, String> {
+    let knots: Vec<Knot> = means.iter().map(|&mean| Knot { mean, ..Knot::default() }).collect();
+    Ok(decode(&encode(&knots)?)?.iter().map(|knot| knot.mean).collect())
 }
 
 /// The knots of a line.

@@ -12,7 +12,7 @@ use std::time::Duration;
 const EXAMPLES: &str = "\
 Examples:
   compress dataset/yard                                     writes yard.ndgi and yard.html there
-  compress dataset/yard --draft --profile L                 fast and small
+  compress dataset/yard --draft --profile L                 fast, and small
   compress dataset/yard --time-limit 5m                     as well trained as that allows
   compress dataset/yard --target-psnr 40                    bits to the tiles that need them
   compress dataset/yard --without-sun                       for a game that draws the sun itself
