@@ -205,13 +205,13 @@ impl SunBand {
             }
         }
         // How texels face the sun that never see it does not matter, if they are told to be dark and not whatever is cheap.
-        for i in 0..texels {
+        for (i, coverage) in coverage.iter().enumerate() {
             let is_seen = |level: &u8| (1..=TileSun::TOP).contains(level);
             let never = (0..self.times).all(|time| !self.levels[time * texels + i].iter().any(is_seen));
             if never {
                 self.normals[i] = [0.0; 3];
             }
-            if never && coverage[i] != Coverage::Outside {
+            if never && *coverage != Coverage::Outside {
                 (0..self.times).for_each(|time| self.levels[time * texels + i] = [0; 3]);
             }
         }

@@ -95,7 +95,7 @@ pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
 /// A tile without a sun as bytes. Grey blocks are left out where that pays.
 ///
 /// # Errors
-/// What is wrong with the parameters: lengths that differ from the shape's, or values that [`decode_section`] would refuse.
+/// What is wrong with the parameters: lengths that differ from the shape's, or values that the format forbids.
 pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     let shape = &tile.shape;
     tile.check_lengths()?;
