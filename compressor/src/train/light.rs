@@ -42,7 +42,8 @@ impl Light {
     pub fn new(source: &TileSource, coding: Coding) -> Self {
         let of = |coverage| (0..source.coverage.len()).filter(move |&i| source.coverage[i] == coverage);
         let valid: Vec<usize> = of(Coverage::Valid).collect();
-        let (means, peaks): (Vec<[f32; 3]>, Vec<_>) = source.sets.iter().map(|light| scales(light, &valid)).unzip();
+        let (means, peaks): (Vec<[f32; 3]>, Vec<_>) =
+            source.sets.iter().map(|light| scales(light, &valid)).unzip();
         // As they are stored, so that what rounding does is trained away.
         let means = rounded_means(&means).unwrap_or(means);
         let (axis, distinct) = match coding {
