@@ -360,16 +360,22 @@ impl Bundle {
     /// # Errors
     /// As [`Bundle::tile`].
     pub fn sun(&self, place: Place) -> Result<Option<TileSun>> {
+        self.sun_at(place, None)
+    }
+
+    /// The same at some of the times of [`Sun::times`] alone.
+    pub(crate) fn sun_at(&self, place: Place, times: Option<&[usize]>) -> Result<Option<TileSun>> {
         let position = self.position(place)?;
         let part = &self.index[position].sun;
         let (Some(sun), 1..) = (&self.header.sun, part.length) else { return Ok(None) };
         let section = self.read(part, || self.at(place))?;
         let (width, height) = self.header.pages[place.page].stored(place.column, place.row);
         let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
-        decoder
-            .tile(&section, part.word, [width, height])
-            .map_err(|what| Error::invalid(self.at(place), what))
-            .map(Some)
+        let tile = match times {
+            Some(times) => decoder.tile_at(&section, part.word, [width, height], times),
+            None => decoder.tile(&section, part.word, [width, height]),
+        };
+        tile.map(Some).map_err(|what| Error::invalid(self.at(place), what))
     }
 }
 

@@ -13,7 +13,7 @@ pub use tile::TileDecoder;
 use crate::bundle::Bundle;
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
-use crate::sun::TileSun;
+use crate::sun::{Sun, TileSun};
 use crate::time::{self, Coding, Moment, Timeline};
 use crate::{Error, Result};
 #[cfg(feature = "rayon")]
@@ -247,7 +247,11 @@ impl Decoder {
             return Err(Error::invalid(format!("page {page}"), what));
         }
         let timeline = &self.bundle.header.timeline;
-        let moment = timeline.at(hour);
+        let (moment, hour) = (timeline.at(hour), time::fold_hour(hour));
+        // Where the sun is not asked for, or not up, it is not looked at.
+        let sun = self.bundle.header.sun.as_ref().filter(|_| lights != Lights::Baked);
+        let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
+        let sun = sun.filter(is_up).map(|sun| sun.near(hour));
         // A few bytes of a bundle may tell of pages that no memory holds.
         let (mut texels, count) = (Vec::new(), grid.width * rows.len());
         texels.try_reserve_exact(count).map_err(|_| {
@@ -273,8 +277,11 @@ impl Decoder {
                 // Past the memory of recent tiles: a page may have more than it holds, and needs each once.
                 let place = Place { page, column, row };
                 let tile = if lights == Lights::Sun { None } else { self.bundle.tile(place)? };
-                let sun = if lights == Lights::Baked { None } else { self.bundle.sun(place)? };
-                if tile.is_none() && sun.is_none() {
+                let lit = match &sun {
+                    Some((times, _)) => self.bundle.sun_at(place, Some(times))?,
+                    None => None,
+                };
+                if tile.is_none() && lit.is_none() {
                     continue;
                 }
                 let (own_width, _) = grid.payload(column, row);
@@ -284,8 +291,8 @@ impl Decoder {
                 if let Some(tile) = tile {
                     TileDecoder::new(&tile, timeline)?.decode_into(&moment, &mut decoded);
                 }
-                if let Some((sun, tile)) = self.bundle.header.sun.as_ref().zip(sun) {
-                    tile.add_light(sun, time::fold_hour(hour), &mut decoded);
+                if let Some(((_, sun), tile)) = sun.as_ref().zip(lit) {
+                    tile.add_light(sun, hour, &mut decoded);
                 }
                 for (y, line) in band.chunks_exact_mut(grid.width).enumerate() {
                     let from = (first + y - row * PAYLOAD + BORDER) * width + BORDER;

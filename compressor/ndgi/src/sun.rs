@@ -55,6 +55,14 @@ pub struct Sun {
 }
 
 impl Sun {
+    /// The indices of the times around an hour, and a sun that knows these alone.
+    pub(crate) fn near(&self, hour: f64) -> (Vec<usize>, Sun) {
+        let (before, after, _) = around(&self.times, hour);
+        let near = if before == after { vec![before] } else { vec![before, after] };
+        let times = near.iter().map(|&time| self.times[time]).collect();
+        (near, Sun { path: self.path.clone(), times, tables: Tables::default() })
+    }
+
     /// What is wrong with it.
     pub(crate) fn check(&self) -> Result<(), String> {
         let SunPath { hours, direction, irradiance } = &self.path;
@@ -134,10 +142,27 @@ impl TileSun {
     pub fn add_light(&self, sun: &Sun, hour: f64, out: &mut [[f32; 3]]) {
         assert_eq!(out.len(), self.width * self.height, "texels of the tile");
         let Some((direction, irradiance)) = sun.path.at(hour) else { return };
-        for ((light, seen), normal) in out.iter_mut().zip(self.visibility(sun, hour)).zip(&self.normals) {
-            let cosine = cosine(*normal, direction);
-            for c in 0..3 {
-                light[c] = (light[c] + seen[c] * cosine * irradiance[c]).min(f32::MAX);
+        let (before, after, part) = around(&sun.times, hour);
+        // By both levels, what is seen.
+        let top = f32::from(Self::TOP);
+        let seen: [f32; 64] =
+            std::array::from_fn(|i| ((i / 8) as f32 * (1.0 - part) + (i % 8) as f32 * part) / top);
+        let texels = self.width * self.height;
+        let plane = |c: usize, time: usize| &self.levels[(c * self.times + time) * texels..][..texels];
+        let of = |a: u8, b: u8| seen[usize::from(a.min(Self::TOP) * 8 + b.min(Self::TOP))];
+        if self.channels() == 1 {
+            let levels = plane(0, before).iter().zip(plane(0, after));
+            for ((light, normal), (a, b)) in out.iter_mut().zip(&self.normals).zip(levels) {
+                let share = of(*a, *b) * cosine(*normal, direction);
+                (0..3).for_each(|c| light[c] = (light[c] + share * irradiance[c]).min(f32::MAX));
+            }
+            return;
+        }
+        for c in 0..3 {
+            let levels = plane(c, before).iter().zip(plane(c, after));
+            for ((light, normal), (a, b)) in out.iter_mut().zip(&self.normals).zip(levels) {
+                let share = of(*a, *b) * cosine(*normal, direction);
+                light[c] = (light[c] + share * irradiance[c]).min(f32::MAX);
             }
         }
     }
@@ -225,6 +250,21 @@ impl SunDecoder {
     /// # Errors
     /// What the format forbids.
     pub fn tile(&self, bytes: &[u8], word: u32, size: [usize; 2]) -> Result<TileSun, String> {
+        let all: Vec<usize> = (0..self.times).collect();
+        self.tile_at(bytes, word, size, &all)
+    }
+
+    /// The same at some of the times alone, ascending: those of the tile.
+    ///
+    /// # Errors
+    /// As [`SunDecoder::tile`]; what is wrong at other times is not found.
+    pub fn tile_at(
+        &self,
+        bytes: &[u8],
+        word: u32,
+        size: [usize; 2],
+        times: &[usize],
+    ) -> Result<TileSun, String> {
         let (channels, has_normals, count) = (word & 3, word & 4 != 0, (word >> 8 & 255) as usize);
         if channels == 2 || word & 0xffff_00f8 != 0 || count > 0 && !has_normals {
             return Err(format!("word {word:#x} of a sun, which stands for nothing"));
@@ -233,23 +273,26 @@ impl SunDecoder {
         let texels = width * height;
         let (mut levels, mut rest) = (Vec::new(), bytes);
         if channels == 0 {
-            levels.resize(self.times * texels, TileSun::TOP);
+            levels.resize(times.len() * texels, TileSun::TOP);
         } else {
             let planes = channels as usize * self.times;
             let (lengths, streams) =
                 rest.split_at_checked(2 * planes).ok_or("lengths of planes that are cut short")?;
             rest = streams;
-            levels.reserve_exact(planes * texels);
-            for length in lengths.as_chunks::<2>().0 {
+            levels.reserve_exact(channels as usize * times.len() * texels);
+            for (plane, length) in lengths.as_chunks::<2>().0.iter().enumerate() {
                 let length = u16::from_le_bytes(*length);
-                if [DARK, LIT].contains(&length) {
-                    levels.resize(levels.len() + texels, if length == LIT { TileSun::TOP } else { 0 });
-                    continue;
-                }
-                let (stream, tail) =
-                    rest.split_at_checked(length.into()).ok_or("levels that are cut short")?;
-                self.decoder.plane(stream, size, &mut levels)?;
+                let is_even = [DARK, LIT].contains(&length);
+                let stream = if is_even { 0 } else { usize::from(length) };
+                let (stream, tail) = rest.split_at_checked(stream).ok_or("levels that are cut short")?;
                 rest = tail;
+                match times.contains(&(plane % self.times)) {
+                    false => {}
+                    true if is_even => {
+                        levels.resize(levels.len() + texels, if length == LIT { TileSun::TOP } else { 0 });
+                    }
+                    true => self.decoder.plane(stream, size, &mut levels)?,
+                }
             }
         }
         let (normals, rest) = match has_normals {
@@ -259,7 +302,7 @@ impl SunDecoder {
         if rest.len() >= 16 || rest.iter().any(|byte| *byte != 0) {
             return Err("only zeros up to the next multiple of 16 may follow the normals".to_owned());
         }
-        Ok(TileSun { width, height, times: self.times, levels, normals })
+        Ok(TileSun { width, height, times: times.len(), levels, normals })
     }
 }
 

@@ -26,7 +26,7 @@ fn assert_close(fast: [f32; 3], oracle: [f32; 3], mean: [f32; 3], what: &str) {
 fn kinds(profile: Profile, sets: usize) -> Vec<(Contents, Coding)> {
     let all = profile.contents(sets, 2);
     let none = Contents { hidden: all.hidden, ..Contents::NONE };
-    let rows = all.rows;
+    let rows = all.rows.max(2);
     let standard = [
         all,
         none,
