@@ -295,6 +295,42 @@ fn decode(bytes: Vec<u8>) -> bool {
     whole
 }
 
+/// The same for the index of version 4 that ends at a byte of the header, if one does, and the resident block before its first section.
+fn mend_index(bytes: &mut [u8], head: usize, end_of_index: usize, streams: usize) {
+    let number = |bytes: &[u8], at: usize| -> usize {
+        bytes
+            .get(at..at + 4)
+            .map_or(0, |four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize)
+    };
+    let (size, mut end) = (8 + 16 * streams, bytes.len());
+    let (mut line, mut lit) = (end_of_index, 0);
+    while line >= 80 + size {
+        let at = line - size;
+        let lengths: usize = (0..streams).map(|i| number(bytes, at + 8 + 16 * i)).sum();
+        let offset = number(bytes, at);
+        if offset < head || offset.saturating_add(lengths) != end {
+            break;
+        }
+        let mut section = offset;
+        for i in 0..streams {
+            let length = number(bytes, at + 8 + 16 * i);
+            if length > 0 {
+                let sum = checksum(&[&bytes[section..section + length]]);
+                bytes[at + 16 + 16 * i..at + 24 + 16 * i].copy_from_slice(&sum.to_le_bytes());
+            }
+            section += length;
+        }
+        lit += usize::from(number(bytes, at + 8) > 0);
+        (line, end) = (at, offset);
+    }
+    // A line of the resident block for each tile with features, 8 bytes and as many for each knot.
+    let resident = head + lit * 8 * (1 + number(bytes, 40) + number(bytes, 44));
+    if line < end_of_index && resident <= end {
+        let sum = checksum(&[&bytes[head..resident]]);
+        bytes[72..80].copy_from_slice(&sum.to_le_bytes());
+    }
+}
+
 /// Gives the header and all tiles the checksums that they should have, as far as the lengths in the header can be followed.
 fn mend(bytes: &mut [u8]) {
     let number = |bytes: &[u8], at: usize| -> Option<usize> {
@@ -304,6 +340,15 @@ fn mend(bytes: &mut [u8]) {
     let Some(head) = number(bytes, 12).filter(|&head| (32..=bytes.len()).contains(&head)) else { return };
     bytes[16..24].copy_from_slice(&whole.to_le_bytes());
     // The index ends the header but for some padding. Payloads lie one after another, so the last line's ends with the file.
+    if number(bytes, 8) == Some(4) {
+        let streams = number(bytes, 56).unwrap_or(0).clamp(1, 16);
+        for padding in 0..16 {
+            mend_index(bytes, head, head.saturating_sub(padding), streams);
+        }
+        let sum = checksum(&[&bytes[..24], &bytes[32..head]]);
+        bytes[24..32].copy_from_slice(&sum.to_le_bytes());
+        return;
+    }
     for padding in 0..16 {
         let (mut line, mut end) = (head.saturating_sub(24 + padding), bytes.len());
         while line >= 32 {
