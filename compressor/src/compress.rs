@@ -15,7 +15,7 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Bundle, Header};
 use crate::grid::Grid;
-use crate::law::Law;
+use crate::law::{Law, is_sun_apart};
 use crate::model::{PROFILES, Profile};
 use crate::sunlight::Sunlight;
 use crate::time::{Coding, Timeline};
@@ -155,7 +155,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     expect_writable(&out)?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
-    let law = Law::new(&dataset)?;
+    let law = Law::new(&dataset, is_sun_apart(&dataset.config))?;
     let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
     let options = &match (options.rate, usual) {
         (Rate::Usual, Some(profile)) => Options { rate: Rate::Profile(profile), ..options.clone() },

@@ -18,10 +18,6 @@ use std::collections::BTreeMap;
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
-fn sum(light: &[[f64; 3]]) -> f64 {
-    light.iter().flatten().sum()
-}
-
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;
 
@@ -43,6 +39,10 @@ fn share(sets: [&[[f64; 3]]; 2], light: [&[[f64; 3]]; 2]) -> f64 {
         bottom += (to - from) * (to - from);
     }
     (top / bottom).clamp(0.0, 1.0)
+}
+
+fn sum(light: &[[f64; 3]]) -> f64 {
+    light.iter().flatten().sum()
 }
 
 /// Texels of a page that are looked at together.
@@ -78,10 +78,9 @@ pub struct Law {
 }
 
 impl Law {
-    /// Of a dataset, its sun's direct light apart if the bundle can tell of it otherwise.
-    pub fn new(dataset: &Dataset) -> Result<Self> {
+    /// Of a dataset, its sun's direct light apart or not. It can be where [`is_sun_apart`].
+    pub fn new(dataset: &Dataset, is_apart: bool) -> Result<Self> {
         let config = &dataset.config;
-        let is_apart = is_sun_apart(config);
         let mut curves = Vec::new();
         for (i, layer) in config.layers.iter().enumerate() {
             if let Some(file) = layer.curve.as_ref().filter(|_| !(is_apart && layer.is_direct_sun())) {

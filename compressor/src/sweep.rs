@@ -6,7 +6,7 @@ use crate::compress::{Preset, of_tile, seed, timeline};
 use crate::decode::TileDecoder;
 use crate::evaluate::{aligned, cell};
 use crate::grid::{Grid, Place};
-use crate::law::Law;
+use crate::law::{Law, is_sun_apart};
 use crate::mean::{mean, weighted_mean};
 use crate::model::{Profile, TileParams};
 use crate::tile::{Band, Coverage, TileSource, valid_texels};
@@ -107,7 +107,7 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let (places, of) = choose(&masks, options);
     let timeline = timeline(dataset);
-    let law = Law::new(dataset)?;
+    let law = Law::new(dataset, is_sun_apart(&dataset.config))?;
     let kinds: Vec<(&Profile, &Preset)> = options
         .profiles
         .iter()

@@ -290,6 +290,29 @@ fn the_sun_goes_through_the_bundle_and_back() {
 }
 
 #[test]
+fn a_bundle_of_all_light_is_judged_as_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, false);
+    let with = Dataset::open(&root).unwrap();
+    // The same lightmaps, of which nothing is known of the sun: all light goes into the maps, as before version 4.
+    let plain = folder.path().join("plain");
+    write(&plain, false);
+    let mut config = Dataset::open(&plain).unwrap().config;
+    config.visibility = None;
+    Writer::create(&plain).unwrap().commit(&config).unwrap();
+    let out = folder.path().join("plain.ndgi");
+    compress(&plain, &options(&out), &Console::silent()).unwrap();
+    let decoder = Decoder::open(&out).unwrap();
+    assert!(decoder.bundle().header.sun.is_none());
+    let judged =
+        |dataset: &Dataset| evaluate(dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+    let (a, b) = (judged(&with), judged(&Dataset::open(&plain).unwrap()));
+    assert_eq!((a.all, a.between), (b.all, b.between));
+    assert!(a.without_sun.is_none() && a.between.unwrap().median_db > 15.0, "{:?}", a.between);
+}
+
+#[test]
 fn without_the_sun_nothing_of_it_is_left() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");

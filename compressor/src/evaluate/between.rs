@@ -1,7 +1,7 @@
 //! Quality between the sets: at hours of which the bundle has none.
 //!
 //! What light does there only another bake can tell, the *withheld* one: the same scene at other hours. Without it the decoder is
-//! compared with light that goes linearly from set to set, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
+//! compared with light that goes from set to set by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
 //! more places.
 
 use super::reference_law;
@@ -52,12 +52,16 @@ pub fn between(
         }
     }
     let moments = moments(dataset, withheld, decoder);
-    // Without another bake nothing is known of the sun between the sets but its visibility, which is judged apart.
+    // Without another bake, light between the sets is the dataset's own by the curves of its layers; the sun of a stream of its own is not
+    // looked at then.
     let reference = reference_law(decoder);
     let has_sun = decoder.bundle().header.sun.is_some();
     let (law, lights) = match withheld {
         Some(_) => (Law::of(reference.is_apart), Lights::All),
-        None => (Law::new(dataset)?, if has_sun { Lights::Baked } else { Lights::All }),
+        None => {
+            let is_apart = has_sun || reference.is_apart;
+            (Law::new(dataset, is_apart)?, if has_sun { Lights::Baked } else { Lights::All })
+        }
     };
     let strips: Vec<_> = masks.iter().map(strips).collect();
     let total = moments.len() * strips.iter().map(Vec::len).sum::<usize>();

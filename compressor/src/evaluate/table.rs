@@ -168,9 +168,10 @@ impl Evaluation {
             let decoder = format!(
                 "the decoder has {median_db:.2} dB, pooled, in the median (least {worst:.2} dB at {hour:.2} h)"
             );
+            let sun = if self.without_sun.is_some() { ", the sun's direct light left out" } else { "" };
             remarks.push(match linear_median_db {
                 None => format!(
-                    "between sets, at {moments} moments: {decoder} against light interpolated linearly from set to set"
+                    "between sets, at {moments} moments: {decoder} against the dataset's light as its layers go from set to set{sun}"
                 ),
                 Some(linear) => format!(
                     "between sets, at {moments} moments of the withheld bake: {decoder}; light interpolated linearly between the \

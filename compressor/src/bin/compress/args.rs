@@ -47,7 +47,7 @@ Keys of the --json object (null where there is none):
   psnr_sunny_db, psnr_pooled_sunny_db   over the sets that the sun lights directly
   psnr_without_sun_db, psnr_pooled_without_sun_db   of what maps hold, where the sun's direct light is a stream of its own
   seam_ratio             error of the step between neighbouring texels, across tile borders / inside tiles
-  between_median_db      psnr_pooled_db of moments between sets against light linear between them, or against a withheld bake: the
+  between_median_db      psnr_pooled_db of moments between sets against the dataset's light there, or against a withheld bake: the
                          median; between_worst_db the least
   between_linear_median_db  of that linear light, against the withheld bake
   step_error             from set to set, RMS error of the change of light / RMS of the change, all together; switch_error across switches
