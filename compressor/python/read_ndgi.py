@@ -76,6 +76,7 @@ class Bundle:
         check(len({k[:2] for k in kinds}) == streams and (0, 0, 1) in kinds, 'streams')
         check(all(kind in (0, 1) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
         if times + seen:
+            check(times and 0 < seen <= 1024, 'times of the sun')
             hours, seen = np.array(self.take(f'{times}d')), np.array(self.take(f'{seen}d'))
             to, light = (np.array(self.take(f'{3 * times}f')).reshape(-1, 3) for _ in range(2))
             self.light_of_sun = Sun(hours, to, light, seen, self.take(f"{self.take('I')[0]}s")[0])

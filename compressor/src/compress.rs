@@ -156,6 +156,15 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
     let law = Law::new(&dataset, is_sun_apart(&dataset.config))?;
+    if law.is_apart {
+        // Tiles are trained to layers then.
+        let mut seen = BTreeSet::new();
+        let mut files = dataset.config.layers.iter().flat_map(Layer::files);
+        files.try_for_each(|file| match seen.insert(&file.path) {
+            true => dataset.check_content(file),
+            false => Ok(()),
+        })?;
+    }
     let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
     let options = &match (options.rate, usual) {
         (Rate::Usual, Some(profile)) => Options { rate: Rate::Profile(profile), ..options.clone() },
@@ -367,7 +376,11 @@ fn trained_on(dataset: &Dataset) -> String {
         let layers = config.layers_of(Light::Group, Some(group));
         layers.flat_map(Layer::files).map(|file| file.blake3.clone()).collect::<Vec<_>>()
     };
-    let layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
+    let mut layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
+    // Where the sun is apart, maps hold the sum of layers.
+    if is_sun_apart(config) {
+        layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3.clone()).collect());
+    }
     blake3::hash(json!([dataset.config.digest_of_light(), layers]).to_string().as_bytes())
         .to_hex()
         .to_string()

@@ -9,6 +9,7 @@ mod rgbe;
 mod sample;
 mod quality;
 mod seams;
+mod shadows;
 mod steps;
 mod between;
 mod table;
@@ -18,6 +19,7 @@ pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
 pub use sample::{Looks, Sample};
+pub use shadows::Shadows;
 pub use steps::{Step, Steps};
 pub(crate) use strips::{decode, read, strips, valid};
 pub use table::COLUMNS;
@@ -85,6 +87,8 @@ pub struct Evaluation {
     /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
     /// page and set weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
+    /// The sun's direct light between the sets, where it is a stream of its own.
+    pub shadows: Option<Shadows>,
     /// Quality between the sets, where light is interpolated anywhere.
     pub between: Option<Between>,
     /// Wall-clock seconds of decoding alone.
@@ -325,6 +329,7 @@ impl Found {
             tiles: bundle.index.iter().filter(|entry| entry.bytes() > 0).count(),
             bytes: bundle.bytes,
             seam_ratio: self.seams.ratio(),
+            shadows: shadows::shadows(dataset, decoder, console)?,
             between: between::between(dataset, withheld, decoder, console)?,
             decode_seconds: self.decode_seconds,
             samples: self.samples,

@@ -4,10 +4,10 @@
 //! curve by which it goes between two frames (`dataset::curve`); the bundle then tells tiles' means at more hours than those of the
 //! sets, so that dusk falls as it does and not in a straight line.
 
-use crate::Result;
 use crate::model::Knot;
 use crate::time::{Moment, Timeline};
-use dataset::config::{Config, FileRef, Layer, Light};
+use crate::{Error, Result};
+use dataset::config::{Config, FileRef, Layer, Light, Part};
 use dataset::console::stop_if_interrupted;
 use dataset::curve::Curve;
 use dataset::image::Mask;
@@ -120,6 +120,11 @@ impl Law {
         if !self.is_apart {
             return Ok((dataset.map_rows(set, page, y0, y1)?, layers));
         }
+        let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
+        if config.layers.is_empty() || config.layers.iter().any(is_whole) {
+            let what = "keeps no layers of the sun's direct light: what is left without it cannot be told";
+            return Err(Error::unsupported(dataset.root.display(), what));
+        }
         // ((sun indirect + sky) + local), as in frames but for the sun's direct light.
         let daylight = config
             .layers
@@ -151,11 +156,15 @@ impl Law {
         Law { is_apart, curves: Vec::new() }
     }
 
+    /// How far an hour is from one set to another; and by curve and channel, by what the light of each is multiplied.
+    fn weights(&self, hours: [f64; 2], hour: f64) -> (f64, Vec<[[f64; 2]; 3]>) {
+        let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
+        (part, self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect())
+    }
+
     /// The light at an hour between two sets, from that of each.
     pub fn mixed(&self, hours: [f64; 2], hour: f64, rows: [&Rows; 2]) -> Vec<[f32; 3]> {
-        let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
-        let weights: Vec<_> =
-            self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect();
+        let (part, weights) = self.weights(hours, hour);
         let texel = |i: usize, c: usize| {
             let mut light = 0.0;
             for (end, straight) in [1.0 - part, part].into_iter().enumerate() {
@@ -255,9 +264,7 @@ impl Law {
         shares: [&Shares; 2],
     ) -> [Vec<[f64; 3]>; 2] {
         let hours = sets.map(|set| timeline.hours[set]);
-        let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
-        let weights: Vec<_> =
-            self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect();
+        let (part, weights) = self.weights(hours, hour);
         [0, 1].map(|end| {
             let straight = [1.0 - part, part][end];
             let weight = |i: usize, c: usize| weights.get(i).map_or(straight, |weights| weights[c][end]);

@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 
 /// Hours whose nearest sets are shown decoded beside the reference: morning, noon, right after an evening switch, midnight.
 const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
+/// A page of at most so many texels is decoded whole for a picture.
+const SMALL: usize = 1 << 22;
 /// Errors are shown this much brighter than the light.
 const ERROR_GAIN: f32 = 16.0;
 /// Longest side of a picture in texels.
@@ -215,7 +217,36 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
             ]);
         }
     }
+    between_sets(dataset, decoder, &mut section)?;
     Ok(section)
+}
+
+/// A quarter of an hour after the set in the middle of the day: the first page, where it is of modest size and the bundle has a sun, beside the
+/// dataset's own light there.
+fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
+    let Some(sun) = &decoder.bundle().header.sun else { return Ok(()) };
+    let mask = dataset.mask(0)?;
+    if mask.valid.len() > SMALL {
+        return Ok(());
+    }
+    let hour = sun.times[sun.times.len() / 2] + 0.25;
+    let reference = dataset.moment(hour, 0)?;
+    let decoded = decode(decoder, Lights::All, 0, hour, &(0..mask.height))?;
+    let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
+    let reduced = [&reference, &decoded].map(|image| {
+        let mut reduction = new();
+        reduction.add_rows(&image.texels, &mask.valid);
+        reduction.finish()
+    });
+    let [(reference, mask), (decoded, _)] = reduced;
+    let bright = exposure(&reference, &mask);
+    let picture = |image: &Image| tone_mapped_png(image, &mask, bright, PICTURE_SIDE);
+    section.paragraph("Between two sets the sun's shadows fade from one place to the next; the dataset knows where they are.");
+    section.pictures(&[
+        (format!("page 0, {hour} h, the dataset's light"), picture(&reference)),
+        ("decoded".to_owned(), picture(&decoded)),
+    ]);
+    Ok(())
 }
 
 /// What tiles have, and what training left out and why.

@@ -171,6 +171,7 @@ mod tests {
             seam_ratio: None,
             large: Large::default(),
             steps: Steps::default(),
+            shadows: None,
             between: None,
             decode_seconds: 0.0,
         };

@@ -274,6 +274,12 @@ fn the_sun_goes_through_the_bundle_and_back() {
         assert!(baked.psnr_db.unwrap() > 40.0, "{baked:?}");
         assert!(evaluation.sunny.unwrap().psnr_pooled_db.unwrap() > 30.0, "{:?}", evaluation.sunny);
         assert!(evaluation.bytes_of_sun > 0 && evaluation.bytes_of_sun < evaluation.bytes);
+        // Between the sets shadows fade, which is told.
+        let shadows = evaluation.shadows.unwrap();
+        assert!(
+            (8.0..30.0).contains(&shadows.pooled_db) && shadows.worst_db < shadows.mean_db,
+            "{shadows:?}"
+        );
         // Dusk falls by the curve: at 19.5 h a twentieth of what a straight line has.
         let worst = evaluation.between.unwrap().worst;
         assert!(worst.0 > 25.0, "{worst:?}");

@@ -2,7 +2,8 @@
 //!
 //! Opening reads the header and the index; a tile is one more read. Everything that comes from a file is checked before it is
 //! believed, so a damaged or hostile file gives an [`Error`]. What is allocated is bounded by the file's own length: the header and
-//! the index by what stands there, a tile by what its payload unpacks to, up to 128 times its bytes.
+//! the index by what stands there, a tile by what its payload unpacks to, up to 128 times its bytes; what it sees of the
+//! sun by the number of times, 50 MB at most.
 
 mod header;
 mod payload;

@@ -43,6 +43,9 @@ fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
     (before, after, part as f32)
 }
 
+/// Most times of visibility: a tile is then 50 MB at most, whatever a file says.
+const MOST_TIMES: usize = 1024;
+
 /// What a bundle's header says of the sun.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sun {
@@ -72,6 +75,12 @@ impl Sun {
             if hours.is_empty() || !ascend {
                 return Err("times of the sun that are not strictly ascending in [0, 24]".to_owned());
             }
+        }
+        if self.times.len() > MOST_TIMES {
+            return Err(format!(
+                "{} times of visibility; at most {MOST_TIMES} are possible",
+                self.times.len()
+            ));
         }
         let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-5;
         if direction.len() != hours.len() || !direction.iter().all(is_direction) {

@@ -1,6 +1,6 @@
 //! An evaluation as table, CSV and JSON.
 
-use super::{Between, Evaluation, Quality, Sample, VISIBLE_LUX};
+use super::{Between, Evaluation, Quality, Sample, Shadows, VISIBLE_LUX};
 use crate::Result;
 use dataset::files::write_atomically;
 use serde_json::{Value, json};
@@ -179,6 +179,12 @@ impl Evaluation {
                 ),
             });
         }
+        if let Some(Shadows { pooled_db, mean_db, worst_db, pairs }) = self.shadows {
+            remarks.push(format!(
+                "the sun's direct light between sets, against the dataset's visibility, {pairs} (tile, moment) pairs: pooled {pooled_db:.2} dB, mean \
+                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows fade from one set to the next"
+            ));
+        }
         if self.steps.smooth.or(self.steps.switch).is_some() {
             let percent = |error: Option<f64>| {
                 error.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error))
@@ -252,7 +258,7 @@ impl Evaluation {
             .iter()
             .map(|step| json!({ "from": step.from, "to": step.to, "switch": step.switch, "error": step.error }))
             .collect();
-        json!({
+        let mut object = json!({
             "psnr_db": q.psnr_db,
             "psnr_range_db": q.psnr_range_db,
             "psnr_pooled_db": q.psnr_pooled_db,
@@ -294,7 +300,12 @@ impl Evaluation {
             "switch_error": self.steps.switch,
             "hours": hours,
             "steps": steps,
-        })
+        });
+        let of_shadows = |value: fn(Shadows) -> f64| json!(self.shadows.map(value));
+        object["sun_between_pooled_db"] = of_shadows(|shadows| shadows.pooled_db);
+        object["sun_between_mean_db"] = of_shadows(|shadows| shadows.mean_db);
+        object["sun_between_worst_db"] = of_shadows(|shadows| shadows.worst_db);
+        object
     }
 }
 

@@ -1,6 +1,7 @@
 //! Round trips, and hostile files.
 
 use super::*;
+use crate::sun::{Counts, SunPath};
 use crate::testing::{self, Random};
 use crate::time::Axis;
 
@@ -264,6 +265,16 @@ fn headers_that_cannot_be_read_are_not_written() {
     assert!(refused(&|h| h.kinds.truncate(1)));
     assert!(refused(&|h| h.timeline.between[0] = 6.0));
     assert!(refused(&|h| h.timeline.between.clear()));
+    let sun = |times: usize| Sun {
+        path: SunPath { hours: vec![6.0], direction: vec![[0.0, 1.0, 0.0]], irradiance: vec![[1.0; 3]] },
+        times: (0..times).map(|i| i as f64 / 100.0).collect(),
+        tables: Counts::default().tables(),
+    };
+    assert!(!refused(&|h| h.sun = Some(sun(1024))));
+    assert!(refused(&|h| h.sun = Some(sun(1025))) && refused(&|h| h.sun = Some(sun(0))));
+    assert!(refused(&|h| h.sun = Some(Sun { path: SunPath::default(), ..sun(1) })));
+    assert!(refused(&|h| h.sun.get_or_insert(sun(1)).path.irradiance[0][1] = f32::NAN));
+    assert!(refused(&|h| h.sun.get_or_insert(sun(1)).path.direction[0] = [1.0; 3]));
 }
 
 #[test]

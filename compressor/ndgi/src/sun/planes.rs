@@ -7,7 +7,7 @@ use super::TileSun;
 use super::bits::{Reader, Writer};
 use super::tables::{
     MODE_BITS, MODE_CONTEXTS, MODES, OTHER, PALETTE, PATTERN_BITS, PATTERN_CONTEXTS, PATTERNS, Stack, Step,
-    Tables, put_bits, steps,
+    Tables, steps,
 };
 use std::collections::BTreeMap;
 
@@ -85,13 +85,19 @@ impl Plane {
         }
     }
 
-    /// Gives each mixed 8×8 and 4×4 the mode of the 8×8 around it, before modes of 4×4 are coded.
-    fn grow(&mut self) {
+    /// Gives each 4×4 the mode of the 8×8 around it, before their own are coded; where those are that have one of their own, in the order
+    /// of coding.
+    fn grow(&mut self) -> Vec<[usize; 2]> {
         for y in 0..2 * self.size[1] {
             for x in 0..2 * self.size[0] {
                 self.fours[y * 2 * self.size[0] + x] = self.eights[y / 2 * self.size[0] + x / 2];
             }
         }
+        let across = self.size[0];
+        (0..self.eights.len())
+            .filter(|&i| self.eights[i] == MIXED)
+            .flat_map(|i| QUARTERS.map(|(dx, dy)| [2 * (i % across) + dx, 2 * (i / across) + dy]))
+            .collect()
     }
 
     /// Corners of the 2×2 patterns in the order of coding, of a 4×4.
@@ -154,11 +160,7 @@ impl Decoder {
                 }
             }
         }
-        plane.grow();
-        let mixed: Vec<[usize; 2]> = (0..across * down)
-            .filter(|&i| plane.eights[i] == MIXED)
-            .flat_map(|i| QUARTERS.map(|(dx, dy)| [2 * (i % across) + dx, 2 * (i / across) + dy]))
-            .collect();
+        let mixed = plane.grow();
         for &[x, y] in &mixed {
             let found = mode(plane.context_of_four(x, y), &mut reader);
             plane.fours[y * 2 * across + x] = found;
@@ -332,7 +334,7 @@ impl<'a> Coder<'a> {
         let mut writer = Writer::default();
         writer.put(state, MODE_BITS);
         writer.put(state_of_pattern, PATTERN_BITS);
-        bits.into_iter().rev().for_each(|put| put_bits(&mut writer, put));
+        bits.into_iter().rev().for_each(|(value, count)| writer.put(value, count));
         writer.finish()
     }
 }
@@ -379,11 +381,7 @@ fn symbols(levels: &[u8], size: [usize; 2], coder: Option<&Coder>) -> Symbols {
             }
         }
     }
-    plane.grow();
-    let mixed: Vec<[usize; 2]> = (0..across * down)
-        .filter(|&i| plane.eights[i] == MIXED)
-        .flat_map(|i| QUARTERS.map(|(dx, dy)| [2 * (i % across) + dx, 2 * (i / across) + dy]))
-        .collect();
+    let mixed = plane.grow();
     for &[x, y] in &mixed {
         let left = if x > 0 { plane.fours[y * 2 * across + x - 1] } else { DARK };
         let now = mode(&plane, [4 * x, 4 * y], 4, left);
@@ -395,7 +393,6 @@ fn symbols(levels: &[u8], size: [usize; 2], coder: Option<&Coder>) -> Symbols {
     }
     for &[x, y] in &mixed {
         if plane.fours[y * 2 * across + x] != MIXED {
-            // A 4×4 that came later than what lies to its right was filled with its level above.
             continue;
         }
         for [x, y] in Plane::patterns([4 * x, 4 * y]) {

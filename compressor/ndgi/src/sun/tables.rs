@@ -2,7 +2,7 @@
 //!
 //! Symbols are coded by asymmetric numeral systems over tables (Duda 2013): decoding one is a look-up and a few bits.
 
-use super::bits::{Reader, Writer};
+use super::bits::Reader;
 
 /// Contexts of modes and of patterns.
 pub(super) const MODE_CONTEXTS: usize = 162;
@@ -219,13 +219,9 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// Puts what [`Stack::push`] gave, in the order in which it is read.
-pub(super) fn put_bits(writer: &mut Writer, (value, count): (u32, u32)) {
-    writer.put(value, count);
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::bits::Writer;
     use super::*;
 
     #[test]
@@ -250,7 +246,7 @@ mod tests {
         }
         let mut writer = Writer::default();
         writer.put(state, 10);
-        bits.into_iter().rev().for_each(|put| put_bits(&mut writer, put));
+        bits.into_iter().rev().for_each(|(value, count)| writer.put(value, count));
         let bytes = writer.finish();
         let entropy: f64 = counts
             .iter()

@@ -50,6 +50,8 @@ Keys of the --json object (null where there is none):
   between_median_db      psnr_pooled_db of moments between sets against the dataset's light there, or against a withheld bake: the
                          median; between_worst_db the least
   between_linear_median_db  of that linear light, against the withheld bake
+  sun_between_pooled_db  of the sun's direct light at twelve moments of the day, against the dataset's visibility, where it is a stream of its own;
+                         sun_between_mean_db, and sun_between_worst_db of the worst 5 %
   step_error             from set to set, RMS error of the change of light / RMS of the change, all together; switch_error across switches
                          (changes below 0.001 of the light are left out)
   hours                  a list of hour, psnr_db, psnr_range_db, psnr_pooled_db, psnr_worst_percent_db, noise_ceiling_db, psnr_log_db,
