@@ -221,15 +221,21 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     Ok(section)
 }
 
-/// A quarter of an hour after the set in the middle of the day: the first page, where it is of modest size and the bundle has a sun, beside the
-/// dataset's own light there.
+/// A quarter of an hour after the set in the middle of the day, or between it and the next where they are closer: the first page, where it is
+/// of modest size and the bundle has a sun, beside the dataset's own light there.
 fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
     let Some(sun) = &decoder.bundle().header.sun else { return Ok(()) };
     let mask = dataset.mask(0)?;
     if mask.valid.len() > SMALL {
         return Ok(());
     }
-    let hour = sun.times[sun.times.len() / 2] + 0.25;
+    let middle = sun.times.len().saturating_sub(1) / 2;
+    let Some([set, next]) = sun.times.get(middle..middle + 2) else { return Ok(()) };
+    let hour = set + 0.25_f64.min((next - set) / 2.0);
+    // The middle of the day may lie in hours that were not baked.
+    if dataset.sun_path()?.is_none_or(|path| path.at(hour).is_none()) {
+        return Ok(());
+    }
     let reference = dataset.moment(hour, 0)?;
     let decoded = decode(decoder, Lights::All, 0, hour, &(0..mask.height))?;
     let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
