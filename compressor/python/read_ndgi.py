@@ -74,7 +74,7 @@ class Bundle:
         check(all(max(on) <= 1 and all(0 <= x <= 24 for k in spans for x in k) for _, spans, on in self.groups), 'light groups')
         kinds = [self.take('3I') for _ in range(streams)] if new else [(0, 0, 1)]
         check(len({k[:2] for k in kinds}) == streams and (0, 0, 1) in kinds, 'streams')
-        check(all(kind in (0, 1) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
+        check(all(kind in (0, 1, 2) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
         if times + seen:
             check(times and 0 < seen <= 1024, 'times of the sun')
             hours, seen = np.array(self.take(f'{times}d')), np.array(self.take(f'{seen}d'))
@@ -85,7 +85,7 @@ class Bundle:
             for r, c in np.ndindex(-(-H // 126), -(-W // 126)):
                 at = self.take('Q')
                 lines.append(((page, c, r), at[0], [self.take('IIQ') for _ in range(streams)]))
-        first, features, suns = self.at, [k[0] for k in kinds].index(0), [i for i, k in enumerate(kinds) if k[0] == 1]
+        first, features, suns = self.at, [k[0] for k in kinds].index(0), {i: k[0] for i, k in enumerate(kinds) if k[0] in (1, 2)}
         check(not any(self.data[first:end]), 'header too long')
         lit = sum(sections[features][0] > 0 for *_, sections in lines)
         line, offset, self.resident = 8 + 8 * len(self.knots), end, {}
@@ -103,16 +103,20 @@ class Bundle:
                 if i == features:
                     self.index[place] = offset, length, word, digest
                 elif i in suns:
-                    self.suns[place] = offset, length, word, digest
+                    self.suns[suns[i], *place] = offset, length, word, digest
                 offset += length
         check(offset == len(self.data), 'payloads do not fill the file')
 
     def sun(self, page, c, r, hour):
         """Section 8: the sun's direct light on what a tile stores: height x width x 3."""
-        at, length, word, digest = self.suns.get((page, c, r), (0, 0, 0, 0))
-        data = self.data[at:at + length]
-        check(length == 0 or checksum(data) == digest, f'tile {c}, {r} of page {page} is damaged')
-        return self.light_of_sun.tile(data, word, *self.stored(page, c, r), hour % 24)
+        (data, word), (shadows, zero) = (self.section(kind, page, c, r) for kind in (1, 2))
+        check(zero == 0 and (data or not shadows), f'moving shadows of tile {c}, {r} of page {page}')
+        return self.light_of_sun.tile(data, word, shadows, *self.stored(page, c, r), hour % 24)
+
+    def section(self, kind, page, c, r):
+        at, length, word, digest = self.suns.get((kind, page, c, r), (0, 0, 0, 0))
+        check(length == 0 or checksum(self.data[at:at + length]) == digest, f'tile {c}, {r} of page {page} is damaged')
+        return self.data[at:at + length], word
 
     def take(self, form):
         self.at += struct.calcsize('<' + form)

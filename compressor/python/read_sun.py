@@ -1,4 +1,6 @@
 """The sun's direct light in NDGI bundles, written from ../FORMAT.md, section 8; read_ndgi.py uses it."""
+from functools import cache
+from pathlib import Path
 import numpy as np
 
 def check(holds, what):
@@ -6,6 +8,56 @@ def check(holds, what):
         raise ValueError(what)
 def varint(data, at):
     return (data[at], at + 1) if data[at] < 128 else (data[at] & 127 | data[at + 1] << 7, at + 2)
+
+@cache
+def word(number):
+    """What a word adds at the 13 ends of the steps of an interval, 4 rows and 4 columns, in sevenths."""
+    packed = np.fromfile(Path(__file__).parent / '../ndgi/src/sun/words.bin', 'u1', 88, offset=88 * (number & 2047))
+    values = np.stack([packed & 15, packed >> 4], 1).reshape(11, 4, 4).astype(int) - 7
+    values = values[:, ::-1] if number >> 15 & 1 else values
+    values = values[:, :, ::-1] if number >> 14 & 1 else values
+    values = values.transpose(0, 2, 1) if number >> 13 & 1 else values
+    values = values[::-1] if number >> 12 & 1 else values
+    return np.pad(-values if number >> 11 & 1 else values, ((1, 1), (0, 0), (0, 0)))
+
+def move(section, plane, planes, part, ends):
+    """What a tile sees at a part of an interval, by its section of moving shadows and what it sees at the interval's ends."""
+    height, width = ends[0].shape
+    step = min(int(12 * part), 11)
+    seen = [ends[0] + (ends[1] - ends[0]) * k / 12 for k in (step, step + 1)]
+    borders, data = np.frombuffer(section, '<u4', planes), section[4 * planes:]
+    check(len(borders) == planes and np.all(np.diff(np.int64(borders)) >= 0), 'planes of moving shadows')
+    check(0 <= len(data) - 2 * int(borders[-1]) < 16 and not any(data[2 * int(borders[-1]):]), 'moving shadows are too long')
+    data = data[2 * int(borders[plane - 1]) if plane else 0:2 * int(borders[plane])]
+    across = -(-width // 32)
+    groups = across * -(-height // 32) if data else 0
+    at = groups + groups % 2
+    for group, size in enumerate(data[:groups]):
+        if size == 0:
+            continue
+        own, at = data[at:at + 2 * size], at + 2 * size
+        modes = [int.from_bytes(own[:4], 'little') >> 2 * i & 3 for i in range(16)]
+        told = sum((0, 0, 1, 2)[mode] for mode in modes)
+        nibbles = [own[4 + i // 2] >> 4 * (i % 2) & 15 for i in range(told)]
+        words = np.frombuffer(own, '<u2', offset=4 + 2 * -(-told // 4)).tolist()
+        for i, mode in enumerate(modes):
+            y0, x0 = 32 * (group // across) + 8 * (i // 4), 32 * (group % across) + 8 * (i % 4)
+            if mode == 1:
+                places = [(y0, x0, word(words.pop(0)).repeat(2, 1).repeat(2, 2))]
+            else:
+                bits, mode = [], mode - 1
+                for _ in range(mode):
+                    bits += [nibbles[0] >> k & 1 for k in range(4)] if mode == 1 else [nibbles[0] & 3, nibbles[0] >> 2]
+                    nibbles = nibbles[1:]
+                places = [(y0 + k // 2 * 4, x0 + k % 2 * 4, word(words.pop(0))) for k, count in enumerate(bits) for _ in range(count)]
+            for y, x, values in places:
+                for k in (0, 1):
+                    own = seen[k][y:y + values.shape[1], x:x + values.shape[2]]
+                    own[:] = np.clip(own + values[step + k][:own.shape[0], :own.shape[1]] / 7, 0, 1)
+        check(not words and not nibbles, 'a group of moving shadows')
+    check(at == len(data), 'a plane of moving shadows')
+    part = 12 * part - step
+    return seen[0] * (1 - part) + seen[1] * part
 
 class Sun:
     def __init__(self, hours, to, light, times, data):
@@ -77,8 +129,8 @@ class Sun:
         check(x == z == 0 and 0 <= 8 * len(stream) - at < 8 and bits >> at == 0, 'levels of the sun do not end as they should')
         return out[1:1 + height, 1:1 + width]
 
-    def tile(self, data, word, height, width, t):
-        """The direct light on a tile, from its section and the word of its line in the index: height x width x 3."""
+    def tile(self, data, word, shadows, height, width, t):
+        """The direct light on a tile, from its section, the word of its line in the index and its section of moving shadows: height x width x 3."""
         out, length = np.zeros((height, width, 3)), len(data)
         if length == 0:
             return out
@@ -98,7 +150,12 @@ class Sun:
         def level(k, i):
             size = sizes[k, i]
             return self.plane(streams[k][i], height, width) if size > 1 else np.full((height, width), 7 * int(size))
-        seen = [(level(k, before) * (1 - part) + level(k, after) * part) / 7 for k in range(channels)] or [np.ones((height, width))]
+        def seen_by(k):
+            ends = [level(k, i) / 7 if channels else np.ones((height, width)) for i in (before, after)]
+            if shadows and before < after:
+                return move(shadows, k * (times - 1) + before, max(channels, 1) * (times - 1), part, ends)
+            return ends[0] * (1 - part) + ends[1] * part
+        seen = [seen_by(k) for k in range(max(channels, 1))]
         normals = self.normals(take, count, height, width) if word & 4 else np.zeros((height, width, 3))
         check(length - at < 16 and not any(data[at:]), 'a tile of the sun is too long')
         if not self.hours[0] <= t <= self.hours[-1]:

@@ -83,6 +83,8 @@ pub struct Options {
     pub time_limit: Option<Duration>,
     /// Leave out the sun's direct light where the dataset keeps it apart: the bundle's reader draws the sun itself.
     pub without_sun: bool,
+    /// Shadows of the sun fade from where they are at one set to where they are at the next, instead of moving there.
+    pub still_shadows: bool,
     /// Seed of all randomness.
     pub seed: u64,
     /// The bundle's path; `None` for [`default_bundle`].
@@ -109,6 +111,7 @@ impl Options {
             passes: preset.passes,
             time_limit: None,
             without_sun: false,
+            still_shadows: false,
             seed: 1,
             out: None,
             force: false,
@@ -170,9 +173,10 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         (Rate::Usual, Some(profile)) => Options { rate: Rate::Profile(profile), ..options.clone() },
         _ => options.clone(),
     };
-    let sunlight = if options.without_sun { None } else { Sunlight::new(&dataset)? };
+    let sunlight = if options.without_sun { None } else { Sunlight::new(&dataset, !options.still_shadows)? };
     let sun = sunlight.as_ref().map(|sunlight| sunlight.coded(&masks, console)).transpose()?;
-    let header = Header { sun, ..header(&dataset, &masks, &law, options)? };
+    let shadows = sunlight.as_ref().is_some_and(Sunlight::moves);
+    let header = Header { sun, shadows, ..header(&dataset, &masks, &law, options)? };
     if !options.force {
         match standing(&out, &header) {
             Standing::Same(outcome) => return Ok(*outcome),
@@ -194,7 +198,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         None => Vec::new(),
     };
     let tiles = Tiles {
-        bytes_of_sun: suns.iter().map(|section| section.bytes.len() as u64).sum(),
+        bytes_of_sun: suns.iter().flatten().map(|section| section.bytes.len() as u64).sum(),
         dataset: &dataset,
         law: &law,
         masks: &masks,
@@ -205,7 +209,9 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         deadline: options.time_limit.map(|limit| start + limit),
     };
     let mut work = tiles.work(console)?;
-    suns.into_iter().zip(&mut work.payloads).for_each(|(section, payload)| payload.sun = section);
+    for ([sun, shadows], payload) in suns.into_iter().zip(&mut work.payloads) {
+        (payload.sun, payload.shadows) = (sun, shadows);
+    }
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&out, &bytes)?;
 
@@ -352,6 +358,7 @@ fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Re
             })
             .collect(),
         sun: None,
+        shadows: false,
         groups: config.groups.iter().map(|group| group.name.clone()).collect(),
         timeline,
     })

@@ -80,6 +80,8 @@ pub struct Evaluation {
     pub bits_of_valid: [f64; 2],
     /// Bytes of the bundle's tiles of the sun.
     pub bytes_of_sun: u64,
+    /// And of how its shadows move.
+    pub bytes_of_shadows: u64,
     /// Tiles of which something is stored.
     pub tiles: usize,
     /// Bytes of the bundle file.
@@ -326,6 +328,7 @@ impl Found {
             bits_of_valid: [sets.len(), firsts.len()]
                 .map(|sets| bundle.bytes as f64 * 8.0 / (valid as f64 * sets as f64)),
             bytes_of_sun: bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum(),
+            bytes_of_shadows: bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum(),
             tiles: bundle.index.iter().filter(|entry| entry.bytes() > 0).count(),
             bytes: bundle.bytes,
             seam_ratio: self.seams.ratio(),

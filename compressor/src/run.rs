@@ -166,6 +166,7 @@ mod tests {
             bpp: 0.5,
             bits_of_valid: [0.7; 2],
             bytes_of_sun: 0,
+            bytes_of_shadows: 0,
             tiles: 1,
             bytes: 1,
             seam_ratio: None,

@@ -3,9 +3,13 @@
 //! Visibility at a set is what its direct light is of an unshadowed sun's, normal · direction · irradiance: so the sets are met as well as
 //! its levels allow. Where the sun grazes a texel, and its light is next to none, the dataset's own visibility tells.
 
+mod moving;
+pub mod words;
+
+pub use moving::Seen;
+
 use crate::Result;
 use crate::grid::{Grid, Place};
-use crate::model::BORDER;
 use crate::tile::{self, Band, Coverage, GUTTER};
 use dataset::config::Layer;
 use dataset::console::{Console, stop_if_interrupted};
@@ -13,14 +17,19 @@ use dataset::image::Mask;
 use dataset::store::Dataset;
 use dataset::visibility::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
-use ndgi::sun::{Coder, Counts, Sun, SunPath, Tables, TileSun};
+use ndgi::sun::{Coder, Counts, Shadows, Sun, SunDecoder, SunPath, Tables, TileSun};
 use rayon::prelude::*;
 use std::ops::Range;
+use words::Search;
 
 /// The cosine below which light is too little to tell visibility.
 const GRAZING: f32 = 0.02;
 /// To how much of itself the sun's path is met by the times that are kept.
 const PATH: f32 = 3e-3;
+/// Hours between times of visibility at most, where shadows move between them,
+const APART: f64 = 1.0;
+/// and at least, of those that no set has.
+const CLOSE: f64 = 0.1;
 
 /// The sun of a dataset that keeps it apart.
 #[derive(Debug)]
@@ -28,13 +37,14 @@ pub struct Sunlight<'a> {
     dataset: &'a Dataset,
     /// What the bundle's header says of it.
     pub sun: Sun,
-    /// The sets at whose hours visibility is told.
-    sets: Vec<usize>,
+    /// Per time of visibility, the set of that hour.
+    sets: Vec<Option<usize>>,
+    moves: bool,
 }
 
 impl<'a> Sunlight<'a> {
-    /// Of a dataset; `None` where the sun lights nothing directly at any set.
-    pub fn new(dataset: &'a Dataset) -> Result<Option<Self>> {
+    /// Of a dataset; `None` where the sun lights nothing directly at any set. `moves`: whether shadows are to move between the times.
+    pub fn new(dataset: &'a Dataset, moves: bool) -> Result<Option<Self>> {
         let config = &dataset.config;
         let Some(path) = dataset.sun_path()?.filter(|_| crate::law::is_sun_apart(config)) else {
             return Ok(None);
@@ -49,12 +59,23 @@ impl<'a> Sunlight<'a> {
         if sets.is_empty() {
             return Ok(None);
         }
-        let times = sets.iter().map(|&set| config.frames[set].hour).collect();
+        let mut times: Vec<(f64, Option<usize>)> =
+            sets.into_iter().map(|set| (config.frames[set].hour, Some(set))).collect();
+        if moves {
+            add_times(&mut times, &path);
+        }
+        let (times, sets) = times.into_iter().unzip();
         Ok(Some(Sunlight {
             dataset,
             sun: Sun { path: thinned(&path), times, tables: Tables::default() },
             sets,
+            moves,
         }))
+    }
+
+    /// Whether there is something to tell of how shadows move.
+    pub fn moves(&self) -> bool {
+        self.moves && self.sun.times.len() > 1
     }
 
     /// What the header says of the sun, with the tables that code its tiles in few bits: found by coding them twice.
@@ -62,10 +83,10 @@ impl<'a> Sunlight<'a> {
         let mut sun = self.sun.clone();
         for round in 0..2 {
             let coder = (round > 0).then(|| Coder::new(&sun.tables));
-            let counts = self.each_tile(masks, console, |tile| {
+            let counts = self.each_tile("the sun", masks, console, |band, column, _| {
                 let mut counts = Counts::default();
-                tile.count(coder.as_ref(), &mut counts);
-                Some(counts)
+                band.tile(column).count(coder.as_ref(), &mut counts);
+                Ok(counts)
             })?;
             let mut all = Counts::default();
             counts.iter().flatten().for_each(|counts| all.add(counts));
@@ -74,24 +95,43 @@ impl<'a> Sunlight<'a> {
         Ok(sun)
     }
 
-    /// The tiles of all pages in the order of a bundle's index, coded.
-    pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<Section>> {
-        let coder = Coder::new(&sun.tables);
-        let sections = self.each_tile(masks, console, |tile| Some(tile.encode(&coder)))?;
+    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where that is asked for, how shadows
+    /// move.
+    pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<[Section; 2]>> {
+        let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(sun));
+        let search = self.moves().then(Search::of_table);
+        let what = if search.is_some() { "how shadows move" } else { "the sun" };
+        let sections = self.each_tile(what, masks, console, |band, column, seen| {
+            let tile = band.tile(column);
+            let section = tile.encode(&coder);
+            let moving = match &search {
+                Some(search) if !section.bytes.is_empty() => {
+                    // As it will be read: what did not matter at its times may between them.
+                    let told = decoder
+                        .tile(&section.bytes, section.word, [tile.width, tile.height])
+                        .map_err(|what| dataset::Error::invalid("a tile of the sun", what))?;
+                    self.moving(search, band, column, &told, seen)?
+                }
+                _ => Section::default(),
+            };
+            Ok([section, moving])
+        })?;
         Ok(sections.into_iter().map(Option::unwrap_or_default).collect())
     }
 
     /// Something of every tile in the order of a bundle's index, in parallel; nothing of one without a valid texel.
-    fn each_tile<T: Send>(
+    pub fn each_tile<T: Send>(
         &self,
+        what: &str,
         masks: &[Mask],
         console: &Console,
-        work: impl Fn(&TileSun) -> Option<T> + Sync,
+        work: impl Fn(&SunBand, usize, &mut Seen) -> Result<T> + Sync,
     ) -> Result<Vec<Option<T>>> {
         let grid = |page: usize| Grid { width: masks[page].width, height: masks[page].height };
         let rows = |page: usize| (0..grid(page).rows()).map(move |row| (page, row));
         let bands: Vec<(usize, usize)> = (0..masks.len()).flat_map(rows).collect();
-        let progress = console.progress("the sun", bands.len() as u64);
+        let tiles: usize = bands.iter().map(|(page, _)| grid(*page).columns()).sum();
+        let progress = console.progress(what, tiles as u64);
         let done: Vec<Result<Vec<Option<T>>>> = bands
             .par_iter()
             .with_max_len(1)
@@ -100,14 +140,22 @@ impl<'a> Sunlight<'a> {
                 let columns = grid(page).columns();
                 let is_lit =
                     |column: usize| tile::valid_texels(&masks[page], Place { page, column, row }) > 0;
-                let band = match (0..columns).any(is_lit) {
-                    true => self.band(&masks[page], page, row)?,
+                let sunlight = match (0..columns).any(is_lit) {
+                    true => self.dataset.sunlight(page)?,
                     false => None,
                 };
-                let of = |column: usize| work(&band.as_ref().filter(|_| is_lit(column))?.tile(column));
-                let done = (0..columns).map(of).collect();
-                progress.advance(1);
-                Ok(done)
+                let Some(sunlight) = sunlight else {
+                    progress.advance(columns as u64);
+                    return Ok((0..columns).map(|_| None).collect());
+                };
+                let band = self.band(&masks[page], page, row, &sunlight)?;
+                let mut seen = Seen::new(&sunlight.visibility);
+                let mut of = |column: usize| {
+                    stop_if_interrupted()?;
+                    progress.advance(1);
+                    is_lit(column).then(|| work(&band, column, &mut seen)).transpose()
+                };
+                (0..columns).map(&mut of).collect()
             })
             .collect();
         let mut all = Vec::new();
@@ -118,10 +166,15 @@ impl<'a> Sunlight<'a> {
     }
 
     /// What a band's rows see of the sun.
-    pub fn band(&self, mask: &Mask, page: usize, row: usize) -> Result<Option<SunBand>> {
+    fn band(
+        &self,
+        mask: &Mask,
+        page: usize,
+        row: usize,
+        sunlight: &dataset::store::Sunlight,
+    ) -> Result<SunBand> {
         let grid = Grid { width: mask.width, height: mask.height };
         let rows = Band::rows(grid, row);
-        let Some(sunlight) = self.dataset.sunlight(page)? else { return Ok(None) };
         let texels = grid.width * rows.len();
         let offset = rows.start * grid.width;
         let coverage = tile::coverage(mask, rows.clone());
@@ -131,7 +184,7 @@ impl<'a> Sunlight<'a> {
         for (time, &set) in self.sets.iter().enumerate() {
             let hour = self.sun.times[time];
             let Some((direction, irradiance)) = sunlight.path.at(hour) else { continue };
-            let direct = self.direct(set, page, &rows)?;
+            let direct = set.map(|set| self.direct(set, page, &rows)).transpose()?;
             for i in (0..texels).filter(|&i| coverage[i] == Coverage::Valid) {
                 let cosine: f32 = (0..3).map(|axis| normals[i][axis] * direction[axis]).sum();
                 if cosine <= 0.0 {
@@ -140,8 +193,10 @@ impl<'a> Sunlight<'a> {
                 let seen = seen[time * texels + i];
                 let is_grey = seen[0] == seen[1] && seen[1] == seen[2];
                 let share = |channels: Range<usize>| {
-                    let light: f32 = channels.clone().map(|c| direct[i][c]).sum();
-                    light / (cosine * channels.map(|c| irradiance[c]).sum::<f32>())
+                    let light =
+                        direct.as_ref().map(|direct| channels.clone().map(|c| direct[i][c]).sum::<f32>());
+                    let whole = cosine * channels.clone().map(|c| irradiance[c]).sum::<f32>();
+                    light.map_or(seen[channels.start], |light| light / whole)
                 };
                 let of_channel = |c: usize| match () {
                     () if cosine <= GRAZING || irradiance[c] <= 0.0 => seen[c],
@@ -153,10 +208,20 @@ impl<'a> Sunlight<'a> {
                 levels[time * texels + i] = [level(0), level(1), level(2)];
             }
         }
-        let mut band =
-            SunBand { grid, page, row, rows, times: self.sets.len(), normals: normals.to_vec(), levels };
-        band.fill(&coverage);
-        Ok(Some(band))
+        let mut band = SunBand {
+            grid,
+            page,
+            row,
+            rows,
+            times: self.sets.len(),
+            normals: normals.to_vec(),
+            levels,
+            nearest: vec![None; texels],
+            coverage,
+            path: sunlight.path.clone(),
+        };
+        band.fill();
+        Ok(band)
     }
 
     /// The sun's direct light of a set.
@@ -181,11 +246,17 @@ pub struct SunBand {
     normals: Vec<[f32; 3]>,
     /// By time and texel.
     levels: Vec<[u8; 3]>,
+    /// Of a gutter texel, the valid one that it repeats.
+    nearest: Vec<Option<usize>>,
+    coverage: Vec<Coverage>,
+    /// The dataset's own.
+    path: dataset::sun::SunPath,
 }
 
 impl SunBand {
     /// Gutter texels see what the nearest valid one does.
-    fn fill(&mut self, coverage: &[Coverage]) {
+    fn fill(&mut self) {
+        let coverage = &self.coverage;
         let (width, height) = (self.grid.width as isize, self.rows.len() as isize);
         let reach = GUTTER as isize;
         let mut near: Vec<(isize, isize)> =
@@ -199,6 +270,7 @@ impl SunBand {
             let valid = inside.find(|(x, y)| coverage[(y * width + x) as usize] == Coverage::Valid);
             if let Some((x, y)) = valid {
                 let from = (y * width + x) as usize;
+                self.nearest[i] = Some(from);
                 self.normals[i] = self.normals[from];
                 (0..self.times)
                     .for_each(|time| self.levels[time * texels + i] = self.levels[time * texels + from]);
@@ -220,11 +292,7 @@ impl SunBand {
     /// One tile; what lies past its border is not looked at.
     pub fn tile(&self, column: usize) -> TileSun {
         let (width, height) = self.grid.stored(column, self.row);
-        let (own_width, own_height) = self.grid.payload(column, self.row);
-        let (left, top) = Place { page: self.page, column, row: self.row }.origin();
-        let from = tile::stored(self.grid, &self.rows, [left, top], [width, height]);
-        let is_read = |i: usize| i % width < own_width + 2 * BORDER && i / width < own_height + 2 * BORDER;
-        let read: Vec<Option<usize>> = (0..from.len()).map(|i| is_read(i).then_some(from[i])).collect();
+        let read = self.stored(column, [width, height]);
         let mut by_channel = [0, 1, 2].map(|_| Vec::with_capacity(self.times * read.len()));
         for of_time in self.levels.chunks_exact(self.grid.width * self.rows.len()) {
             for i in &read {
@@ -235,8 +303,31 @@ impl SunBand {
         let [red, green, blue] = by_channel;
         let levels = if red == green && green == blue { red } else { [red, green, blue].concat() };
         let normals = read.iter().map(|i| i.map_or([0.0; 3], |i| self.normals[i])).collect();
-        TileSun { width, height, times: self.times, levels, normals }
+        TileSun { width, height, times: self.times, levels, normals, shadows: Shadows::default() }
     }
+}
+
+/// Adds times to those of the sets: where the sun rises and sets, and so many that no two are more than [`APART`] hours from each other.
+fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath) {
+    let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
+    let ends = [(0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up)];
+    for (end, hour) in ends.into_iter().flatten().map(|i| path.hours[i]).enumerate() {
+        let nearest = if end == 0 { times[0].0 - hour } else { hour - times[times.len() - 1].0 };
+        if nearest > CLOSE {
+            times.insert(if end == 0 { 0 } else { times.len() }, (hour, None));
+        }
+    }
+    let told = std::mem::take(times);
+    for pair in told.windows(2) {
+        let [from, to] = [pair[0].0, pair[1].0];
+        // Where the sun is down in between, as by the poles or where hours were left out, there is nothing to tell.
+        let parts = ((to - from) / APART - CLOSE).ceil().max(1.0);
+        times.push(pair[0]);
+        let between = (1..parts as usize).map(|k| from + (to - from) * k as f64 / parts);
+        let is_lit = |hour: &f64| path.at(*hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
+        times.extend(between.filter(is_lit).map(|hour| (hour, None)));
+    }
+    times.extend(told.last());
 }
 
 /// What a dataset's visibility says of rows of a page at some times: by time and texel.

@@ -14,7 +14,7 @@ pub use resident::rounded_means;
 
 use crate::grid::{Grid, Place};
 use crate::model::{Contents, Knot, Shape, TileParams};
-use crate::sun::{Sun, SunDecoder, TileSun};
+use crate::sun::{Shadows, Sun, SunDecoder, TileSun};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 use std::fs::File;
@@ -64,6 +64,8 @@ pub struct Header {
     pub timeline: Timeline,
     /// The sun, where its direct light is a stream of its own.
     pub sun: Option<Sun>,
+    /// Whether there is a stream of how its shadows move between the times of visibility.
+    pub shadows: bool,
 }
 
 impl Header {
@@ -145,12 +147,14 @@ pub struct Entry {
     pub ndgi: Part,
     /// The sun's visibility.
     pub sun: Part,
+    /// How it moves between its times.
+    pub shadows: Part,
 }
 
 impl Entry {
-    /// Bytes of both.
+    /// Bytes of all.
     pub fn bytes(&self) -> u64 {
-        u64::from(self.ndgi.length) + u64::from(self.sun.length)
+        [self.ndgi, self.sun, self.shadows].iter().map(|part| u64::from(part.length)).sum()
     }
 }
 
@@ -183,7 +187,7 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     }
     for (payload, place) in payloads.iter().zip(header.places()) {
         let wrong = |what: String| wrong(format!("payload of {place:?}: {what}"));
-        let Payload { ndgi, sun, resident } = payload;
+        let Payload { ndgi, sun, shadows, resident } = payload;
         header.contents(place, ndgi.word, ndgi.bytes.len(), false).map_err(wrong)?;
         let line = if ndgi.bytes.is_empty() { 0 } else { resident::len(header.knots()) };
         if resident.len() != line {
@@ -192,11 +196,18 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
         if !sun.bytes.is_empty() && header.sun.is_none() || !sun.bytes.len().is_multiple_of(ALIGN) {
             return Err(wrong(format!("{} bytes of a sun", sun.bytes.len())));
         }
+        let is_moving = !shadows.bytes.is_empty();
+        if is_moving && (sun.bytes.is_empty() || !header.shadows)
+            || !shadows.bytes.len().is_multiple_of(ALIGN)
+        {
+            return Err(wrong(format!("{} bytes of moving shadows", shadows.bytes.len())));
+        }
     }
     let mut bytes = header::encode(header, payloads)?;
     for payload in payloads {
         bytes.extend_from_slice(&payload.ndgi.bytes);
         bytes.extend_from_slice(&payload.sun.bytes);
+        bytes.extend_from_slice(&payload.shadows.bytes);
     }
     Ok(bytes)
 }
@@ -367,16 +378,27 @@ impl Bundle {
     /// The same at some of the times of [`Sun::times`] alone.
     pub(crate) fn sun_at(&self, place: Place, times: Option<&[usize]>) -> Result<Option<TileSun>> {
         let position = self.position(place)?;
-        let part = &self.index[position].sun;
+        let Entry { sun: part, shadows, .. } = &self.index[position];
         let (Some(sun), 1..) = (&self.header.sun, part.length) else { return Ok(None) };
         let section = self.read(part, || self.at(place))?;
         let (width, height) = self.header.pages[place.page].stored(place.column, place.row);
         let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
-        let tile = match times {
+        let wrong = |what| Error::invalid(self.at(place), what);
+        let mut tile = match times {
             Some(times) => decoder.tile_at(&section, part.word, [width, height], times),
             None => decoder.tile(&section, part.word, [width, height]),
-        };
-        tile.map(Some).map_err(|what| Error::invalid(self.at(place), what))
+        }
+        .map_err(wrong)?;
+        // Between two times, or between all.
+        let only = times.and_then(|times| times.first().copied());
+        if shadows.length > 0 && times.is_none_or(|times| times.len() == 2) {
+            let section = self.read(shadows, || self.at(place))?;
+            let section = (shadows.word, &section[..]);
+            let intervals = sun.times.len() - 1;
+            tile.shadows =
+                Shadows::decode(section, [width, height], tile.channels(), intervals, only).map_err(wrong)?;
+        }
+        Ok(Some(tile))
     }
 }
 

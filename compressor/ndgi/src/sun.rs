@@ -3,9 +3,11 @@
 mod bits;
 mod normals;
 mod planes;
+mod shadows;
 mod tables;
 
 pub use planes::{Coder, Counts};
+pub use shadows::{Block, ENTRIES, MOST, SIDE, STEPS, Shadows, UNIT, Word, encode as encode_shadows};
 pub use tables::Tables;
 
 use planes::Decoder;
@@ -108,6 +110,8 @@ pub struct TileSun {
     pub levels: Vec<u8>,
     /// Per texel, the mean of the shading normals there; before a tile is stored, 0 where it does not matter.
     pub normals: Vec<[f32; 3]>,
+    /// How shadows move between the times; by default they fade from the one place to the other.
+    pub shadows: Shadows,
 }
 
 impl TileSun {
@@ -116,31 +120,63 @@ impl TileSun {
     /// A level that does not matter.
     pub const ANY: u8 = u8::MAX;
 
-    fn channels(&self) -> usize {
+    /// Channels of its levels: one, or three.
+    pub fn channels(&self) -> usize {
         self.levels.len() / (self.times * self.width * self.height).max(1)
     }
 
     /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. Linear between the times of the sun, which are
-    /// those of its bundle, and held outside of them.
+    /// those of its bundle, but where shadows move; held outside of them.
     pub fn visibility(&self, sun: &Sun, hour: f64) -> Vec<[f32; 3]> {
-        let (before, after, part) = around(&sun.times, hour);
-        (0..self.width * self.height).map(|i| self.seen(i, before, after, part)).collect()
+        let planes: Vec<Vec<f32>> = (0..self.channels()).map(|c| self.seen(sun, hour, c)).collect();
+        (0..self.width * self.height).map(|i| [0, 1, 2].map(|c| planes[c.min(planes.len() - 1)][i])).collect()
     }
 
-    fn seen(&self, i: usize, before: usize, after: usize, part: f32) -> [f32; 3] {
-        let (texels, channels) = (self.width * self.height, self.channels());
-        let level = |c: usize, time: usize| {
-            f32::from(self.levels[(c.min(channels - 1) * self.times + time) * texels + i].min(Self::TOP))
-        };
-        [0, 1, 2].map(|c| (level(c, before) * (1.0 - part) + level(c, after) * part) / f32::from(Self::TOP))
+    fn level(&self, channel: usize, time: usize, i: usize) -> f32 {
+        let level = self.levels[(channel * self.times + time) * self.width * self.height + i];
+        f32::from(level.min(Self::TOP)) / f32::from(Self::TOP)
+    }
+
+    /// The share of the sun that each texel sees at an hour in one channel.
+    fn seen(&self, sun: &Sun, hour: f64, channel: usize) -> Vec<f32> {
+        let (before, after, part) = around(&sun.times, hour);
+        // By both levels, what is seen.
+        let top = f32::from(Self::TOP);
+        let seen: [f32; 64] = std::array::from_fn(|i| {
+            let [a, b] = [i / 8, i % 8].map(|level| level as f32 / top);
+            a * (1.0 - part) + b * part
+        });
+        let texels = self.width * self.height;
+        let plane = |time: usize| &self.levels[(channel * self.times + time) * texels..][..texels];
+        let of = |(a, b): (&u8, &u8)| seen[usize::from((*a).min(Self::TOP) * 8 + (*b).min(Self::TOP))];
+        let mut seen: Vec<f32> = plane(before).iter().zip(plane(after)).map(of).collect();
+        if before != after {
+            let ends = |i: usize| [before, after].map(|time| self.level(channel, time, i));
+            self.shadows.apply((self.channels(), channel, before), part, self.width, ends, &mut seen);
+        }
+        seen
     }
 
     /// The sun's direct light on one texel at an hour.
     pub fn texel(&self, sun: &Sun, hour: f64, i: usize) -> [f32; 3] {
         let Some((direction, irradiance)) = sun.path.at(hour) else { return [0.0; 3] };
         let (before, after, part) = around(&sun.times, hour);
-        let seen = self.seen(i, before, after, part);
         let cosine = cosine(self.normals[i], direction);
+        let channels = self.channels();
+        let seen = |c: usize| {
+            let ends = [before, after].map(|time| self.level(c, time, i));
+            let place = [i % self.width, i / self.width];
+            let moved = if before == after {
+                None
+            } else {
+                self.shadows.texel((channels, c, before), part, place, ends)
+            };
+            moved.unwrap_or(ends[0] * (1.0 - part) + ends[1] * part)
+        };
+        let seen: [f32; 3] = match channels {
+            1 => [seen(0); 3],
+            _ => [0, 1, 2].map(seen),
+        };
         [0, 1, 2].map(|c| seen[c] * cosine * irradiance[c])
     }
 
@@ -151,27 +187,13 @@ impl TileSun {
     pub fn add_light(&self, sun: &Sun, hour: f64, out: &mut [[f32; 3]]) {
         assert_eq!(out.len(), self.width * self.height, "texels of the tile");
         let Some((direction, irradiance)) = sun.path.at(hour) else { return };
-        let (before, after, part) = around(&sun.times, hour);
-        // By both levels, what is seen.
-        let top = f32::from(Self::TOP);
-        let seen: [f32; 64] =
-            std::array::from_fn(|i| ((i / 8) as f32 * (1.0 - part) + (i % 8) as f32 * part) / top);
-        let texels = self.width * self.height;
-        let plane = |c: usize, time: usize| &self.levels[(c * self.times + time) * texels..][..texels];
-        let of = |a: u8, b: u8| seen[usize::from(a.min(Self::TOP) * 8 + b.min(Self::TOP))];
-        if self.channels() == 1 {
-            let levels = plane(0, before).iter().zip(plane(0, after));
-            for ((light, normal), (a, b)) in out.iter_mut().zip(&self.normals).zip(levels) {
-                let share = of(*a, *b) * cosine(*normal, direction);
-                (0..3).for_each(|c| light[c] = (light[c] + share * irradiance[c]).min(f32::MAX));
-            }
-            return;
-        }
-        for c in 0..3 {
-            let levels = plane(c, before).iter().zip(plane(c, after));
-            for ((light, normal), (a, b)) in out.iter_mut().zip(&self.normals).zip(levels) {
-                let share = of(*a, *b) * cosine(*normal, direction);
-                light[c] = (light[c] + share * irradiance[c]).min(f32::MAX);
+        let channels = self.channels();
+        for channel in 0..channels {
+            let seen = self.seen(sun, hour, channel);
+            let of = if channels == 1 { 0..3 } else { channel..channel + 1 };
+            for ((light, normal), seen) in out.iter_mut().zip(&self.normals).zip(seen) {
+                let share = seen * cosine(*normal, direction);
+                of.clone().for_each(|c| light[c] = (light[c] + share * irradiance[c]).min(f32::MAX));
             }
         }
     }
@@ -311,7 +333,7 @@ impl SunDecoder {
         if rest.len() >= 16 || rest.iter().any(|byte| *byte != 0) {
             return Err("only zeros up to the next multiple of 16 may follow the normals".to_owned());
         }
-        Ok(TileSun { width, height, times: times.len(), levels, normals })
+        Ok(TileSun { width, height, times: times.len(), levels, normals, shadows: Shadows::default() })
     }
 }
 

@@ -88,6 +88,7 @@ pub fn header() -> Header {
         groups: vec!["porch".to_owned(), "garden".to_owned()],
         timeline: Timeline { hours, between: vec![20.0], intervals, states, coding: Coding::Standard },
         sun: None,
+        shadows: false,
     }
 }
 

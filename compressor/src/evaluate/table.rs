@@ -99,9 +99,14 @@ impl Evaluation {
             remarks.push(format!("over the sets that the sun lights directly: {}", figures(sunny)));
         }
         if let Some(baked) = &self.without_sun {
-            let bits = self.bytes_of_sun as f64 / self.bytes as f64 * of_valid;
+            let [sun, shadows] =
+                [self.bytes_of_sun, self.bytes_of_shadows].map(|n| n as f64 / self.bytes as f64 * of_valid);
+            let moving = match self.bytes_of_shadows {
+                0 => String::new(),
+                _ => format!(" and {shadows:.3} for its shadows to move between its times"),
+            };
             remarks.push(format!(
-                "without the sun's direct light, which is a stream of {bits:.3} of these bits: {}",
+                "without the sun's direct light, which takes {sun:.3} of these bits{moving}: {}",
                 figures(baked)
             ));
         }
@@ -180,9 +185,10 @@ impl Evaluation {
             });
         }
         if let Some(Shadows { pooled_db, mean_db, worst_db, pairs }) = self.shadows {
+            let how = if self.bytes_of_shadows > 0 { "move" } else { "fade" };
             remarks.push(format!(
                 "the sun's direct light between sets, against the dataset's visibility, {pairs} (tile, moment) pairs: pooled {pooled_db:.2} dB, mean \
-                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows fade from one set to the next"
+                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows {how} from one set to the next"
             ));
         }
         if self.steps.smooth.or(self.steps.switch).is_some() {
@@ -301,6 +307,7 @@ impl Evaluation {
             "hours": hours,
             "steps": steps,
         });
+        object["bytes_of_shadows"] = json!(self.bytes_of_shadows);
         let of_shadows = |value: fn(Shadows) -> f64| json!(self.shadows.map(value));
         object["sun_between_pooled_db"] = of_shadows(|shadows| shadows.pooled_db);
         object["sun_between_mean_db"] = of_shadows(|shadows| shadows.mean_db);

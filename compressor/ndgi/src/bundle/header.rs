@@ -14,9 +14,10 @@ use crate::{Error, Result};
 const ENTRY3: usize = 24;
 const ENTRY: usize = 8;
 const SECTION: usize = 16;
-/// The streams that this crate knows: features and decoder, the sun.
+/// The streams that this crate knows: features and decoder, the sun, how its shadows move.
 const NDGI: u32 = 0;
 const SUN: u32 = 1;
+const SHADOWS: u32 = 2;
 /// The flag of a stream without which a bundle must not be decoded.
 const REQUIRED: u32 = 1;
 
@@ -27,10 +28,8 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     let u32_ = |out: &mut Vec<u8>, n: usize| out.extend((n as u32).to_le_bytes());
     let time = &header.timeline;
     let resident: Vec<u8> = payloads.iter().flat_map(|payload| payload.resident.iter().copied()).collect();
-    let streams: &[[u32; 3]] = match header.sun {
-        None => &[[NDGI, 0, REQUIRED]],
-        Some(_) => &[[NDGI, 0, REQUIRED], [SUN, 0, 0]],
-    };
+    let streams = [[NDGI, 0, REQUIRED], [SUN, 0, 0], [SHADOWS, 0, 0]];
+    let streams = &streams[..1 + usize::from(header.sun.is_some()) + usize::from(header.shadows)];
     let (path, visible) = header.sun.as_ref().map_or((0, 0), |sun| (sun.path.hours.len(), sun.times.len()));
     for n in [STORED, BORDER, time.hours.len(), time.between.len(), header.pages.len(), header.groups.len()] {
         u32_(&mut out, n);
@@ -71,7 +70,9 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     let mut offset = (length + resident.len().next_multiple_of(ALIGN)) as u64;
     for payload in payloads {
         out.extend(offset.to_le_bytes());
-        for Section { word, bytes } in [&payload.ndgi, &payload.sun].into_iter().take(streams.len()) {
+        for Section { word, bytes } in
+            [&payload.ndgi, &payload.sun, &payload.shadows].into_iter().take(streams.len())
+        {
             u32_(&mut out, bytes.len());
             out.extend(word.to_le_bytes());
             out.extend(if bytes.is_empty() { 0 } else { checksum(&[bytes]) }.to_le_bytes());
@@ -211,7 +212,8 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     if sun.is_some() != kinds_of_streams.contains(&SUN) {
         return Err(wrong("a stream of the sun without its path, or a path without a stream".to_owned()));
     }
-    let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun };
+    let shadows = kinds_of_streams.contains(&SHADOWS);
+    let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun, shadows };
     check(&header).map_err(wrong)?;
     let (index, resident) = match is_old {
         true => (decode_index3(&mut cursor, &header, file_bytes)?, None),
@@ -275,9 +277,13 @@ fn decode_index(
                     entry.ndgi = part;
                 }
                 SUN => entry.sun = part,
+                SHADOWS => entry.shadows = part,
                 _ => {}
             }
             end += u64::from(length);
+        }
+        if entry.shadows.length > 0 && entry.sun.length == 0 {
+            return Err(wrong("moving shadows of a tile that sees nothing of the sun".to_owned()));
         }
         index.push(entry);
     }
@@ -307,7 +313,8 @@ fn decode_index3(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Resul
         }
         header.contents(place, word, length as usize, true).map_err(wrong)?;
         end += u64::from(length);
-        index.push(Entry { ndgi: Part { offset, length, word, checksum: sum }, sun: Part::default() });
+        let ndgi = Part { offset, length, word, checksum: sum };
+        index.push(Entry { ndgi, ..Entry::default() });
     }
     if end != file_bytes {
         return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));
@@ -344,6 +351,9 @@ fn check(header: &Header) -> Result<(), String> {
     }
     if let Some(sun) = &header.sun {
         sun.check()?;
+    }
+    if header.shadows && header.sun.is_none() {
+        return Err("shadows that move without a sun".to_owned());
     }
     let shaped = time.intervals.len() == header.groups.len()
         && time.states.len() == time.hours.len()
@@ -411,7 +421,7 @@ impl<'a> Cursor<'a> {
         let mut seen = std::collections::BTreeSet::new();
         for _ in 0..n {
             let [kind, light, flags] = [self.u32("stream")?, self.u32("light")?, self.u32("flags")?];
-            let is_known = kind == NDGI || kind == SUN;
+            let is_known = [NDGI, SUN, SHADOWS].contains(&kind);
             if !is_known && flags & REQUIRED != 0 {
                 let what = format!("a stream of kind {kind}, which this program does not know and must");
                 return Err(Error::unsupported(self.name, what));

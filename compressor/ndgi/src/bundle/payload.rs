@@ -22,6 +22,8 @@ pub struct Payload {
     pub ndgi: Section,
     /// The sun's visibility and the normals.
     pub sun: Section,
+    /// How shadows move.
+    pub shadows: Section,
     /// Its line of the resident block; none without features.
     pub resident: Vec<u8>,
 }
@@ -29,7 +31,8 @@ pub struct Payload {
 impl Payload {
     /// All its bytes.
     pub fn bytes(&self) -> usize {
-        self.ndgi.bytes.len() + self.sun.bytes.len() + self.resident.len()
+        [&self.ndgi, &self.sun, &self.shadows].iter().map(|section| section.bytes.len()).sum::<usize>()
+            + self.resident.len()
     }
 }
 
@@ -123,7 +126,7 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     bytes.extend(tile.mlp.iter().flat_map(|weight| weight.to_le_bytes()));
     bytes.resize(bytes.len().next_multiple_of(ALIGN), 0);
     let resident = resident::encode(&tile.knots)?;
-    Ok(Payload { ndgi: Section { word, bytes }, sun: Section::default(), resident })
+    Ok(Payload { ndgi: Section { word, bytes }, resident, ..Payload::default() })
 }
 
 /// A tile from its section of features, the word of its index line, the shape that its contents give, the number of light groups, and

@@ -26,7 +26,8 @@ fn tile(
         .flat_map(|plane| (0..width * height).map(move |i| (plane, i)))
         .map(|(plane, i)| level(plane, i % width, i / width))
         .collect();
-    TileSun { width, height, times, levels, normals: vec![[0.0, 1.0, 0.0]; width * height] }
+    let normals = vec![[0.0, 1.0, 0.0]; width * height];
+    TileSun { width, height, times, levels, normals, shadows: Shadows::default() }
 }
 
 /// A shadow's edge that moves, soft over some texels.
@@ -131,4 +132,157 @@ fn light_is_seen_times_faced_times_bright_and_linear_between_times() {
     let seen = 0.5 * (1.0 + 6.0 / 7.0);
     assert!((at(12.0)[0] - 1.0 - 10.0 * 0.75 * seen).abs() < 1e-5);
     assert!((at(17.0)[0] - 1.0 - 10.0 * (1.0 - 0.5 / 12.0) * 6.0 / 7.0).abs() < 1e-5);
+}
+
+/// A random block: nothing, a doubled word, at most one word on each 4×4, or up to three.
+fn block(random: &mut Random) -> Block {
+    let word = |random: &mut Random| Word(random.next() as u16);
+    match random.below(4) {
+        0 => Block::Nothing,
+        1 => Block::Doubled(word(random)),
+        most => Block::Words([(); 4].map(|()| {
+            let count = random.below(if most == 2 { 2 } else { MOST + 1 });
+            (0..count).map(|_| word(random)).collect()
+        })),
+    }
+}
+
+#[test]
+fn moving_shadows_come_back_texel_by_texel() {
+    let mut random = Random(4);
+    for (size, channels) in [([128, 128], 1), ([4, 4], 1), ([44, 68], 3), ([12, 128], 1)] {
+        let [width, height]: [usize; 2] = size;
+        let intervals = 3;
+        let count = width.div_ceil(8) * height.div_ceil(8);
+        let mut planes: Vec<Vec<Block>> =
+            (0..channels * intervals).map(|_| (0..count).map(|_| block(&mut random)).collect()).collect();
+        // One where nothing moves.
+        planes[1] = vec![Block::Nothing; count];
+        let section = encode_shadows(&planes, size);
+        let mut tile = tile(size, intervals + 1, channels, |plane, x, y| ((3 * plane + x + y / 2) % 8) as u8);
+        let path = SunPath {
+            hours: vec![0.0, 24.0],
+            direction: vec![[0.0, 1.0, 0.0]; 2],
+            irradiance: vec![[1.0; 3]; 2],
+        };
+        let times = vec![6.0, 7.0, 9.0, 10.0];
+        let sun = Sun { path, times: times.clone(), tables: Tables::default() };
+        let decode = |only| Shadows::decode((0, &section.bytes), size, channels, intervals, only).unwrap();
+        let linear = tile.clone();
+        tile.shadows = decode(None);
+        let mut moves = 0.0f32;
+        for (interval, share) in [(0, 0.0), (0, 0.3), (1, 0.5), (2, 0.041), (2, 11.5 / 12.0)] {
+            let hour = times[interval] + share * (times[interval + 1] - times[interval]);
+            let seen = tile.visibility(&sun, hour);
+            let mut light = vec![[0.0; 3]; width * height];
+            tile.add_light(&sun, hour, &mut light);
+            // By the format's words, one texel at a time.
+            let step = (share as f32 * 12.0) as usize;
+            let part = share as f32 * 12.0 - step as f32;
+            for (i, light) in light.iter().enumerate() {
+                let (x, y) = (i % width, i / width);
+                for c in 0..3 {
+                    let plane = c.min(channels - 1) * intervals + interval;
+                    let ends = [interval, interval + 1].map(|time| {
+                        let plane = c.min(channels - 1) * (intervals + 1) + time;
+                        f32::from(tile.levels[plane * width * height + i]) / 7.0
+                    });
+                    let block = &planes[plane][y / 8 * width.div_ceil(8) + x / 8];
+                    let at = |step: usize| {
+                        let mut v = ends[0] + (ends[1] - ends[0]) * step as f32 / 12.0;
+                        let (words, i) = match block {
+                            Block::Nothing => (vec![], 0),
+                            Block::Doubled(word) => (vec![*word], y % 8 / 2 * 4 + x % 8 / 2),
+                            Block::Words(of) => (of[y % 8 / 4 * 2 + x % 8 / 4].clone(), y % 4 * 4 + x % 4),
+                        };
+                        words.iter().for_each(|word| {
+                            v = (v + f32::from(word.values(step)[i]) / 7.0).clamp(0.0, 1.0);
+                        });
+                        v
+                    };
+                    let wanted = at(step) * (1.0 - part) + at(step + 1) * part;
+                    let found = [seen[i][c], light[c], tile.texel(&sun, hour, i)[c]];
+                    assert!(found.iter().all(|v| (v - wanted).abs() < 1e-5), "{found:?} {wanted}");
+                }
+            }
+            let still = linear.visibility(&sun, hour);
+            let most = still.iter().zip(&seen).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, f32::max);
+            match (interval, share) {
+                (1, _) | (_, 0.0) => assert!(most < 1e-6, "{most}"),
+                _ => moves = moves.max(most),
+            }
+            // Of one interval alone the same.
+            let levels = (0..channels).flat_map(|c| {
+                let of = (c * (intervals + 1) + interval) * width * height;
+                tile.levels[of..of + 2 * width * height].to_vec()
+            });
+            let near = TileSun {
+                levels: levels.collect(),
+                times: 2,
+                shadows: decode(Some(interval)),
+                ..tile.clone()
+            };
+            let sun = Sun { times: times[interval..interval + 2].to_vec(), ..sun.clone() };
+            assert_eq!(near.visibility(&sun, hour), seen);
+        }
+        assert!(moves > 0.2, "{moves}");
+    }
+    let still = encode_shadows(&vec![vec![Block::default(); 4]; 2], [16, 16]);
+    assert!(still.bytes.is_empty());
+}
+
+#[test]
+fn hostile_moving_shadows_are_refused_or_harmless() {
+    let (mut random, size) = (Random(11), [72, 40]);
+    let planes: Vec<Vec<Block>> = (0..4).map(|_| (0..45).map(|_| block(&mut random)).collect()).collect();
+    let section = encode_shadows(&planes, size);
+    let decode = |bytes: &[u8], word| Shadows::decode((word, bytes), size, 1, 4, None);
+    assert!(decode(&section.bytes, 0).is_ok() && decode(&section.bytes, 1).is_err());
+    for length in (0..section.bytes.len()).step_by(16) {
+        assert!(decode(&section.bytes[..length], 0).is_err(), "{length}");
+    }
+    let mut tile = tile(size, 5, 1, edge);
+    let sun = Sun { times: vec![1.0, 2.0, 3.0, 4.0, 5.0], ..Sun::default() };
+    let mut refused = 0;
+    for _ in 0..5_000 {
+        let mut bad = section.bytes.clone();
+        for _ in 0..1 + random.below(3) {
+            let near = if random.below(2) == 0 { 60 } else { bad.len() };
+            let at = random.below(near);
+            bad[at] = random.byte();
+        }
+        match decode(&bad, 0) {
+            Ok(shadows) => {
+                tile.shadows = shadows;
+                let seen = tile.visibility(&sun, 1.0 + 4.0 * f64::from(random.unit()));
+                assert!(seen.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(refused > 2_000, "{refused}");
+}
+
+#[test]
+fn words_add_whole_sevenths_of_what_is_seen() {
+    let table = include_bytes!("words.bin");
+    let digest = blake3::hash(table).to_hex();
+    assert!(include_str!("../../../FORMAT.md").contains(digest.as_str()), "{digest}");
+    for entry in 0..ENTRIES {
+        for step in 1..STEPS {
+            assert!(Word::entry(entry, step).iter().all(|value| (-7..=7).contains(value)));
+        }
+    }
+    // A turning moves values about and may negate them; each of the 32 is another.
+    let all = |turning: usize| {
+        let word = Word::new(5, turning);
+        (1..STEPS).flat_map(|step| word.values(step)).collect::<Vec<i8>>()
+    };
+    let sorted = |mut values: Vec<i8>| {
+        values.iter_mut().for_each(|value| *value = value.abs());
+        values.sort_unstable();
+        values
+    };
+    let distinct: std::collections::BTreeSet<Vec<i8>> = (0..32).map(all).collect();
+    assert!(distinct.len() == 32 && distinct.iter().all(|values| sorted(values.clone()) == sorted(all(0))));
 }

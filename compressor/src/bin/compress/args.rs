@@ -42,7 +42,8 @@ Keys of the --json object (null where there is none):
   dark_relative_error    the same over the darkest quarter of each set's texels, mean over sets of 0.1 lux or more in the mean
   constant_relative_error  the same over pairs constant in space, which have no PSNR
   pairs, pairs_constant, pairs_black   pairs judged, judged apart, not judged
-  bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle; bytes_of_sun those of the sun's tiles
+  bpp, bytes             bits per texel and set (all texels counted), bytes of the bundle; bytes_of_sun those of the sun's tiles,
+                         bytes_of_shadows those of how its shadows move
   bits_per_valid_texel   the same per valid texel and set; bits_per_valid_texel_distinct where equal sets count once
   psnr_sunny_db, psnr_pooled_sunny_db   over the sets that the sun lights directly
   psnr_without_sun_db, psnr_pooled_without_sun_db   of what maps hold, where the sun's direct light is a stream of its own
@@ -257,6 +258,10 @@ pub struct Compress {
     /// Leave the sun's direct light out, where the dataset keeps it apart: for readers that draw the sun themselves.
     #[arg(long)]
     pub without_sun: bool,
+    /// Let the sun's shadows fade from where they are at one set to where they are at the next, instead of moving there: saves bytes where
+    /// nobody looks between the sets.
+    #[arg(long, conflicts_with = "without_sun")]
+    pub still_shadows: bool,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

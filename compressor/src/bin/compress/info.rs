@@ -46,6 +46,7 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
         "tiles": bundle.index.len(), "tiles_empty": empty, "contents": contents(&bundle),
         "hours_between": header.timeline.between, "sun_times": header.sun.as_ref().map(|sun| &sun.times),
         "bytes_of_sun": bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum::<u64>(),
+        "bytes_of_shadows": bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum::<u64>(),
         "bytes": bundle.bytes, "bpp": bpp, "written": written,
     });
     for (name, text) in in_words(&bundle, &written, bpp) {
@@ -85,7 +86,13 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
         let [first, last] =
             [sun.times.first(), sun.times.last()].map(|hour| hour.copied().unwrap_or_default());
         let times = format!("{} times from {first} h to {last} h", sun.times.len());
-        lines.push(("sun", format!("{times}, {} tiles: {} bytes", of_sun.len(), of_sun.iter().sum::<u64>())));
+        let moving: u64 = bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum();
+        let moving = match header.shadows {
+            true => format!(", {moving} for shadows to move between them"),
+            false => String::new(),
+        };
+        let bytes = of_sun.iter().sum::<u64>();
+        lines.push(("sun", format!("{times}, {} tiles: {bytes} bytes{moving}", of_sun.len())));
     }
     if written.is_object() {
         let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {

@@ -62,9 +62,18 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
         Some(iterations) => iterations as usize,
         None => preset.iterations,
     };
-    let Compress { time_limit, seed, out, force, without_sun, .. } = args;
-    let options =
-        Options { rate, iterations, time_limit, seed, out, force, without_sun, ..Options::of(preset) };
+    let Compress { time_limit, seed, out, force, without_sun, still_shadows, .. } = args;
+    let options = Options {
+        rate,
+        iterations,
+        time_limit,
+        seed,
+        out,
+        force,
+        without_sun,
+        still_shadows,
+        ..Options::of(preset)
+    };
     for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
         path.as_ref().map_or(Ok(()), |path| expect_output(path, extension, option))?;
     }
