@@ -1,7 +1,7 @@
 //! Nanoseconds a texel of a bundle's decoding, on one thread: `cargo bench -p compressor --bench decode -- BUNDLE`.
 //!
 //! By the instruction sets of this processor: a tile unpacked and decoded at one set, BC7 included, and the mean over all sets of a
-//! tile that stays unpacked.
+//! tile that stays unpacked; and what the sun of such a tile adds, at its times and between them.
 
 use compressor::bundle::Bundle;
 use compressor::decode::TileDecoder;
@@ -33,5 +33,23 @@ fn main() {
         };
         let least = |sets: usize, runs: usize| (0..runs).map(|_| run(sets)).fold(f64::INFINITY, f64::min);
         println!("{:12}  {:21.1}  {:8.1}", format!("{tier:?}"), least(1, 20), least(moments.len(), 3));
+    }
+    let Some(sun) = &bundle.header.sun else { return };
+    let tiles: Vec<_> =
+        bundle.header.places().filter_map(|place| bundle.sun(place).expect("a tile")).collect();
+    let texels: usize = tiles.iter().map(|tile| tile.width * tile.height).sum();
+    let between: Vec<f64> = sun.times.windows(2).map(|pair| 0.7 * pair[0] + 0.3 * pair[1]).collect();
+    for (name, hours) in [("the sun, at its times", &sun.times), ("the sun, between them", &between)] {
+        let run = || {
+            let start = Instant::now();
+            for tile in &tiles {
+                let mut light = vec![[0.0; 3]; tile.width * tile.height];
+                hours.iter().for_each(|hour| tile.add_light(sun, *hour, &mut light));
+                std::hint::black_box(light);
+            }
+            1e9 * start.elapsed().as_secs_f64() / (texels * hours.len().max(1)) as f64
+        };
+        let least = (0..5).map(|_| run()).fold(f64::INFINITY, f64::min);
+        println!("{name:35}  {least:8.1}");
     }
 }

@@ -50,6 +50,7 @@ impl Random {
     }
 }
 
+#[expect(clippy::large_enum_variant, reason = "a few thousand of them")]
 enum Item {
     Brick(Brick),
     Block([Option<Brick>; 4]),
