@@ -75,6 +75,7 @@ class Bundle:
         kinds = [self.take('3I') for _ in range(streams)] if new else [(0, 0, 1)]
         check(len({k[:2] for k in kinds}) == streams and (0, 0, 1) in kinds, 'streams')
         check(all(kind in (0, 1, 2) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
+        check(all(k[1:] == (0, 0) for k in kinds if k[0] in (1, 2)) and ((1, 0, 0) in kinds) == (times + seen > 0) and ((2, 0, 0) not in kinds or (1, 0, 0) in kinds), 'streams of the sun')
         if times + seen:
             check(times and 0 < seen <= 1024, 'times of the sun')
             hours, seen = np.array(self.take(f'{times}d')), np.array(self.take(f'{seen}d'))
@@ -99,7 +100,7 @@ class Bundle:
                 self.resident[place] = self.data[end:end + line]
                 end += line
             for i, (length, word, digest) in enumerate(sections):
-                check(length % 16 == 0 and (length or digest == 0), f'index line of tile {place}')
+                check(length % 16 == 0 and (length or digest == word == 0), f'index line of tile {place}')
                 if i == features:
                     self.index[place] = offset, length, word, digest
                 elif i in suns:

@@ -247,7 +247,10 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
     let [(reference, mask), (decoded, _)] = reduced;
     let bright = exposure(&reference, &mask);
     let picture = |image: &Image| tone_mapped_png(image, &mask, bright, PICTURE_SIDE);
-    section.paragraph("Between two sets the sun's shadows fade from one place to the next; the dataset knows where they are.");
+    section.paragraph(match decoder.bundle().header.shadows {
+        true => "Between two sets the sun's shadows move, by words of a table; the dataset knows where they are.",
+        false => "Between two sets the sun's shadows fade from one place to the next; the dataset knows where they are.",
+    });
     section.pictures(&[
         (format!("page 0, {hour} h, the dataset's light"), picture(&reference)),
         ("decoded".to_owned(), picture(&decoded)),

@@ -26,7 +26,7 @@ use words::Search;
 const GRAZING: f32 = 0.02;
 /// To how much of itself the sun's path is met by the times that are kept.
 const PATH: f32 = 3e-3;
-/// Hours between times of visibility at most, where shadows move between them,
+/// Hours between times of visibility at most, give or take [`CLOSE`], where shadows move between them,
 const APART: f64 = 1.0;
 /// and at least, of those that no set has.
 const CLOSE: f64 = 0.1;
@@ -179,7 +179,7 @@ impl<'a> Sunlight<'a> {
         let offset = rows.start * grid.width;
         let coverage = tile::coverage(mask, rows.clone());
         let normals = &sunlight.normals.normals[offset..offset + texels];
-        let seen = seen(&sunlight.visibility, &rows, &self.sun.times)?;
+        let (seen, ever) = seen(&sunlight.visibility, &rows, &self.sun.times)?;
         let mut levels = vec![[ANY; 3]; texels * self.sets.len()];
         for (time, &set) in self.sets.iter().enumerate() {
             let hour = self.sun.times[time];
@@ -217,6 +217,8 @@ impl<'a> Sunlight<'a> {
             normals: normals.to_vec(),
             levels,
             nearest: vec![None; texels],
+            // Where shadows move, what the sun lights between two times alone is not dark.
+            ever: if self.moves() { ever } else { vec![false; texels] },
             coverage,
             path: sunlight.path.clone(),
         };
@@ -246,6 +248,8 @@ pub struct SunBand {
     normals: Vec<[f32; 3]>,
     /// By time and texel.
     levels: Vec<[u8; 3]>,
+    /// Whether a texel is told to see the sun between times, if at none of them.
+    ever: Vec<bool>,
     /// Of a gutter texel, the valid one that it repeats.
     nearest: Vec<Option<usize>>,
     coverage: Vec<Coverage>,
@@ -272,6 +276,7 @@ impl SunBand {
                 let from = (y * width + x) as usize;
                 self.nearest[i] = Some(from);
                 self.normals[i] = self.normals[from];
+                self.ever[i] = self.ever[from];
                 (0..self.times)
                     .for_each(|time| self.levels[time * texels + i] = self.levels[time * texels + from]);
             }
@@ -280,7 +285,7 @@ impl SunBand {
         for (i, coverage) in coverage.iter().enumerate() {
             let is_seen = |level: &u8| (1..=TileSun::TOP).contains(level);
             let never = (0..self.times).all(|time| !self.levels[time * texels + i].iter().any(is_seen));
-            if never {
+            if never && (!self.ever[i] || *coverage == Coverage::Outside) {
                 self.normals[i] = [0.0; 3];
             }
             if never && *coverage != Coverage::Outside {
@@ -307,7 +312,8 @@ impl SunBand {
     }
 }
 
-/// Adds times to those of the sets: where the sun rises and sets, and so many that no two are more than [`APART`] hours from each other.
+/// Adds times to those of the sets: where the sun rises and sets, and so many that no two are much more than
+/// [`APART`] hours from each other.
 fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath) {
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let ends = [(0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up)];
@@ -321,7 +327,7 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     for pair in told.windows(2) {
         let [from, to] = [pair[0].0, pair[1].0];
         // Where the sun is down in between, as by the poles or where hours were left out, there is nothing to tell.
-        let parts = ((to - from) / APART - CLOSE).ceil().max(1.0);
+        let parts = ((to - from - CLOSE) / APART).ceil().max(1.0);
         times.push(pair[0]);
         let between = (1..parts as usize).map(|k| from + (to - from) * k as f64 / parts);
         let is_lit = |hour: &f64| path.at(*hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
@@ -330,16 +336,25 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     times.extend(told.last());
 }
 
-/// What a dataset's visibility says of rows of a page at some times: by time and texel.
-fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<Vec<[f32; 3]>> {
+/// What a dataset's visibility says of rows of a page at some times, by time and texel; and whether a texel sees the sun at any time.
+fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<(Vec<[f32; 3]>, Vec<bool>)> {
     let width = visibility.size[0] as usize;
     let mut seen = vec![[0.0; 3]; width * rows.len() * times.len()];
+    let mut ever = vec![false; width * rows.len()];
     let top = f32::from(visibility.top);
     for (tile, rect) in visibility.tiles.iter().enumerate() {
         if rect.y0 >= rows.end || rect.y1 <= rows.start {
             continue;
         }
         let planes: Planes = visibility.tile(tile)?;
+        for plane in planes.levels.chunks_exact(planes.texels) {
+            for (texel, _) in plane.iter().enumerate().filter(|(_, level)| **level > 0) {
+                let (x, y) = (rect.x0 + texel % rect.width(), rect.y0 + texel / rect.width());
+                if rows.contains(&y) {
+                    ever[(y - rows.start) * width + x] = true;
+                }
+            }
+        }
         for (time, &hour) in times.iter().enumerate() {
             let between = Between::new(&visibility.hours, hour);
             for y in rect.y0.max(rows.start)..rect.y1.min(rows.end) {
@@ -354,7 +369,7 @@ fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<V
             }
         }
     }
-    Ok(seen)
+    Ok((seen, ever))
 }
 
 /// As few of the path's times as hold it.

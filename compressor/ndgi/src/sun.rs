@@ -237,7 +237,10 @@ impl TileSun {
         let channels = self.channels();
         assert_eq!(self.levels.len(), channels * self.times * self.width * self.height, "levels of the tile");
         let even: Vec<Option<u16>> = self.planes().map(Self::even).collect();
-        if even.iter().all(|even| *even == Some(DARK)) {
+        // (Between its times it may see something: then its normals are told.)
+        if even.iter().all(|even| *even == Some(DARK))
+            && self.normals.as_flattened().iter().all(|n| *n == 0.0)
+        {
             return crate::bundle::Section::default();
         }
         let (count, normals) = normals::encode(&self.normals, self.width);

@@ -9,7 +9,6 @@ use dataset::tiles::Rect;
 use dataset::visibility::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
 use ndgi::sun::{SIDE, STEPS, TileSun, encode_shadows};
-use rayon::prelude::*;
 
 /// The price of a bit: so much squared error of the sun's direct light relative to the tile's brightest, mean over the tile, times hours.
 const PRICE: f32 = 8e-7;
@@ -37,7 +36,13 @@ impl<'a> Seen<'a> {
 
     /// Reads the tiles that have some of these texels of the page, and forgets those that have none.
     fn read(&mut self, texels: &[[usize; 2]]) -> Result<()> {
-        let has = |rect: &Rect| texels.iter().any(|[x, y]| is_in(rect, *x, *y));
+        let ends = |axis: usize| {
+            let along = texels.iter().map(|texel| texel[axis]);
+            (along.clone().min().unwrap_or(0), along.max().unwrap_or(0))
+        };
+        let [(left, right), (top, bottom)] = [ends(0), ends(1)];
+        let is_near = |rect: &Rect| rect.x0 <= right && rect.x1 > left && rect.y0 <= bottom && rect.y1 > top;
+        let has = |rect: &Rect| is_near(rect) && texels.iter().any(|[x, y]| is_in(rect, *x, *y));
         let wanted: Vec<usize> =
             (0..self.visibility.tiles.len()).filter(|tile| has(&self.visibility.tiles[*tile])).collect();
         self.kept.retain(|(tile, _)| wanted.contains(tile));
@@ -89,7 +94,6 @@ impl Sunlight<'_> {
         let intervals = self.sun.times.len() - 1;
         let place = self.place(band, column, size, seen)?;
         let planes: Vec<Vec<_>> = (0..intervals)
-            .into_par_iter()
             .map(|interval| {
                 let Interval { blocks } = self.interval(band, told, &place, seen, interval);
                 let across = told.width.div_ceil(2 * SIDE);
@@ -182,8 +186,8 @@ impl Sunlight<'_> {
                 .zip(cosines)
                 .map(|((_, irradiance), cosine)| {
                     let most = irradiance.iter().fold(0.0, |a: f32, b| a.max(*b));
-                    let squares = irradiance.iter().map(|e| e * e).sum::<f32>() / 3.0;
-                    if most > 0.0 { cosine * cosine * squares / (most * most) } else { 0.0 }
+                    let squares = irradiance.iter().map(|e| (e / most).powi(2)).sum::<f32>() / 3.0;
+                    if most > 0.0 { cosine * cosine * squares } else { 0.0 }
                 })
                 .sum();
             share * span * light

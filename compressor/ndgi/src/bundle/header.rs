@@ -271,6 +271,9 @@ fn decode_index(
                     "length {length}: expected a multiple of {ALIGN}, 0 without a checksum"
                 )));
             }
+            if word != 0 && (stream == SHADOWS || stream == SUN && length == 0) {
+                return Err(wrong(format!("word {word:#x} of a section of {length} bytes, stream {stream}")));
+            }
             match stream {
                 NDGI => {
                     header.contents(place, word, length as usize, false).map_err(wrong)?;
