@@ -75,14 +75,7 @@ fn items(root: &Path, random: &mut Random) -> Result<Vec<Item>, Box<dyn std::err
     let sun = sunlight.coded(&masks, &console)?;
     let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(&sun));
     let tiles = sunlight.each_tile("blocks", &masks, &console, |band, column, seen| {
-        let tile = band.tile(column);
-        let section = tile.encode(&coder);
-        if section.bytes.is_empty() {
-            return Ok(Vec::new());
-        }
-        let told = decoder
-            .tile(&section.bytes, section.word, [tile.width, tile.height])
-            .map_err(|what| dataset::Error::invalid("a tile of the sun", what))?;
+        let (_, Some(told)) = band.told(column, &coder, &decoder)? else { return Ok(Vec::new()) };
         let mut items = Vec::new();
         for quarters in sunlight.bricks(band, column, &told, seen)? {
             let errors = quarters.each_ref().map(|brick| brick.as_ref().map_or(0.0, Brick::error));

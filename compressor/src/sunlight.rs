@@ -102,17 +102,10 @@ impl<'a> Sunlight<'a> {
         let search = self.moves().then(Search::of_table);
         let what = if search.is_some() { "how shadows move" } else { "the sun" };
         let sections = self.each_tile(what, masks, console, |band, column, seen| {
-            let tile = band.tile(column);
-            let section = tile.encode(&coder);
-            let moving = match &search {
-                Some(search) if !section.bytes.is_empty() => {
-                    // As it will be read: what did not matter at its times may between them.
-                    let told = decoder
-                        .tile(&section.bytes, section.word, [tile.width, tile.height])
-                        .map_err(|what| dataset::Error::invalid("a tile of the sun", what))?;
-                    self.moving(search, band, column, &told, seen)?
-                }
-                _ => Section::default(),
+            let (section, told) = band.told(column, &coder, &decoder)?;
+            let moving = match search.as_ref().zip(told) {
+                Some((search, told)) => self.moving(search, band, column, &told, seen)?,
+                None => Section::default(),
             };
             Ok([section, moving])
         })?;
@@ -179,18 +172,23 @@ impl<'a> Sunlight<'a> {
         let offset = rows.start * grid.width;
         let coverage = tile::coverage(mask, rows.clone());
         let normals = &sunlight.normals.normals[offset..offset + texels];
-        let (seen, ever) = seen(&sunlight.visibility, &rows, &self.sun.times)?;
-        let mut levels = vec![[ANY; 3]; texels * self.sets.len()];
+        // First what the visibility says, in 255ths; then, in its place, the level.
+        let (mut levels, ever) = seen(&sunlight.visibility, &rows, &self.sun.times)?;
         for (time, &set) in self.sets.iter().enumerate() {
             let hour = self.sun.times[time];
-            let Some((direction, irradiance)) = sunlight.path.at(hour) else { continue };
+            let levels = &mut levels[time * texels..][..texels];
+            let Some((direction, irradiance)) = sunlight.path.at(hour) else {
+                levels.fill([ANY; 3]);
+                continue;
+            };
             let direct = set.map(|set| self.direct(set, page, &rows)).transpose()?;
-            for i in (0..texels).filter(|&i| coverage[i] == Coverage::Valid) {
+            for i in 0..texels {
                 let cosine: f32 = (0..3).map(|axis| normals[i][axis] * direction[axis]).sum();
-                if cosine <= 0.0 {
+                if coverage[i] != Coverage::Valid || cosine <= 0.0 {
+                    levels[i] = [ANY; 3];
                     continue;
                 }
-                let seen = seen[time * texels + i];
+                let seen = levels[i].map(|seen| f32::from(seen) / 255.0);
                 let is_grey = seen[0] == seen[1] && seen[1] == seen[2];
                 let share = |channels: Range<usize>| {
                     let light =
@@ -205,7 +203,7 @@ impl<'a> Sunlight<'a> {
                 };
                 let level =
                     |c: usize| (f32::from(TileSun::TOP) * of_channel(c).clamp(0.0, 1.0)).round() as u8;
-                levels[time * texels + i] = [level(0), level(1), level(2)];
+                levels[i] = [level(0), level(1), level(2)];
             }
         }
         let mut band = SunBand {
@@ -248,7 +246,7 @@ pub struct SunBand {
     normals: Vec<[f32; 3]>,
     /// By time and texel.
     levels: Vec<[u8; 3]>,
-    /// Whether a texel is told to see the sun between times, if at none of them.
+    /// Whether a texel may see the sun between times, if at none of them.
     ever: Vec<bool>,
     /// Of a gutter texel, the valid one that it repeats.
     nearest: Vec<Option<usize>>,
@@ -294,6 +292,24 @@ impl SunBand {
         }
     }
 
+    /// The section of one tile, and what it says to a reader: what did not matter at its times may between them.
+    pub fn told(
+        &self,
+        column: usize,
+        coder: &Coder,
+        decoder: &SunDecoder,
+    ) -> Result<(Section, Option<TileSun>)> {
+        let tile = self.tile(column);
+        let section = tile.encode(coder);
+        if section.bytes.is_empty() {
+            return Ok((section, None));
+        }
+        let told = decoder
+            .tile(&section.bytes, section.word, [tile.width, tile.height])
+            .map_err(|what| dataset::Error::invalid("a tile of the sun", what))?;
+        Ok((section, Some(told)))
+    }
+
     /// One tile; what lies past its border is not looked at.
     pub fn tile(&self, column: usize) -> TileSun {
         let (width, height) = self.grid.stored(column, self.row);
@@ -312,8 +328,7 @@ impl SunBand {
     }
 }
 
-/// Adds times to those of the sets: where the sun rises and sets, and so many that no two are much more than
-/// [`APART`] hours from each other.
+/// Adds times to those of the sets: where the sun rises and sets, and between any two that are more than [`APART`] hours from each other.
 fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath) {
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let ends = [(0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up)];
@@ -336,10 +351,10 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     times.extend(told.last());
 }
 
-/// What a dataset's visibility says of rows of a page at some times, by time and texel; and whether a texel sees the sun at any time.
-fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<(Vec<[f32; 3]>, Vec<bool>)> {
+/// What a dataset's visibility says of rows of a page at some times, by time and texel, in 255ths; and whether a texel sees the sun at any time.
+fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<(Vec<[u8; 3]>, Vec<bool>)> {
     let width = visibility.size[0] as usize;
-    let mut seen = vec![[0.0; 3]; width * rows.len() * times.len()];
+    let mut seen = vec![[0; 3]; width * rows.len() * times.len()];
     let mut ever = vec![false; width * rows.len()];
     let top = f32::from(visibility.top);
     for (tile, rect) in visibility.tiles.iter().enumerate() {
@@ -362,8 +377,10 @@ fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<(
                     let texel = (y - rect.y0) * rect.width() + x - rect.x0;
                     let [before, after] =
                         [between.before, between.after].map(|time| planes.level(texel, time));
-                    let value =
-                        |c: usize| between.lerp(f32::from(before[c]) / top, f32::from(after[c]) / top);
+                    let value = |c: usize| {
+                        let share = between.lerp(f32::from(before[c]) / top, f32::from(after[c]) / top);
+                        (share * 255.0).round() as u8
+                    };
                     seen[(time * rows.len() + y - rows.start) * width + x] = [value(0), value(1), value(2)];
                 }
             }

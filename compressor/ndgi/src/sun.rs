@@ -237,7 +237,7 @@ impl TileSun {
         let channels = self.channels();
         assert_eq!(self.levels.len(), channels * self.times * self.width * self.height, "levels of the tile");
         let even: Vec<Option<u16>> = self.planes().map(Self::even).collect();
-        // (Between its times it may see something: then its normals are told.)
+        // (Where it may see something between its times, it has normals.)
         if even.iter().all(|even| *even == Some(DARK))
             && self.normals.as_flattened().iter().all(|n| *n == 0.0)
         {

@@ -14,7 +14,7 @@ use ndgi::sun::{SIDE, STEPS, TileSun, encode_shadows};
 const PRICE: f32 = 8e-7;
 /// A tile is taken to be at least so bright, in the unit of unshadowed light that falls straight.
 const DIMMEST: f32 = 0.05;
-/// And to have so many texels: a sliver of a page is no more than it is.
+/// And to have at least this number of texels, so that a sliver of a page does not count as a whole tile.
 const FEWEST: f32 = 4096.0;
 /// What a texel near a chart counts of the one that it repeats.
 const GUTTER_WEIGHT: f32 = 0.25;
@@ -74,11 +74,8 @@ fn is_in(rect: &Rect, x: usize, y: usize) -> bool {
     (rect.x0..rect.x1).contains(&x) && (rect.y0..rect.y1).contains(&y)
 }
 
-/// An interval of a tile, ready to be told.
-struct Interval {
-    /// Blocks of 8×8, each its four quarters, by channel.
-    blocks: Vec<Vec<[Option<Brick>; 4]>>,
-}
+/// The quarters of blocks of 8×8, by channel.
+type Blocks = Vec<Vec<[Option<Brick>; 4]>>;
 
 impl Sunlight<'_> {
     /// The section of a tile, of which `told` is what its section of the sun says.
@@ -93,16 +90,14 @@ impl Sunlight<'_> {
         let size = [told.width, told.height];
         let intervals = self.sun.times.len() - 1;
         let place = self.place(band, column, size, seen)?;
-        let planes: Vec<Vec<_>> = (0..intervals)
-            .map(|interval| {
-                let Interval { blocks } = self.interval(band, told, &place, seen, interval);
-                let across = told.width.div_ceil(2 * SIDE);
-                blocks.into_iter().map(|blocks| search.blocks(blocks, across, PRICE)).collect()
-            })
-            .collect();
-        let by_channel =
-            (0..told.channels()).flat_map(|c| planes.iter().map(move |planes: &Vec<_>| &planes[c]));
-        let planes: Vec<Vec<_>> = by_channel.cloned().collect();
+        let mut planes = vec![Vec::new(); told.channels() * intervals];
+        for interval in 0..intervals {
+            let blocks = self.interval(band, told, &place, seen, interval);
+            for (channel, blocks) in blocks.into_iter().enumerate() {
+                planes[channel * intervals + interval] =
+                    search.blocks(blocks, told.width.div_ceil(2 * SIDE), PRICE);
+            }
+        }
         Ok(encode_shadows(&planes, size))
     }
 
@@ -116,7 +111,7 @@ impl Sunlight<'_> {
     ) -> Result<Vec<[Option<Brick>; 4]>> {
         let place = self.place(band, column, [told.width, told.height], seen)?;
         let intervals = 0..self.sun.times.len() - 1;
-        Ok(intervals.flat_map(|i| self.interval(band, told, &place, seen, i).blocks.concat()).collect())
+        Ok(intervals.flat_map(|i| self.interval(band, told, &place, seen, i).concat()).collect())
     }
 
     /// Per stored texel of a tile, the texel of the page whose visibility it has, by its place in the band, and what it counts.
@@ -142,6 +137,7 @@ impl Sunlight<'_> {
         Ok(place)
     }
 
+    /// What is told and wanted over one interval, and what it counts.
     fn interval(
         &self,
         band: &SunBand,
@@ -149,7 +145,7 @@ impl Sunlight<'_> {
         place: &[Option<(usize, f32)>],
         seen: &Seen,
         interval: usize,
-    ) -> Interval {
+    ) -> Blocks {
         let [from, to] = [self.sun.times[interval], self.sun.times[interval + 1]];
         let hours: [f64; STEPS - 1] =
             std::array::from_fn(|k| from + (to - from) * (k + 1) as f64 / STEPS as f64);
@@ -223,8 +219,7 @@ impl Sunlight<'_> {
             [0, 1, 2, 3].map(|quarter| brick(channel, x + quarter % 2 * SIDE, y + quarter / 2 * SIDE))
         };
         let count = width.div_ceil(2 * SIDE) * height.div_ceil(2 * SIDE);
-        let blocks = (0..channels).map(|c| (0..count).map(|i| block(c, i)).collect()).collect();
-        Interval { blocks }
+        (0..channels).map(|c| (0..count).map(|i| block(c, i)).collect()).collect()
     }
 }
 

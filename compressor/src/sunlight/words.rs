@@ -444,3 +444,79 @@ fn orthonormal(columns: &mut [[f32; DIRECTIONS]]) {
         columns.iter_mut().for_each(|row| row[d] *= scale);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shadows whose edges cross a block in directions and at speeds of all kinds, over a line between levels; weights of all kinds.
+    fn bricks() -> Vec<Brick> {
+        let brick = |n: usize| {
+            let [a, b, c] = [0.7, 1.3, 2.1].map(|k| (k * n as f32).sin());
+            let seen = |i: usize, step: f32| {
+                let [x, y] = [(i % SIDE) as f32 - 1.5, (i / SIDE) as f32 - 1.5];
+                (0.5 + 0.7 * (a * x + b * y) + (0.4 + c) * (step - 6.0 - 3.0 * a)).clamp(0.0, 1.0)
+            };
+            let wanted = |i: usize| seen(i % TEXELS, (i / TEXELS + 1) as f32);
+            let told = |i: usize| {
+                let [from, to] = [0.0, STEPS as f32].map(|step| (7.0 * seen(i % TEXELS, step)).round() / 7.0);
+                from + (to - from) * (i / TEXELS + 1) as f32 / STEPS as f32
+            };
+            Brick {
+                told: std::array::from_fn(told),
+                wanted: std::array::from_fn(wanted),
+                weights: std::array::from_fn(|i| 1.0 + (1.7 * (i + n) as f32).sin()),
+            }
+        };
+        (1..9).map(brick).collect()
+    }
+
+    #[test]
+    fn costs_are_what_a_word_changes_and_the_best_of_all_is_nearly_found() {
+        let mut search = Search::of_table();
+        let (mut found, mut least, mut before) = (0.0, 0.0, 0.0);
+        for brick in bricks() {
+            let costs = brick.costs();
+            let (entry, turning, cost) = search.best(&costs);
+            let mut after = brick.clone();
+            after.add_word(Word::new(entry, turning));
+            let change = after.error() - brick.error();
+            assert!((change - cost).abs() < 1e-4 * brick.error(), "{change} {cost}");
+            // Of all words, one by one, by the entry's own samples.
+            let all = (0..TURNINGS).flat_map(|turning| {
+                let costs = search.turned(&costs, turning);
+                let of = move |entry: &[u8; SAMPLES]| {
+                    costs.iter().zip(entry).map(|(of, level)| of[usize::from(*level)]).sum::<f32>()
+                };
+                search.entries().iter().map(of).collect::<Vec<_>>()
+            });
+            least += all.fold(0.0, f32::min);
+            (found, before) = (found + cost, before + brick.error());
+            // The same whatever the instructions.
+            let tier = std::mem::replace(&mut search.tier, Tier::portable());
+            assert_eq!(search.best(&costs), (entry, turning, cost));
+            search.tier = tier;
+        }
+        // (Changes are negative.)
+        assert!(found < 0.85 * least && least < -0.5 * before, "{found} of {least}, {before}");
+    }
+
+    #[test]
+    fn blocks_have_words_where_they_are_worth_their_bits() {
+        let search = Search::of_table();
+        let [a, b, c, d, ..] = &bricks()[..] else { panic!() };
+        let quarters = [a, b, c, d].map(|brick| Some(brick.clone()));
+        let error: f32 = [a, b, c, d].iter().map(|brick| brick.error()).sum();
+        let words = |price: f32| match &search.blocks(vec![quarters.clone()], 1, price)[0] {
+            Block::Nothing => 0,
+            Block::Doubled(_) => 1,
+            Block::Words(of) => of.iter().map(Vec::len).sum(),
+        };
+        assert_eq!(words(error), 0);
+        let many = words(1e-6 * error);
+        assert!((5..=4 * MOST).contains(&many), "{many}");
+        // At a price of nothing none is taken that does harm; where there is nothing to gain, none.
+        let still = Brick { wanted: a.told, ..a.clone() };
+        assert_eq!(search.blocks(vec![[Some(still), None, None, None]], 1, 0.0), [Block::Nothing]);
+    }
+}

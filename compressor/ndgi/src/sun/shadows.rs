@@ -74,7 +74,7 @@ pub enum Block {
     Words([Vec<Word>; 4]),
 }
 
-/// How many blocks, or groups, cover so many texels.
+/// How many blocks cover a tile, across and down.
 fn blocks(size: [usize; 2]) -> [usize; 2] {
     size.map(|side| side.div_ceil(BLOCK))
 }
@@ -153,7 +153,7 @@ fn encode_group(blocks: [&Block; 16]) -> Vec<u8> {
     bytes
 }
 
-/// What is told of one block in a section.
+/// What a section says of one block.
 #[derive(Clone, Copy, Debug, Default)]
 struct Told<'a> {
     is_doubled: bool,

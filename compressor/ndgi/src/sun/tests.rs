@@ -63,7 +63,7 @@ fn levels_come_back_as_they_were() {
     for (i, tile) in tiles.iter().enumerate() {
         let section = tile.encode(&coder);
         if [7, 11].contains(&i) {
-            // Dark at all times: of what may be lit between them, normals are told.
+            // Dark at all times: what may be lit between them has normals.
             let never = TileSun { normals: vec![[0.0; 3]; tile.normals.len()], ..tile.clone() };
             assert!(never.encode(&coder).bytes.is_empty() && !section.bytes.is_empty(), "{i}");
             continue;
