@@ -212,6 +212,9 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     for ([sun, shadows], payload) in suns.into_iter().zip(&mut work.payloads) {
         (payload.sun, payload.shadows) = (sun, shadows);
     }
+    // Where no shadow moves, there is no stream of them.
+    let shadows = work.payloads.iter().any(|payload| !payload.shadows.bytes.is_empty());
+    let header = Header { shadows, ..header };
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&out, &bytes)?;
 
@@ -262,6 +265,8 @@ fn standing(out: &Path, header: &Header) -> Standing {
     let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
     let (old, new) = (told(&there.header), told(header));
     let is_limited = !new["time_limit_secs"].is_null();
+    // (Whether there are shadows that move is known only when they have been looked for, at the times that the header names.)
+    let header = &Header { shadows: header.shadows && there.header.shadows, ..header.clone() };
     let is_same = there.header == *header && !is_limited;
     let kept = outcome::read(out).filter(|outcome| is_same && outcome.bytes == there.bytes);
     if let Some(outcome) = kept {

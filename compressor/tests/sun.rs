@@ -58,11 +58,19 @@ fn normal(x: usize, y: usize) -> [f32; 3] {
     }
 }
 
-/// What a texel sees of the sun: a soft shadow that moves; behind red glass at the right end where there is some.
-fn seen(x: usize, y: usize, hour: f64, glass: bool) -> [f32; 3] {
+/// What a texel sees of the sun, by its place and the hour.
+type Seen = fn(usize, usize, f64) -> [f32; 3];
+
+/// A soft shadow that moves.
+fn moving(x: usize, y: usize, hour: f64) -> [f32; 3] {
     let edge = 12.0 * (hour - 6.0) + 0.3 * y as f64;
-    let grey = ((x as f64 - edge).abs() / 3.0 - 3.0).clamp(0.0, 1.0) as f32;
-    if glass && x > 120 { [grey, 0.5 * grey, 0.1 * grey] } else { [grey; 3] }
+    [((x as f64 - edge).abs() / 3.0 - 3.0).clamp(0.0, 1.0) as f32; 3]
+}
+
+/// The same, with red glass before the right end.
+fn behind_glass(x: usize, y: usize, hour: f64) -> [f32; 3] {
+    let [grey, ..] = moving(x, y, hour);
+    if x > 120 { [grey, 0.5 * grey, 0.1 * grey] } else { [grey; 3] }
 }
 
 fn sum(a: &Image, b: &Image) -> Image {
@@ -75,9 +83,9 @@ fn image_of(light: impl Fn(usize, usize) -> [f32; 3]) -> Image {
     Image { width, height, texels: (0..width * height).map(|i| light(i % width, i / width)).collect() }
 }
 
-fn direct(hour: f64, glass: bool) -> Image {
+fn direct(hour: f64, seen: Seen) -> Image {
     let path = path();
-    image_of(|x, y| path.light(hour, normal(x, y), seen(x, y, hour, glass)))
+    image_of(|x, y| path.light(hour, normal(x, y), seen(x, y, hour)))
 }
 
 /// By the sky's light at an hour: it falls by a thousand in an hour of dusk.
@@ -86,8 +94,8 @@ fn sky(hour: f64) -> f32 {
     day as f32
 }
 
-/// Writes the dataset `court`.
-fn write(root: &Path, glass: bool) {
+/// Writes the dataset `court`, the sun seen as told.
+fn write(root: &Path, seen: Seen) {
     let [width, height] = SIZE;
     let mut writer = Writer::create(root).unwrap();
     let mask = Mask {
@@ -111,7 +119,7 @@ fn write(root: &Path, glass: bool) {
     });
     let (mut frames, mut of_sun, mut of_skies) = (Vec::new(), Vec::new(), Vec::new());
     for hour in HOURS {
-        let (direct, sky) = (direct(hour, glass), of_sky(hour));
+        let (direct, sky) = (direct(hour, seen), of_sky(hour));
         let whole = sum(&direct, &sky);
         let local = if is_on(hour) { lamp.clone() } else { Image::black(width, height) };
         let map = writer.add(&format!("map-{hour}"), "exr", &sum(&whole, &local).to_exr()).unwrap();
@@ -128,15 +136,16 @@ fn write(root: &Path, glass: bool) {
     let payloads = tiles(width, height, TILE)
         .iter()
         .map(|rect| {
-            let channels = if glass && rect.x1 > 120 { 3 } else { 1 };
+            let grey = |&(x, y): &(usize, usize)| {
+                times.iter().map(|&hour| seen(x, y, hour)).all(|[r, g, b]| r == g && g == b)
+            };
             let places: Vec<(usize, usize)> =
                 (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))).collect();
+            let channels = if places.iter().all(grey) { 1 } else { 3 };
             let mut levels = Vec::new();
             for c in 0..channels {
                 for &hour in &times {
-                    levels.extend(
-                        places.iter().map(|&(x, y)| (64.0 * seen(x, y, hour, glass)[c]).round() as u8),
-                    );
+                    levels.extend(places.iter().map(|&(x, y)| (64.0 * seen(x, y, hour)[c]).round() as u8));
                 }
             }
             Planes { texels: places.len(), channels, levels }.to_payload()
@@ -203,10 +212,10 @@ fn options(out: &Path) -> Options {
 
 #[test]
 fn the_sun_goes_through_the_bundle_and_back() {
-    for glass in [false, true] {
+    for (glass, seen) in [(false, moving as Seen), (true, behind_glass)] {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("court");
-        write(&root, glass);
+        write(&root, seen);
         let dataset = Dataset::open(&root).unwrap();
         let faults = dataset.verify(|| ()).faults;
         assert!(faults.is_empty(), "{faults:?}");
@@ -226,7 +235,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
         let valid = dataset.mask(0).unwrap().valid;
         for hour in [6.1, 9.0, 12.0, 15.0, 18.1] {
             let (found, expected) =
-                (decoder.decode_page_of(Lights::Sun, 0, hour).unwrap(), direct(hour, glass));
+                (decoder.decode_page_of(Lights::Sun, 0, hour).unwrap(), direct(hour, seen));
             let peak = expected.texels.iter().flatten().fold(0.0, |a: f32, b| a.max(*b));
             for i in (0..valid.len()).filter(|&i| valid[i]) {
                 for c in 0..3 {
@@ -308,11 +317,11 @@ fn the_sun_goes_through_the_bundle_and_back() {
 fn a_bundle_of_all_light_is_judged_as_one() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
-    write(&root, false);
+    write(&root, moving);
     let with = Dataset::open(&root).unwrap();
     // The same lightmaps, of which nothing is known of the sun: all light goes into the maps, as before version 4.
     let plain = folder.path().join("plain");
-    write(&plain, false);
+    write(&plain, moving);
     let mut config = Dataset::open(&plain).unwrap().config;
     config.visibility = None;
     Writer::create(&plain).unwrap().commit(&config).unwrap();
@@ -331,7 +340,7 @@ fn a_bundle_of_all_light_is_judged_as_one() {
 fn without_the_sun_nothing_of_it_is_left() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
-    write(&root, false);
+    write(&root, moving);
     let out = folder.path().join("court.ndgi");
     let without = Options { without_sun: true, ..options(&out) };
     compress(&root, &without, &Console::silent()).unwrap();
@@ -358,7 +367,7 @@ fn without_the_sun_nothing_of_it_is_left() {
 fn bytes_do_not_depend_on_threads_or_on_what_a_stopped_run_left() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
-    write(&root, true);
+    write(&root, behind_glass);
     let bytes = |threads: usize, name: &str| {
         let out = folder.path().join(name);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -366,4 +375,112 @@ fn bytes_do_not_depend_on_threads_or_on_what_a_stopped_run_left() {
         std::fs::read(out).unwrap()
     };
     assert!(bytes(1, "one.ndgi") == bytes(3, "three.ndgi"));
+}
+
+/// A number of 0 … 1 that looks random.
+fn random(x: usize, y: usize, key: u64) -> f32 {
+    let mut z = key ^ ((x as u64) << 32) ^ ((y as u64) << 48) ^ 0x9e37_79b9_7f4a_7c15;
+    for _ in 0..2 {
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z ^= z >> 27;
+    }
+    (z >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// A texel to each state that there is: never, always, the morning, the evening, half, a blink between two sets, a blink at one.
+fn states(x: usize, y: usize, hour: f64) -> [f32; 3] {
+    let is_lit = match (x + 3 * y) % 7 {
+        0 => false,
+        1 => true,
+        2 => hour < 12.0,
+        3 => hour >= 12.0,
+        4 => return [0.5; 3],
+        5 => (10.5..10.75).contains(&hour),
+        _ => hour == 15.0,
+    };
+    [f32::from(u8::from(is_lit)); 3]
+}
+
+/// Noise, chequers that flip, a texel to each state, a slit of one texel, and coloured noise, beside each other.
+fn hard(x: usize, y: usize, hour: f64) -> [f32; 3] {
+    match x {
+        _ if y > 24 => [1.0; 3],
+        0..30 => [random(x, y, hour.to_bits()); 3],
+        30..60 => [((x + y + (4.0 * hour) as usize) % 2) as f32; 3],
+        60..90 => states(x, y, hour),
+        90..128 => [f32::from(u8::from(x == 90 + (2.0 * hour) as usize)); 3],
+        _ => [1, 2, 3].map(|c| random(x, y, c * hour.to_bits())),
+    }
+}
+
+#[test]
+fn what_sees_the_sun_in_hard_ways_is_met() {
+    // Name, what is seen, the most bytes of a texel and time.
+    let cases: [(&str, Seen, f64); 3] = [
+        ("never", |_, _, _| [0.0; 3], 0.0),
+        // (What that takes are the normals of the column.)
+        ("always", |_, _, _| [1.0; 3], 0.02),
+        ("hard", hard, 0.5),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for (name, seen, most) in cases {
+        let root = folder.path().join(name).join("court");
+        write(&root, seen);
+        let dataset = Dataset::open(&root).unwrap();
+        let faults = dataset.verify(|| ()).faults;
+        assert!(faults.is_empty(), "{name}: {faults:?}");
+        let out = folder.path().join(name).join("court.ndgi");
+        let options = Options { iterations: 60, ..options(&out) };
+        compress(&root, &options, &Console::silent()).unwrap();
+        let decoder = Decoder::open(&out).unwrap();
+        let header = &decoder.bundle().header;
+        let valid = dataset.mask(0).unwrap().valid;
+        let places: Vec<usize> = (0..valid.len()).filter(|&i| valid[i]).collect();
+        let times = header.sun.as_ref().map_or(0, |sun| sun.times.len());
+        let stream: usize = decoder.bundle().index.iter().map(|entry| entry.sun.length as usize).sum();
+        println!("{name}: {times} times, {stream} bytes, shadows {}", header.shadows);
+        assert!(
+            stream as f64 <= most * (places.len() * times) as f64,
+            "{name}: {stream} bytes at {times} times"
+        );
+
+        let path = path();
+        let hours: Vec<f64> = (0..96).map(|i| f64::from(i) / 4.0).collect();
+        let mut squared = [0.0; 2];
+        for &hour in HOURS.iter().chain(&hours) {
+            let found = decoder.decode_page_of(Lights::Sun, 0, hour).unwrap();
+            assert!(found.texels.iter().flatten().all(|e| e.is_finite() && *e >= 0.0), "{name} at {hour} h");
+            // At most what the sun at its brightest can give.
+            let most = path.irradiance.iter().flatten().fold(0.0f32, |a, b| a.max(*b));
+            assert!(found.texels.iter().flatten().all(|e| *e <= 1.01 * most), "{name} at {hour} h");
+            let expected = direct(hour, seen);
+            let is_set = HOURS.contains(&hour);
+            for &i in &places {
+                let error =
+                    (0..3).map(|c| (found.texels[i][c] - expected.texels[i][c]).abs()).fold(0.0, f32::max);
+                assert!(!is_set || error <= 0.12 * most, "{name} at {hour} h, texel {i}: wrong by {error}");
+                squared[usize::from(is_set)] += f64::from(error * error);
+            }
+        }
+        // Between the sets shadows that move are no worse than shadows that fade.
+        let still = folder.path().join(name).join("still.ndgi");
+        compress(
+            &root,
+            &Options { out: Some(still.clone()), still_shadows: true, ..options },
+            &Console::silent(),
+        )
+        .unwrap();
+        let still = Decoder::open(&still).unwrap();
+        let mut faded = 0.0;
+        for &hour in hours.iter().filter(|hour| !HOURS.contains(hour)) {
+            let (found, expected) = (still.decode_page_of(Lights::Sun, 0, hour).unwrap(), direct(hour, seen));
+            for &i in &places {
+                let error =
+                    (0..3).map(|c| (found.texels[i][c] - expected.texels[i][c]).abs()).fold(0.0, f32::max);
+                faded += f64::from(error * error);
+            }
+        }
+        println!("  moving {:.1}, faded {faded:.1}", squared[0]);
+        assert!(squared[0] <= 1.02 * faded, "{name}: {} moving, {faded} faded", squared[0]);
+    }
 }
