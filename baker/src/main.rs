@@ -78,7 +78,7 @@ struct Args {
     /// Of the sun bake only what surfaces reflect, for games that draw the sun themselves: as `baked = "indirect"` under [sun].
     #[arg(long, conflicts_with = "transfer")]
     indirect: bool,
-    /// Hand the dataset to the compressor (profile M), write the bundle and measure it.
+    /// Hand the dataset to the compressor (its defaults), write the bundle and measure it.
     #[arg(long)]
     compress: bool,
     /// A quick look: half the lightmap's side, a quarter of the samples, short training.

@@ -173,7 +173,7 @@ class Sun:
             kinds += [kind] * run
         check(len(kinds) == height * width // 16, 'runs of normals')
         def direction(two):
-            u, v = (np.array(two, float) - 128) / 127
+            u, v = np.maximum((np.array(two, float) - 128) / 127, -1)
             y = 1 - abs(u) - abs(v)
             under = max(-y, 0)
             n = np.array([u + (under if u < 0 else -under), y, v + (under if v < 0 else -under)])

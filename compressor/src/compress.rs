@@ -15,7 +15,7 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Bundle, Header};
 use crate::grid::Grid;
-use crate::law::{Law, is_sun_apart};
+use crate::law::{Law, can_leave_sun_out, is_sun_apart};
 use crate::model::{PROFILES, Profile};
 use crate::sunlight::Sunlight;
 use crate::time::{Coding, Timeline};
@@ -158,7 +158,22 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     expect_writable(&out)?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     check_texels(&dataset, console)?;
-    let law = Law::new(&dataset, is_sun_apart(&dataset.config))?;
+    if options.without_sun && !can_leave_sun_out(&dataset.config) {
+        let layers = &dataset.config.layers;
+        // Light of others, and of version 1, is one sum.
+        if layers.is_empty()
+            || layers
+                .iter()
+                .any(|layer| (layer.light, layer.part) == (Light::Sun, dataset::config::Part::All))
+        {
+            let what = "does not keep the sun's direct light as a layer, so that it cannot be left out; expected no --without-sun";
+            return Err(Error::invalid(root.display(), what));
+        }
+        console
+            .warn(format!("--without-sun: {} has no direct light of the sun to leave out", root.display()));
+    }
+    let is_apart = is_sun_apart(&dataset.config) || options.without_sun && can_leave_sun_out(&dataset.config);
+    let law = Law::new(&dataset, is_apart)?;
     if law.is_apart {
         // Tiles are trained to layers then.
         let mut seen = BTreeSet::new();
@@ -175,6 +190,9 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     };
     let sunlight = if options.without_sun { None } else { Sunlight::new(&dataset, !options.still_shadows)? };
     let sun = sunlight.as_ref().map(|sunlight| sunlight.coded(&masks, console)).transpose()?;
+    if options.still_shadows && sun.is_none() {
+        console.warn(format!("--still-shadows: {} has no shadows of the sun to tell of", root.display()));
+    }
     let shadows = sunlight.as_ref().is_some_and(Sunlight::moves);
     let header = Header { sun, shadows, ..header(&dataset, &masks, &law, options)? };
     if !options.force {
@@ -205,7 +223,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         options,
         header: &header,
         part: &part,
-        trained_on: trained_on(&dataset),
+        trained_on: trained_on(&dataset, &law),
         deadline: options.time_limit.map(|limit| start + limit),
     };
     let mut work = tiles.work(console)?;
@@ -327,7 +345,7 @@ fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Re
     let info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
         "inputs": dataset.config.digest_of_light(),
-        "trained_on": trained_on(dataset),
+        "trained_on": trained_on(dataset, law),
         "unit": config.unit,
         "profile": match options.rate {
             Rate::Profile(profile) => json!(profile.name),
@@ -382,7 +400,7 @@ pub(crate) fn timeline(dataset: &Dataset) -> Timeline {
 }
 
 /// Digest of the light and of what else decides a tile's training: the layers tell which groups light it.
-fn trained_on(dataset: &Dataset) -> String {
+fn trained_on(dataset: &Dataset, law: &Law) -> String {
     let config = &dataset.config;
     let files = |group: u32| {
         let layers = config.layers_of(Light::Group, Some(group));
@@ -390,7 +408,7 @@ fn trained_on(dataset: &Dataset) -> String {
     };
     let mut layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
     // Where the sun is apart, maps hold the sum of layers.
-    if is_sun_apart(config) {
+    if law.is_apart {
         layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3.clone()).collect());
     }
     blake3::hash(json!([dataset.config.digest_of_light(), layers]).to_string().as_bytes())

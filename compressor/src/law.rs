@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
+/// Hours between two sets past which nothing is told of the light between them: nobody baked that part of the day.
+pub const WIDEST: f64 = 12.0;
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;
 
@@ -203,7 +205,7 @@ impl Law {
                 (moment.a, moment.b) == (a, b)
             };
             let mut minutes: Vec<f64> = (1..steps).filter(is_between).map(|i| i as f64 * STEP).collect();
-            if a == b || minutes.is_empty() {
+            if a == b || minutes.is_empty() || span > WIDEST {
                 continue;
             }
             minutes.insert(0, 0.0);
@@ -356,4 +358,10 @@ pub type Kept<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
 /// Whether a dataset tells of the sun's direct light at any time: keeps it apart, and its visibility.
 pub fn is_sun_apart(config: &Config) -> bool {
     config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
+}
+
+/// Whether a dataset has the sun's direct light as a layer, so that it can be left out.
+pub fn can_leave_sun_out(config: &Config) -> bool {
+    let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
+    config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(is_whole)
 }

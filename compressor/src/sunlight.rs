@@ -92,6 +92,7 @@ impl<'a> Sunlight<'a> {
             counts.iter().flatten().for_each(|counts| all.add(counts));
             sun.tables = all.tables();
         }
+        sun.check().map_err(|what| dataset::Error::invalid("the bundle's sun", what))?;
         Ok(sun)
     }
 
@@ -177,7 +178,8 @@ impl<'a> Sunlight<'a> {
         for (time, &set) in self.sets.iter().enumerate() {
             let hour = self.sun.times[time];
             let levels = &mut levels[time * texels..][..texels];
-            let Some((direction, irradiance)) = sunlight.path.at(hour) else {
+            // As a reader will have it.
+            let Some((direction, irradiance)) = self.sun.path.at(hour) else {
                 levels.fill([ANY; 3]);
                 continue;
             };

@@ -327,6 +327,24 @@ fn a_bundle_of_all_light_is_judged_as_one() {
     Writer::create(&plain).unwrap().commit(&config).unwrap();
     let out = folder.path().join("plain.ndgi");
     compress(&plain, &options(&out), &Console::silent()).unwrap();
+    // Its layers still tell of the sun's direct light, so it can be left out.
+    let left_out = folder.path().join("left-out.ndgi");
+    compress(&plain, &Options { without_sun: true, ..options(&left_out) }, &Console::silent()).unwrap();
+    let apart = folder.path().join("apart.ndgi");
+    compress(&root, &Options { without_sun: true, ..options(&apart) }, &Console::silent()).unwrap();
+    let [left_out, apart] = [left_out, apart].map(|path| Bundle::open(&path).unwrap());
+    for place in apart.header.places() {
+        assert_eq!(left_out.tile(place).unwrap(), apart.tile(place).unwrap());
+    }
+    // Where it is in one sum with other light, it cannot.
+    let mut config = Dataset::open(&plain).unwrap().config;
+    config.layers.clear();
+    let summed = folder.path().join("summed");
+    write(&summed, moving);
+    Writer::create(&summed).unwrap().commit(&config).unwrap();
+    let refused = Options { without_sun: true, ..options(&folder.path().join("summed.ndgi")) };
+    let error = compress(&summed, &refused, &Console::silent()).unwrap_err().to_string();
+    assert!(error.contains("cannot be left out"), "{error}");
     let decoder = Decoder::open(&out).unwrap();
     assert!(decoder.bundle().header.sun.is_none());
     let judged =

@@ -70,6 +70,9 @@ fn expect_folder(path: &Path) -> Result<()> {
 /// `Invalid`, with the folder; `Io`.
 pub fn expect_writable(path: &Path) -> Result<()> {
     expect_folder(path)?;
+    if path.is_dir() {
+        return Err(Error::invalid(path.display(), "is a folder; expected the name of a file to write"));
+    }
     let temporary = temporary_beside(path)?;
     File::create(&temporary).and_then(|_| fs::remove_file(&temporary)).map_err(Error::io(path))
 }

@@ -5,7 +5,7 @@
     video.py dataset/yard yard.ndgi --codec hevc --curves 1 2 log --scales day tile   # other ways from light to samples
 
 Frames are the sets that differ, in the order of hours, with one key frame: no hour can be read alone. Bytes are those of the coded streams
-and of the peaks that light is divided by (four each), without containers. Light is divided by the largest value of the day, of the frame or
+and of the peaks that light is divided by (four each), without containers. Texels that do not count are filled from those around that do. Light is divided by the largest value of the day, of the frame or
 of the frame's tile; its root of order `--curves`, or its logarithm, is coded as YCbCr; the defaults gave HEVC pages of the yard the highest
 pooled PSNR. Both codecs are tuned for PSNR and use one thread: x265 of 12 bits, 4:4:4; SVT-AV1 of 10 bits and 4:2:0, all that it knows,
 where Cb and Cr therefore stand below Y in the luma plane and keep every sample.
@@ -71,17 +71,30 @@ def through(codec, samples, quantiser):
     samples = (np.stack(planes, 3) - GREY) @ np.linalg.inv(YCC).T
     return sum(packet.size for packet in packets), samples[:, :height, :width].clip(0, 1), np.array([middle - start, end - middle])
 
+def fill(samples, mask):
+    """Samples whose texels that do not count (mask: height x width) are means of those around that do: averages of 2 x 2 down to one texel,
+    and back."""
+    samples, weight = samples * mask[..., None], np.float32(mask)[None, ..., None]
+    if mask.all() or not mask.any():
+        return samples
+    even = [(0, 0), (0, mask.shape[0] % 2), (0, mask.shape[1] % 2), (0, 0)]
+    halves = lambda x: (lambda x: x.reshape(len(x), x.shape[1] // 2, 2, x.shape[2] // 2, 2, -1).sum((2, 4)))(np.pad(x, even))
+    count = halves(weight)
+    coarse = fill(halves(samples) / np.maximum(count, 1), count[0, ..., 0] > 0).repeat(2, 1).repeat(2, 2)
+    return np.where(weight > 0, samples, coarse[:, :mask.shape[0], :mask.shape[1]])
+
 def tiles(height, width): return [np.s_[y:y + TILE, x:x + TILE] for y in range(0, height, TILE) for x in range(0, width, TILE)]
-def coded(pages, codec, by_tiles, curve, scale, quantiser):
+def coded(pages, masks, codec, by_tiles, curve, scale, quantiser):
     """All pages through a codec: bytes, light, CPU seconds."""
     size, seconds, out, (bend, unbend) = 0, np.zeros(2), [np.empty_like(light) for light in pages], CURVES[curve]
-    for light, decoded in zip(pages, out):
+    for light, mask, decoded in zip(pages, masks, out):
         for part in tiles(*light.shape[1:3]) if by_tiles else [WHOLE]:
             here, peak = light[:, *part], np.empty_like(light[:, *part])
             for each in tiles(*here.shape[1:3]) if scale == 'tile' else [WHOLE]:
-                largest = here[:, *each].max((0, 1, 2, 3) if scale == 'day' else (1, 2, 3), keepdims=True)
+                counted = here[:, *each] * mask[part][each][..., None]
+                largest = counted.max((0, 1, 2, 3) if scale == 'day' else (1, 2, 3), keepdims=True)
                 peak[:, *each], size = np.maximum(largest, np.finfo('f4').tiny), size + 4 * largest.size
-            of_stream, samples, spent = through(codec, bend(here / peak), quantiser)
+            of_stream, samples, spent = through(codec, bend(fill(here / peak, mask[part])), quantiser)
             decoded[:, *part], size, seconds = unbend(samples) * peak, size + of_stream, seconds + spent
     return size, out, seconds
 
@@ -142,7 +155,7 @@ if __name__ == '__main__':
         f'{title:>11}' for title in ['quantiser', 'bytes', 'bits', 'mean', 'pooled', 'worst 1 %', 'sunny', 's. pooled', 'coding', 'decoding']))
     add('NDGI', None, goal, [[decoded_bundle(args.compress, args.bundle, hour, page) for hour in hours] for page in numbers], (None, None))
     for codec, curve, scale in itertools.product(args.codec.split(','), args.curves, args.scales):
-        run = lambda quantiser: coded([light[distinct] for light in pages], codec, args.tiles, curve, scale, quantiser)
+        run = lambda quantiser: coded([light[distinct] for light in pages], masks, codec, args.tiles, curve, scale, quantiser)
         quantiser, size, decoded, seconds = fit(goal, codec, run)
         name = f'{codec}, {"tiles" if args.tiles else "pages"}, {curve}, peak of {scale}'
         add(name, quantiser, size, [light[[distinct.index(k) for k in first]] for light in decoded], seconds)

@@ -256,6 +256,8 @@ pub struct Bundle {
     pub index: Vec<Entry>,
     /// Length of the whole file in bytes.
     pub bytes: u64,
+    /// Length of the block that stays resident: means and peaks of all tiles.
+    pub bytes_resident: u64,
     /// Per place, how bright the tile is at each knot; none of a tile without features, and before version 4.
     knots: Vec<Vec<Knot>>,
     is_old: bool,
@@ -296,6 +298,7 @@ impl Bundle {
             header,
             index,
             bytes,
+            bytes_resident: resident.as_ref().map_or(0, |part| u64::from(part.length)),
             source,
             name,
         };
@@ -322,7 +325,8 @@ impl Bundle {
         let bytes = self.source.read(part.offset, part.length as usize).map_err(io)?;
         let found = checksum(&[&bytes]);
         if found != part.checksum {
-            let what = format!("checksum {found:016x}; the index says {:016x}", part.checksum);
+            let what =
+                format!("checksum {found:016x}; the index says {:016x}: the file is damaged", part.checksum);
             return Err(Error::invalid(at(), what));
         }
         Ok(bytes)

@@ -101,6 +101,8 @@ pub enum Lights {
 
 /// Tiles kept for random access.
 const CACHED: usize = 64;
+/// Bytes of them at most, but for one tile: what the sun's take goes by the number of its times.
+const CACHED_BYTES: usize = 64 << 20;
 
 /// Random access to a bundle.
 ///
@@ -127,6 +129,7 @@ type Recent<T> = Mutex<VecDeque<(usize, Option<Arc<T>>)>>;
 fn recent<T>(
     of: &Recent<T>,
     position: usize,
+    bytes: fn(&T) -> usize,
     read: impl FnOnce() -> Result<Option<T>>,
 ) -> Result<Option<Arc<T>>> {
     let mut recent = of.lock().unwrap_or_else(PoisonError::into_inner);
@@ -141,6 +144,13 @@ fn recent<T>(
     let mut recent = of.lock().unwrap_or_else(PoisonError::into_inner);
     recent.push_front((position, tile.clone()));
     recent.truncate(CACHED);
+    let mut held = 0;
+    let fits = |(i, (_, tile)): (usize, &(usize, Option<Arc<T>>))| {
+        held += tile.as_ref().map_or(0, |tile| bytes(tile));
+        i == 0 || held <= CACHED_BYTES
+    };
+    let fit = recent.iter().enumerate().map(fits).take_while(|fits| *fits).count();
+    recent.truncate(fit);
     Ok(tile)
 }
 
@@ -195,13 +205,13 @@ impl Decoder {
     /// The parameters of a tile, from memory where it was read lately; `None` for a black one. Errors as [`Bundle::tile`].
     pub fn tile(&self, place: Place) -> Result<Option<Arc<TileParams>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
-        recent(&self.recent, position, || self.bundle.tile(place))
+        recent(&self.recent, position, |_| 0, || self.bundle.tile(place))
     }
 
     /// What a tile sees of the sun, in the same way; `None` where that is nothing, or no stream of its own.
     pub fn sun(&self, place: Place) -> Result<Option<Arc<TileSun>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
-        recent(&self.recent_sun, position, || self.bundle.sun(place))
+        recent(&self.recent_sun, position, TileSun::bytes, || self.bundle.sun(place))
     }
 
     /// A whole page at `hour`, its rows of tiles in parallel with the feature `rayon`.

@@ -68,8 +68,11 @@ impl Sun {
         (near, Sun { path: self.path.clone(), times, tables: Tables::default() })
     }
 
-    /// What is wrong with it.
-    pub(crate) fn check(&self) -> Result<(), String> {
+    /// Whether it keeps what the format asks for.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words.
+    pub fn check(&self) -> Result<(), String> {
         let SunPath { hours, direction, irradiance } = &self.path;
         for hours in [hours, &self.times] {
             let ascend =
@@ -119,6 +122,11 @@ impl TileSun {
     pub const TOP: u8 = 7;
     /// A level that does not matter.
     pub const ANY: u8 = u8::MAX;
+
+    /// About what it takes of memory.
+    pub(crate) fn bytes(&self) -> usize {
+        self.levels.len() + size_of_val(&self.normals[..])
+    }
 
     /// Channels of its levels: one, or three.
     pub fn channels(&self) -> usize {

@@ -129,7 +129,8 @@ fn moments(
             let way = |k: usize| {
                 [0.25, 0.75].map(|share| timeline.hours[k] + share * (next(k) - timeline.hours[k]))
             };
-            (0..n).flat_map(way).map(|hour| (crate::time::fold_hour(hour), None)).collect()
+            let is_near = |k: &usize| next(*k) - timeline.hours[*k] <= crate::law::WIDEST;
+            (0..n).filter(is_near).flat_map(way).map(|hour| (crate::time::fold_hour(hour), None)).collect()
         }
     };
     let files = |k: usize| dataset.config.frames[k].maps.iter().map(|map| &map.blake3);

@@ -10,8 +10,9 @@ use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
 
-/// Moments of a day that are judged, evenly from a half of their distance after sunrise on. (Sets seldom lie at them.)
-const MOMENTS: usize = 12;
+/// Moments of a day that are judged, evenly from a half of their distance after sunrise on: so many that times of visibility, about an hour
+/// apart, lie near few of them.
+const MOMENTS: usize = 40;
 /// Tiles whose light is below this share of the sun's are not judged: next to nothing is lit.
 const LIT: f64 = 0.01;
 

@@ -188,7 +188,7 @@ impl Evaluation {
             let how = if self.bytes_of_shadows > 0 { "move" } else { "fade" };
             remarks.push(format!(
                 "the sun's direct light between sets, against the dataset's visibility, {pairs} (tile, moment) pairs: pooled {pooled_db:.2} dB, mean \
-                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows {how} from one set to the next"
+                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows {how} from one time of visibility to the next"
             ));
         }
         if self.steps.smooth.or(self.steps.switch).is_some() {

@@ -112,7 +112,10 @@ pub(super) fn check_start(start: &[u8], file_bytes: u64, name: &str) -> Result<u
     let length = u64::from(cursor.u32("header length")?);
     let total = u64::from_le_bytes(cursor.array("file length")?);
     if total != file_bytes {
-        return Err(Error::invalid(name, format!("has {file_bytes} bytes; its header says {total}")));
+        return Err(Error::invalid(
+            name,
+            format!("has {file_bytes} bytes; its header says {total}: it is cut short, or damaged"),
+        ));
     }
     if length < FIXED as u64 || length > file_bytes.min(MAX_HEADER) || !length.is_multiple_of(ALIGN as u64) {
         return Err(Error::invalid(name, format!("header of {length} bytes in a file of {file_bytes}")));

@@ -255,7 +255,7 @@ pub struct Compress {
     /// least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
-    /// Leave the sun's direct light out, where the dataset keeps it apart: for readers that draw the sun themselves.
+    /// Leave the sun's direct light out, for readers that draw the sun themselves. The dataset must have it as a layer of its own.
     #[arg(long)]
     pub without_sun: bool,
     /// Let the sun's shadows fade from where they are at one set to where they are at the next, instead of moving there: saves bytes where

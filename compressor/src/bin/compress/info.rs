@@ -29,6 +29,7 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let header = &bundle.header;
     // All tiles are read, for what is damaged to be told.
     header.places().try_for_each(|place| bundle.tile(place).map(drop)).map_err(of_bundle)?;
+    header.places().try_for_each(|place| bundle.sun(place).map(drop)).map_err(of_bundle)?;
     let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
     let empty = bundle.index.iter().filter(|entry| entry.bytes() == 0).count();
     let groups: Vec<_> = header
@@ -47,6 +48,7 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
         "hours_between": header.timeline.between, "sun_times": header.sun.as_ref().map(|sun| &sun.times),
         "bytes_of_sun": bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum::<u64>(),
         "bytes_of_shadows": bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum::<u64>(),
+        "bytes_of_header": bytes_around(&bundle), "bytes_resident": bundle.bytes_resident,
         "bytes": bundle.bytes, "bpp": bpp, "written": written,
     });
     for (name, text) in in_words(&bundle, &written, bpp) {
@@ -54,6 +56,17 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     }
     console.result(&object)?;
     Ok(())
+}
+
+/// Bytes of header and index: what is neither a tile's nor resident.
+fn bytes_around(bundle: &Bundle) -> u64 {
+    bundle.bytes - bundle.bytes_resident - bundle.index.iter().map(|entry| entry.bytes()).sum::<u64>()
+}
+
+/// An hour as a clock shows it.
+fn clock(hour: f64) -> String {
+    let minutes = (hour * 60.0).round() as u64;
+    format!("{:02}:{:02}", minutes / 60, minutes % 60)
 }
 
 /// What a bundle says of itself, for people.
@@ -65,15 +78,18 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
         header.pages.iter().map(|page| format!("{} × {}", page.width, page.height)).collect();
     lines.push(("pages", format!("{} texels", pages.join(", "))));
     let (first, last) = (hours.first().copied().unwrap_or(0.0), hours.last().copied().unwrap_or(0.0));
-    lines.push(("sets", format!("{}, from {first} h to {last} h", hours.len())));
+    lines.push(("sets", format!("{}, from {} to {}", hours.len(), clock(first), clock(last))));
     for (name, on) in header.groups.iter().zip(&header.timeline.intervals) {
-        let spans: Vec<String> = on.iter().map(|[from, to]| format!("{from}–{to} h")).collect();
+        let spans: Vec<String> =
+            on.iter().map(|[from, to]| format!("{}–{}", clock(*from), clock(*to))).collect();
         lines.push((
             "group",
             format!("{name}, {}", if spans.is_empty() { "off".to_owned() } else { spans.join(", ") }),
         ));
     }
-    lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and set", bundle.bytes)));
+    let [around, resident] = [bytes_around(bundle), bundle.bytes_resident];
+    let parts = format!("of these {around} header and index, {resident} what stays resident of all tiles");
+    lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and set; {parts}", bundle.bytes)));
     let empty = bundle.index.iter().filter(|entry| entry.bytes() == 0).count();
     lines.push(("tiles", format!("{}, {empty} of them empty", bundle.index.len())));
     let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
@@ -85,7 +101,7 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
     if let Some(sun) = &header.sun {
         let [first, last] =
             [sun.times.first(), sun.times.last()].map(|hour| hour.copied().unwrap_or_default());
-        let times = format!("{} times from {first} h to {last} h", sun.times.len());
+        let times = format!("{} times from {} to {}", sun.times.len(), clock(first), clock(last));
         let moving: u64 = bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum();
         let moving = match header.shadows {
             true => format!(", {moving} for shadows to move between them"),
@@ -93,6 +109,11 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
         };
         let bytes = of_sun.iter().sum::<u64>();
         lines.push(("sun", format!("{times}, {} tiles: {bytes} bytes{moving}", of_sun.len())));
+    }
+    if written["sun"] == "left out" {
+        lines.push(("sun", "left out (--without-sun)".to_owned()));
+    } else if written["sun"] == "apart" && header.sun.is_none() {
+        lines.push(("sun", "lights nothing directly at any set".to_owned()));
     }
     if written.is_object() {
         let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {

@@ -9,6 +9,7 @@ use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_of};
 use compressor::decode::{Decoder, Lights};
 use compressor::evaluate::{Looks, Measures, evaluate, expect_match};
+use compressor::law::WIDEST;
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
 use compressor::{Error, Result, of_bundle};
@@ -107,11 +108,15 @@ fn judge(
     let dataset = Dataset::open(&root)?;
     let decoder = Decoder::new(open(&bundle.unwrap_or_else(|| default_bundle(&dataset)))?);
     expect_match(&dataset, &decoder)?;
+    let matches = light_of(&decoder.bundle().header) == Some(dataset.config.digest_of_light());
     let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
     if of != scene {
         console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
-    } else if light_of(&decoder.bundle().header) != Some(dataset.config.digest_of_light()) {
-        console.warn("the bundle was made from another bake than this dataset holds: compress it again");
+    } else if !matches {
+        console.warn(format!(
+            "the bundle was made from other light than {} holds now: another dataset, or one baked again since (then compress it again)",
+            root.display()
+        ));
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
     let lpips = looks.lpips.map(|path| Lpips::load(&path)).transpose()?;
@@ -127,6 +132,7 @@ fn judge(
     }
     let mut object = evaluation.json();
     object["tiles"] = json!(decoder.bundle().index.len());
+    object["matches_dataset"] = json!(matches);
     object["decode_seconds"] = json!(evaluation.decode_seconds);
     object["seconds"] = json!(start.elapsed().as_secs_f64());
     console.result(&object)?;
@@ -222,9 +228,19 @@ fn decode(
     expect_output(&out, "exr", "--out")?;
     let start = Instant::now();
     let decoder = Decoder::new(open(&bundle)?);
-    let timeline = &decoder.bundle().header.timeline;
+    let header = &decoder.bundle().header;
+    if matches!(lights, Lights::Sun) && header.sun.is_none() {
+        let what = "has no stream of the sun's direct light: it was left out, is in the maps, or there is none; expected --light all";
+        return Err(Error::invalid(bundle.display(), what));
+    }
+    let timeline = &header.timeline;
+    let moment = timeline.at(hour);
+    let (from, to) = (timeline.hours[moment.a], timeline.hours[moment.b]);
+    if from != to && (to - from).rem_euclid(24.0) > WIDEST {
+        console.warn(format!("{hour} h is far from all sets, between those of {from} h and {to} h: light is a mix of theirs there, without the sun's own"));
+    }
     if !timeline.shows(hour) {
-        let set = timeline.hours[timeline.at(hour).a];
+        let set = timeline.hours[moment.a];
         console.warn(format!("no set has the lamps as they are at {hour} h: this is the light of {set} h"));
     }
     let ndgi::decode::Image { width, height, texels } =
