@@ -1,4 +1,4 @@
-//! What of a dataset's light a bundle's maps hold, and how that goes between the sets.
+//! Which part of a dataset's light goes into a bundle's maps, and how it is interpolated between sets.
 //!
 //! Where a dataset keeps the sun's direct light and visibility apart, maps hold the rest: what is smooth in time. A layer may have a
 //! curve by which it goes between two frames (`dataset::curve`); the bundle then tells tiles' means at more hours than those of the
@@ -23,9 +23,10 @@ pub const WIDEST: f64 = 12.0;
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;
 
-/// The share of the second set's picture that light between two sets is best shown by. `sets`: the light of each by its parts; `light`: what
-/// of it stems from each. When the sun has set, what was lit by it is not half there because half of the sky's light stems from the set
-/// before: so the parts' shares are met as well as they can be, and where they do not tell, the share of light counts.
+/// How far to blend from the first set's picture to the second's. `sets`: the light of each by its parts; `light`: what of the light between
+/// them stems from each. It is a least-squares fit of the parts' shares of the light; the share of all light counts a little ([`HOLD`]), for
+/// when the parts do not decide. By all light alone it would be wrong after sunset, when half of the sky's light may come from a set at
+/// which the sun still shone.
 fn share(sets: [&[[f64; 3]]; 2], light: [&[[f64; 3]]; 2]) -> f64 {
     let part = |of: &[[f64; 3]], i: usize| of[i].iter().sum::<f64>();
     let [a, b] = sets.map(sum);
@@ -80,7 +81,7 @@ pub struct Law {
 }
 
 impl Law {
-    /// Of a dataset, its sun's direct light apart or not. It can be where [`is_sun_apart`].
+    /// Of a dataset. `is_apart` leaves the sun's direct light out, which only works where [`can_leave_sun_out`].
     pub fn new(dataset: &Dataset, is_apart: bool) -> Result<Self> {
         let config = &dataset.config;
         let mut curves = Vec::new();

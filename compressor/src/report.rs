@@ -248,7 +248,7 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
     let bright = exposure(&reference, &mask);
     let picture = |image: &Image| tone_mapped_png(image, &mask, bright, PICTURE_SIDE);
     section.paragraph(match decoder.bundle().header.shadows {
-        true => "Between two sets the sun's shadows move, by words of a table; the dataset knows where they are.",
+        true => "Between two sets the bundle's shadows of the sun move. Beside them stands what the dataset knows of the sun at that moment.",
         false => "Between two sets the sun's shadows fade from one place to the next; the dataset knows where they are.",
     });
     section.pictures(&[

@@ -1,7 +1,9 @@
-//! The sun as a stream of its own: which texels see it at the sets' hours, and how they face it.
+//! The sun as a stream of its own: which texels see it at the times of visibility, and how they face it. The times are the hours of the sunlit
+//! sets and, where shadows are to move, sunrise, sunset and some in between.
 //!
-//! Visibility at a set is what its direct light is of an unshadowed sun's, normal · direction · irradiance: so the sets are met as well as
-//! its levels allow. Where the sun grazes a texel, and its light is next to none, the dataset's own visibility tells.
+//! Visibility at a set is its direct light over an unshadowed sun's, normal · direction · irradiance. So the sets are met up to the rounding
+//! of levels, normals (about a degree) and the sun's path (0.3 %). Where the sun grazes a texel, and its light is next to none, the
+//! dataset's own visibility counts.
 
 mod moving;
 pub mod words;
@@ -24,11 +26,11 @@ use words::Search;
 
 /// The cosine below which light is too little to tell visibility.
 const GRAZING: f32 = 0.02;
-/// To how much of itself the sun's path is met by the times that are kept.
+/// Tolerance of the thinned path: absolute for directions, relative for irradiance.
 const PATH: f32 = 3e-3;
-/// Hours between times of visibility at most, give or take [`CLOSE`], where shadows move between them,
+/// The longest gap between times of visibility in hours, give or take [`CLOSE`], where shadows move.
 const APART: f64 = 1.0;
-/// and at least, of those that no set has.
+/// Sunrise and sunset get a time of their own only if they are farther than this from a set, in hours.
 const CLOSE: f64 = 0.1;
 
 /// The sun of a dataset that keeps it apart.
@@ -281,7 +283,7 @@ impl SunBand {
                     .for_each(|time| self.levels[time * texels + i] = self.levels[time * texels + from]);
             }
         }
-        // How texels face the sun that never see it does not matter, if they are told to be dark and not whatever is cheap.
+        // A texel that never sees the sun needs no normal, if its levels are stored as 0: levels that do not matter would become whatever is cheapest.
         for (i, coverage) in coverage.iter().enumerate() {
             let is_seen = |level: &u8| (1..=TileSun::TOP).contains(level);
             let never = (0..self.times).all(|time| !self.levels[time * texels + i].iter().any(is_seen));
@@ -294,7 +296,8 @@ impl SunBand {
         }
     }
 
-    /// The section of one tile, and what it says to a reader: what did not matter at its times may between them.
+    /// The encoded section of one tile, and the tile decoded from it: levels that did not matter at the times have some value there, which may
+    /// matter between them.
     pub fn told(
         &self,
         column: usize,

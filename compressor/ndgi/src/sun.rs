@@ -108,12 +108,12 @@ pub struct TileSun {
     pub height: usize,
     /// Number of [`Sun::times`].
     pub times: usize,
-    /// By channel (one, or red, green and blue behind coloured glass), time and texel: from 0, not seen, to [`TileSun::TOP`], all of it;
-    /// [`TileSun::ANY`] where that does not matter, before a tile is stored.
+    /// By channel (one, or red, green and blue behind coloured glass), time and texel. Level 0: nothing of the sun is seen;
+    /// [`TileSun::TOP`]: all of it. Before a tile is encoded, [`TileSun::ANY`]: does not matter.
     pub levels: Vec<u8>,
-    /// Per texel, the mean of the shading normals there; before a tile is stored, 0 where it does not matter.
+    /// Per texel, the mean of the shading normals there. Before a tile is encoded, 0 where it does not matter.
     pub normals: Vec<[f32; 3]>,
-    /// How shadows move between the times; by default they fade from the one place to the other.
+    /// How shadows move between the times. By default they do not: visibility is linear.
     pub shadows: Shadows,
 }
 
@@ -133,8 +133,8 @@ impl TileSun {
         self.levels.len() / (self.times * self.width * self.height).max(1)
     }
 
-    /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. Linear between the times of the sun, which are
-    /// those of its bundle, but where shadows move; held outside of them.
+    /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. `sun` is the one that the tile was decoded with. Between
+    /// its times visibility is linear, plus moving shadows where there are any; outside of them it is held.
     pub fn visibility(&self, sun: &Sun, hour: f64) -> Vec<[f32; 3]> {
         let planes: Vec<Vec<f32>> = (0..self.channels()).map(|c| self.seen(sun, hour, c)).collect();
         (0..self.width * self.height).map(|i| [0, 1, 2].map(|c| planes[c.min(planes.len() - 1)][i])).collect()
@@ -231,7 +231,7 @@ impl TileSun {
         if all(0) { Some(DARK) } else { all(Self::TOP).then_some(LIT) }
     }
 
-    /// Counts what tables are made of, as others would code it where there are some.
+    /// Counts symbols, of which tables are made. With a `coder`, levels that do not matter are what it would make them.
     pub fn count(&self, coder: Option<&Coder>, counts: &mut Counts) {
         let mixed = self.planes().filter(|plane| Self::even(plane).is_none());
         mixed.for_each(|plane| planes::count(plane, self.size(), coder, counts));

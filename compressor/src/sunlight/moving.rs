@@ -10,13 +10,14 @@ use dataset::visibility::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
 use ndgi::sun::{SIDE, STEPS, TileSun, encode_shadows};
 
-/// The price of a bit: so much squared error of the sun's direct light relative to the tile's brightest, mean over the tile, times hours.
+/// The price of a bit in squared error. The error is that of visibility · cosine relative to the interval's brightest texel, mean over the tile,
+/// times hours. How bright the sun is does not count, only its colour: shadows at dawn are as dear as at noon.
 const PRICE: f32 = 8e-7;
 /// A tile is taken to be at least so bright, in the unit of unshadowed light that falls straight.
 const DIMMEST: f32 = 0.05;
 /// And to have at least this number of texels, so that a sliver of a page does not count as a whole tile.
 const FEWEST: f32 = 4096.0;
-/// What a texel near a chart counts of the one that it repeats.
+/// The weight of a gutter texel's error, relative to the valid texel that it repeats.
 const GUTTER_WEIGHT: f32 = 0.25;
 /// Steps of an interval whose light stands for all.
 const LOOKED_AT: [usize; 3] = [2, 6, 10];
@@ -78,7 +79,7 @@ fn is_in(rect: &Rect, x: usize, y: usize) -> bool {
 type Blocks = Vec<Vec<[Option<Brick>; 4]>>;
 
 impl Sunlight<'_> {
-    /// The section of a tile, of which `told` is what its section of the sun says.
+    /// The section of a tile. `told` is what a reader decodes of its section of the sun.
     pub fn moving(
         &self,
         search: &Search,
@@ -137,7 +138,7 @@ impl Sunlight<'_> {
         Ok(place)
     }
 
-    /// What is told and wanted over one interval, and what it counts.
+    /// Decoded and true visibility over one interval, with the weights of errors.
     fn interval(
         &self,
         band: &SunBand,

@@ -1,34 +1,36 @@
-//! Which words of the table make shadows move as they do: the best word for a block of 4×4 texels, and how many words are worth their bits.
+//! Which codewords make shadows move as they do: the best one for 4×4 texels, and how many are worth their bits.
 
 use crate::lanes::{Instructions, Tier};
 use ndgi::sun::{Block, ENTRIES, MOST, SIDE, STEPS, UNIT, Word};
 use std::cmp::Ordering;
 
-/// Texels that a word covers.
+/// Texels that a codeword covers.
 pub const TEXELS: usize = SIDE * SIDE;
-/// Values of a word: by step from 1 on, then texel.
+/// Values of a codeword: by step from 1 on, then texel.
 pub const SAMPLES: usize = (STEPS - 1) * TEXELS;
 /// The values that an entry may have.
 pub const LEVELS: usize = 15;
-/// Turnings of an entry.
+/// Transforms of an entry.
 pub const TURNINGS: usize = 32;
 /// The values by which candidates are found, of those a word may have: -1, about -1/2, about 1/2, 1. Of 0 nothing changes.
 const COARSE: [[usize; 2]; 4] = [[0, 0], [3, 4], [10, 11], [14, 14]];
 const FEATURES: usize = SAMPLES * COARSE.len();
-/// Directions in which entries differ most, by which candidates are found.
+/// Principal components of the codebook that are kept, to find candidates by.
 const DIRECTIONS: usize = 64;
-/// Candidates that are looked at closely.
+/// Candidates that are compared exactly.
 const CANDIDATES: usize = 128;
 /// Rounds in which the directions are found.
 const ROUNDS: usize = 8;
 
-/// Bits of a word, of the counts on a block of 8×8 with at most one word a 4×4 or with more, and of a group of blocks.
+/// Bits of a codeword.
 const WORD: f32 = 16.0;
+/// Bits of the counts of a block with at most one codeword a 4×4, and of one with more.
 const FEW: f32 = 4.0;
 const MANY: f32 = 8.0;
+/// Bits of a group of blocks whatever is in it: its length, its modes, and what fills it up on average.
 const GROUP: f32 = 8.0 + 32.0 + 6.0;
 
-/// Visibility on 4×4 texels between two times: as it is told so far, and as it is.
+/// Visibility on 4×4 texels between two times: as a reader has it by the codewords found so far, and as it is.
 #[derive(Clone, Debug)]
 pub struct Brick {
     /// By step from 1 on, then texel.
@@ -233,8 +235,8 @@ impl Search {
         turned
     }
 
-    /// The word that changes the error the most: its entry, its turning, and by how much; about, for the best of the candidates that some
-    /// features find.
+    /// The codeword that lowers the error most: its entry, its transform, and the change. Only the [`CANDIDATES`] best by a low-dimensional
+    /// projection are compared exactly.
     pub fn best(&self, costs: &Costs) -> (usize, usize, f32) {
         let mut candidates = match self.tier.instructions() {
             Instructions::Portable => self.candidates(costs),

@@ -1,7 +1,7 @@
 //! The levels of one tile at one time: their coding.
 //!
-//! Blocks of 8×8 texels are dark, lit or mixed; in mixed ones blocks of 4×4; in mixed ones of these the patterns of 2×2 texels. Each is
-//! coded by how frequent it is beside what lies to the left and above.
+//! Blocks of 8×8 texels are dark, lit or mixed; in mixed ones blocks of 4×4; in mixed ones of these the patterns of 2×2 texels. Each symbol is
+//! coded in a context of its neighbours: those to the left and above for 8×8 and 2×2, on all four sides for 4×4.
 
 use super::TileSun;
 use super::bits::{Reader, Writer};
@@ -110,7 +110,7 @@ impl Plane {
     }
 }
 
-/// A pattern that is so frequent in a context has a line of its table.
+/// How often a pattern must occur in a context to be a symbol of its table.
 const WORTH: u32 = 2;
 
 /// A pattern's levels in one number.
@@ -250,7 +250,7 @@ impl Counts {
                 let mut symbols = vec![0; PATTERNS];
                 for (pattern, count) in counts {
                     let symbol = symbol_of(&palette, *pattern);
-                    // What is seldom costs less as any other than as a line of the table.
+                    // Rarer patterns are cheaper as OTHER than as an entry of the table.
                     symbols[if symbol > 1 && *count < WORTH { OTHER } else { symbol }] += count;
                 }
                 symbols

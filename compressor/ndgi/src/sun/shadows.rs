@@ -1,32 +1,34 @@
-//! Shadows that move between the times of visibility: words of a fixed table, added to visibility that goes linearly from time to time.
+//! Shadows that move between the times of visibility: codewords of a fixed codebook, added to visibility that is linear between times.
 //!
-//! Any texel at any hour is a few look-ups away: nothing is decoded in sequence, so a shader reads the section as it is.
+//! Codewords are not entropy-coded. A reader adds up at most 15 lengths and 15 counts to find those of a texel, so a shader reads the section as it is.
 
 use crate::bundle::Section;
 
-/// Steps from one time to the next; at the 11 ends within, words are added, and between ends visibility is linear.
+/// Steps from one time to the next. At the 11 ends within codewords are added; between ends visibility is linear.
 pub const STEPS: usize = 12;
-/// Texels along a side of what a word covers.
+/// Side in texels of what a codeword covers.
 pub const SIDE: usize = 4;
-/// Entries of the table.
+/// Entries of the codebook.
 pub const ENTRIES: usize = 2048;
-/// What the values of words are in units of.
+/// The unit of a codeword's values.
 pub const UNIT: f32 = 1.0 / 7.0;
-/// Words on one block of 4×4 texels at most.
+/// Most codewords on 4×4 texels.
 pub const MOST: usize = 3;
-/// Texels along a side of a block, which may be covered by one word, each of whose texels is then 2×2, and of a group of 4×4 blocks.
+/// Side in texels of a block, which one codeword may cover: each of its values then covers 2×2 texels.
 const BLOCK: usize = 2 * SIDE;
+/// Side in texels of a group of 4×4 blocks.
 const GROUP: usize = 4 * BLOCK;
 
 /// Per entry and step from 1 on, texel by texel and row by row: 7 more than the value, the first of two in the lower four bits.
 static TABLE: &[u8; ENTRIES * (STEPS - 1) * 8] = include_bytes!("words.bin");
 
-/// What is added on a block of 4×4 texels: an entry of the table, turned.
+/// A codeword, what is added on 4×4 texels: an entry of the codebook, transformed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Word(pub u16);
 
 impl Word {
-    /// The number of an entry and of its turning: bit 0 negates, 1 reverses time, 2 transposes, 3 mirrors columns and 4 rows, rows first.
+    /// Of an entry and its transform, whose bits are: 0 negates, 1 reverses time, 2 transposes, 3 mirrors columns, 4 mirrors rows; applied from
+    /// bit 4 down to bit 0.
     pub fn new(entry: usize, turning: usize) -> Self {
         Word((turning << 11 | entry) as u16)
     }
@@ -201,6 +203,9 @@ fn group(bytes: &[u8]) -> Result<[Told<'_>; 16], String> {
     if !words.is_empty() {
         return Err(format!("{} bytes too many in a group of moving shadows", words.len()));
     }
+    if modes == 0 || (at..2 * nibbles.len()).any(|i| nibble(i) != 0) {
+        return Err("a group of moving shadows that is empty, or filled up with other than zeros".to_owned());
+    }
     Ok(told)
 }
 
@@ -226,8 +231,8 @@ pub struct Shadows {
     groups: [usize; 2],
 }
 
-/// Visibility over an interval that goes from `ends[0]` to `ends[1]`, at a share of it, where words add to it: `values` has theirs at the step
-/// before and the step after, in order.
+/// Visibility at `at` within an interval at whose ends it is `ends`. `values`: per codeword, in order, its value at the step before and the
+/// step after.
 fn moved(ends: [f32; 2], at: Step, values: impl Iterator<Item = [i8; 2]>) -> f32 {
     let linear = |step: usize| ends[0] + (ends[1] - ends[0]) * (step as f32 / STEPS as f32);
     let mut seen = [linear(at.before), linear(at.before + 1)];
@@ -284,6 +289,9 @@ impl Shadows {
             }
             let count = across_down[0] * across_down[1];
             let mut length = if bytes.is_empty() { 0 } else { count.next_multiple_of(2) };
+            if bytes.get(count..length).is_some_and(|filling| filling.iter().any(|byte| *byte != 0)) {
+                return Err("a plane of moving shadows that is filled up with other than a zero".to_owned());
+            }
             for part in groups(bytes, count) {
                 let (_, bytes) = part?;
                 group(bytes)?;

@@ -157,7 +157,7 @@ fn spread(frequencies: &[u16], bits: u32) -> Vec<u16> {
     symbols
 }
 
-/// What a state decodes to: its symbol, and the state before it but for so many bits.
+/// What a state decodes to: its symbol, and base and number of bits of the next state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Step {
     pub symbol: u16,

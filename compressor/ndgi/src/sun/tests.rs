@@ -234,6 +234,25 @@ fn moving_shadows_come_back_texel_by_texel() {
 }
 
 #[test]
+fn moving_shadows_have_one_coding() {
+    // One group of a tile of 32², one word on one 4×4, one nibble of four that are there.
+    let mut blocks = vec![Block::Nothing; 16];
+    blocks[3] = Block::Words([vec![Word::new(5, 0)], vec![], vec![], vec![]]);
+    let section = encode_shadows(&[blocks], [32, 32]);
+    let decode = |bytes: &[u8]| Shadows::decode((0, bytes), [32, 32], 1, 1, None);
+    decode(&section.bytes).unwrap();
+    // The end of the part, the group's length, a zero, modes, nibbles, the word.
+    for (at, bits) in [(5, 1), (10, 0x10), (11, 1), (11, 0x80)] {
+        let mut bytes = section.bytes.clone();
+        bytes[at] ^= bits;
+        assert!(decode(&bytes).unwrap_err().contains("filled up"), "{at}");
+    }
+    let mut bytes = section.bytes.clone();
+    bytes[6..10].fill(0);
+    assert!(decode(&bytes).is_err());
+}
+
+#[test]
 fn hostile_moving_shadows_are_refused_or_harmless() {
     let (mut random, size) = (Random(11), [72, 40]);
     let planes: Vec<Vec<Block>> = (0..4).map(|_| (0..45).map(|_| block(&mut random)).collect()).collect();
