@@ -66,7 +66,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
 fn quantisation(outcome: &Outcome) -> Option<String> {
     let (unquantised, stored) = outcome.psnr_unquantised_db.zip(outcome.psnr_trained_db)?;
     Some(format!(
-        "mean over the bundle's tiles, by texels: {unquantised:.2} dB with unquantised features, {:.2} dB with features of 8 bits, {stored:.2} dB \
+        "what maps hold, mean over tiles by their texels: {unquantised:.2} dB with unquantised features, {:.2} dB with features of 8 bits, {stored:.2} dB \
          as stored, in BC7",
         outcome.psnr_8bit_features_db?
     ))

@@ -80,6 +80,8 @@ pub struct Sweep {
     pub tiles: usize,
     /// Tiles with valid texels that there are.
     pub tiles_of: usize,
+    /// Whether the sun's direct light is left to a stream of its own.
+    pub is_sun_apart: bool,
     /// Profile by profile, each preset by preset.
     pub rows: Vec<Row>,
 }
@@ -163,7 +165,7 @@ pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<
             seconds: sum(&|tile| tile.seconds) / tiles.len().max(1) as f64,
         }
     });
-    Ok(Sweep { tiles: places.len(), tiles_of: of, rows: rows.collect() })
+    Ok(Sweep { tiles: places.len(), tiles_of: of, is_sun_apart: law.is_apart, rows: rows.collect() })
 }
 
 /// The tiles to train, in the order of pages and rows, and of how many they were drawn.
@@ -248,6 +250,11 @@ impl Sweep {
              unquantised: training goes on around its blocks",
             self.tiles, self.tiles_of
         ));
+        if self.is_sun_apart {
+            lines.push(
+                "the sun's direct light, a stream of its own in a bundle, is not in these maps".to_owned(),
+            );
+        }
         lines
     }
 

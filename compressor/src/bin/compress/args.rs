@@ -163,7 +163,7 @@ pub struct Sweep {
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     pub tiles: u32,
     /// Profiles to compare.
-    #[arg(long, value_delimiter = ',', default_value = "L,M,M.64,H", value_parser = parse_profile)]
+    #[arg(long, value_delimiter = ',', default_value = "S,L,M,H", value_parser = parse_profile)]
     pub profiles: Vec<Profile>,
     /// Presets to train each with.
     #[arg(long, value_delimiter = ',', default_value = "draft,medium", value_parser = parse_preset)]
