@@ -217,7 +217,7 @@ if __name__ == '__main__':
         args.add_argument(name, **kind)
     try:
         args = args.parse_args()
-        check(0 <= args.hour < 24, f'--hour {args.hour}: expected hours from 0 to below 24, such as 18.05 or 18:03')
+        check(np.isfinite(args.hour), f'--hour {args.hour}: expected hours, such as 18.05 or 18:03')
         bundle, tile = Bundle(args.bundle), tuple(map(int, args.tile.split(','))) if args.tile else (0, 0)
         check((args.page, *tile) in bundle.index, f'page {args.page}, tile {tile}: not in the bundle; the last is {max(bundle.index)}')
         np.save(args.out, bundle.tile(args.page, *tile, args.hour) if args.tile else bundle.page(args.page, args.hour))
