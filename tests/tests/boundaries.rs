@@ -44,13 +44,3 @@ fn bakers_library_never_names_the_compressor() {
     // The search can find what it looks for.
     assert!(!naming(&binary, "compressor").is_empty());
 }
-
-#[test]
-fn the_decoder_depends_on_no_crate_of_this_repository() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../compressor/ndgi");
-    let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
-    let names_one =
-        |line: &&str| ["baker", "compressor", "dataset"].iter().any(|name| line.starts_with(name));
-    assert_eq!(manifest.lines().find(names_one), None);
-    assert!(manifest.contains("blake3.workspace"));
-}

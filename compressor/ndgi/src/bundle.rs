@@ -14,13 +14,13 @@ pub use resident::rounded_means;
 
 use crate::grid::{Grid, Place};
 use crate::model::{Contents, Knot, Shape, TileParams};
+use crate::source::{Memory, ReadAt};
 use crate::sun::{Shadows, Sun, SunDecoder, TileSun};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 use std::sync::OnceLock;
+#[cfg(feature = "file")]
+use std::{fs::File, io::Read, path::Path};
 
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
@@ -159,6 +159,7 @@ impl Entry {
 }
 
 /// Whether a file is a bundle, of any version and however broken, or is empty, so that nothing else is lost with it.
+#[cfg(feature = "file")]
 pub fn begins_like_one(path: &Path) -> bool {
     let mut first = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut first));
@@ -212,41 +213,6 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Where the bytes of a bundle come from.
-#[derive(Debug)]
-enum Source {
-    File(File),
-    Memory(Vec<u8>),
-}
-
-impl Source {
-    fn len(&self) -> std::io::Result<u64> {
-        match self {
-            Source::File(file) => Ok(file.metadata()?.len()),
-            Source::Memory(bytes) => Ok(bytes.len() as u64),
-        }
-    }
-
-    /// `length` bytes at `offset`; the caller has checked that the source is that long.
-    fn read(&self, offset: u64, length: usize) -> std::io::Result<Vec<u8>> {
-        match self {
-            Source::File(file) => {
-                let mut bytes = vec![0; length];
-                read_exact_at(file, &mut bytes, offset)?;
-                Ok(bytes)
-            }
-            Source::Memory(bytes) => {
-                let range = offset as usize..(offset as usize).saturating_add(length);
-                bytes.get(range).map(<[u8]>::to_vec).ok_or(std::io::ErrorKind::UnexpectedEof.into())
-            }
-        }
-    }
-}
-
-fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
-}
-
 /// An opened bundle: header, index and resident block in memory, payloads where they were.
 #[derive(Debug)]
 pub struct Bundle {
@@ -262,7 +228,7 @@ pub struct Bundle {
     knots: Vec<Vec<Knot>>,
     is_old: bool,
     sun_decoder: OnceLock<SunDecoder>,
-    source: Source,
+    source: Box<dyn ReadAt>,
     name: String,
 }
 
@@ -271,25 +237,35 @@ impl Bundle {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Unsupported`] for another version; [`Error::Invalid`] for anything else that breaks FORMAT.md.
+    #[cfg(all(feature = "file", any(unix, windows)))]
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::io(path))?;
-        Self::parse(Source::File(file), path.display().to_string())
+        Self::parse(Box::new(file), path.display().to_string())
     }
 
-    /// A bundle in memory. Errors as [`Bundle::open`].
-    pub fn from_bytes(bytes: Vec<u8>) -> Result<Self> {
-        Self::parse(Source::Memory(bytes), "bundle".to_owned())
+    /// A bundle in memory: a `Vec<u8>`, an `Arc<[u8]>`, a `&'static [u8]`. Errors as [`Bundle::open`].
+    pub fn from_bytes(bytes: impl AsRef<[u8]> + Send + Sync + 'static) -> Result<Self> {
+        Self::parse(Box::new(Memory(bytes)), "bundle".to_owned())
     }
 
-    fn parse(source: Source, name: String) -> Result<Self> {
+    /// A bundle that is read where its bytes lie: in an archive, over a network. Errors as [`Bundle::open`].
+    pub fn from_source(source: impl ReadAt + 'static) -> Result<Self> {
+        Self::parse(Box::new(source), "bundle".to_owned())
+    }
+
+    fn parse(source: Box<dyn ReadAt>, name: String) -> Result<Self> {
         let io = |source| Error::Io { path: name.clone().into(), source };
-        let bytes = source.len().map_err(io)?;
+        let bytes = source.size().map_err(io)?;
         if bytes < FIXED as u64 {
             return Err(Error::invalid(&name, format!("{bytes} bytes; a bundle has at least {FIXED}")));
         }
-        let start = source.read(0, FIXED).map_err(io)?;
+        let read = |offset: u64, length: usize| {
+            let mut bytes = vec![0; length];
+            source.read_at(offset, &mut bytes).map(|()| bytes)
+        };
+        let start = read(0, FIXED).map_err(io)?;
         let length = header::check_start(&start, bytes, &name)?;
-        let head = source.read(0, length).map_err(io)?;
+        let head = read(0, length).map_err(io)?;
         let header::Read { header, index, resident } = header::decode(&head, bytes, &name)?;
         let mut bundle = Bundle {
             knots: Vec::new(),
@@ -322,7 +298,8 @@ impl Bundle {
     /// The bytes of a part whose checksum is right. `at` names it.
     fn read(&self, part: &Part, at: impl Fn() -> String) -> Result<Vec<u8>> {
         let io = |source| Error::Io { path: self.name.clone().into(), source };
-        let bytes = self.source.read(part.offset, part.length as usize).map_err(io)?;
+        let mut bytes = vec![0; part.length as usize];
+        self.source.read_at(part.offset, &mut bytes).map_err(io)?;
         let found = checksum(&[&bytes]);
         if found != part.checksum {
             let what =
@@ -333,10 +310,10 @@ impl Bundle {
     }
 
     fn position(&self, place: Place) -> Result<usize> {
-        self.header.position(place).ok_or_else(|| Error::invalid(self.at(place), "no such tile"))
+        self.header.position(place).ok_or_else(|| Error::invalid(self.name_of(place), "no such tile"))
     }
 
-    fn at(&self, place: Place) -> String {
+    fn name_of(&self, place: Place) -> String {
         format!("{}, page {}, tile ({}, {})", self.name, place.page, place.column, place.row)
     }
 
@@ -361,11 +338,11 @@ impl Bundle {
         let Some(contents) = Contents::of_word(part.word).filter(|_| part.length > 0) else {
             return Ok(None);
         };
-        let section = self.read(part, || self.at(place))?;
+        let section = self.read(part, || self.name_of(place))?;
         let knots = if self.is_old { None } else { Some(self.knots[position].clone()) };
         let shape = self.header.shape(place, &contents);
         payload::decode_section(&section, part.word, shape, self.header.groups.len(), knots)
-            .map_err(|what| Error::invalid(self.at(place), what))
+            .map_err(|what| Error::invalid(self.name_of(place), what))
             .map(Some)
     }
 }
@@ -384,10 +361,10 @@ impl Bundle {
         let position = self.position(place)?;
         let Entry { sun: part, shadows, .. } = &self.index[position];
         let (Some(sun), 1..) = (&self.header.sun, part.length) else { return Ok(None) };
-        let section = self.read(part, || self.at(place))?;
+        let section = self.read(part, || self.name_of(place))?;
         let (width, height) = self.header.pages[place.page].stored(place.column, place.row);
         let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
-        let wrong = |what| Error::invalid(self.at(place), what);
+        let wrong = |what| Error::invalid(self.name_of(place), what);
         let mut tile = match times {
             Some(times) => decoder.tile_at(&section, part.word, [width, height], times),
             None => decoder.tile(&section, part.word, [width, height]),
@@ -396,7 +373,7 @@ impl Bundle {
         // Between two times, or between all.
         let only = times.and_then(|times| times.first().copied());
         if shadows.length > 0 && times.is_none_or(|times| times.len() == 2) {
-            let section = self.read(shadows, || self.at(place))?;
+            let section = self.read(shadows, || self.name_of(place))?;
             let section = (shadows.word, &section[..]);
             let intervals = sun.times.len() - 1;
             tile.shadows =

@@ -4,9 +4,11 @@
 //! only the blocks it needs; [`TileDecoder`] decodes whole tiles fast. Neither ever gives a NaN or an infinity.
 
 mod kernel;
+mod prepared;
 mod texel;
 mod tile;
 
+pub(crate) use prepared::Prepared;
 pub use texel::texel;
 pub use tile::TileDecoder;
 
@@ -20,7 +22,6 @@ use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The decoder's output is cut here before it is raised to its power: the largest finite f16.
@@ -156,7 +157,8 @@ fn recent<T>(
 
 impl Decoder {
     /// Opens a bundle file. Errors as [`Bundle::open`].
-    pub fn open(path: &Path) -> Result<Self> {
+    #[cfg(all(feature = "file", any(unix, windows)))]
+    pub fn open(path: &std::path::Path) -> Result<Self> {
         Bundle::open(path).map(Self::new)
     }
 

@@ -1,15 +1,17 @@
 //! The error type: what was wrong, and where.
 
-use std::path::{Path, PathBuf};
+use std::fmt;
+#[cfg(feature = "file")]
+use std::path::Path;
+use std::path::PathBuf;
 
 /// A result whose error names the place.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// What can go wrong when a bundle is read.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 pub enum Error {
     /// A bundle breaks a rule of its format, or something is asked for that it does not have.
-    #[error("{place}: {what}")]
     Invalid {
         /// Where: a file, a page, a tile.
         place: String,
@@ -17,7 +19,6 @@ pub enum Error {
         what: String,
     },
     /// A bundle of another version, or more than this machine holds.
-    #[error("{place}: {what}")]
     Unsupported {
         /// Where, as in [`Error::Invalid`].
         place: String,
@@ -25,13 +26,32 @@ pub enum Error {
         what: String,
     },
     /// The operating system refused.
-    #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Invalid { place, what } | Error::Unsupported { place, what } => {
+                write!(f, "{place}: {what}")
+            }
+            Error::Io { path, source } => write!(f, "{}: {source}", path.display()),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Error::Io { source, .. } => Some(source),
+            Error::Invalid { .. } | Error::Unsupported { .. } => None,
+        }
+    }
 }
 
 impl Error {
@@ -43,6 +63,7 @@ impl Error {
         Error::Unsupported { place: place.to_string(), what: what.to_string() }
     }
 
+    #[cfg(feature = "file")]
     pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         move |source| Error::Io { path: path.to_owned(), source }
     }

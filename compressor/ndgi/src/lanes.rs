@@ -4,6 +4,8 @@
 //! of theirs inside a function that enables the instruction set, after asking the processor for its [`Tier`]. No vector goes
 //! through a closure of theirs: closures are compiled without their caller's instruction set.
 
+#![allow(unsafe_code, reason = "instructions of processors")]
+
 /// A vector of [`Lanes::N`] f32.
 pub trait Lanes: Copy {
     /// Number of lanes; divides 16.

@@ -4,7 +4,11 @@
 //! Modules in the order the data passes them; a module imports only what stands above it. The crate depends on nothing else of this
 //! repository.
 
+#![deny(unsafe_code)]
+
 mod error;
+pub mod source;
+pub mod half;
 pub mod lanes;
 pub mod time;
 pub mod model;
@@ -13,8 +17,13 @@ pub mod grid;
 pub mod sun;
 pub mod bundle;
 pub mod decode;
+mod pack;
+pub mod at;
+#[cfg(feature = "capi")]
+mod c;
 
 #[cfg(test)]
 mod testing;
 
+pub use bundle::Bundle;
 pub use error::{Error, Result};

@@ -326,7 +326,7 @@ pub struct TileParams {
     /// F_vt likewise, `rows × vt`.
     pub f_vt: Vec<[u8; 2]>,
     /// W₁ (`hidden × inputs`, row-major), b₁, W₂ (`hidden × hidden`), b₂, W₃ (`3 × hidden`), b₃.
-    pub mlp: Vec<half::f16>,
+    pub mlp: Vec<crate::half::F16>,
     /// How bright the tile is at each of [`crate::time::Timeline::knots`].
     pub knots: Vec<Knot>,
     /// The time axis; empty under the paper's coding.

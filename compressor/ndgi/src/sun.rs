@@ -194,16 +194,28 @@ impl TileSun {
     /// Unless there are as many as the tile has.
     pub fn add_light(&self, sun: &Sun, hour: f64, out: &mut [[f32; 3]]) {
         assert_eq!(out.len(), self.width * self.height, "texels of the tile");
-        let Some((direction, irradiance)) = sun.path.at(hour) else { return };
-        let channels = self.channels();
-        for channel in 0..channels {
-            let seen = self.seen(sun, hour, channel);
-            let of = if channels == 1 { 0..3 } else { channel..channel + 1 };
-            for ((light, normal), seen) in out.iter_mut().zip(&self.normals).zip(seen) {
-                let share = seen * cosine(*normal, direction);
+        let Some((_, irradiance)) = sun.path.at(hour) else { return };
+        let shares = self.shares(sun, hour);
+        for (channel, of_channel) in shares.iter().enumerate() {
+            let of = if shares.len() == 1 { 0..3 } else { channel..channel + 1 };
+            for (light, share) in out.iter_mut().zip(of_channel) {
                 of.clone().for_each(|c| light[c] = (light[c] + share * irradiance[c]).min(f32::MAX));
             }
         }
+    }
+
+    /// By channel, one or three, and texel: the share of the sun's irradiance at an hour, visibility · (normal · direction)⁺.
+    pub(crate) fn shares(&self, sun: &Sun, hour: f64) -> Vec<Vec<f32>> {
+        let direction = sun.path.at(hour).map_or([0.0; 3], |(direction, _)| direction);
+        let of_channel = |channel: usize| {
+            let mut shares = self.seen(sun, hour, channel);
+            shares
+                .iter_mut()
+                .zip(&self.normals)
+                .for_each(|(share, normal)| *share *= cosine(*normal, direction));
+            shares
+        };
+        (0..self.channels()).map(of_channel).collect()
     }
 }
 

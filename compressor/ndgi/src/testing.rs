@@ -4,9 +4,9 @@ use crate::bc7::{self, Block, Mode};
 use crate::bundle::{self, Header, PageKind, Payload};
 use crate::grid::Grid;
 use crate::grid::Place;
+use crate::half::F16;
 use crate::model::{Contents, Knot, PROFILES, Shape, TileParams};
 use crate::time::{Axis, Coding, Timeline, is_on};
-use half::f16;
 
 /// SplitMix64.
 pub struct Random(pub u64);
@@ -60,7 +60,7 @@ pub fn tile(shape: Shape, seed: u64) -> TileParams {
     let (f_uv, f_uvt) = (blocks(uv), blocks(uvt));
     let mut plane = |n: usize| (0..n).map(|_| [random.byte(), random.byte()]).collect();
     let (f_ut, f_vt) = (plane(ut), plane(vt));
-    let mlp = (0..shape.mlp_len()).map(|_| f16::from_f32(random.unit() - 0.45)).collect();
+    let mlp = (0..shape.mlp_len()).map(|_| F16::from_f32(random.unit() - 0.45)).collect();
     // In whole steps of what a resident block holds.
     let mut mean = || (2048.0 * random.unit()).floor() / 2048.0;
     let knot = |_| Knot { mean: [mean(), 8.0 * mean(), 0.0], ..Knot::default() };

@@ -143,7 +143,7 @@ impl<const H: usize> Trainer<H> {
             f_uvt: stored(&blocks.uvt, &uvt),
             f_ut: plane(&self.layout.ut),
             f_vt: plane(&self.layout.vt),
-            mlp: self.params[self.layout.mlp.clone()].iter().map(|v| half::f16::from_f32(*v)).collect(),
+            mlp: self.params[self.layout.mlp.clone()].iter().map(|v| ndgi::half::F16::from_f32(*v)).collect(),
             knots: self.problem.knots.clone(),
             axis: self.problem.axis.clone(),
             gates: self.problem.gates.clone(),

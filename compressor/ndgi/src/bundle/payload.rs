@@ -2,9 +2,9 @@
 
 use super::{ALIGN, resident};
 use crate::bc7;
+use crate::half::F16;
 use crate::model::{Contents, Knot, Shape, TileParams};
 use crate::time::Axis;
-use half::f16;
 
 /// A part of a tile as the file holds it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -200,7 +200,7 @@ pub(super) fn decode_section(
     let texels = |part: &[u8]| part.as_chunks::<2>().0.to_vec();
     let (f_ut, f_vt) = (texels(take(2 * ut, "F_ut")?), texels(take(2 * vt, "F_vt")?));
     let mlp = take(2 * shape.mlp_len(), "decoder")?;
-    let mlp = mlp.as_chunks::<2>().0.iter().map(|&b| f16::from_le_bytes(b)).collect();
+    let mlp = mlp.as_chunks::<2>().0.iter().map(|&b| F16::from_le_bytes(b)).collect();
     if rest.len() >= ALIGN || rest.iter().any(|&byte| byte != 0) {
         return Err(format!("only zeros up to the next multiple of {ALIGN} may follow the decoder"));
     }

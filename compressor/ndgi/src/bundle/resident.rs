@@ -3,8 +3,8 @@
 //! A tile's line is its scale, a power of two as an f32, four zero bytes, and eight bytes a knot: the mean of red, green and blue as f16 in
 //! units of the scale, the peak in steps of a fifth of an octave, the share of the second set in 255ths.
 
+use crate::half::F16;
 use crate::model::Knot;
-use half::f16;
 
 /// Bytes before the knots, and of a knot.
 const WORD: usize = 8;
@@ -42,9 +42,9 @@ pub(super) fn encode(knots: &[Knot]) -> Result<Vec<u8>, String> {
 }
 
 /// A mean in units of a scale: never 0 where there is light.
-fn units(mean: f32, scale: f64) -> f16 {
-    let units = f16::from_f64(f64::from(mean) / scale);
-    if mean > 0.0 && units == f16::ZERO { f16::MIN_POSITIVE_SUBNORMAL } else { units }
+fn units(mean: f32, scale: f64) -> F16 {
+    let units = F16::from_f32((f64::from(mean) / scale) as f32);
+    if mean > 0.0 && units == F16(0) { F16::SMALLEST } else { units }
 }
 
 /// Means as a line gives them back: what a tile is trained to.
@@ -72,7 +72,7 @@ pub(super) fn decode(line: &[u8]) -> Result<Vec<Knot>, String> {
     }
     let knot = |word: &[u8; WORD]| {
         let mean = |c: usize| {
-            let units = f16::from_le_bytes([word[2 * c], word[2 * c + 1]]);
+            let units = F16::from_le_bytes([word[2 * c], word[2 * c + 1]]);
             match units.is_finite() && !units.is_sign_negative() {
                 true => Ok((units.to_f32() * scale).min(f32::MAX)),
                 false => Err(format!("a mean of {units}; expected a finite number ≥ 0")),

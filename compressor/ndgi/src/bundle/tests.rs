@@ -186,7 +186,7 @@ fn payloads_with_forbidden_values_are_refused() {
         assert!(encode_payload(&bad).is_err());
     }
     let mut bad = good.clone();
-    bad.mlp[5] = half::f16::INFINITY;
+    bad.mlp[5] = crate::half::F16::INFINITY;
     assert!(encode_payload(&bad).is_err());
     let mut bad = good.clone();
     bad.f_uvt[0] = [0; 16];

@@ -2,6 +2,7 @@
 //!
 //! Vectors never pass through closures here: those would be compiled without the instruction set of the function around them.
 
+#![allow(unsafe_code, reason = "instructions of processors")]
 #![allow(clippy::needless_range_loop, reason = "units of a layer, as the formulas index them")]
 
 use super::{Y_MAX, irradiance};
@@ -10,23 +11,15 @@ use crate::bc7;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
 use crate::lanes::{Instructions, Lanes, Quad, Tier};
-use crate::model::{GELU_BOUND, GELU_COEFFICIENTS};
+use crate::model::{GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use crate::time::Coding;
 
 /// Rows of texels are padded to a multiple of this, which every vector length divides.
 pub(super) const LANES: usize = 16;
 
-/// A tile at one moment, ready to be decoded. Feature values are in 255ths; the weights of the first layer are scaled accordingly.
-pub(super) struct Folded<'a> {
-    /// Stored size in texels.
-    pub width: usize,
-    pub height: usize,
-    /// Width rounded up to whole vectors.
-    pub padded: usize,
-    /// Width of the hidden layers.
-    pub hidden: usize,
-    /// F_uv by channel, row, column; empty without it.
-    pub uv: &'a [u8],
+/// What of a tile depends on the moment, folded. Feature values are in 255ths; the weights of the first layer are scaled accordingly.
+#[derive(Clone, Debug)]
+pub(super) struct Fold {
     /// F_uvt at the moment, in rows of `slice_width` texels.
     pub slice: Vec<[f32; 4]>,
     pub slice_width: usize,
@@ -42,13 +35,43 @@ pub(super) struct Folded<'a> {
     pub w_uvt: Vec<[f32; 4]>,
     pub w_uv: Vec<[f32; 4]>,
     pub w_ut: Vec<[f32; 4]>,
-    /// The other layers as they are stored.
-    pub w2: &'a [f32],
-    pub b2: &'a [f32],
-    pub w3: &'a [f32],
-    pub b3: &'a [f32],
     pub means: [f32; 3],
-    pub coding: Coding,
+}
+
+/// A tile at one moment, ready to be decoded.
+pub(super) struct Folded<'a> {
+    /// Stored size in texels.
+    width: usize,
+    height: usize,
+    /// Width rounded up to whole vectors.
+    padded: usize,
+    /// Width of the hidden layers.
+    hidden: usize,
+    /// F_uv by channel, row, column; empty without it.
+    uv: &'a [u8],
+    fold: &'a Fold,
+    /// The other layers as they are stored.
+    w2: &'a [f32],
+    b2: &'a [f32],
+    w3: &'a [f32],
+    b3: &'a [f32],
+    coding: Coding,
+}
+
+impl<'a> Folded<'a> {
+    /// A tile of a shape, its F_uv in rows of `padded` texels, and its weights.
+    pub fn new(
+        shape: &Shape,
+        fold: &'a Fold,
+        coding: Coding,
+        padded: usize,
+        uv: &'a [u8],
+        mlp: &'a [f32],
+    ) -> Self {
+        let [.., w2, b2, w3, b3] = shape.split_mlp(mlp);
+        let Shape { width, height, hidden, .. } = *shape;
+        Folded { width, height, padded, hidden, uv, fold, w2, b2, w3, b3, coding }
+    }
 }
 
 /// Decodes a whole tile into `out`, row by row, with the instructions of `tier`.
@@ -178,7 +201,7 @@ type Units<const HIDDEN: usize> = [[f32; LANES]; HIDDEN];
 fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     let plane = tile.height * tile.padded;
     let has_uv = !tile.uv.is_empty();
-    let w_uv: &[[f32; 4]; HIDDEN] = tile.w_uv[..].try_into().expect("weights of every unit");
+    let w_uv: &[[f32; 4]; HIDDEN] = tile.fold.w_uv[..].try_into().expect("weights of every unit");
     let w2: &[[f32; HIDDEN]; HIDDEN] = tile.w2.as_chunks().0.try_into().expect("weights of every unit");
     let w3: &[[f32; HIDDEN]; 3] = tile.w3.as_chunks().0.try_into().expect("weights of every channel");
     let b2: &[f32; HIDDEN] = tile.b2.try_into().expect("a bias of every unit");
@@ -187,7 +210,7 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     let mut expanded = [of_ut.clone(), of_ut.clone()];
     let mut held = [usize::MAX; 2];
     for (y, line) in out.chunks_exact_mut(tile.width).enumerate() {
-        let (above, below, share) = tile.across[y];
+        let (above, below, share) = tile.fold.across[y];
         for row in [above, below] {
             if held[row % 2] != row {
                 held[row % 2] = row;
@@ -196,7 +219,7 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
         }
         let (from_above, from_below) = (&expanded[above % 2], &expanded[below % 2]);
         let share = L::splat(share);
-        let row = &tile.rows.as_chunks::<HIDDEN>().0[y];
+        let row = &tile.fold.rows.as_chunks::<HIDDEN>().0[y];
         for (i, texels) in line.chunks_mut(L::N).enumerate() {
             let x = i * L::N;
             let (chunk, lane) = (x / LANES, x % LANES);
@@ -259,11 +282,11 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
 fn expand_ut<L: Lanes, const HIDDEN: usize>(tile: &Folded) -> Vec<Units<HIDDEN>> {
     let mut out = vec![[[0.0; LANES]; HIDDEN]; tile.padded / LANES];
     for (chunk, units) in out.iter_mut().enumerate() {
-        for (w, unit) in tile.w_ut.iter().zip(units) {
+        for (w, unit) in tile.fold.w_ut.iter().zip(units) {
             for lane in (0..LANES).step_by(L::N) {
                 let x = chunk * LANES + lane;
-                let second = L::splat(w[1]).mul(L::load(&tile.ut[1][x..]));
-                L::splat(w[0]).mul_add(L::load(&tile.ut[0][x..]), second).store(&mut unit[lane..]);
+                let second = L::splat(w[1]).mul(L::load(&tile.fold.ut[1][x..]));
+                L::splat(w[0]).mul_add(L::load(&tile.fold.ut[0][x..]), second).store(&mut unit[lane..]);
             }
         }
     }
@@ -278,10 +301,10 @@ fn expand<L: Lanes, const HIDDEN: usize>(
     of_ut: &[Units<HIDDEN>],
     out: &mut [Units<HIDDEN>],
 ) {
-    let texels = &tile.slice[row * tile.slice_width..(row + 1) * tile.slice_width];
+    let texels = &tile.fold.slice[row * tile.fold.slice_width..(row + 1) * tile.fold.slice_width];
     for (chunk, (of_ut, units)) in of_ut.iter().zip(out).enumerate() {
         let mut features = [[0.0; LANES]; 4];
-        let along = &tile.along[chunk * LANES..];
+        let along = &tile.fold.along[chunk * LANES..];
         for (l, &(x0, x1, share)) in along.iter().take(LANES).enumerate() {
             let (a, b) = (texels[x0], texels[x1]);
             let value = [share; 4].mul_add(a.mul_add([-1.0; 4], b), a);
@@ -294,7 +317,7 @@ fn expand<L: Lanes, const HIDDEN: usize>(
             for c in 0..4 {
                 v[c] = L::load(&features[c][lane..]);
             }
-            for ((weights, of_ut), unit) in tile.w_uvt.iter().zip(of_ut).zip(units.iter_mut()) {
+            for ((weights, of_ut), unit) in tile.fold.w_uvt.iter().zip(of_ut).zip(units.iter_mut()) {
                 let mut sum = L::load(&of_ut[lane..]);
                 for c in 0..4 {
                     sum = L::splat(weights[c]).mul_add(v[c], sum);
@@ -311,7 +334,7 @@ fn store<L: Lanes>(y: [L; 3], tile: &Folded, texels: &mut [[f32; 3]]) {
     let mut values = [[0.0; LANES]; 3];
     for c in 0..3 {
         let y = y[c].max(L::splat(0.0)).min(L::splat(Y_MAX));
-        let light = y.mul(y).mul(L::splat(tile.means[c])).min(L::splat(f32::MAX));
+        let light = y.mul(y).mul(L::splat(tile.fold.means[c])).min(L::splat(f32::MAX));
         if tile.coding == Coding::Standard { light } else { y }.store(&mut values[c]);
     }
     for (l, texel) in texels.iter_mut().enumerate() {
@@ -319,7 +342,7 @@ fn store<L: Lanes>(y: [L; 3], tile: &Folded, texels: &mut [[f32; 3]]) {
     }
     if tile.coding != Coding::Standard {
         for texel in texels {
-            *texel = std::array::from_fn(|c| irradiance(texel[c], tile.means[c], tile.coding));
+            *texel = std::array::from_fn(|c| irradiance(texel[c], tile.fold.means[c], tile.coding));
         }
     }
 }

@@ -3,11 +3,11 @@
 use super::*;
 use crate::bundle;
 use crate::grid::Grid;
+use crate::half::F16;
 use crate::lanes::Tier;
 use crate::model::{Contents, Knot, PROFILES, Profile, Shape};
 use crate::testing;
 use crate::time::{Axis, Timeline};
-use half::f16;
 
 /// Compares with a tolerance relative to the value or, near zero, to a hundredth of the mean.
 fn assert_close(fast: [f32; 3], oracle: [f32; 3], mean: [f32; 3], what: &str) {
@@ -56,6 +56,13 @@ fn every_tier_gives_what_the_formulae_give() {
                 for hour in [0.0, 7.77, 23.9] {
                     let moment = timeline.at(hour);
                     let means = means_at(&tile, &moment);
+                    let prepared = Prepared::new(&tile, &timeline, &moment).unwrap().unwrap();
+                    for at in (0..width * height).step_by(89) {
+                        let (x, y) = (at % width, at / width);
+                        let oracle = texel(&tile, &timeline, &moment, x, y);
+                        let what = format!("{kind}, {coding:?} prepared {hour} h, texel {at}");
+                        assert_close(prepared.texel(x, y), oracle, means, &what);
+                    }
                     for tier in Tier::available() {
                         let decoded =
                             TileDecoder::new(&tile, &timeline).unwrap().with_tier(tier).decode_tile(&moment);
@@ -138,7 +145,7 @@ fn extreme_weights_and_means_stay_finite() {
         let contents = profile.contents(2, 0);
         let mut tile = testing::tile(Shape::new(&contents, 16, 8, 2, Coding::Standard), 3);
         for (i, w) in tile.mlp.iter_mut().enumerate() {
-            *w = if i % 7 == 3 { f16::MIN } else { f16::MAX };
+            *w = if i % 7 == 3 { F16::MIN } else { F16::MAX };
         }
         tile.knots = [[f32::MAX, 0.0, f32::MIN_POSITIVE], [f32::MAX, 0.0, 1e-40]]
             .map(|mean| Knot { mean, ..Knot::default() })

@@ -1,6 +1,6 @@
 //! A tile unpacked for decoding whole: what depends on the time alone is folded once per moment.
 
-use super::kernel::{self, Folded, LANES};
+use super::kernel::{self, Fold, Folded, LANES};
 use super::{clamped, lerp, means_at, periodic, tau_at};
 use crate::bc7;
 use crate::lanes::Tier;
@@ -16,13 +16,13 @@ const SCALE: f32 = 3.0 / 255.0;
 pub struct TileDecoder<'a> {
     tile: TileParams,
     timeline: &'a Timeline,
-    tier: Tier,
+    pub(super) tier: Tier,
     /// Stored width rounded up to whole vectors.
-    padded: usize,
+    pub(super) padded: usize,
     /// F_uv by channel, row, column (`4 × height × padded`), as bytes; empty without it.
-    uv: Vec<u8>,
+    pub(super) uv: Vec<u8>,
     /// All weights in single precision, in the tile's order.
-    mlp: Vec<f32>,
+    pub(super) mlp: Vec<f32>,
 }
 
 impl<'a> TileDecoder<'a> {
@@ -65,15 +65,18 @@ impl<'a> TileDecoder<'a> {
         if means == [0.0; 3] {
             out.fill([0.0; 3]);
         } else {
-            kernel::decode(self.tier, &self.fold(moment, means), out);
+            let fold = self.fold(moment, means);
+            let folded =
+                Folded::new(&self.tile.shape, &fold, self.timeline.coding, self.padded, &self.uv, &self.mlp);
+            kernel::decode(self.tier, &folded, out);
         }
     }
 
     /// Blends the maps in time and folds what depends on the row or the time alone into the first layer's bias.
-    fn fold(&self, moment: &Moment, means: [f32; 3]) -> Folded<'_> {
+    pub(super) fn fold(&self, moment: &Moment, means: [f32; 3]) -> Fold {
         let (shape, hidden, padded) = (&self.tile.shape, self.tile.shape.hidden, self.padded);
         let (has, inputs) = (&shape.contents, shape.inputs());
-        let [w1, b1, w2, b2, w3, b3] = shape.split_mlp(&self.mlp);
+        let [w1, b1, ..] = shape.split_mlp(&self.mlp);
         // Weight `i` of the inputs in a range of columns: 0 of what the tile does not have.
         let [uvt, uv, ut, vt, gamma, gates] = shape.columns();
         let weight = |j: usize, columns: &std::ops::Range<usize>, i: usize| {
@@ -117,12 +120,7 @@ impl<'a> TileDecoder<'a> {
         for v in v_vt {
             rows.extend(bias.iter().zip(&w_vt).map(|(bias, w)| bias + w[0] * v[0] + w[1] * v[1]));
         }
-        Folded {
-            width: shape.width,
-            height: shape.height,
-            padded,
-            hidden,
-            uv: &self.uv,
+        Fold {
             slice,
             slice_width: width,
             along: (0..shape.width).map(|x| clamped(coordinate(x, shape.width), width)).collect(),
@@ -132,12 +130,7 @@ impl<'a> TileDecoder<'a> {
             w_uvt: weights_of(&uvt),
             w_uv: weights_of(&uv),
             w_ut: weights_of(&ut),
-            w2,
-            b2,
-            w3,
-            b3,
             means,
-            coding: self.timeline.coding,
         }
     }
 

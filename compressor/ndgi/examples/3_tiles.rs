@@ -1,0 +1,30 @@
+//! Tiles for a texture of half floats, by how bright they are: `cargo run --example 3_tiles -- yard.ndgi`.
+
+use ndgi::decode::Lights;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args().nth(1).ok_or("a bundle's path is missing")?;
+    let bundle = ndgi::Bundle::open(path.as_ref())?;
+    // A game that draws the sun itself asks for the rest.
+    let now = bundle.at(12.0)?.only(Lights::Baked);
+    for place in bundle.header.places() {
+        // What the header says of a tile costs no read: a black one need not be decoded.
+        let knots = bundle.knots(place)?;
+        let peak = knots.iter().map(|knot| knot.peak).fold(0.0, f32::max);
+        if peak == 0.0 && !knots.is_empty() {
+            continue;
+        }
+        let tile = now.tile(place)?;
+        let mut texels = vec![[0; 4]; tile.width() * tile.height()];
+        // Kilolux to lux, which half floats hold better by night.
+        tile.decode_rgba16f(1000.0, &mut texels);
+        println!(
+            "page {}, tile ({}, {}): {} texels, {peak} at its brightest",
+            place.page,
+            place.column,
+            place.row,
+            texels.len()
+        );
+    }
+    Ok(())
+}

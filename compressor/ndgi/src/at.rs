@@ -1,0 +1,311 @@
+//! A bundle at one moment, for those who ask for texels: tiles made ready once, then sampled without memory or a lock being taken.
+//!
+//! ```no_run
+//! let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
+//! let mut page = bundle.at(18.05)?.page(0)?;
+//! let [r, g, b] = page.sample(0.25, 0.75)?;
+//! # Ok::<(), ndgi::Error>(())
+//! ```
+
+use crate::bundle::Bundle;
+use crate::decode::{Lights, Prepared};
+use crate::grid::{Grid, Place};
+use crate::model::{BORDER, PAYLOAD};
+use crate::pack;
+use crate::sun::Sun;
+use crate::time::{Moment, fold_hour};
+use crate::{Error, Result};
+
+/// Tiles that a [`Page`] keeps at first: of whole tiles with all they have, some 50 MB.
+const KEPT: usize = 256;
+
+/// A bundle at one moment.
+#[derive(Clone, Debug)]
+pub struct At<'a> {
+    bundle: &'a Bundle,
+    lights: Lights,
+    hour: f64,
+    moment: Moment,
+    /// The sun where it is up: the times of visibility around, and a sun that knows these alone.
+    sun: Option<(Vec<usize>, Sun)>,
+}
+
+impl Bundle {
+    /// This bundle at an hour (periodic in 24 h): all its light.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for an hour that is not a finite number.
+    pub fn at(&self, hour: f64) -> Result<At<'_>> {
+        if !hour.is_finite() {
+            return Err(Error::invalid("hour", format!("{hour}; expected a finite number")));
+        }
+        let (moment, hour) = (self.header.timeline.at(hour), fold_hour(hour));
+        let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
+        let sun = self.header.sun.as_ref().filter(is_up).map(|sun| sun.near(hour));
+        Ok(At { bundle: self, lights: Lights::All, hour, moment, sun })
+    }
+}
+
+impl<'a> At<'a> {
+    /// The same moment, but only some of the light.
+    pub fn only(self, lights: Lights) -> Self {
+        At { lights, ..self }
+    }
+
+    /// Reads a tile and makes it ready: some 75 µs, and 300 more where the sun is a stream of its own and up.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a place that the bundle does not have, or a damaged tile; [`Error::Io`].
+    pub fn tile(&self, place: Place) -> Result<Tile> {
+        let grid =
+            *self.bundle.header.pages.get(place.page).ok_or_else(|| no_page(self.bundle, place.page))?;
+        let tile = match self.lights {
+            Lights::Sun => None,
+            _ => self.bundle.tile(place)?,
+        };
+        let maps = match &tile {
+            Some(tile) => Prepared::new(tile, &self.bundle.header.timeline, &self.moment)?,
+            None => None,
+        };
+        let lit = match self.sun.as_ref().filter(|_| self.lights != Lights::Baked) {
+            Some((times, sun)) => {
+                let tile = self.bundle.sun_at(place, Some(times))?;
+                let irradiance = sun.path.at(self.hour).map_or([0.0; 3], |(_, irradiance)| irradiance);
+                tile.map(|tile| Lit { shares: tile.shares(sun, self.hour), irradiance })
+            }
+            None => None,
+        };
+        // (A place that does not exist was refused above, if it has a page: black ones are looked up too.)
+        self.bundle.knots(place)?;
+        Ok(Tile {
+            size: grid.payload(place.column, place.row),
+            stored: grid.stored(place.column, place.row),
+            maps,
+            lit,
+        })
+    }
+
+    /// A page that makes its tiles ready as they are asked for, and keeps them.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a page that does not exist.
+    pub fn page(&self, page: usize) -> Result<Page<'a>> {
+        let grid = *self.bundle.header.pages.get(page).ok_or_else(|| no_page(self.bundle, page))?;
+        Ok(Page { at: self.clone(), page, grid, tiles: Vec::new(), most: KEPT, now: 0 })
+    }
+}
+
+fn no_page(bundle: &Bundle, page: usize) -> Error {
+    let pages = bundle.header.pages.len();
+    Error::invalid(format!("page {page}"), format!("expected a number below {pages}, the bundle's pages"))
+}
+
+/// What a tile sees of the sun at one moment.
+#[derive(Clone, Debug)]
+struct Lit {
+    /// By channel (one or three), the share of the irradiance on each stored texel.
+    shares: Vec<Vec<f32>>,
+    irradiance: [f32; 3],
+}
+
+/// A tile at one moment, ready to be sampled. It holds all that it needs.
+///
+/// Texels are those of its own part, its *payload*, (0, 0) the upper left one: [`Tile::width`] across, [`Tile::height`] down. Light is linear
+/// Rec. 709 irradiance, red, green, blue, in the bundle's unit, never a NaN and never infinite.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    size: (usize, usize),
+    stored: (usize, usize),
+    maps: Option<Prepared>,
+    lit: Option<Lit>,
+}
+
+impl Tile {
+    /// Texels across.
+    pub fn width(&self) -> usize {
+        self.size.0
+    }
+
+    /// Texels down.
+    pub fn height(&self) -> usize {
+        self.size.1
+    }
+
+    /// Whether all of it is black at this moment.
+    pub fn is_black(&self) -> bool {
+        self.maps.is_none() && self.lit.is_none()
+    }
+
+    /// One texel.
+    ///
+    /// # Panics
+    /// For one that the tile does not have.
+    pub fn texel(&self, x: usize, y: usize) -> [f32; 3] {
+        assert!(x < self.size.0 && y < self.size.1, "texel ({x}, {y}) of {:?}", self.size);
+        self.stored_texel(x + BORDER, y + BORDER)
+    }
+
+    /// Bilinear between texel centres, which are at halves; also a texel beyond the payload, as the border tells. What is not a number
+    /// counts as 0.
+    pub fn sample(&self, x: f32, y: f32) -> [f32; 3] {
+        let axis = |at: f32, stored: usize| {
+            let p = (at + (BORDER as f32 - 0.5)).clamp(0.0, (stored - 2) as f32 + 1.0);
+            let p = if p.is_nan() { 0.0 } else { p };
+            let i = (p as usize).min(stored - 2);
+            (i, p - i as f32)
+        };
+        let ((x, s), (y, t)) = (axis(x, self.stored.0), axis(y, self.stored.1));
+        self.bilinear([x, y], [s, t])
+    }
+
+    fn bilinear(&self, [x, y]: [usize; 2], [s, t]: [f32; 2]) -> [f32; 3] {
+        let at = |dx, dy| self.stored_texel(x + dx, y + dy);
+        let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
+        let lerp = |a: f32, b: f32, s: f32| a * (1.0 - s) + b * s;
+        std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t))
+    }
+
+    fn stored_texel(&self, x: usize, y: usize) -> [f32; 3] {
+        let light = self.maps.as_ref().map_or([0.0; 3], |maps| maps.texel(x, y));
+        let Some(Lit { shares, irradiance }) = &self.lit else { return light };
+        let i = y * self.stored.0 + x;
+        std::array::from_fn(|c| (light[c] + shares[c.min(shares.len() - 1)][i] * irradiance[c]).min(f32::MAX))
+    }
+
+    /// All texels, row by row.
+    ///
+    /// # Panics
+    /// Unless `out` has as many texels as the tile.
+    pub fn decode_into(&self, out: &mut [[f32; 3]]) {
+        self.decode_as(out, |light| light);
+    }
+
+    /// All texels as RGBA of 16-bit floats: light times `exposure`, at most 65504, and 1. Kilolux at night are below what 16 bits hold well: an
+    /// exposure of 1000 gives lux.
+    ///
+    /// # Panics
+    /// As [`Tile::decode_into`].
+    pub fn decode_rgba16f(&self, exposure: f32, out: &mut [[u16; 4]]) {
+        self.decode_as(out, |light| pack::rgba16f(light, exposure));
+    }
+
+    /// All texels as RGB of 9 bits with one exponent of 5 bits (DXGI's R9G9B9E5, Vulkan's E5B9G9R9): light times `exposure`, at most 65408.
+    ///
+    /// # Panics
+    /// As [`Tile::decode_into`].
+    pub fn decode_rgb9e5(&self, exposure: f32, out: &mut [u32]) {
+        self.decode_as(out, |light| pack::rgb9e5(light, exposure));
+    }
+
+    /// All texels as RGBA of 8 bits: √(light / peak), cut at 1, and 255. [`Bundle::knots`] tells how bright a tile's maps are.
+    ///
+    /// # Panics
+    /// As [`Tile::decode_into`].
+    pub fn decode_rgba8(&self, peak: f32, out: &mut [[u8; 4]]) {
+        self.decode_as(out, |light| pack::rgba8(light, peak));
+    }
+
+    fn decode_as<T>(&self, out: &mut [T], pack: impl Fn([f32; 3]) -> T) {
+        let (width, height) = self.size;
+        assert_eq!(out.len(), width * height, "texels of the tile");
+        let mut texels = vec![[0.0; 3]; self.stored.0 * self.stored.1];
+        if let Some(maps) = &self.maps {
+            maps.decode_into(&mut texels);
+        }
+        for (y, line) in out.chunks_exact_mut(width).enumerate() {
+            let from = (y + BORDER) * self.stored.0 + BORDER;
+            for (x, to) in line.iter_mut().enumerate() {
+                let mut light = texels[from + x];
+                if let Some(Lit { shares, irradiance }) = &self.lit {
+                    for c in 0..3 {
+                        let share = shares[c.min(shares.len() - 1)][from + x];
+                        light[c] = (light[c] + share * irradiance[c]).min(f32::MAX);
+                    }
+                }
+                *to = pack(light);
+            }
+        }
+    }
+}
+
+/// A page at one moment, whose tiles are made ready as they are asked for; those asked for last are kept.
+#[derive(Clone, Debug)]
+pub struct Page<'a> {
+    at: At<'a>,
+    page: usize,
+    grid: Grid,
+    /// Column and row, when it was asked for last, and the tile.
+    tiles: Vec<([usize; 2], u64, Tile)>,
+    most: usize,
+    now: u64,
+}
+
+impl Page<'_> {
+    /// How many tiles are kept at most; at least one.
+    pub fn keeping(self, tiles: usize) -> Self {
+        Page { most: tiles.max(1), ..self }
+    }
+
+    /// Texels across.
+    pub fn width(&self) -> usize {
+        self.grid.width
+    }
+
+    /// Texels down.
+    pub fn height(&self) -> usize {
+        self.grid.height
+    }
+
+    /// Light at (u, v) in [0, 1]², v downwards, bilinear between texel centres; beyond the page as at its edge.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for coordinates that are not numbers, or a damaged tile; [`Error::Io`].
+    pub fn sample(&mut self, u: f32, v: f32) -> Result<[f32; 3]> {
+        if u.is_nan() || v.is_nan() {
+            return Err(Error::invalid(format!("({u}, {v})"), "expected numbers"));
+        }
+        // The texel to the left and above, from −1; the tile that owns it (or the page's first) stores the other three too.
+        let axis = |u: f32, n: usize| {
+            let p = f64::from(u.clamp(0.0, 1.0)) * n as f64 - 0.5;
+            let i = p.floor().min(n as f64 - 1.0);
+            let tile = i.max(0.0) as usize / PAYLOAD;
+            ((i as isize - (tile * PAYLOAD) as isize + BORDER as isize) as usize, tile, (p - i) as f32)
+        };
+        let (x, column, s) = axis(u, self.grid.width);
+        let (y, row, t) = axis(v, self.grid.height);
+        Ok(self.tile([column, row])?.bilinear([x, y], [s, t]))
+    }
+
+    /// One texel of the page.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a texel that the page does not have, or a damaged tile; [`Error::Io`].
+    pub fn texel(&mut self, x: usize, y: usize) -> Result<[f32; 3]> {
+        if x >= self.grid.width || y >= self.grid.height {
+            let size = format!("the page has {} × {} texels", self.grid.width, self.grid.height);
+            return Err(Error::invalid(format!("texel ({x}, {y})"), size));
+        }
+        Ok(self.tile([x / PAYLOAD, y / PAYLOAD])?.texel(x % PAYLOAD, y % PAYLOAD))
+    }
+
+    fn tile(&mut self, place: [usize; 2]) -> Result<&Tile> {
+        self.now += 1;
+        let at = match self.tiles.iter().position(|(of, ..)| *of == place) {
+            Some(at) => at,
+            None => {
+                let [column, row] = place;
+                let tile = self.at.tile(Place { page: self.page, column, row })?;
+                if self.tiles.len() >= self.most {
+                    let oldest = (0..self.tiles.len()).min_by_key(|&i| self.tiles[i].1);
+                    oldest.map(|i| self.tiles.swap_remove(i));
+                }
+                self.tiles.push((place, 0, tile));
+                self.tiles.len() - 1
+            }
+        };
+        // The one asked for last is found first.
+        self.tiles.swap(0, at);
+        self.tiles[0].1 = self.now;
+        Ok(&self.tiles[0].2)
+    }
+}
