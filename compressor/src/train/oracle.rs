@@ -90,7 +90,7 @@ impl<'a> Oracle<'a> {
             uvt: map(&tile.f_uvt, shape.uvt[0], shape.uvt[1]),
             ut: plane(&tile.f_ut),
             vt: plane(&tile.f_vt),
-            mlp: tile.mlp.iter().map(|v| v.to_f64()).collect(),
+            mlp: tile.mlp.iter().map(|v| f64::from(v.to_f32())).collect(),
         }
     }
 
