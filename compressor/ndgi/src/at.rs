@@ -57,8 +57,9 @@ impl<'a> At<'a> {
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have, or a damaged tile; [`Error::Io`].
     pub fn tile(&self, place: Place) -> Result<Tile> {
-        let grid =
-            *self.bundle.header.pages.get(place.page).ok_or_else(|| no_page(self.bundle, place.page))?;
+        // A place that the bundle does not have is refused here.
+        self.bundle.knots(place)?;
+        let grid = self.bundle.header.pages[place.page];
         let tile = match self.lights {
             Lights::Sun => None,
             _ => self.bundle.tile(place)?,
@@ -75,8 +76,6 @@ impl<'a> At<'a> {
             }
             None => None,
         };
-        // (A place that does not exist was refused above, if it has a page: black ones are looked up too.)
-        self.bundle.knots(place)?;
         Ok(Tile {
             size: grid.payload(place.column, place.row),
             stored: grid.stored(place.column, place.row),
@@ -149,7 +148,7 @@ impl Tile {
     /// counts as 0.
     pub fn sample(&self, x: f32, y: f32) -> [f32; 3] {
         let axis = |at: f32, stored: usize| {
-            let p = (at + (BORDER as f32 - 0.5)).clamp(0.0, (stored - 2) as f32 + 1.0);
+            let p = (at + (BORDER as f32 - 0.5)).clamp(0.0, (stored - 1) as f32);
             let p = if p.is_nan() { 0.0 } else { p };
             let i = (p as usize).min(stored - 2);
             (i, p - i as f32)

@@ -17,11 +17,11 @@ fn the_example_in_c_decodes_what_rust_decodes() {
     let folder = tempfile::tempdir().unwrap();
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("capi");
     run(Command::new(env!("CARGO"))
-        .args(["rustc", "--offline", "--lib", "--release", "--features", "capi", "--crate-type", "cdylib"])
+        .args(["rustc", "--offline", "--lib", "--features", "capi", "--crate-type", "cdylib"])
         .current_dir(root)
         .env("CARGO_TARGET_DIR", &target));
     let program = folder.path().join("decode");
-    let library = target.join("release");
+    let library = target.join("debug");
     run(Command::new("cc")
         .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-I"])
         .arg(root.join("include"))

@@ -235,7 +235,7 @@ impl Search {
         turned
     }
 
-    /// The codeword that lowers the error most: its entry, its transform, and the change. Only the [`CANDIDATES`] best by a low-dimensional
+    /// The codeword that lowers the error most: its entry, its transform, and the change. Only the 128 best by a low-dimensional
     /// projection are compared exactly.
     pub fn best(&self, costs: &Costs) -> (usize, usize, f32) {
         let mut candidates = match self.tier.instructions() {
