@@ -287,6 +287,9 @@ fn decode(bytes: Vec<u8>) -> bool {
     for (page, grid) in pages.iter().enumerate().take(3) {
         for (u, v, hour) in [(0.0, 0.0, 0.0), (0.5, 0.5, 5.95), (1.0, 1.0, 23.9)] {
             whole &= decoder.sample(page, u, v, hour).is_ok();
+            // The way of games: a page at a moment. Both know of the same damage, and neither gives what is no light.
+            let ready = decoder.bundle().at(hour).and_then(|at| at.page(page)?.sample(u as f32, v as f32));
+            whole &= ready.as_ref().is_ok_and(|light| light.iter().all(|e| e.is_finite() && *e >= 0.0));
         }
         // A few bytes may tell of a page that no memory holds.
         let rows = if grid.width <= 1024 { 0..grid.height.min(130) } else { 0..1 };
