@@ -64,6 +64,8 @@ pub struct Evaluation {
     pub sunny: Option<Quality>,
     /// Of what maps hold, without the sun's direct light, where this is a stream of its own: over all sets, without looks and noise.
     pub without_sun: Option<Quality>,
+    /// Whether the sun's direct light was left out of the bundle, and so of what it is compared with.
+    pub sun_is_left_out: bool,
     /// Per set: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
     /// Over the sets that differ: nights under the same lamps are one image, which `all` counts once per set.
@@ -313,6 +315,7 @@ impl Found {
         let sunny = (0..sets.len()).any(is_sunny);
         Ok(Evaluation {
             without_sun: None,
+            sun_is_left_out: crate::compress::sun_is_left_out(&decoder.bundle().header),
             sunny: sunny.then(|| over(&is_sunny)),
             all: over(&|_| true),
             by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
-/// Hours between two sets past which nothing is told of the light between them: nobody baked that part of the day.
+/// Two sets farther apart than this, in hours, have no knots between them: nobody baked that part of the day.
 pub const WIDEST: f64 = 12.0;
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;

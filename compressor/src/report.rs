@@ -29,7 +29,7 @@ pub fn training(outcome: &Outcome) -> Section {
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
     section.paragraph(&format!(
         "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
-         training. Steps per tile: {}. Mean over tiles, by texels, before quantisation {}, with features of \
+         training. Steps per tile: {}. What maps hold, mean over tiles by their texels: before quantisation {}, with features of \
          8 bits {}, as stored in BC7 {}.",
         outcome.tiles,
         outcome.empty,
@@ -258,8 +258,8 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
     Ok(())
 }
 
-/// What tiles have, and what training left out and why.
-pub fn left_out(outcome: &Outcome) -> Section {
+/// What tiles have, and what training left out and why; the sun's direct light too, if it was.
+pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
     let mut section = Section::new("What tiles have, and what the compressor left out");
     let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();
     for tile in &outcome.per_tile {
@@ -272,13 +272,16 @@ pub fn left_out(outcome: &Outcome) -> Section {
         vec![has.to_string(), tiles.len().to_string(), bytes.to_string(), psnr]
     };
     let rows: Vec<Vec<String>> = kinds.iter().map(row).collect();
-    section.table(&["maps and inputs", "tiles", "bytes", "mean PSNR dB"], &rows);
+    section.table(&["maps and inputs", "tiles", "bytes", "mean PSNR of the maps, dB"], &rows);
     let tiles = |n: usize| if n == 1 { "1 tile".to_owned() } else { format!("{n} tiles") };
     let mut items: Vec<String> =
         outcome.left_out.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
     if outcome.left_out.len() > LISTED {
         let rest = outcome.left_out[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
         items.push(format!("{rest} further remarks; all of them stand in the bundle's run.json"));
+    }
+    if is_sun {
+        items.insert(0, "the bundle: the sun's direct light (--without-sun)".to_owned());
     }
     if items.is_empty() {
         section.paragraph("Nothing.");

@@ -57,7 +57,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         report::training(&outcome),
         report::quality(&evaluation, &remarks),
         report::pictures(&dataset, &decoder)?,
-        report::left_out(&outcome),
+        report::left_out(&outcome, evaluation.sun_is_left_out),
     ];
     Ok(Judged { outcome, evaluation, sections, seconds: start.elapsed().as_secs_f64() })
 }
@@ -159,6 +159,7 @@ mod tests {
             samples: vec![],
             sunny: None,
             without_sun: None,
+            sun_is_left_out: false,
             all,
             by_hour: vec![],
             distinct: all,

@@ -231,6 +231,14 @@ fn the_sun_goes_through_the_bundle_and_back() {
         assert!(sun.times[0] > 5.9 && *sun.times.last().unwrap() > 18.9, "{:?}", sun.times);
         assert!(!header.timeline.between.is_empty());
 
+        // What a shader holds at a moment: two times of three bits a texel and channel, at least.
+        for place in header.places().filter(|place| place.column == 1) {
+            let (width, height) = header.pages[0].stored(place.column, place.row);
+            let held = decoder.bundle().bytes_held_of_sun(place).unwrap() as usize;
+            let levels = if glass { 3 } else { 1 } * 2 * width * height * 3 / 8;
+            assert!((levels..levels + 5000).contains(&held), "{glass} {held} {levels}");
+        }
+
         // At the sets: three bits of visibility, a degree of the normals.
         let valid = dataset.mask(0).unwrap().valid;
         for hour in [6.1, 9.0, 12.0, 15.0, 18.1] {
@@ -372,6 +380,7 @@ fn without_the_sun_nothing_of_it_is_left() {
     let dataset = Dataset::open(&root).unwrap();
     let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
     assert!(evaluation.all.psnr_db.unwrap() > 40.0 && evaluation.without_sun.is_none());
+    assert!(evaluation.remarks().iter().any(|remark| remark.contains("--without-sun")));
     // With the sun it is another bundle, whose maps are the same.
     let with = folder.path().join("with.ndgi");
     compress(&root, &options(&with), &Console::silent()).unwrap();

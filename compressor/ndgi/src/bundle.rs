@@ -356,7 +356,21 @@ impl Bundle {
         self.sun_at(place, None)
     }
 
-    /// The same at some of the times of [`Sun::times`] alone.
+    /// Bytes that a shader holds of a tile's streams of the sun at one moment, at most: the levels of two times unpacked to three bits, normals,
+    /// and the moving shadows between. (All other times stay on disk, or as they are stored.)
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`].
+    pub fn bytes_held_of_sun(&self, place: Place) -> Result<u64> {
+        let Some((tile, sun)) = self.sun(place)?.zip(self.header.sun.as_ref()) else { return Ok(0) };
+        let part = &self.index[self.position(place)?].sun;
+        let section = self.read(part, || self.name_of(place))?;
+        let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
+        let held = decoder.held(&section, part.word, [tile.width, tile.height]);
+        Ok((held + tile.shadows.most_bytes(tile.channels())) as u64)
+    }
+
+    /// What a tile sees of the sun at some of the times of [`Sun::times`] alone.
     pub(crate) fn sun_at(&self, place: Place, times: Option<&[usize]>) -> Result<Option<TileSun>> {
         let position = self.position(place)?;
         let Entry { sun: part, shadows, .. } = &self.index[position];

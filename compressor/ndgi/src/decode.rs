@@ -15,7 +15,7 @@ pub use tile::TileDecoder;
 use crate::bundle::Bundle;
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
-use crate::sun::{Sun, TileSun};
+use crate::sun::TileSun;
 use crate::time::{self, Coding, Moment, Timeline};
 use crate::{Error, Result};
 #[cfg(feature = "rayon")]
@@ -179,18 +179,9 @@ impl Decoder {
     pub fn sample(&self, page: usize, u: f64, v: f64, hour: f64) -> Result<[f32; 3]> {
         let grid = self.grid(page)?;
         let moment = self.bundle.header.timeline.at(hour);
-        // The texel to the left and above, from −1; the tile that owns it (or the page's first) stores the other three too.
-        let axis = |u: f64, n: usize| {
-            let p = u.clamp(0.0, 1.0).max(0.0) * n as f64 - 0.5;
-            let i = p.floor().min(n as f64 - 1.0);
-            let tile = i.max(0.0) as usize / PAYLOAD;
-            ((i as isize - (tile * PAYLOAD) as isize + BORDER as isize) as usize, tile, (p - i) as f32)
-        };
-        let (x, column, s) = axis(u, grid.width);
-        let (y, row, t) = axis(v, grid.height);
-        let place = Place { page, column, row };
+        let (place, [x, y], [s, t]) = grid.around(page, [u, v]);
         let (tile, lit) = (self.tile(place)?, self.sun(place)?);
-        let (width, _) = grid.stored(column, row);
+        let (width, _) = grid.stored(place.column, place.row);
         let at = |dx, dy| {
             let baked =
                 tile.as_ref().map(|tile| texel(tile, &self.bundle.header.timeline, &moment, x + dx, y + dy));
@@ -258,12 +249,7 @@ impl Decoder {
             let what = format!("rows {}..{} asked for, it has {}", rows.start, rows.end, grid.height);
             return Err(Error::invalid(format!("page {page}"), what));
         }
-        let timeline = &self.bundle.header.timeline;
-        let (moment, hour) = (timeline.at(hour), time::fold_hour(hour));
-        // Where the sun is not asked for, or not up, it is not looked at.
-        let sun = self.bundle.header.sun.as_ref().filter(|_| lights != Lights::Baked);
-        let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
-        let sun = sun.filter(is_up).map(|sun| sun.near(hour));
+        let at = self.bundle.at(hour)?.only(lights);
         // A few bytes of a bundle may tell of pages that no memory holds.
         let (mut texels, count) = (Vec::new(), grid.width * rows.len());
         texels.try_reserve_exact(count).map_err(|_| {
@@ -288,24 +274,13 @@ impl Decoder {
             for column in 0..grid.columns() {
                 // Past the memory of recent tiles: a page may have more than it holds, and needs each once.
                 let place = Place { page, column, row };
-                let tile = if lights == Lights::Sun { None } else { self.bundle.tile(place)? };
-                let lit = match &sun {
-                    Some((times, _)) => self.bundle.sun_at(place, Some(times))?,
-                    None => None,
-                };
-                if tile.is_none() && lit.is_none() {
+                let tile = at.tile(place)?;
+                if tile.is_black() {
                     continue;
                 }
                 let (own_width, _) = grid.payload(column, row);
-                let (width, height) = grid.stored(column, row);
-                decoded.clear();
-                decoded.resize(width * height, [0.0; 3]);
-                if let Some(tile) = tile {
-                    TileDecoder::new(&tile, timeline)?.decode_into(&moment, &mut decoded);
-                }
-                if let Some(((_, sun), tile)) = sun.as_ref().zip(lit) {
-                    tile.add_light(sun, hour, &mut decoded);
-                }
+                let (width, _) = grid.stored(column, row);
+                tile.stored_light(&mut decoded);
                 for (y, line) in band.chunks_exact_mut(grid.width).enumerate() {
                     let from = (first + y - row * PAYLOAD + BORDER) * width + BORDER;
                     let to = column * PAYLOAD;

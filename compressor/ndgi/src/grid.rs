@@ -52,6 +52,20 @@ impl Grid {
             .flat_map(move |row| (0..self.columns()).map(move |column| Place { page, column, row }))
     }
 
+    /// Where (u, v) of a page, in [0, 1]², is looked up: the tile; of the four stored texels around, whose centres are at halves, the one to the
+    /// left and above; and the shares of those to the right and below. Beyond the page it is its edge; what is not a number counts as 0.
+    pub(crate) fn around(&self, page: usize, [u, v]: [f64; 2]) -> (Place, [usize; 2], [f32; 2]) {
+        // From −1 on; the tile that owns that texel (or the page's first) stores the other three too.
+        let axis = |u: f64, n: usize| {
+            let p = u.clamp(0.0, 1.0).max(0.0) * n as f64 - 0.5;
+            let i = p.floor().min(n as f64 - 1.0);
+            let tile = i.max(0.0) as usize / PAYLOAD;
+            (tile, (i as isize - (tile * PAYLOAD) as isize + BORDER as isize) as usize, (p - i) as f32)
+        };
+        let ((column, x, s), (row, y, t)) = (axis(u, self.width), axis(v, self.height));
+        (Place { page, column, row }, [x, y], [s, t])
+    }
+
     /// Texels that belong to the tile itself: width, height.
     pub fn payload(&self, column: usize, row: usize) -> (usize, usize) {
         let own = |extent: usize, i: usize| PAYLOAD.min(extent - i * PAYLOAD);

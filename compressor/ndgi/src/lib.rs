@@ -22,6 +22,10 @@ pub mod at;
 #[cfg(feature = "capi")]
 mod c;
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+mod readme {}
+
 #[cfg(test)]
 mod testing;
 

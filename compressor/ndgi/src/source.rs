@@ -16,7 +16,7 @@ pub trait ReadAt: Debug + Send + Sync {
     /// Fills `bytes` with those from `offset` on.
     ///
     /// # Errors
-    /// What the system says; `UnexpectedEof` where there are not so many.
+    /// What the system says; `UnexpectedEof` where there are fewer.
     fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()>;
 }
 

@@ -194,13 +194,8 @@ impl TileSun {
     /// Unless there are as many as the tile has.
     pub fn add_light(&self, sun: &Sun, hour: f64, out: &mut [[f32; 3]]) {
         assert_eq!(out.len(), self.width * self.height, "texels of the tile");
-        let Some((_, irradiance)) = sun.path.at(hour) else { return };
-        let shares = self.shares(sun, hour);
-        for (channel, of_channel) in shares.iter().enumerate() {
-            let of = if shares.len() == 1 { 0..3 } else { channel..channel + 1 };
-            for (light, share) in out.iter_mut().zip(of_channel) {
-                of.clone().for_each(|c| light[c] = (light[c] + share * irradiance[c]).min(f32::MAX));
-            }
+        if let Some((_, irradiance)) = sun.path.at(hour) {
+            add_shares(&self.shares(sun, hour), irradiance, out);
         }
     }
 
@@ -216,6 +211,16 @@ impl TileSun {
             shares
         };
         (0..self.channels()).map(of_channel).collect()
+    }
+}
+
+/// Adds light of the sun to that of texels, by the shares of its irradiance that [`TileSun::shares`] gives.
+pub(crate) fn add_shares(shares: &[Vec<f32>], irradiance: [f32; 3], out: &mut [[f32; 3]]) {
+    for (channel, of_channel) in shares.iter().enumerate() {
+        let of = if shares.len() == 1 { 0..3 } else { channel..channel + 1 };
+        for (light, share) in out.iter_mut().zip(of_channel) {
+            of.clone().for_each(|c| light[c] = (light[c] + share * irradiance[c]).min(f32::MAX));
+        }
     }
 }
 
@@ -306,6 +311,18 @@ impl SunDecoder {
     pub fn tile(&self, bytes: &[u8], word: u32, size: [usize; 2]) -> Result<TileSun, String> {
         let all: Vec<usize> = (0..self.times).collect();
         self.tile_at(bytes, word, size, &all)
+    }
+
+    /// Bytes that a shader holds of a section that [`SunDecoder::tile`] reads, at one moment: the levels of two times in three bits each, and the
+    /// normals as they are stored, with four bytes a block of 4×4 in place of runs: its kind, and where its directions are.
+    pub(crate) fn held(&self, bytes: &[u8], word: u32, [width, height]: [usize; 2]) -> usize {
+        let channels = (word & 3) as usize;
+        let list = 2 * channels * self.times;
+        let lengths = bytes[..list].as_chunks::<2>().0.iter().map(|length| u16::from_le_bytes(*length));
+        let streams: usize = lengths.filter(|length| ![DARK, LIT].contains(length)).map(usize::from).sum();
+        let levels = channels * 2 * (width * height * 3).div_ceil(8);
+        let blocks = if word & 4 != 0 { width * height / 16 * 4 } else { 0 };
+        levels + bytes.len() - list - streams + blocks
     }
 
     /// The same at some of the times alone, ascending: those of the tile.

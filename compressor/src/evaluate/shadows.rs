@@ -10,8 +10,8 @@ use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
 
-/// Moments of a day that are judged, evenly from a half of their distance after sunrise on: so many that times of visibility, about an hour
-/// apart, lie near few of them.
+/// Moments of a day that are judged, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer moments too large a
+/// share of them may lie near one.
 const MOMENTS: usize = 40;
 /// Tiles whose light is below this share of the sun's are not judged: next to nothing is lit.
 const LIT: f64 = 0.01;

@@ -98,6 +98,11 @@ impl Evaluation {
         if let Some(sunny) = &self.sunny {
             remarks.push(format!("over the sets that the sun lights directly: {}", figures(sunny)));
         }
+        if self.sun_is_left_out {
+            remarks.push(
+                "the sun's direct light was left out (--without-sun), here and in what the bundle is compared with".to_owned(),
+            );
+        }
         if let Some(baked) = &self.without_sun {
             let [sun, shadows] =
                 [self.bytes_of_sun, self.bytes_of_shadows].map(|n| n as f64 / self.bytes as f64 * of_valid);

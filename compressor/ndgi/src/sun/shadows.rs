@@ -309,6 +309,13 @@ impl Shadows {
         Ok(Shadows { planes, groups: across_down })
     }
 
+    /// Bytes of the interval that has most of them, over all channels.
+    pub(crate) fn most_bytes(&self, channels: usize) -> usize {
+        let intervals = self.planes.len() / channels.max(1);
+        let of = |interval: usize| self.planes.iter().skip(interval).step_by(intervals).map(Vec::len).sum();
+        (0..intervals).map(of).max().unwrap_or(0)
+    }
+
     fn plane(&self, channels: usize, channel: usize, interval: usize) -> Option<&[u8]> {
         let intervals = self.planes.len() / channels.max(1);
         let plane = self.planes.get(channel * intervals + interval).filter(|_| interval < intervals)?;

@@ -62,6 +62,7 @@ Keys of the --json object (null where there is none):
   bundle, report         paths written (compress only)
   steps_least, steps_most   training steps of a tile with light (compress only)
   tiles_empty, tiles_resumed, training_cpu_seconds, up_to_date   (compress only; the seconds of the run that trained it)
+  matches_dataset        whether the bundle was made from the light that the dataset holds now (evaluate only)
   decode_seconds         wall-clock seconds of decoding all sets (evaluate only)";
 
 const SWEEP_EXAMPLES: &str = "\
@@ -70,7 +71,7 @@ Examples:
   compress sweep dataset/yard --profiles M --presets draft,medium,final --csv m.csv
 
 Each tile is trained as `compress --profile … --preset …` would with that seed. The three PSNRs are of one training: of the float
-model, of that with all features rounded to 8 bits, and of the stored tile in BC7; bpp counts the texels of the trained tiles alone. With --json: tiles, tiles_of, rows (profile,
+model, of that with all features rounded to 8 bits, and of the stored tile in BC7; bpp counts the texels of the trained tiles alone. With --json: tiles, tiles_of, is_sun_apart, rows (profile,
 preset, bpp, psnr_unquantised_db, psnr_8bit_features_db, psnr_bc7_db, one_minus_ssim, seconds), report, seconds.";
 
 const COMPARE_EXAMPLES: &str = "\
@@ -87,7 +88,11 @@ decode_milliseconds of 1024x1024 texels, note), left_out, report, seconds.";
 const INFO_EXAMPLES: &str = "\
 Examples:
   compress info dataset/yard/yard.ndgi
-  compress info dataset/yard/yard.ndgi --json | jq .written.seed";
+  compress info dataset/yard/yard.ndgi --json | jq .written.seed
+
+With --json: scene, profile, pages, hours, hours_between, groups, tiles, tiles_empty, contents, sun_times, written, bpp and bytes: bytes_of_header with the
+index, bytes_resident (means and peaks of all tiles), bytes_of_sun, bytes_of_shadows; the rest is features and decoders. bytes_held_of_sun is what a
+shader holds of the sun's streams at one moment, with all tiles at hand.";
 
 /// Compresses a temporal lightmap set into a random-access bundle, and judges the result.
 #[derive(Debug, Parser)]

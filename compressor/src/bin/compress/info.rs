@@ -29,7 +29,11 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let header = &bundle.header;
     // All tiles are read, for what is damaged to be told.
     header.places().try_for_each(|place| bundle.tile(place).map(drop)).map_err(of_bundle)?;
-    header.places().try_for_each(|place| bundle.sun(place).map(drop)).map_err(of_bundle)?;
+    let held = header
+        .places()
+        .map(|place| bundle.bytes_held_of_sun(place))
+        .sum::<Result<u64, _>>()
+        .map_err(of_bundle)?;
     let pages: Vec<_> = header.pages.iter().map(|page| json!([page.width, page.height])).collect();
     let empty = bundle.index.iter().filter(|entry| entry.bytes() == 0).count();
     let groups: Vec<_> = header
@@ -48,10 +52,11 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
         "hours_between": header.timeline.between, "sun_times": header.sun.as_ref().map(|sun| &sun.times),
         "bytes_of_sun": bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum::<u64>(),
         "bytes_of_shadows": bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum::<u64>(),
+        "bytes_held_of_sun": held,
         "bytes_of_header": bytes_around(&bundle), "bytes_resident": bundle.bytes_resident,
         "bytes": bundle.bytes, "bpp": bpp, "written": written,
     });
-    for (name, text) in in_words(&bundle, &written, bpp) {
+    for (name, text) in in_words(&bundle, &written, bpp, held) {
         console.print(format!("{name:>8}  {text}"));
     }
     console.result(&object)?;
@@ -70,7 +75,12 @@ fn clock(hour: f64) -> String {
 }
 
 /// What a bundle says of itself, for people.
-fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'static str, String)> {
+fn in_words(
+    bundle: &Bundle,
+    written: &serde_json::Value,
+    bpp: f64,
+    held: u64,
+) -> Vec<(&'static str, String)> {
     let header = &bundle.header;
     let hours = &header.timeline.hours;
     let mut lines = vec![("scene", header.scene.clone())];
@@ -108,7 +118,13 @@ fn in_words(bundle: &Bundle, written: &serde_json::Value, bpp: f64) -> Vec<(&'st
             false => String::new(),
         };
         let bytes = of_sun.iter().sum::<u64>();
-        lines.push(("sun", format!("{times}, {} tiles: {bytes} bytes{moving}", of_sun.len())));
+        lines.push((
+            "sun",
+            format!(
+                "{times}, {} tiles: {bytes} bytes{moving}; at one moment a shader holds {held} bytes of them",
+                of_sun.len()
+            ),
+        ));
     }
     if written["sun"] == "left out" {
         lines.push(("sun", "left out (--without-sun)".to_owned()));
