@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Runs a bake up to its last round and no further: a file stands where the folder of finished layers is to be made.
-fn stop_after_the_last_round(command: &mut Command, out: &Path) {
+pub fn stop_after_the_last_round(command: &mut Command, out: &Path) {
     std::fs::create_dir_all(out.join(".bake")).unwrap();
     // (Charts that an earlier run kept there are no part of the work.)
     let _ = std::fs::remove_dir_all(out.join(".layers"));
@@ -129,7 +129,10 @@ fn a_bake_whose_time_ran_out_in_its_last_round_is_not_traced_on() {
         stop_after_the_last_round(&mut bake(&out, limit), &out);
         rounds(&out).as_array().unwrap().last().unwrap()["is_late"] == true
     };
-    let limit = ["1s", "1.3s", "1.7s", "2s"].into_iter().find(is_late).expect("a round cut by the limit");
+    let limit = ["1s", "1.3s", "1.7s", "2s", "3s", "5s", "8s", "13s"]
+        .into_iter()
+        .find(is_late)
+        .expect("a round cut by the limit");
     let out = dir.path().join(limit);
     let before = rounds(&out);
     let output = bake(&out, limit).output().unwrap();

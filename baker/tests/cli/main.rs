@@ -59,7 +59,7 @@ fn kill_after_a_round(command: &mut Command, out: &Path) -> bool {
         let folders = std::fs::read_dir(out.join(".bake")).into_iter().flatten().flatten();
         folders.map(|f| f.path().join("rounds.json")).any(|p| p.exists())
     };
-    while !has_rounds() && child.try_wait().unwrap().is_none() && start.elapsed() < Duration::from_secs(60) {
+    while !has_rounds() && child.try_wait().unwrap().is_none() && start.elapsed() < Duration::from_secs(600) {
         std::thread::sleep(Duration::from_millis(2));
     }
     child.kill().unwrap();

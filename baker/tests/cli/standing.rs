@@ -1,6 +1,6 @@
 //! What stands where a bake is to write: kept, replaced, or refused.
 
-use crate::{bake, court, data, fixture, kill_midway, text};
+use crate::{bake, court, data, fixture, text};
 use std::path::Path;
 use std::process::Command;
 
@@ -217,7 +217,7 @@ fn files_of_others_are_not_written_over() {
 fn unfinished_work_is_not_dropped_for_other_settings() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    assert!(kill_midway(&out, "4096", "cached"), "the bake ended before it was killed");
+    crate::lost::stop_after_the_last_round(&mut court(&out, "4", "cached"), &out);
     let said = refused(&mut court(&out, "2", "cached"));
     assert!(said.contains("unfinished work") && said.contains("--force"), "{said}");
     assert!(std::fs::read_dir(out.join(".bake")).unwrap().count() == 1);
