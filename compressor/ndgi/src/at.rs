@@ -12,7 +12,7 @@ use crate::decode::{Lights, Prepared};
 use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use crate::pack;
-use crate::sun::{Sun, add_shares};
+use crate::sun::{Sun, TileSun, add_shares, around};
 use crate::time::{Moment, fold_hour};
 use crate::{Error, Result};
 
@@ -84,6 +84,32 @@ impl<'a> At<'a> {
         })
     }
 
+    /// The moment on the bundle's timeline.
+    pub fn moment(&self) -> &Moment {
+        &self.moment
+    }
+
+    /// The sun, where it is a stream of its own, up, and asked for.
+    pub fn sun(&self) -> Option<SunAt> {
+        let (times, sun) = self.sun.as_ref().filter(|_| self.lights != Lights::Baked)?;
+        let (direction, irradiance) = sun.path.at(self.hour)?;
+        let (first, last) = (*times.first()?, *times.last()?);
+        let (.., part) = around(&sun.times, self.hour);
+        Some(SunAt { times: [first, last], part, direction, irradiance })
+    }
+
+    /// What a tile sees of the sun at the times of [`SunAt::times`] alone, and how shadows move between them; `None` where that is nothing, or
+    /// there is no sun at the moment.
+    ///
+    /// # Errors
+    /// As [`At::tile`].
+    pub fn sun_of(&self, place: Place) -> Result<Option<TileSun>> {
+        match self.sun.as_ref().filter(|_| self.lights != Lights::Baked) {
+            Some((times, _)) => self.bundle.sun_at(place, Some(times)),
+            None => Ok(None),
+        }
+    }
+
     /// A page that makes its tiles ready as they are asked for, and keeps them.
     ///
     /// # Errors
@@ -92,6 +118,19 @@ impl<'a> At<'a> {
         let grid = *self.bundle.header.pages.get(page).ok_or_else(|| no_page(self.bundle, page))?;
         Ok(Page { at: self.clone(), page, grid, tiles: Vec::new(), most: KEPT, now: 0 })
     }
+}
+
+/// The sun at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SunAt {
+    /// The times of visibility around, as indices of [`Sun::times`]; twice the same outside of all.
+    pub times: [usize; 2],
+    /// How far it is from the first to the second.
+    pub part: f32,
+    /// Mean direction towards the visible part of its disc, as [`crate::sun::SunPath::direction`].
+    pub direction: [f32; 3],
+    /// Irradiance of a surface that faces it.
+    pub irradiance: [f32; 3],
 }
 
 fn no_page(bundle: &Bundle, page: usize) -> Error {

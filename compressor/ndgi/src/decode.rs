@@ -69,6 +69,42 @@ fn tau_at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> f64 {
     moment.tau(&taus, brightness, |knot| f64::from(tile.knots[knot].share))
 }
 
+/// What a tile's decoder is given at a moment beside its maps: for those who decode elsewhere, as shaders do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs {
+    /// The time coordinate: where the maps are read along τ.
+    pub tau: f64,
+    /// The means of red, green and blue; all of them 0 where the tile is black.
+    pub means: [f32; 3],
+    /// γ(τ).
+    pub gamma: [f32; 4],
+}
+
+impl Inputs {
+    /// Of a tile at a moment of its bundle's timeline.
+    ///
+    /// ```no_run
+    /// # let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
+    /// use ndgi::{decode::{Inputs, along_tau}, grid::Place};
+    ///
+    /// let (timeline, place) = (&bundle.header.timeline, Place { page: 0, column: 0, row: 0 });
+    /// if let Some(tile) = bundle.tile(place)? {
+    ///     let inputs = Inputs::at(&tile, timeline, &timeline.at(18.05));
+    ///     let (_first, _second, _share_of_second) = along_tau(inputs.tau, tile.shape.uvt[2]);
+    /// }
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    pub fn at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> Self {
+        let tau = tau_at(tile, timeline, moment);
+        Inputs { tau, means: means_at(tile, moment), gamma: timeline.coding.gamma(tau) }
+    }
+}
+
+/// The two slices or rows around τ of a map that has `n` of them, and the share of the second.
+pub fn along_tau(tau: f64, n: usize) -> (usize, usize, f32) {
+    periodic(tau, n)
+}
+
 /// Irradiance from the decoder's output: `mean · clamp(y, 0, Y_MAX)^p`, finite.
 #[inline(always)]
 fn irradiance(y: f32, mean: f32, coding: Coding) -> f32 {

@@ -26,8 +26,9 @@ mod c;
 #[doc = include_str!("../README.md")]
 mod readme {}
 
-#[cfg(test)]
-mod testing;
+#[cfg(any(test, feature = "testing"))]
+#[doc(hidden)]
+pub mod testing;
 
 pub use bundle::Bundle;
 pub use error::{Error, Result};

@@ -37,7 +37,7 @@ impl SunPath {
 }
 
 /// The indices of the times before and after an hour, and how far it is from the one to the other; outside of all times the nearest.
-fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
+pub(crate) fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
     let next = times.partition_point(|time| *time <= hour);
     let (before, after) = (next.saturating_sub(1), next.min(times.len() - 1));
     let span = times[after] - times[before];

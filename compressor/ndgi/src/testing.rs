@@ -1,4 +1,6 @@
-//! Random tiles and bundles for unit tests.
+//! Random tiles and bundles for tests.
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use crate::bc7::{self, Block, Mode};
 use crate::bundle::{self, Header, PageKind, Payload};
@@ -6,6 +8,7 @@ use crate::grid::Grid;
 use crate::grid::Place;
 use crate::half::F16;
 use crate::model::{Contents, Knot, PROFILES, Shape, TileParams};
+use crate::sun::{self, Coder, Counts, Shadows, Sun, SunPath, TileSun, Word};
 use crate::time::{Axis, Coding, Timeline, is_on};
 
 /// SplitMix64.
@@ -101,7 +104,7 @@ pub fn tile_of(header: &Header, i: usize, place: Place) -> Option<TileParams> {
         _ => Contents { slices: 5, ut: false, vt: false, rows: 0, gamma: false, gates: 2, ..all },
     };
     let mut tile = tile(header.shape(place, &contents), i as u64);
-    let dusk = Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 };
+    let dusk = dusk();
     tile.knots.push(dusk);
     if i > 1 {
         let grey = bc7::encode(&bc7::GREY);
@@ -121,4 +124,125 @@ pub fn bundle() -> (Header, Vec<Payload>, Vec<u8>) {
     let payloads: Vec<_> = header.places().enumerate().map(payload).collect();
     let bytes = bundle::encode(&header, &payloads).unwrap();
     (header, payloads, bytes)
+}
+
+/// What a tile sees of the sun at some times: levels as noise or as an edge that moves, normals of all kinds, and shadows that move.
+pub fn sun_tile(size: [usize; 2], times: usize, channels: usize, seed: u64) -> TileSun {
+    let [width, height] = size;
+    let mut random = Random(seed);
+    let edge =
+        |plane: usize, x: usize, y: usize| (x as i32 + y as i32 / 3 - 9 * plane as i32).clamp(0, 7) as u8;
+    let is_noise = seed.is_multiple_of(2);
+    let levels = (0..channels * times).flat_map(|plane| (0..width * height).map(move |i| (plane, i)));
+    let levels = levels.map(|(plane, i)| match is_noise {
+        true => random.below(8) as u8,
+        false => edge(plane, i % width, i / width),
+    });
+    let levels = levels.collect();
+    // Blocks of one normal, of some, and of as many as texels.
+    let normal = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        let kinds = [1, 2, 3, 7, 16][(x / 4 + 3 * (y / 4)) % 5];
+        let kind = (x * 5 + y * 3) % kinds + x / 16;
+        let (a, b) = (0.4 * kind as f32, 0.3 + 0.05 * kind as f32);
+        [a.sin() * b.sin(), b.cos(), a.cos() * b.sin()]
+    };
+    let normals = (0..width * height).map(normal).collect();
+    let blocks = width.div_ceil(8) * height.div_ceil(8);
+    let word = |random: &mut Random| Word(random.next() as u16);
+    let block = |random: &mut Random| match random.below(4) {
+        0 => sun::Block::Nothing,
+        1 => sun::Block::Doubled(word(random)),
+        most => sun::Block::Words([(); 4].map(|()| {
+            let count = random.below(if most == 2 { 2 } else { sun::MOST + 1 });
+            (0..count).map(|_| word(random)).collect()
+        })),
+    };
+    let planes: Vec<Vec<sun::Block>> =
+        (0..channels * (times - 1)).map(|_| (0..blocks).map(|_| block(&mut random)).collect()).collect();
+    let section = sun::encode_shadows(&planes, size);
+    let shadows = Shadows::decode((0, &section.bytes), size, channels, times - 1, None).unwrap();
+    TileSun { width, height, times, levels, normals, shadows }
+}
+
+/// A bundle of one page under a sun that moves: its tiles have features or none, one channel or three.
+pub fn sunny_bundle() -> Vec<u8> {
+    let (header, payloads) = sunny();
+    bundle::encode(&header, &payloads).unwrap()
+}
+
+/// What [`sunny_bundle`] is made of.
+pub fn sunny() -> (Header, Vec<Payload>) {
+    let mut header = header();
+    header.pages = vec![Grid { width: 300, height: 140 }];
+    header.kinds = vec![PageKind::Atlas];
+    let times = vec![6.0, 7.5, 9.0, 13.0];
+    let path = SunPath {
+        hours: vec![5.5, 10.0, 14.0],
+        direction: vec![[0.9, 0.1, 0.3], [0.2, 0.9, 0.3], [-0.8, 0.2, 0.5]],
+        irradiance: vec![[0.0; 3], [90.0, 80.0, 70.0], [10.0, 4.0, 1.0]],
+    };
+    let places: Vec<Place> = header.places().collect();
+    let tiles: Vec<Option<TileSun>> = places
+        .iter()
+        .enumerate()
+        .map(|(i, place)| {
+            let (width, height) = header.pages[0].stored(place.column, place.row);
+            (i != 2).then(|| sun_tile([width, height], times.len(), if i % 3 == 1 { 3 } else { 1 }, i as u64))
+        })
+        .collect();
+    let mut tables = None;
+    for _ in 0..2 {
+        let coder = tables.as_ref().map(Coder::new);
+        let mut counts = Counts::default();
+        tiles.iter().flatten().for_each(|tile| tile.count(coder.as_ref(), &mut counts));
+        tables = Some(counts.tables());
+    }
+    let tables = tables.unwrap();
+    let coder = Coder::new(&tables);
+    let payloads: Vec<Payload> = places
+        .iter()
+        .enumerate()
+        .map(|(i, place)| {
+            let mut payload = match i {
+                0 | 4 => Payload::default(),
+                _ => {
+                    let contents = PROFILES[if i == 1 { 6 } else { 1 }].contents(4, 1);
+                    let mut tile = tile(header.shape(*place, &contents), i as u64);
+                    tile.knots.push(dusk());
+                    bundle::encode_payload(&tile).unwrap()
+                }
+            };
+            if let Some(tile) = &tiles[i] {
+                payload.sun = tile.encode(&coder);
+                // Stream 2 is as it is stored.
+                payload.shadows = shadows_of(tile);
+            }
+            payload
+        })
+        .collect();
+    header.sun = Some(Sun { path, times, tables: tables.clone() });
+    header.shadows = true;
+    (header, payloads)
+}
+
+/// The section of a tile's moving shadows.
+fn shadows_of(tile: &TileSun) -> bundle::Section {
+    let (channels, size) = (tile.channels(), [tile.width, tile.height]);
+    let blocks = tile.width.div_ceil(8) * tile.height.div_ceil(8);
+    let plane = |channel: usize, interval: usize| {
+        let mut plane = vec![sun::Block::Nothing; blocks];
+        let found = tile.shadows.blocks((channels, channel, interval), size);
+        found.into_iter().for_each(|(i, block)| plane[i] = block);
+        plane
+    };
+    let intervals = tile.times - 1;
+    let planes: Vec<_> =
+        (0..channels).flat_map(|c| (0..intervals).map(move |i| (c, i))).map(|(c, i)| plane(c, i)).collect();
+    sun::encode_shadows(&planes, size)
+}
+
+/// The knot between sets of [`header`].
+pub fn dusk() -> Knot {
+    Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 }
 }

@@ -309,8 +309,38 @@ impl Shadows {
         Ok(Shadows { planes, groups: across_down })
     }
 
+    /// What blocks of 8×8 texels have over an interval, with their numbers, row by row: those with some words. `size` is the tile's.
+    pub fn blocks(
+        &self,
+        (channels, channel, interval): (usize, usize, usize),
+        size: [usize; 2],
+    ) -> Vec<(usize, Block)> {
+        let ([across, down], [wide, high]) = (self.groups, blocks(size));
+        let Some(plane) = self.plane(channels, channel, interval) else { return Vec::new() };
+        let mut found = Vec::new();
+        for (number, bytes) in groups(plane, across * down).flatten() {
+            for (i, told) in group(bytes).unwrap_or_default().iter().enumerate() {
+                let [x, y] = [number % across * 4 + i % 4, number / across * 4 + i / 4];
+                let block = match told.is_doubled {
+                    true => told.on(0).next().map_or(Block::Nothing, Block::Doubled),
+                    false => Block::Words(std::array::from_fn(|quarter| told.on(quarter).collect())),
+                };
+                if !told.words.is_empty() && x < wide && y < high {
+                    found.push((y * wide + x, block));
+                }
+            }
+        }
+        found
+    }
+
+    /// All values of the codebook, as a shader holds them: per entry and step from 1 to 11 eight bytes, of 4×4 texels row by row, the first of two in
+    /// the lower four bits; 7 more than the value.
+    pub fn codebook() -> &'static [u8] {
+        TABLE
+    }
+
     /// Bytes of the interval that has most of them, over all channels.
-    pub(crate) fn most_bytes(&self, channels: usize) -> usize {
+    pub fn most_bytes(&self, channels: usize) -> usize {
         let intervals = self.planes.len() / channels.max(1);
         let of = |interval: usize| self.planes.iter().skip(interval).step_by(intervals).map(Vec::len).sum();
         (0..intervals).map(of).max().unwrap_or(0)

@@ -1,0 +1,573 @@
+//! A bundle on a device.
+
+use crate::place::{self, Spot};
+use crate::shader::{self, Output, Precision, Shader};
+use crate::tile::{self, Held, Job, Maps, Seen, Tile};
+use crate::{Error, Result};
+use ndgi::Bundle;
+use ndgi::bc7;
+use ndgi::decode::Lights;
+use ndgi::grid::Place;
+use ndgi::sun::Shadows;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+/// Features of a device that the decoder makes use of, so far as the adapter has them: BC7 textures, and 16-bit floats.
+pub fn features(adapter: &wgpu::Adapter) -> wgpu::Features {
+    adapter.features() & (wgpu::Features::TEXTURE_COMPRESSION_BC | wgpu::Features::SHADER_F16)
+}
+
+/// Compiled shaders. A copy is the same: decoders of one device that share it compile each shader once.
+#[derive(Clone, Debug, Default)]
+pub struct Pipelines(Arc<Mutex<HashMap<Shader, wgpu::ComputePipeline>>>);
+
+impl Pipelines {
+    fn of(&self, device: &wgpu::Device, shader: &Shader) -> wgpu::ComputePipeline {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        known.entry(*shader).or_insert_with(|| pipeline(device, shader)).clone()
+    }
+}
+
+/// How a bundle is decoded.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The network's precision. A tile whose weights are too large for 16 bits is decoded in 32.
+    pub precision: Precision,
+    /// Unpack BC7 while loading, four times as large, even if the device has BC7 textures. Without them it is always done.
+    pub unpacks: bool,
+    /// Those of other decoders of the same device.
+    pub pipelines: Pipelines,
+}
+
+/// Which light is decoded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// The hour, periodic in 24.
+    pub hour: f64,
+    /// All light, or some of it.
+    pub lights: Lights,
+    /// What light is multiplied with before it is stored: see [`Output`].
+    pub exposure: f32,
+}
+
+impl Moment {
+    /// All light at an hour, as it is.
+    pub fn at(hour: f64) -> Self {
+        Moment { hour, lights: Lights::All, exposure: 1.0 }
+    }
+}
+
+/// A tile that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// The tile.
+    pub place: Place,
+    /// Where its upper left texel comes on the target: the first of its payload, or the border's.
+    pub to: [i32; 2],
+    /// Whether the border around the payload is written too, a texel wide, for filters of hardware.
+    pub with_border: bool,
+}
+
+/// Where decoded texels go.
+#[derive(Clone, Copy, Debug)]
+pub struct Target<'a> {
+    /// A texture of two dimensions, of the output's format, with [`wgpu::TextureUsages::STORAGE_BINDING`].
+    pub view: &'a wgpu::TextureView,
+    /// What is stored.
+    pub output: Output,
+}
+
+/// What a call did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Tiles dispatched.
+    pub tiles: usize,
+    /// Those of them whose network was evaluated; the others have the sun alone.
+    pub networks: usize,
+    /// Tiles that are black at the moment: nothing was dispatched, and the target is as it was.
+    pub black: Vec<Request>,
+    /// Bytes uploaded.
+    pub bytes: u64,
+}
+
+/// A page's texture, and which tiles of it hold light.
+#[derive(Debug)]
+pub struct Page {
+    /// The texture: the page's size.
+    pub texture: wgpu::Texture,
+    view: wgpu::TextureView,
+    output: Output,
+    page: usize,
+    is_lit: Vec<bool>,
+}
+
+impl Page {
+    /// A view of the texture.
+    pub fn view(&self) -> &wgpu::TextureView {
+        &self.view
+    }
+}
+
+impl Output {
+    /// Its format of texture.
+    pub fn format(self) -> wgpu::TextureFormat {
+        match self {
+            Output::Rgba16Float => wgpu::TextureFormat::Rgba16Float,
+            Output::Rgba32Float => wgpu::TextureFormat::Rgba32Float,
+            Output::Rgba8Unorm => wgpu::TextureFormat::Rgba8Unorm,
+        }
+    }
+}
+
+/// A bundle on a device, all of its tiles.
+#[derive(Debug)]
+pub struct Decoder {
+    device: wgpu::Device,
+    bundle: Arc<Bundle>,
+    options: Options,
+    tiles: Vec<Tile>,
+    maps: wgpu::TextureView,
+    resident: wgpu::Buffer,
+    interval: wgpu::Buffer,
+    coarse: usize,
+    bytes: u64,
+}
+
+impl Decoder {
+    /// Reads all tiles of a bundle onto a device. Pipelines are made when they are first needed.
+    ///
+    /// # Errors
+    /// [`Error::Bundle`] for a damaged one; [`Error::Device`] where it has too few layers of textures or too small buffers.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, bundle: Bundle, options: Options) -> Result<Self> {
+        let has = device.features();
+        if options.precision == Precision::Half && !has.contains(wgpu::Features::SHADER_F16) {
+            return Err(Error::Device(
+                "the device was made without the feature SHADER_F16; ask for it, or for Precision::Single"
+                    .to_owned(),
+            ));
+        }
+        let unpacks = options.unpacks || !has.contains(wgpu::Features::TEXTURE_COMPRESSION_BC);
+        let options = Options { unpacks, ..options };
+        // First the sizes alone: the index tells them.
+        let mut sizes = Vec::new();
+        let mut coarse = 0;
+        for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
+            let contents = ndgi::model::Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
+            let Some(shape) = contents.map(|contents| bundle.header.shape(place, &contents)) else {
+                continue;
+            };
+            let [width, height, slices] = shape.uvt;
+            sizes.extend(shape.contents.uv.then_some([shape.width as u32, shape.height as u32]));
+            sizes.extend(vec![[width as u32, height as u32]; slices]);
+            coarse = coarse.max(shader::coarse([width, height], shape.height));
+        }
+        let (side, layers, spots) = place::place(&sizes);
+        let limits = device.limits();
+        if layers > limits.max_texture_array_layers {
+            let most = limits.max_texture_array_layers;
+            return Err(Error::Device(format!(
+                "the maps take {layers} layers of {side}²; the device has {most}"
+            )));
+        }
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("ndgi maps"),
+            size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: if unpacks { wgpu::TextureFormat::Rgba8Unorm } else { wgpu::TextureFormat::Bc7RgbaUnorm },
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let (mut resident, mut interval) = (Vec::new(), 0);
+        if bundle.header.shadows {
+            resident
+                .extend(Shadows::codebook().as_chunks::<4>().0.iter().map(|four| u32::from_le_bytes(*four)));
+        }
+        let mut spots = spots.into_iter();
+        let mut tiles = Vec::with_capacity(bundle.index.len());
+        for place in bundle.header.places() {
+            let mut tile = Tile::default();
+            if let Some(params) = bundle.tile(place)? {
+                let maps = usize::from(params.shape.contents.uv) + params.shape.uvt[2];
+                let own: Vec<Spot> = spots.by_ref().take(maps).collect();
+                let [width, height, _] = params.shape.uvt;
+                let (mut of_slices, mut own_spots) = (&own[..], own.iter());
+                if params.shape.contents.uv {
+                    let spot = own_spots.next().copied().unwrap_or_default();
+                    upload(
+                        queue,
+                        &texture,
+                        unpacks,
+                        [params.shape.width, params.shape.height],
+                        spot,
+                        &params.f_uv,
+                    )?;
+                    of_slices = &own[1..];
+                }
+                for (spot, blocks) in of_slices.iter().zip(params.f_uvt.chunks((width * height / 16).max(1)))
+                {
+                    upload(queue, &texture, unpacks, [width, height], *spot, blocks)?;
+                }
+                tile.maps = Some(Maps::new(params, own, &mut resident));
+            }
+            if let Some(sun) = bundle.sun(place)? {
+                tile.seen = Some(Seen::new(&sun, &mut resident, &mut interval));
+            }
+            tiles.push(tile);
+        }
+        let storage = |label: &'static str, words: u64| {
+            let most = u64::from(limits.max_storage_buffer_binding_size);
+            match 4 * words <= most {
+                true => Ok(Some(label)),
+                false => Err(Error::Device(format!(
+                    "{label}: {} bytes; the device binds {most} at most",
+                    4 * words
+                ))),
+            }
+        };
+        let label = storage("ndgi resident", resident.len() as u64)?;
+        resident.resize(resident.len().max(1), 0);
+        let resident = device.create_buffer_init(&BufferInitDescriptor {
+            label,
+            contents: bytemuck::cast_slice(&resident),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        let interval = device.create_buffer(&wgpu::BufferDescriptor {
+            label: storage("ndgi interval", interval.into())?,
+            size: 4 * u64::from(interval.max(1)),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let texels = u64::from(side) * u64::from(side) * u64::from(layers);
+        let bytes = texels * if unpacks { 4 } else { 1 } + resident.size() + interval.size();
+        Ok(Decoder {
+            device: device.clone(),
+            bundle: Arc::new(bundle),
+            options,
+            tiles,
+            maps: texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2Array),
+                ..Default::default()
+            }),
+            resident,
+            interval,
+            coarse,
+            bytes,
+        })
+    }
+
+    /// The bundle.
+    pub fn bundle(&self) -> &Bundle {
+        &self.bundle
+    }
+
+    /// Bytes on the device, targets apart.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// A texture of a page, all black, which [`Decoder::decode_page`] fills.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a page that the bundle does not have; [`Error::Device`] for one larger than a texture may be.
+    pub fn page(&self, page: usize, output: Output) -> Result<Page> {
+        let pages = &self.bundle.header.pages;
+        let grid = pages.get(page).ok_or_else(|| {
+            Error::Invalid(format!(
+                "page {page}; expected a number below {}, the bundle's pages",
+                pages.len()
+            ))
+        })?;
+        let most = self.device.limits().max_texture_dimension_2d as usize;
+        if grid.width.max(grid.height) > most {
+            return Err(Error::Device(format!(
+                "page {page} of {} × {} texels; textures of the device have {most} at most: decode tiles",
+                grid.width, grid.height
+            )));
+        }
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("ndgi page"),
+            size: wgpu::Extent3d {
+                width: grid.width as u32,
+                height: grid.height as u32,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: output.format(),
+            usage: wgpu::TextureUsages::STORAGE_BINDING
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        });
+        let view = texture.create_view(&Default::default());
+        Ok(Page { texture, view, output, page, is_lit: vec![false; grid.tiles()] })
+    }
+
+    /// Records the decoding of a whole page. Tiles that are black, and were before, are left out.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode`].
+    pub fn decode_page(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        page: &mut Page,
+        moment: &Moment,
+    ) -> Result<Work> {
+        let grid = self.bundle.header.pages[page.page];
+        let request = |place: Place| {
+            let (x, y) = place.origin();
+            let border = ndgi::model::BORDER as isize;
+            Request { place, to: [x + border, y + border].map(|at| at as i32), with_border: false }
+        };
+        let requests: Vec<Request> = grid.places(page.page).map(request).collect();
+        let target = Target { view: &page.view, output: page.output };
+        let mut work = self.decode(encoder, &requests, target, moment)?;
+        let index = |request: &Request| request.place.row * grid.columns() + request.place.column;
+        let before = std::mem::replace(&mut page.is_lit, vec![true; grid.tiles()]);
+        work.black.iter().for_each(|request| page.is_lit[index(request)] = false);
+        let stale: Vec<Request> =
+            work.black.iter().filter(|request| before[index(request)]).copied().collect();
+        if !stale.is_empty() {
+            let cleared = self.clear(encoder, &stale, target)?;
+            work.bytes += cleared.bytes;
+        }
+        Ok(work)
+    }
+
+    /// Records the decoding of tiles at a moment: one dispatch for each width of hidden layers and precision that is among them, nearly always
+    /// one in all. Command buffers have to be submitted in the order in which they were recorded.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for an hour or exposure that is not a finite number; [`Error::Bundle`] for a place that the bundle does not have, or a
+    /// damaged one.
+    pub fn decode(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        requests: &[Request],
+        target: Target,
+        moment: &Moment,
+    ) -> Result<Work> {
+        if !moment.exposure.is_finite() || moment.exposure < 0.0 {
+            return Err(Error::Invalid(format!(
+                "exposure {}; expected a finite number ≥ 0",
+                moment.exposure
+            )));
+        }
+        let bundle = Arc::clone(&self.bundle);
+        let at = bundle.at(moment.hour)?.only(moment.lights);
+        let (sun, timeline) = (at.sun(), &bundle.header.timeline);
+        let mut work = Work::default();
+        let mut uploads: Vec<(u32, Vec<u32>)> = Vec::new();
+        let mut dispatches: Vec<(Shader, Vec<(Job, Vec<f32>)>)> = Vec::new();
+        for request in requests {
+            let place = request.place;
+            // A place that the bundle does not have is refused here.
+            bundle.knots(place)?;
+            let tile = &mut self.tiles[bundle.header.position(place).unwrap_or_default()];
+            let grid = &bundle.header.pages[place.page];
+            let mut job =
+                tile::blank(grid, place.column, place.row, request.to, request.with_border, moment.exposure);
+            let maps = tile.maps.as_ref().filter(|_| moment.lights != Lights::Sun);
+            let bias = maps.and_then(|maps| maps.job(timeline, at.moment(), &mut job));
+            let mut is_sunlit = false;
+            if let Some((seen, sun)) = tile.seen.as_mut().zip(sun.as_ref()) {
+                if seen.held.is_none_or(|(times, _)| times != sun.times) {
+                    let part = at.sun_of(place)?.map(|tile| seen.part(&tile, sun.times));
+                    let (held, words) = part.unwrap_or((Held::Dark, Vec::new()));
+                    if held != Held::Dark {
+                        debug_assert!(words.len() <= seen.region.1);
+                        uploads.push((seen.region.0, words));
+                    }
+                    seen.held = Some((sun.times, held));
+                }
+                is_sunlit = seen.job(sun, &mut job);
+            }
+            if bias.is_none() && !is_sunlit {
+                work.black.push(*request);
+                continue;
+            }
+            work.tiles += 1;
+            work.networks += usize::from(bias.is_some());
+            // Those with the sun alone go with any others.
+            let (hidden, fits) =
+                maps.filter(|_| bias.is_some()).map_or((0, true), |m| (m.hidden(), m.fits_half));
+            let shader = self.shader(hidden, fits, target.output);
+            let job = (job, bias.unwrap_or_default());
+            match dispatches.iter_mut().find(|(of, _)| *of == shader) {
+                Some((_, jobs)) => jobs.push(job),
+                None => dispatches.push((shader, vec![job])),
+            }
+        }
+        join(&mut dispatches);
+        work.bytes += self.upload(encoder, &uploads);
+        for (shader, jobs) in &dispatches {
+            work.bytes += self.dispatch(encoder, *shader, jobs, target.view);
+        }
+        Ok(work)
+    }
+
+    /// Records that tiles' places on a target become black.
+    ///
+    /// # Errors
+    /// [`Error::Bundle`] for a place that the bundle does not have.
+    pub fn clear(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        requests: &[Request],
+        target: Target,
+    ) -> Result<Work> {
+        let mut jobs = Vec::new();
+        for Request { place, to, with_border } in requests {
+            self.bundle.knots(*place)?;
+            let grid = &self.bundle.header.pages[place.page];
+            jobs.push((tile::blank(grid, place.column, place.row, *to, *with_border, 0.0), Vec::new()));
+        }
+        let shader = self.shader(0, true, target.output);
+        let bytes = self.dispatch(encoder, shader, &jobs, target.view);
+        Ok(Work { tiles: jobs.len(), bytes, ..Work::default() })
+    }
+
+    /// The shader of tiles of a width; 0: of tiles without a network.
+    fn shader(&self, hidden: usize, fits_half: bool, output: Output) -> Shader {
+        let precision = if fits_half { self.options.precision } else { Precision::Single };
+        // The narrowest that there is among the tiles serves those without.
+        let least = || self.tiles.iter().filter_map(|tile| tile.maps.as_ref()).map(Maps::hidden).min();
+        let hidden = if hidden > 0 { hidden } else { least().unwrap_or(16) };
+        let shared = self.device.limits().max_compute_workgroup_storage_size as usize;
+        Shader { hidden, precision, output, coarse: self.coarse, shared }
+    }
+
+    fn upload(&self, encoder: &mut wgpu::CommandEncoder, uploads: &[(u32, Vec<u32>)]) -> u64 {
+        let words: Vec<u32> = uploads.iter().flat_map(|(_, words)| words).copied().collect();
+        if words.is_empty() {
+            return 0;
+        }
+        let staging = self.device.create_buffer_init(&BufferInitDescriptor {
+            label: Some("ndgi interval, new"),
+            contents: bytemuck::cast_slice(&words),
+            usage: wgpu::BufferUsages::COPY_SRC,
+        });
+        let mut from = 0;
+        for (to, words) in uploads {
+            let length = 4 * words.len() as u64;
+            encoder.copy_buffer_to_buffer(&staging, from, &self.interval, 4 * u64::from(*to), length);
+            from += length;
+        }
+        staging.size()
+    }
+
+    fn dispatch(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        shader: Shader,
+        jobs: &[(Job, Vec<f32>)],
+        view: &wgpu::TextureView,
+    ) -> u64 {
+        let mut bytes = Vec::new();
+        for (job, bias) in jobs {
+            bytes.extend_from_slice(bytemuck::bytes_of(job));
+            let end = bytes.len() + 4 * shader.hidden;
+            bytes.extend_from_slice(bytemuck::cast_slice(bias));
+            bytes.resize(end, 0);
+        }
+        let buffer = self.device.create_buffer_init(&BufferInitDescriptor {
+            label: Some("ndgi jobs"),
+            contents: &bytes,
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        let device = &self.device;
+        let pipeline = self.options.pipelines.of(device, &shader);
+        let buffers = [&buffer, &self.resident, &self.interval];
+        let mut entries: Vec<wgpu::BindGroupEntry> = (0..)
+            .zip(buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        for (binding, view) in [(3, &self.maps), (4, view)] {
+            entries
+                .push(wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) });
+        }
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("ndgi"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let rows = jobs.iter().map(|(job, _)| job.size[1]).max().unwrap_or(0);
+        let mut pass = encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("ndgi"), ..Default::default() });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(jobs.len() as u32, rows.div_ceil(shader::STRIP as u32), 1);
+        bytes.len() as u64
+    }
+}
+
+/// Jobs without a network go with others that have one, if there are some.
+fn join(dispatches: &mut Vec<(Shader, Vec<(Job, Vec<f32>)>)>) {
+    let is_alone = |(_, jobs): &(Shader, Vec<(Job, Vec<f32>)>)| jobs.iter().all(|(_, bias)| bias.is_empty());
+    while dispatches.len() > 1 {
+        let Some(at) = dispatches.iter().position(is_alone) else { return };
+        let (_, jobs) = dispatches.swap_remove(at);
+        dispatches[0].1.extend(jobs);
+    }
+}
+
+fn pipeline(device: &wgpu::Device, shader: &Shader) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("ndgi"),
+        source: wgpu::ShaderSource::Wgsl(shader.wgsl().into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("ndgi"),
+        layout: None,
+        module: &module,
+        entry_point: Some("decode"),
+        // All that is read of a workgroup's memory is written before.
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    })
+}
+
+/// Puts a map of BC7 blocks in its place, unpacked if need be.
+fn upload(
+    queue: &wgpu::Queue,
+    texture: &wgpu::Texture,
+    unpacks: bool,
+    [width, height]: [usize; 2],
+    [x, y, layer]: Spot,
+    blocks: &[[u8; 16]],
+) -> Result<()> {
+    let mut texels = Vec::new();
+    let (bytes, row) = if unpacks {
+        texels.resize(4 * width * height, 0);
+        for (i, block) in blocks.iter().enumerate() {
+            let corner = i / (width / 4) * 4 * width + i % (width / 4) * 4;
+            for (j, texel) in bc7::decode(block)?.iter().enumerate() {
+                let at = 4 * (corner + j / 4 * width + j % 4);
+                texels[at..at + 4].copy_from_slice(texel);
+            }
+        }
+        (&texels[..], 4 * width)
+    } else {
+        blocks.iter().try_for_each(bc7::check)?;
+        (blocks.as_flattened(), 4 * width)
+    };
+    queue.write_texture(
+        wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level: 0,
+            origin: wgpu::Origin3d { x, y, z: layer },
+            aspect: wgpu::TextureAspect::All,
+        },
+        bytes,
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
+        wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
+    );
+    Ok(())
+}

@@ -1,0 +1,29 @@
+//! Decodes NDGI bundles on a GPU: any number of tiles at any hour in one dispatch of a compute shader, into a texture.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let (device, queue): (wgpu::Device, wgpu::Queue) = unimplemented!();
+//! use ndgi_gpu::{Decoder, Moment, Options, Output};
+//!
+//! let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
+//! let mut decoder = Decoder::new(&device, &queue, bundle, Options::default())?;
+//! let mut page = decoder.page(0, Output::Rgba16Float)?; // a texture of the page
+//! let mut encoder = device.create_command_encoder(&Default::default());
+//! decoder.decode_page(&mut encoder, &mut page, &Moment { exposure: 1000.0, ..Moment::at(18.05) })?;
+//! queue.submit([encoder.finish()]);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! BC7 blocks, weights, planes and normals stay on the device. A call uploads a job of some 300 bytes a tile and, when the moment has passed a time of
+//! the sun's visibility, what each tile sees until the next one. How it fits into other engines: `INTEGRATION.md`.
+
+mod decoder;
+mod error;
+mod place;
+mod shader;
+mod tile;
+
+pub use decoder::{Decoder, Moment, Options, Page, Pipelines, Request, Target, Work, features};
+pub use error::{Error, Result};
+pub use shader::{Output, Precision, Shader, coarse};

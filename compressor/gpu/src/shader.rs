@@ -1,0 +1,205 @@
+//! The compute shader's text: `decode.wgsl`, with the network of a width and precision unrolled.
+
+use std::fmt::Write;
+
+/// The shader with its places still empty.
+const TEMPLATE: &str = include_str!("decode.wgsl");
+/// Rows of texels that a workgroup decodes.
+pub(crate) const STRIP: usize = 4;
+/// Columns, one a thread: the stored texels of a whole tile.
+const COLUMNS: usize = 128;
+
+/// Texels of F_uvt that a strip reads where that is as large as the tile.
+const MOST_COARSE: usize = (STRIP + 1) * COLUMNS;
+
+/// The precision of the network. Features, light and the sun are always in single precision.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// 32-bit floats.
+    #[default]
+    Single,
+    /// 16-bit floats (`shader-f16`): about a thousandth of the light off.
+    Half,
+}
+
+/// What is written to the target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Output {
+    /// E × exposure, as 16-bit floats, at most 65504. Kilolux at night are below what 16 bits hold well: an exposure of 1000 gives lux.
+    Rgba16Float,
+    /// E × exposure, as 32-bit floats.
+    Rgba32Float,
+    /// √(E × exposure), cut at 1, in 8 bits: an exposure of 1/peak.
+    Rgba8Unorm,
+}
+
+impl Output {
+    /// Its name in WGSL.
+    fn name(self) -> &'static str {
+        match self {
+            Output::Rgba16Float => "rgba16float",
+            Output::Rgba32Float => "rgba32float",
+            Output::Rgba8Unorm => "rgba8unorm",
+        }
+    }
+
+    /// What is stored of `exposed`.
+    fn stored(self) -> &'static str {
+        match self {
+            Output::Rgba16Float => "min(exposed, vec3(NOT_LARGER))",
+            Output::Rgba32Float => "min(exposed, vec3(LARGEST))",
+            Output::Rgba8Unorm => "sqrt(clamp(exposed, vec3(0.0), vec3(1.0)))",
+        }
+    }
+}
+
+/// A shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Shader {
+    /// Width of the hidden layers: 16, 32 or 64.
+    pub hidden: usize,
+    /// Precision of the network.
+    pub precision: Precision,
+    /// What is written.
+    pub output: Output,
+    /// Most texels of F_uvt that a strip reads: [`coarse`] of the widest tile.
+    pub coarse: usize,
+    /// Memory of a workgroup in bytes that the device has: weights that do not fit are read where they lie.
+    pub shared: usize,
+}
+
+/// Texels of a slice of F_uvt that one strip of rows reads at most. `uvt` is the size of the slice, `stored` the tile's.
+pub fn coarse(uvt: [usize; 2], height: usize) -> usize {
+    // From the row above the first texel to that below the last.
+    let rows = (STRIP - 1) as f64 * uvt[1] as f64 / height.max(1) as f64;
+    // One of few sizes: each is a shader.
+    (uvt[0] * (rows.ceil() as usize + 2).min(uvt[1])).next_power_of_two().clamp(64, MOST_COARSE)
+}
+
+/// Words of a tile's weights in the resident buffer.
+pub(crate) fn words(hidden: usize) -> usize {
+    8 * matrices(hidden) + 2 * biases(hidden)
+}
+
+/// Matrices of 4×4 weights: of three groups of four inputs to every unit, of every unit to every unit, and of every unit to the output.
+pub(crate) fn matrices(hidden: usize) -> usize {
+    let h = hidden / 4;
+    3 * h + h * h + h
+}
+
+/// Vectors of four biases: of the second layer, and of the third.
+fn biases(hidden: usize) -> usize {
+    hidden / 4 + 1
+}
+
+impl Shader {
+    /// Texels of a column that a thread decodes at once: weights are read once for all of them, so far as registers go.
+    fn texels(&self) -> usize {
+        STRIP.min(64 / self.hidden)
+    }
+
+    /// Whether a workgroup copies the weights into its memory.
+    fn shares_weights(&self) -> bool {
+        let scalar = if self.precision == Precision::Half { 2 } else { 4 };
+        let rest = 4 * scalar * biases(self.hidden) + 16 * self.coarse.max(1) + 8 * STRIP;
+        16 * scalar * matrices(self.hidden) + rest <= self.shared
+    }
+
+    /// The shader in WGSL.
+    pub fn wgsl(&self) -> String {
+        let (h, scalar) = (self.hidden / 4, if self.precision == Precision::Half { "f16" } else { "f32" });
+        let mut header = String::new();
+        if self.precision == Precision::Half {
+            header += "enable f16;\n";
+        }
+        let _ = write!(
+            header,
+            "alias Scalar = {scalar};\nalias Vec = vec4<{scalar}>;\nalias Mat = mat4x4<{scalar}>;\n\
+             const H: u32 = {h}u;         // vectors of four units of a hidden layer\n\
+             const MATRICES: u32 = {}u;\nconst BIASES: u32 = {}u;\n\
+             const STRIP: u32 = {STRIP}u;     // rows of texels of a workgroup\n\
+             const TEXELS: u32 = {}u;    // of them at once in a thread\n\
+             const COARSE: u32 = {}u;",
+            matrices(self.hidden),
+            biases(self.hidden),
+            self.texels(),
+            self.coarse.max(1),
+        );
+        let shares = self.shares_weights();
+        let shared = if shares { "var<workgroup> net: array<Mat, MATRICES>;" } else { "" };
+        let load = if shares {
+            format!("for (var i = x; i < MATRICES; i += {COLUMNS}u) {{ net[i] = matrix(weights + 8u * i); }}")
+        } else {
+            String::new()
+        };
+        let mut text = String::new();
+        for line in TEMPLATE.lines().filter(|line| !line.starts_with("//$")) {
+            let indent = line.len() - line.trim_start().len();
+            match line.trim() {
+                "$HEADER" => text += &header,
+                "$SHARED" => text += shared,
+                "$LOAD" => text += &format!("{:indent$}{load}", ""),
+                "$NETWORK" => {
+                    let network = self.network();
+                    let lines: Vec<String> =
+                        network.lines().map(|line| format!("{:indent$}{line}", "")).collect();
+                    text += &lines.join("\n");
+                }
+                _ => {
+                    text +=
+                        &line.replace("$STORED", self.output.stored()).replace("FORMAT", self.output.name());
+                }
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// The layers, for the texels of a thread: `a` are features, `h` units of the first layer, `s` four of the second, `o` the output.
+    fn network(&self) -> String {
+        let (h, texels) = (self.hidden / 4, self.texels());
+        let weight = |i: usize| match self.shares_weights() {
+            true => format!("net[{i}]"),
+            false => format!("matrix(weights + {}u)", 8 * i),
+        };
+        let mut lines = Vec::new();
+        for t in 0..texels {
+            lines.push(format!("let y{t} = min(row + {t}u, end - 1u);"));
+            lines.extend((0..h).map(|j| format!("var h{j}_{t} = Vec(jobs[j].bias[{j}]);")));
+        }
+        let of_uvt = "centred(between(vec2(along, place(Y, size.y, uvt.y)), uvt, top, bottom))";
+        let of_uv = "centred(textureLoad(maps, jobs[j].uv.xy + vec2(x, Y), jobs[j].uv.z, 0))";
+        let of_planes = "centred(vec4(ut, of_vt[Y - start]))";
+        let groups = [("HAS_UVT", of_uvt), ("HAS_UV", of_uv), ("(HAS_UT | HAS_VT)", of_planes)];
+        for (group, (flag, feature)) in groups.into_iter().enumerate() {
+            lines.push(format!("if ((has & {flag}) != 0u) {{"));
+            for t in 0..texels {
+                lines.push(format!("    let a{t} = {};", feature.replace('Y', &format!("y{t}"))));
+            }
+            for j in 0..h {
+                lines.push(format!("    {{ let w = {};", weight(group * h + j)));
+                lines.extend((0..texels).map(|t| format!("    h{j}_{t} += w * a{t};")));
+                lines.push("    }".to_owned());
+            }
+            lines.push("}".to_owned());
+        }
+        for t in 0..texels {
+            lines.extend((0..h).map(|j| format!("h{j}_{t} = gelu(h{j}_{t});")));
+            lines.push(format!("var o{t} = vec3<f32>(biases[{h}].xyz);"));
+        }
+        for j in 0..h {
+            lines.push("{".to_owned());
+            lines.extend((0..texels).map(|t| format!("    var s{t} = biases[{j}];")));
+            for k in 0..h {
+                lines.push(format!("    {{ let w = {};", weight(3 * h + j * h + k)));
+                lines.extend((0..texels).map(|t| format!("    s{t} += w * h{k}_{t};")));
+                lines.push("    }".to_owned());
+            }
+            lines.push(format!("    let w = {};", weight(3 * h + h * h + j)));
+            lines.extend((0..texels).map(|t| format!("    o{t} += vec3<f32>((w * gelu(s{t})).xyz);")));
+            lines.push("}".to_owned());
+        }
+        lines.extend((0..texels).map(|t| format!("e[{t}] = light(j, o{t});")));
+        lines.join("\n")
+    }
+}

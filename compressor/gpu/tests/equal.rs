@@ -1,0 +1,432 @@
+//! The shader against the decoder on the CPU, on whatever adapter there is; with `NDGI_GPU` set there has to be one.
+
+use ndgi::Bundle;
+use ndgi::bundle::{self, Header, Payload};
+use ndgi::decode::{Inputs, Lights};
+use ndgi::grid::{Grid, Place};
+use ndgi::model::{Contents, PROFILES};
+use ndgi::testing;
+use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Pipelines, Precision, Request, Target};
+use std::path::Path;
+use std::sync::{Mutex, OnceLock};
+
+struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    pipelines: Pipelines,
+}
+
+/// The adapter's device, once for all tests.
+fn gpu() -> Option<&'static Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    let gpu = GPU.get_or_init(|| {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapter = match pollster::block_on(instance.request_adapter(&Default::default())) {
+            Ok(adapter) => adapter,
+            Err(error) => {
+                assert!(
+                    std::env::var_os("NDGI_GPU").is_none(),
+                    "NDGI_GPU is set, and there is no adapter: {error}"
+                );
+                println!("skipped: no adapter was found ({error})");
+                return None;
+            }
+        };
+        println!("{:?}", adapter.get_info());
+        let required_limits = wgpu::Limits::default();
+        let required_features = ndgi_gpu::features(&adapter);
+        let descriptor = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+        Some(Gpu { device, queue, pipelines: Pipelines::default() })
+    });
+    gpu.as_ref()
+}
+
+/// One test at a time uses the device: its errors would be another's.
+static TURN: Mutex<()> = Mutex::new(());
+
+impl Gpu {
+    fn has_half(&self) -> bool {
+        self.device.features().contains(wgpu::Features::SHADER_F16)
+    }
+
+    fn decoder(&self, bytes: &[u8], options: Options) -> Decoder {
+        let options = Options { pipelines: self.pipelines.clone(), ..options };
+        Decoder::new(&self.device, &self.queue, Bundle::from_bytes(bytes.to_vec()).unwrap(), options).unwrap()
+    }
+
+    /// A page's bytes at a moment.
+    fn decode(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> Vec<u8> {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        decoder.decode_page(&mut encoder, page, moment).unwrap();
+        self.queue.submit([encoder.finish()]);
+        self.read(&page.texture)
+    }
+
+    /// A texture's texels, row by row.
+    fn read(&self, texture: &wgpu::Texture) -> Vec<u8> {
+        let (width, height) = (texture.width(), texture.height());
+        let texel = texture.format().block_copy_size(None).unwrap();
+        let stride = (width * texel).next_multiple_of(256);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: u64::from(stride * height),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: None };
+        encoder.copy_texture_to_buffer(
+            texture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+            texture.size(),
+        );
+        self.queue.submit([encoder.finish()]);
+        buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+        self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        let bytes = buffer.get_mapped_range(..).unwrap();
+        bytes.chunks(stride as usize).flat_map(|row| row[..(width * texel) as usize].to_vec()).collect()
+    }
+
+    fn floats(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> Vec<[f32; 3]> {
+        let bytes = self.decode(decoder, page, moment);
+        let texels = bytes.as_chunks::<16>().0.iter();
+        texels
+            .map(|texel| [0, 4, 8].map(|at| f32::from_le_bytes(texel[at..at + 4].try_into().unwrap())))
+            .collect()
+    }
+}
+
+/// The same page by the CPU, tile by tile: texel, and a channel's mean: that of the format, which the network's output is multiplied with, or over
+/// the tile, the sun included, if that is more.
+fn by_cpu(bundle: &Bundle, page: usize, moment: &Moment) -> Vec<([f32; 3], [f32; 3])> {
+    let grid = bundle.header.pages[page];
+    let mut out = vec![([0.0; 3], [0.0; 3]); grid.width * grid.height];
+    let at = bundle.at(moment.hour).unwrap().only(moment.lights);
+    for place in grid.places(page) {
+        let tile = at.tile(place).unwrap();
+        let mut texels = vec![[0.0; 3]; tile.width() * tile.height()];
+        tile.decode_into(&mut texels);
+        let params = bundle.tile(place).unwrap().filter(|_| moment.lights != Lights::Sun);
+        let means = params.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.moment()).means);
+        let mean = [0, 1, 2].map(|c| {
+            let sum: f64 = texels.iter().map(|texel| f64::from(texel[c])).sum();
+            means.unwrap_or_default()[c].max((sum / texels.len() as f64) as f32)
+        });
+        let corner = [place.column, place.row].map(|i| i * ndgi::model::PAYLOAD);
+        for (i, texel) in texels.into_iter().enumerate() {
+            let [x, y] = [corner[0] + i % tile.width(), corner[1] + i / tile.width()];
+            out[y * grid.width + x] = (texel, mean);
+        }
+    }
+    out
+}
+
+/// The largest difference, in units of max(E, mean/100).
+fn worst(found: &[[f32; 3]], expected: &[([f32; 3], [f32; 3])]) -> f32 {
+    assert_eq!(found.len(), expected.len());
+    let mut worst = 0.0f32;
+    for (found, (expected, mean)) in found.iter().zip(expected) {
+        for c in 0..3 {
+            assert!(found[c].is_finite() && found[c] >= 0.0, "{found:?}");
+            let scale = expected[c].max(mean[c] / 100.0).max(f32::MIN_POSITIVE);
+            worst = worst.max((found[c] - expected[c]).abs() / scale);
+        }
+    }
+    worst
+}
+
+/// PSNR of a page against another, by its largest value.
+fn psnr(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
+    let largest = expected.iter().flatten().fold(0.0f32, |a, b| a.max(*b));
+    let squares: f64 =
+        found.iter().flatten().zip(expected.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    10.0 * (f64::from(largest).powi(2) * (3 * found.len()) as f64 / squares.max(1e-300)).log10()
+}
+
+/// Bundles of the repository: of all versions, with and without a sun.
+fn fixtures() -> Vec<(String, Vec<u8>)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = [root.join("../ndgi/tests/fixtures"), root.join("../../tests/fuzz/corpus/bundle")];
+    let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
+    let files = files.map(|file| file.unwrap().path()).filter(|path| Bundle::open(path).is_ok());
+    let mut files: Vec<_> =
+        files.map(|path| (path.display().to_string(), std::fs::read(&path).unwrap())).collect();
+    files.sort();
+    assert!(files.len() >= 4);
+    files
+}
+
+/// A page of tiles each of which has other contents, under two lamps.
+fn of_all_contents(hidden: usize) -> Vec<u8> {
+    let mut header = Header { pages: vec![Grid { width: 1800, height: 14 }], ..testing::header() };
+    header.kinds.truncate(1);
+    let sides = [0, 4, 8, 16, 32, 64, 128];
+    let payload = |(i, place): (usize, Place)| {
+        let uvt = sides[i % sides.len()];
+        let (ut, vt) = (i & 1 > 0, i & 2 > 0);
+        let contents = Contents {
+            uv: i % 3 != 1,
+            uvt,
+            slices: if uvt > 0 { 1 + i % 5 } else { 0 },
+            ut,
+            vt,
+            rows: if ut || vt { 1 + i % 7 } else { 0 },
+            gamma: i % 4 < 2,
+            gates: i % 3,
+            hidden,
+        };
+        let mut tile = testing::tile(header.shape(place, &contents), i as u64);
+        // As training leaves weights: outputs of order one.
+        tile.mlp
+            .iter_mut()
+            .for_each(|w| *w = ndgi::half::F16::from_f32(w.to_f32() * 2.0 / (hidden as f32).sqrt()));
+        tile.knots.push(testing::dusk());
+        bundle::encode_payload(&tile).unwrap()
+    };
+    let payloads: Vec<Payload> = header.places().enumerate().map(payload).collect();
+    bundle::encode(&header, &payloads).unwrap()
+}
+
+/// Midnight's wrap, both sides of a switch, between times of visibility and outside of them.
+const HOURS: [f64; 9] = [0.0, 3.3, 5.95, 6.02, 6.7, 9.3, 12.0, 18.05, 23.95];
+
+fn bundles() -> Vec<(String, Vec<u8>)> {
+    let mut bundles = fixtures();
+    bundles.push(("sunny".to_owned(), testing::sunny_bundle()));
+    bundles.extend([16, 32, 64].map(|hidden| (format!("contents {hidden}"), of_all_contents(hidden))));
+    bundles
+}
+
+#[test]
+fn pages_are_those_of_the_cpu() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    for (name, bytes) in &bundles() {
+        let mut decoder = gpu.decoder(bytes, Options::default());
+        let all = [Lights::All, Lights::Baked, Lights::Sun];
+        let lights = &all[..if decoder.bundle().header.sun.is_some() { 3 } else { 1 }];
+        let mut largest = 0.0f32;
+        for page in 0..decoder.bundle().header.pages.len() {
+            let mut texture = decoder.page(page, Output::Rgba32Float).unwrap();
+            for (hour, lights) in
+                HOURS.iter().flat_map(|hour| lights.iter().map(move |lights| (hour, lights)))
+            {
+                let moment = Moment { lights: *lights, ..Moment::at(*hour) };
+                let found = gpu.floats(&mut decoder, &mut texture, &moment);
+                let worst = worst(&found, &by_cpu(decoder.bundle(), page, &moment));
+                assert!(worst <= 5e-5, "{name}, page {page}, {hour} h, {lights:?}: {worst:.1e}");
+                largest = largest.max(worst);
+            }
+        }
+        println!("{name}: at most {largest:.1e} of max(E, mean/100)");
+    }
+}
+
+#[test]
+fn half_precision_is_close_and_not_used_where_it_does_not_fit() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    if !gpu.has_half() {
+        println!("skipped: the adapter has no 16-bit floats");
+        return;
+    }
+    for (name, bytes) in &bundles() {
+        let single = Options::default();
+        let half = Options { precision: Precision::Half, ..single.clone() };
+        let mut decoders = [gpu.decoder(bytes, single), gpu.decoder(bytes, half)];
+        for hour in [0.0, 6.7, 12.0] {
+            let [of_single, of_half] = decoders.each_mut().map(|decoder| {
+                let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
+                gpu.floats(decoder, &mut texture, &Moment::at(hour))
+            });
+            let psnr = psnr(&of_half, &of_single);
+            println!("{name}, {hour} h: {psnr:.1} dB");
+            assert!(psnr >= 58.0, "{name}, {hour} h: {psnr:.1} dB");
+            let is_black = of_single.iter().flatten().all(|e| *e == 0.0);
+            assert!(is_black || of_half != of_single, "{name}, {hour} h: half precision was not used");
+        }
+    }
+    // Weights that overflow in 16 bits: the same as in 32, to the bit.
+    let mut header = Header { pages: vec![Grid { width: 30, height: 14 }], ..testing::header() };
+    header.kinds.truncate(1);
+    let place = Place { page: 0, column: 0, row: 0 };
+    let mut tile = testing::tile(header.shape(place, &PROFILES[1].contents(4, 1)), 1);
+    tile.mlp.iter_mut().for_each(|w| *w = ndgi::half::F16::from_f32(300.0 * w.to_f32()));
+    tile.knots.push(testing::dusk());
+    let bytes = bundle::encode(&header, &[bundle::encode_payload(&tile).unwrap()]).unwrap();
+    let [of_single, of_half] = [Precision::Single, Precision::Half].map(|precision| {
+        let mut decoder = gpu.decoder(&bytes, Options { precision, ..Options::default() });
+        let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
+        gpu.floats(&mut decoder, &mut texture, &Moment::at(6.0))
+    });
+    assert!(of_half == of_single && of_single.iter().flatten().any(|e| *e > 1e6));
+}
+
+#[test]
+fn blocks_unpacked_by_the_cpu_are_those_of_hardware() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    for bytes in [testing::sunny_bundle(), of_all_contents(16)] {
+        let [a, b] = [false, true].map(|unpacks| {
+            let mut decoder = gpu.decoder(&bytes, Options { unpacks, ..Options::default() });
+            let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
+            gpu.floats(&mut decoder, &mut texture, &Moment::at(9.3))
+        });
+        let largest = a.iter().flatten().fold(0.0f32, |a, b| a.max(*b));
+        assert!(largest > 0.0);
+        for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
+            assert!((a - b).abs() <= 2e-6 * a.max(0.01 * largest), "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn outputs_are_rounded_as_the_cpu_rounds_them() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    let bytes = testing::sunny_bundle();
+    let mut decoder = gpu.decoder(&bytes, Options::default());
+    let (hour, exposure) = (9.3, 1.0 / 64.0);
+    let moment = Moment { exposure, ..Moment::at(hour) };
+    let mut page = decoder.page(0, Output::Rgba16Float).unwrap();
+    let halves = gpu.decode(&mut decoder, &mut page, &moment);
+    let mut page = decoder.page(0, Output::Rgba8Unorm).unwrap();
+    let eighths = gpu.decode(&mut decoder, &mut page, &moment);
+    let at = decoder.bundle().at(hour).unwrap();
+    let width = decoder.bundle().header.pages[0].width;
+    let mut differ = 0;
+    for place in decoder.bundle().header.places() {
+        let tile = at.tile(place).unwrap();
+        let mut of_halves = vec![[0; 4]; tile.width() * tile.height()];
+        let mut of_eighths = vec![[0; 4]; tile.width() * tile.height()];
+        tile.decode_rgba16f(exposure, &mut of_halves);
+        tile.decode_rgba8(1.0 / exposure, &mut of_eighths);
+        for i in 0..of_halves.len() {
+            let (x, y) = (i % tile.width(), i / tile.width());
+            let texel =
+                (place.row * ndgi::model::PAYLOAD + y) * width + place.column * ndgi::model::PAYLOAD + x;
+            if tile.is_black() {
+                // Nothing is written to what is black: all of it is 0 as the texture was made.
+                assert_eq!(
+                    (&halves[8 * texel..][..8], &eighths[4 * texel..][..4]),
+                    (&[0; 8][..], &[0; 4][..])
+                );
+                continue;
+            }
+            for c in 0..4 {
+                let found = u16::from_le_bytes([halves[8 * texel + 2 * c], halves[8 * texel + 2 * c + 1]]);
+                // Hardware may cut instead of rounding.
+                assert!(found.abs_diff(of_halves[i][c]) <= 1, "{found:x} {:x}", of_halves[i][c]);
+                let byte = eighths[4 * texel + c];
+                assert!(byte.abs_diff(of_eighths[i][c]) <= 1, "{byte} {}", of_eighths[i][c]);
+                differ += usize::from(byte != of_eighths[i][c]);
+            }
+        }
+    }
+    assert!(differ < eighths.len() / 100, "{differ}");
+}
+
+#[test]
+fn black_tiles_are_not_dispatched_and_leave_nothing_stale() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    let mut decoder = gpu.decoder(&testing::sunny_bundle(), Options::default());
+    let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
+    let mut work = |page: &mut Page, hour, lights| {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let work = decoder.decode_page(&mut encoder, page, &Moment { lights, ..Moment::at(hour) }).unwrap();
+        gpu.queue.submit([encoder.finish()]);
+        work
+    };
+    // Six tiles: two have the sun alone, one the maps alone, the others both.
+    let noon = work(&mut page, 12.0, Lights::All);
+    assert_eq!((noon.tiles, noon.networks, noon.black.len()), (6, 4, 0));
+    // Within an interval a job a tile is all that is uploaded.
+    let later = work(&mut page, 12.5, Lights::All);
+    assert!(later.bytes < noon.bytes && later.bytes <= 6 * 400, "{} {}", later.bytes, noon.bytes);
+    let night = work(&mut page, 20.0, Lights::All);
+    assert_eq!((night.tiles, night.networks, night.black.len()), (4, 4, 2));
+    let found = gpu.read(&page.texture);
+    let expected = {
+        let mut fresh = decoder.page(0, Output::Rgba32Float).unwrap();
+        gpu.decode(&mut decoder, &mut fresh, &Moment::at(20.0))
+    };
+    // Alpha of what was cleared is 1, of what was never written 0.
+    let colours = |bytes: &[u8]| bytes.chunks(16).map(|texel| texel[..12].to_vec()).collect::<Vec<_>>();
+    assert!(colours(&found) == colours(&expected));
+}
+
+#[test]
+fn tiles_come_where_they_are_asked_for_with_their_border() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    let mut decoder = gpu.decoder(&testing::sunny_bundle(), Options::default());
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: 300, height: 140, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: Output::Rgba32Float.format(),
+        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let view = texture.create_view(&Default::default());
+    let target = Target { view: &view, output: Output::Rgba32Float };
+    let place = Place { page: 0, column: 1, row: 0 };
+    let request = |to, with_border| Request { place, to, with_border };
+    let requests = [request([5, 7], true), request([150, 7], false)];
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let moment = Moment::at(9.3);
+    decoder.decode(&mut encoder, &requests, target, &moment).unwrap();
+    gpu.queue.submit([encoder.finish()]);
+    let bytes = gpu.read(&texture);
+    let texel = |x: usize, y: usize| &bytes[16 * (y * 300 + x)..][..16];
+    let mut lit = 0;
+    for (x, y) in (0..126).flat_map(|y| (0..126).map(move |x| (x, y))) {
+        assert_eq!(texel(6 + x, 8 + y), texel(150 + x, 7 + y), "({x}, {y})");
+        lit += usize::from(texel(150 + x, 7 + y)[..12] != [0; 12]);
+    }
+    assert!(lit > 10_000, "{lit}");
+    // The border is written, and nothing beyond; without one the payload alone.
+    let is_written = |x: usize, y: usize| texel(x, y)[12..] != [0; 4];
+    assert!(is_written(5, 7) && is_written(132, 134) && !is_written(4, 7) && !is_written(133, 134));
+    assert!(is_written(150, 7) && is_written(275, 132) && !is_written(149, 7) && !is_written(276, 132));
+    // What makes no sense is refused.
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    for (hour, exposure) in [(f64::NAN, 1.0), (6.0, f32::NAN), (6.0, -1.0)] {
+        let moment = Moment { exposure, ..Moment::at(hour) };
+        assert!(decoder.decode(&mut encoder, &requests, target, &moment).is_err());
+    }
+    let nowhere = Request { place: Place { page: 3, ..place }, to: [0, 0], with_border: false };
+    assert!(decoder.decode(&mut encoder, &[nowhere], target, &moment).is_err());
+    assert!(decoder.page(7, Output::Rgba8Unorm).is_err());
+}
+
+#[test]
+fn changed_bundles_are_errors_or_light() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    let (header, payloads) = testing::sunny();
+    let (mut random, mut refused, options) =
+        (testing::Random(5), 0, Options { pipelines: gpu.pipelines.clone(), ..Options::default() });
+    for _ in 0..200 {
+        // Sections are changed before their checksums are made.
+        let mut bad = payloads.clone();
+        for _ in 0..1 + random.below(3) {
+            let payload = random.below(bad.len());
+            let Payload { ndgi, sun, shadows, .. } = &mut bad[payload];
+            let section = [ndgi, sun, shadows].into_iter().nth(random.below(3)).unwrap();
+            if !section.bytes.is_empty() {
+                let near =
+                    if random.below(2) == 0 { 60.min(section.bytes.len()) } else { section.bytes.len() };
+                section.bytes[random.below(near)] = random.byte();
+            }
+        }
+        let bundle = Bundle::from_bytes(bundle::encode(&header, &bad).unwrap()).unwrap();
+        match Decoder::new(&gpu.device, &gpu.queue, bundle, options.clone()) {
+            Ok(mut decoder) => {
+                let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
+                let found = gpu.floats(&mut decoder, &mut page, &Moment::at(9.3));
+                assert!(found.iter().flatten().all(|e| e.is_finite() && *e >= 0.0));
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!((1..200).contains(&refused), "{refused}");
+}
