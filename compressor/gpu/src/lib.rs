@@ -18,6 +18,12 @@
 //! BC7 blocks, weights, planes and normals stay on the device. A call uploads a job of some 300 bytes a tile and, when the moment has passed a time of
 //! the sun's visibility, what each tile sees until the next one. How it fits into other engines: `INTEGRATION.md`.
 
+#![forbid(unsafe_code)]
+
+#[cfg(doctest)]
+#[doc = include_str!("../../INTEGRATION.md")]
+mod guide {}
+
 mod decoder;
 mod error;
 mod place;

@@ -158,9 +158,9 @@ impl Shader {
     /// The layers, for the texels of a thread: `a` are features, `h` units of the first layer, `s` four of the second, `o` the output.
     fn network(&self) -> String {
         let (h, texels) = (self.hidden / 4, self.texels());
-        let weight = |i: usize| match self.shares_weights() {
+        let weight = |i: &str| match self.shares_weights() {
             true => format!("net[{i}]"),
-            false => format!("matrix(weights + {}u)", 8 * i),
+            false => format!("matrix(weights + 8u * ({i}))"),
         };
         let mut lines = Vec::new();
         for t in 0..texels {
@@ -177,7 +177,7 @@ impl Shader {
                 lines.push(format!("    let a{t} = {};", feature.replace('Y', &format!("y{t}"))));
             }
             for j in 0..h {
-                lines.push(format!("    {{ let w = {};", weight(group * h + j)));
+                lines.push(format!("    {{ let w = {};", weight(&format!("{}u", group * h + j))));
                 lines.extend((0..texels).map(|t| format!("    h{j}_{t} += w * a{t};")));
                 lines.push("    }".to_owned());
             }
@@ -187,18 +187,17 @@ impl Shader {
             lines.extend((0..h).map(|j| format!("h{j}_{t} = gelu(h{j}_{t});")));
             lines.push(format!("var o{t} = vec3<f32>(biases[{h}].xyz);"));
         }
-        for j in 0..h {
-            lines.push("{".to_owned());
-            lines.extend((0..texels).map(|t| format!("    var s{t} = biases[{j}];")));
-            for k in 0..h {
-                lines.push(format!("    {{ let w = {};", weight(3 * h + j * h + k)));
-                lines.extend((0..texels).map(|t| format!("    s{t} += w * h{k}_{t};")));
-                lines.push("    }".to_owned());
-            }
-            lines.push(format!("    let w = {};", weight(3 * h + h * h + j)));
-            lines.extend((0..texels).map(|t| format!("    o{t} += vec3<f32>((w * gelu(s{t})).xyz);")));
-            lines.push("}".to_owned());
+        // Four units of the second layer at a time, which go into the output at once.
+        lines.push("for (var unit = 0u; unit < H; unit++) {".to_owned());
+        lines.extend((0..texels).map(|t| format!("    var s{t} = biases[unit];")));
+        for k in 0..h {
+            lines.push(format!("    {{ let w = {};", weight(&format!("{}u + unit * H", 3 * h + k))));
+            lines.extend((0..texels).map(|t| format!("    s{t} += w * h{k}_{t};")));
+            lines.push("    }".to_owned());
         }
+        lines.push(format!("    let w = {};", weight(&format!("{}u + unit", 3 * h + h * h))));
+        lines.extend((0..texels).map(|t| format!("    o{t} += vec3<f32>((w * gelu(s{t})).xyz);")));
+        lines.push("}".to_owned());
         lines.extend((0..texels).map(|t| format!("e[{t}] = light(j, o{t});")));
         lines.join("\n")
     }

@@ -7,7 +7,7 @@ use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, PROFILES};
 use ndgi::testing;
 use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Pipelines, Precision, Request, Target};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 
 struct Gpu {
@@ -145,10 +145,11 @@ fn psnr(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
     10.0 * (f64::from(largest).powi(2) * (3 * found.len()) as f64 / squares.max(1e-300)).log10()
 }
 
-/// Bundles of the repository: of all versions, with and without a sun.
+/// Bundles of the repository: of all versions, with and without a sun; and those of the folder that `NDGI_BUNDLES` names.
 fn fixtures() -> Vec<(String, Vec<u8>)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = [root.join("../ndgi/tests/fixtures"), root.join("../../tests/fuzz/corpus/bundle")];
+    let mut folders = vec![root.join("../ndgi/tests/fixtures"), root.join("../../tests/fuzz/corpus/bundle")];
+    folders.extend(std::env::var_os("NDGI_BUNDLES").map(PathBuf::from));
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
     let files = files.map(|file| file.unwrap().path()).filter(|path| Bundle::open(path).is_ok());
     let mut files: Vec<_> =

@@ -1,6 +1,9 @@
 //! Every variant of the shader is valid, and can be written in the languages of other engines.
 
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+#[path = "../examples/shaders.rs"]
+mod shaders;
+
+use naga::valid::{ValidationFlags, Validator};
 use ndgi_gpu::{Output, Precision, Shader};
 
 fn variants() -> impl Iterator<Item = Shader> {
@@ -23,10 +26,7 @@ fn every_variant_is_valid() {
         assert!(!text.contains('$'), "{shader:?}");
         let module =
             naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{shader:?}: {error:?}"));
-        let capabilities = match shader.precision {
-            Precision::Single => Capabilities::empty(),
-            Precision::Half => Capabilities::SHADER_FLOAT16,
-        };
+        let capabilities = shaders::capabilities(&shader);
         let mut validator = Validator::new(ValidationFlags::all(), capabilities);
         validator.validate(&module).unwrap_or_else(|error| panic!("{shader:?}: {error:?}"));
         let used: u32 = module
@@ -36,6 +36,9 @@ fn every_variant_is_valid() {
             .map(|(_, variable)| module.types[variable.ty].inner.size(module.to_ctx()))
             .sum();
         assert!(used as usize <= shader.shared, "{shader:?}: {used} bytes of a workgroup");
+        for (language, text) in shaders::languages(&shader).unwrap() {
+            assert!(text.lines().count() > 200, "{shader:?} in {language}");
+        }
         count += 1;
     }
     assert_eq!(count, 36);
