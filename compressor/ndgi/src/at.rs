@@ -33,6 +33,14 @@ pub struct At<'a> {
 impl Bundle {
     /// This bundle at an hour (periodic in 24 h): all its light.
     ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// let evening = bundle.at(18.05)?;
+    /// let also = bundle.at(18.05 - 24.0)?;
+    /// assert!(bundle.at(f64::NAN).is_err());
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Invalid`] for an hour that is not a finite number.
     pub fn at(&self, hour: f64) -> Result<At<'_>> {
@@ -48,11 +56,35 @@ impl Bundle {
 
 impl<'a> At<'a> {
     /// The same moment, but only some of the light.
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// use ndgi::decode::Lights;
+    ///
+    /// // The sun is drawn by the game.
+    /// let rest = bundle.at(12.3)?.only(Lights::Baked).page(0)?.sample(0.5, 0.5)?;
+    /// let all = bundle.at(12.3)?.page(0)?.sample(0.5, 0.5)?;
+    /// assert!(rest.iter().zip(&all).all(|(rest, all)| rest <= all));
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     pub fn only(self, lights: Lights) -> Self {
         At { lights, ..self }
     }
 
     /// Reads a tile and makes it ready: some 75 µs, and 300 more where the sun is a stream of its own and up.
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// use ndgi::grid::Place;
+    ///
+    /// let noon = bundle.at(12.0)?;
+    /// for place in bundle.header.places() {
+    ///     let tile = noon.tile(place)?;
+    ///     println!("{place:?}: {} × {}, {}", tile.width(), tile.height(), if tile.is_black() { "black" } else { "lit" });
+    /// }
+    /// assert!(noon.tile(Place { page: 9, column: 0, row: 0 }).is_err());
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have, or a damaged tile; [`Error::Io`].
@@ -111,6 +143,13 @@ impl<'a> At<'a> {
     }
 
     /// A page that makes its tiles ready as they are asked for, and keeps them.
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// let mut page = bundle.at(12.0)?.page(0)?.keeping(1000);
+    /// let [red, green, blue] = page.sample(0.25, 0.75)?;
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Invalid`] for a page that does not exist.
@@ -185,6 +224,16 @@ impl Tile {
 
     /// Bilinear between texel centres, which are at halves; also a texel beyond the payload, as the border tells. What is not a number
     /// counts as 0.
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
+    /// // The centre of texel (3, 5) is at halves.
+    /// let at_centre = tile.sample(3.5, 5.5);
+    /// let texel = tile.texel(3, 5);
+    /// assert!(at_centre.iter().zip(texel).all(|(a, b)| (a - b).abs() <= 1e-4 * b));
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     pub fn sample(&self, x: f32, y: f32) -> [f32; 3] {
         let axis = |at: f32, stored: usize| {
             let p = (at + (BORDER as f32 - 0.5)).clamp(0.0, (stored - 1) as f32);
@@ -212,6 +261,14 @@ impl Tile {
 
     /// All texels, row by row.
     ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
+    /// let mut light = vec![[0.0f32; 3]; tile.width() * tile.height()];
+    /// tile.decode_into(&mut light);
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
     /// # Panics
     /// Unless `out` has as many texels as the tile.
     pub fn decode_into(&self, out: &mut [[f32; 3]]) {
@@ -221,6 +278,14 @@ impl Tile {
     /// All texels as RGBA of 16-bit floats: light times `exposure`, at most 65504, and 1. Kilolux at night are below what 16 bits hold well: an
     /// exposure of 1000 gives lux.
     ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
+    /// let mut lux = vec![[0u16; 4]; tile.width() * tile.height()];
+    /// tile.decode_rgba16f(1000.0, &mut lux);
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
     /// # Panics
     /// As [`Tile::decode_into`].
     pub fn decode_rgba16f(&self, exposure: f32, out: &mut [[u16; 4]]) {
@@ -229,6 +294,14 @@ impl Tile {
 
     /// All texels as RGB of 9 bits with one exponent of 5 bits (DXGI's R9G9B9E5, Vulkan's E5B9G9R9): light times `exposure`, at most 65408.
     ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
+    /// let mut packed = vec![0u32; tile.width() * tile.height()];
+    /// tile.decode_rgb9e5(1.0, &mut packed);
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
     /// # Panics
     /// As [`Tile::decode_into`].
     pub fn decode_rgb9e5(&self, exposure: f32, out: &mut [u32]) {
@@ -236,6 +309,15 @@ impl Tile {
     }
 
     /// All texels as RGBA of 8 bits: √(light / peak), cut at 1, and 255. [`Bundle::knots`] tells how bright a tile's maps are.
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
+    /// let mut bytes = vec![[0u8; 4]; tile.width() * tile.height()];
+    /// tile.decode_rgba8(120.0, &mut bytes);
+    /// // In a shader: E = 120 · texel².
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     ///
     /// # Panics
     /// As [`Tile::decode_into`].

@@ -244,6 +244,13 @@ impl Bundle {
     }
 
     /// A bundle in memory: a `Vec<u8>`, an `Arc<[u8]>`, a `&'static [u8]`. Errors as [`Bundle::open`].
+    ///
+    /// ```
+    /// # let bytes: std::sync::Arc<[u8]> = ndgi::testing::sunny_bundle().into();
+    /// let bundle = ndgi::Bundle::from_bytes(std::sync::Arc::clone(&bytes))?;
+    /// println!("{}: {} sets, {} tiles", bundle.header.scene, bundle.header.timeline.hours.len(), bundle.header.tiles());
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     pub fn from_bytes(bytes: impl AsRef<[u8]> + Send + Sync + 'static) -> Result<Self> {
         Self::parse(Box::new(Memory(bytes)), "bundle".to_owned())
     }
@@ -320,6 +327,18 @@ impl Bundle {
     /// How bright a tile is at each of [`Timeline::knots`], without reading it: a fallback colour, and by how much light will change. Empty
     /// for a black tile, and in bundles of version 3.
     ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// use ndgi::grid::Place;
+    ///
+    /// // How bright a tile is over the day, without reading it.
+    /// let place = Place { page: 0, column: 1, row: 0 };
+    /// for (hour, knot) in bundle.header.timeline.knots().iter().zip(bundle.knots(place)?) {
+    ///     println!("{hour} h: mean {:?}, at most about {}", knot.mean, knot.peak);
+    /// }
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have.
     pub fn knots(&self, place: Place) -> Result<&[Knot]> {
@@ -328,6 +347,17 @@ impl Bundle {
     }
 
     /// Reads and checks one tile's features and decoder; `None` where its light, the sun's stream apart, is black.
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// for place in bundle.header.places() {
+    ///     match bundle.tile(place)? {
+    ///         Some(tile) => println!("{place:?}: {}", tile.shape.contents),
+    ///         None => println!("{place:?}: no light but the sun's"),
+    ///     }
+    /// }
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have, a checksum that differs, or a value that the format forbids.

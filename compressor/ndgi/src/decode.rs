@@ -254,6 +254,16 @@ impl Decoder {
 
     /// Some of the light of a whole page; otherwise as [`Decoder::decode_page`].
     ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// use ndgi::decode::{Decoder, Lights};
+    ///
+    /// let decoder = Decoder::new(bundle);
+    /// let sun = decoder.decode_page_of(Lights::Sun, 0, 12.3)?;
+    /// assert_eq!(sun.texels.len(), sun.width * sun.height);
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// As [`Decoder::decode_page`].
     pub fn decode_page_of(&self, lights: Lights, page: usize, hour: f64) -> Result<Image> {
@@ -262,6 +272,18 @@ impl Decoder {
     }
 
     /// Some rows of a page; otherwise as [`Decoder::decode_page`].
+    ///
+    /// ```
+    /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+    /// # use ndgi::decode::Decoder;
+    /// // A page that does not fit into memory, by bands of one row of tiles.
+    /// let decoder = Decoder::new(bundle);
+    /// let height = decoder.bundle().header.pages[0].height;
+    /// for top in (0..height).step_by(126) {
+    ///     let band = decoder.decode_rows(0, 12.3, top..(top + 126).min(height))?;
+    /// }
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
     ///
     /// # Errors
     /// As [`Decoder::decode_page`]; [`Error::Invalid`] for rows that the page does not have.

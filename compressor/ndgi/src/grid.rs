@@ -22,6 +22,15 @@ impl Place {
 }
 
 /// The tiles of one page: payloads of [`PAYLOAD`]² from texel (0, 0), smaller at the right and bottom edge.
+///
+/// ```
+/// use ndgi::grid::Grid;
+///
+/// let grid = Grid { width: 300, height: 140 };
+/// assert_eq!((grid.columns(), grid.rows()), (3, 2));
+/// assert_eq!(grid.payload(2, 0), (48, 126)); // its own texels
+/// assert_eq!(grid.stored(2, 0), (52, 128)); // with a border, in whole blocks of 4×4
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     /// Page width in texels, at least 1.

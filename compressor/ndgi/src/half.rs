@@ -1,6 +1,13 @@
 //! Numbers of 16 bits, IEEE 754 binary16: what weights and means are stored in.
 
 /// A binary16 by its bits.
+///
+/// ```
+/// use ndgi::half::F16;
+///
+/// assert_eq!(F16::from_f32(0.1).to_f32(), 0.099975586);
+/// assert_eq!(F16::from_f32(1e9), F16::INFINITY);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct F16(pub u16);
 

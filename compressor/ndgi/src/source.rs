@@ -6,6 +6,32 @@ use std::fmt::Debug;
 use std::io::{Error, ErrorKind, Result};
 
 /// Something that reads at an offset, from several threads at once.
+///
+/// ```
+/// use ndgi::source::ReadAt;
+/// use std::io::{Error, ErrorKind, Result};
+///
+/// /// A bundle inside an archive.
+/// #[derive(Debug)]
+/// struct Part(&'static [u8]);
+///
+/// impl ReadAt for Part {
+///     fn size(&self) -> Result<u64> {
+///         Ok(self.0.len() as u64)
+///     }
+///
+///     fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
+///         let from = usize::try_from(offset).unwrap_or(usize::MAX);
+///         let found = self.0.get(from..).and_then(|rest| rest.get(..bytes.len()));
+///         bytes.copy_from_slice(found.ok_or(ErrorKind::UnexpectedEof)?);
+///         Ok(())
+///     }
+/// }
+///
+/// # let archive: &'static [u8] = ndgi::testing::sunny_bundle().leak();
+/// let bundle = ndgi::Bundle::from_source(Part(archive))?;
+/// # Ok::<(), ndgi::Error>(())
+/// ```
 pub trait ReadAt: Debug + Send + Sync {
     /// How many bytes there are.
     ///

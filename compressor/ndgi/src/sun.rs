@@ -14,6 +14,17 @@ use planes::Decoder;
 
 /// The sun by the minute, or less often where it moves evenly. Between two times direction and irradiance are interpolated linearly,
 /// component by component; outside of all times there is no sun.
+///
+/// ```
+/// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+/// if let Some(sun) = &bundle.header.sun {
+///     match sun.path.at(9.25) {
+///         Some((direction, irradiance)) => println!("towards {direction:?}, {irradiance:?} kilolux"),
+///         None => println!("below the horizon"),
+///     }
+/// }
+/// # Ok::<(), ndgi::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SunPath {
     /// Ascending, in hours from 0 to 24; one at least.

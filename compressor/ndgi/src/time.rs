@@ -85,6 +85,16 @@ impl Axis {
 }
 
 /// What a decoder knows about time: the sets' hours and when each light group is on.
+///
+/// ```
+/// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
+/// let timeline = &bundle.header.timeline;
+/// let moment = timeline.at(5.0);
+/// println!("between sets {} and {}", timeline.hours[moment.a], timeline.hours[moment.b]);
+/// // The groups that are on then.
+/// let on = timeline.state(5.0);
+/// # Ok::<(), ndgi::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
     /// The sets' hours: at least one, strictly ascending, in [0, 24).
