@@ -5,10 +5,12 @@ use super::scenes::{Obj, furnace, instances, outdoors};
 use baker::bake::run::Preset;
 use baker::preview::options::Options;
 use baker::preview::run::preview;
+use compressor::compress::{DRAFT, Options as CompressOptions, compress};
 use dataset::console::Console;
 use glam::DVec3;
 use image::{ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
 use std::io::Cursor;
+use std::path::PathBuf;
 
 const SET: &str = "set";
 const SAMPLES: &str = "[bake]\nsamples = 16\n";
@@ -202,4 +204,62 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
         message.contains("of the scene \"case\"") && message.contains("made of the scene \"other\""),
         "{message}"
     );
+}
+
+impl Stage {
+    /// Compresses the dataset `set`, briefly.
+    fn compress(&self, change: impl FnOnce(&mut CompressOptions)) -> PathBuf {
+        let mut options = CompressOptions { iterations: 300, force: true, ..CompressOptions::of(DRAFT) };
+        change(&mut options);
+        compress(&self.path(SET), &options, &Console::silent()).unwrap_or_else(|e| panic!("{e}")).bundle
+    }
+}
+
+#[test]
+fn a_bundle_is_drawn_at_any_hour_in_place_of_the_lightmaps() {
+    let stage = Stage::new(&[floor()]);
+    stage.bake(&format!("{FLOOR}{SAMPLES}"), SET, "8,12", |_| ());
+    let bundle = stage.compress(|_| ());
+    let view = Options { bundle: Some(bundle.clone()), exposure: Some(-1.0), ..from("0,3,0.1", [0.0; 3]) };
+    let (told, picture) = stage.draw(Options { hour: 9.3, ..view }).unwrap();
+    assert_eq!((&told["bundle"], &told["sets"]), (&serde_json::json!(bundle), &serde_json::json!([])));
+    assert_eq!(told["warnings"].as_array().map(Vec::len), Some(0), "{told}");
+    // As in `a_known_irradiance_shows_its_value`; 3 codes are 5 % of the light.
+    let pixel = picture.get_pixel(20, 20).0;
+    assert!(pixel.iter().all(|c| c.abs_diff(137) <= 3), "{pixel:?}");
+
+    // It is of another bake now, and of other pages, and of another scene.
+    let with = || Options { bundle: Some(bundle.clone()), ..from("0,3,0.1", [0.0; 3]) };
+    stage.bake(&format!("{FLOOR}{SAMPLES}").replace("[1, 1, 1]", "[2, 2, 2]"), SET, "8,12", |_| ());
+    let (told, _) = stage.draw(with()).unwrap();
+    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("made from another bake")), "{told}");
+    stage.bake(&format!("{FLOOR}{SAMPLES}").replace("size = 40", "size = 48"), SET, "8,12", |_| ());
+    let message = stage.refusal(with());
+    assert!(
+        message.contains("has pages of 40 × 40 texels; expected those of the dataset, 48 × 48"),
+        "{message}"
+    );
+    stage.bake(&format!("name = \"other\"\n{FLOOR}{SAMPLES}"), SET, "12", |options| options.force = true);
+    let message = stage.refusal(with());
+    assert!(message.contains("is a bundle of the scene \"case\"; expected one of \"other\""), "{message}");
+    let message = stage.refusal(Options { bundle: Some(stage.path("case.toml")), ..with() });
+    assert!(message.contains("case.toml: does not begin with"), "{message}");
+}
+
+#[test]
+fn a_bundle_without_the_sun_shows_the_rest_and_says_so() {
+    let case = outdoors();
+    let scene = format!("{}{SAMPLES}", case.text);
+    case.stage.bake(&scene, SET, case.hours, |_| ());
+    let [whole, rest] = [false, true].map(|without_sun| {
+        let out = Some(case.stage.path(&format!("{without_sun}.ndgi")));
+        let bundle =
+            Some(case.stage.compress(|options| (options.without_sun, options.out) = (without_sun, out)));
+        case.stage.draw(Options { bundle, exposure: Some(-4.0), ..from("3,4,3", [0.0; 3]) }).unwrap()
+    });
+    assert_eq!(whole.0["warnings"].as_array().map(Vec::len), Some(0), "{}", whole.0);
+    let warning = rest.0["warnings"][0].as_str().unwrap_or_default();
+    assert!(warning.contains("written without the sun's direct light"), "{}", rest.0);
+    let mean = |picture: &RgbImage| picture.pixels().map(|p| f64::from(p.0[1])).sum::<f64>() / 1600.0;
+    assert!(mean(&rest.1) + 20.0 < mean(&whole.1), "{} {}", mean(&rest.1), mean(&whole.1));
 }
