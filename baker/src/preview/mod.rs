@@ -3,7 +3,8 @@
 //!
 //! `options` says what is asked for, `places` where triangles lie on the pages, `standing` opens the dataset and finds the geometry to
 //! show it on, `moment` finds the sets to show, `bundle` opens one and says whether it is of this dataset, `baked` reads the texels of either, `light` holds what shines then, `lookout` finds a place with a view, `view` is the camera, `shade`
-//! what a ray of it sees, `tone` what a screen shows of that, `picture` all pixels, `run` the whole of it.
+//! what a ray of it sees, `picture` all pixels, `run` the whole of it. How they are exposed stands in the crate `dataset` (`tone`), for reports show
+//! scenes likewise.
 
 pub mod options;
 mod places;
@@ -15,6 +16,5 @@ mod light;
 mod lookout;
 pub(crate) mod view;
 mod shade;
-mod tone;
 mod picture;
 pub mod run;

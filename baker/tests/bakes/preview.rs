@@ -137,8 +137,10 @@ fn a_camera_is_chosen_by_name_and_changes_no_bake() {
     assert!(message.contains("\"gate\": expected") && message.contains("the scene has none"), "{message}");
 
     let camera = "[[camera]]\nname = \"gate\"\nposition = [1, 2, 3]\nlook_at = [0, 0.5, 0]\nfov = 40\n";
-    let (outcome, _) = case.stage.bake(&format!("{scene}{camera}"), SET, case.hours, |_| ());
+    let (outcome, dataset) = case.stage.bake(&format!("{scene}{camera}"), SET, case.hours, |_| ());
     assert!(outcome.up_to_date);
+    // Reports show the scene by it.
+    assert_eq!(dataset.config.settings["cameras"][0]["name"], "gate");
     let small = || Options { size: [16, 9], ..Options::new(9.0) };
     for camera in [None, Some("gate".to_owned())] {
         let (told, picture) = case.stage.draw(Options { camera, ..small() }).unwrap();
