@@ -7,6 +7,8 @@ use baker::preview::options::Options;
 use baker::preview::run::preview;
 use compressor::compress::{DRAFT, Options as CompressOptions, compress};
 use dataset::console::Console;
+use dataset::image::Image;
+use dataset::view::View;
 use glam::DVec3;
 use image::{ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
 use std::io::Cursor;
@@ -264,4 +266,50 @@ fn a_bundle_without_the_sun_shows_the_rest_and_says_so() {
     assert!(warning.contains("written without the sun's direct light"), "{}", rest.0);
     let mean = |picture: &RgbImage| picture.pixels().map(|p| f64::from(p.0[1])).sum::<f64>() / 1600.0;
     assert!(mean(&rest.1) + 20.0 < mean(&whole.1), "{} {}", mean(&rest.1), mean(&whole.1));
+}
+
+#[test]
+fn reports_show_what_the_preview_shows() {
+    // Textured, with holes, at an hour of sun: what reports draw by a depth buffer is what the preview traces.
+    let mut png = Cursor::new(Vec::new());
+    let texel = |x: u32, y: u32| {
+        let alpha = if (x + y) % 3 == 0 { 0 } else { 255 };
+        Rgba([200, 60 + 20 * x as u8, 40 + 20 * y as u8, alpha])
+    };
+    RgbaImage::from_fn(8, 8, texel).write_to(&mut png, ImageFormat::Png).unwrap();
+    let sheet = "mtllib sheet.mtl\nusemtl holed\nv -1.5 0 1\nvt 0 0\nv 1 0 1.5\nvt 2 0\nv 1 1.2 1.5\nvt 2 1\nv -1.5 1.2 1\n\
+        vt 0 1\nf 1/1 2/2 3/3 4/4\n";
+    let mtl = "newmtl holed\nKd 0.8 1 1\nmap_Kd holed.png\nmap_d holed.png\n";
+    let case = outdoors();
+    let files = [("sheet.obj", sheet.into()), ("sheet.mtl", mtl.into()), ("holed.png", png.into_inner())];
+    files.iter().for_each(|(name, bytes)| case.stage.write(name, bytes));
+    let sheet = "[[object]]\nfile = \"sheet.obj\"\n";
+    let camera = "[[camera]]\nname = \"gate\"\nposition = [2, 1.5, 3]\nlook_at = [0, 0.5, 0]\nfov = 70\n";
+    let scene = format!("{}{sheet}{camera}{SAMPLES}", case.text);
+    let (_, dataset) = case.stage.bake(&scene, SET, "12", |_| ());
+
+    let size = [96, 54];
+    let view = View::of(&dataset, size).unwrap().unwrap();
+    assert_eq!(view.camera.name, "gate");
+    let light = view.light(&dataset.config, |page, rows| {
+        let texels = dataset.map_rows(0, page, rows.start, rows.end)?;
+        Ok(Image { width: dataset.config.pages[page].width as usize, height: rows.len(), texels })
+    });
+    let light = light.unwrap();
+    let exposure = view.exposure(&light);
+    let report = image::load_from_memory(&view.to_png(&light, exposure)).unwrap().into_rgb8();
+    let options =
+        Options { size: size.map(|side| side as u32), exposure: Some(exposure), ..Options::new(12.0) };
+    let (told, preview) = case.stage.draw(options).unwrap();
+    assert_eq!(told["camera"]["name"], "gate");
+
+    // Where all of a pixel has texels. The preview has four times as many samples of it, elsewhere in it: at edges they differ.
+    let lit: Vec<bool> = view.with_texels().iter().map(|share| *share == 1.0).collect();
+    let pairs = report.pixels().zip(preview.pixels()).zip(&lit).filter(|(_, lit)| **lit);
+    let apart: Vec<u8> =
+        pairs.map(|((a, b), _)| (0..3).map(|c| a.0[c].abs_diff(b.0[c])).max().unwrap()).collect();
+    assert!(apart.len() * 3 > lit.len(), "{} of {} pixels have texels", apart.len(), lit.len());
+    let far = apart.iter().filter(|apart| **apart > 8).count();
+    let mean = apart.iter().map(|apart| f64::from(*apart)).sum::<f64>() / apart.len() as f64;
+    assert!(far * 10 < apart.len() && mean < 3.0, "{far} of {}, {mean}", apart.len());
 }

@@ -39,11 +39,14 @@ pub fn remark(view: &View) -> String {
     format!("From the camera “{}”, each hour at its own exposure.{plain}", view.camera.name)
 }
 
-/// The scene in a dataset's light. A geometry file that is damaged is told of in the section; there is none without such a file.
+/// The scene in a dataset's light; none for the transfer of a scene, which is no light of a day. A geometry file that is damaged is told of in the section; there is none without such a file.
 ///
 /// # Errors
 /// As reading the lightmaps.
 pub fn section(dataset: &Dataset) -> Result<Option<Section>> {
+    if dataset.config.transfer.is_some() {
+        return Ok(None);
+    }
     let mut section = Section::new("The scene");
     let view = match View::of(dataset, PICTURE) {
         Ok(None) => return Ok(None),

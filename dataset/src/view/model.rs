@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// What stands in for a colour that nobody gives.
 const GREY: f32 = 0.5;
+/// A picture takes so many triangles, those of repeated meshes each time.
+const MOST_TRIANGLES: usize = 100_000_000;
 
 /// The scene.
 pub(super) struct Model {
@@ -144,7 +146,7 @@ impl Model {
 /// Reads a geometry file.
 ///
 /// # Errors
-/// [`Error::Invalid`] with whatever breaks a rule in it, as `dataset check` tells it.
+/// [`Error::Invalid`] with whatever breaks a rule in it, as `dataset check` tells it; [`Error::Unsupported`] for more than can be drawn.
 pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> {
     if let Some(fault) = geometry::faults(path, bytes, config).into_iter().next() {
         return Err(fault);
@@ -174,7 +176,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> 
     if let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) {
         scene.nodes().for_each(|node| reader.node(&node, DMat4::IDENTITY));
     }
-    Ok(reader.model)
+    let model = reader.model;
+    let triangles: usize = model.parts.iter().map(|part| model.shapes[part.shape].triangles.len()).sum();
+    if triangles > MOST_TRIANGLES {
+        let what = format!("{triangles} triangles; at most {MOST_TRIANGLES} are drawn");
+        return Err(Error::unsupported(path.display(), what));
+    }
+    Ok(model)
 }
 
 struct Reader<'a> {

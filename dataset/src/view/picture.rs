@@ -18,7 +18,7 @@ const FINE: usize = 2;
 /// Rows of maps that are held in memory at once: whole tiles of a bundle.
 const ROWS: usize = 8 * 126;
 /// What is shown where nothing is: radiance as exposed.
-const SKY: Vec3 = Vec3::new(0.16, 0.2, 0.26);
+const SKY: Vec3 = Vec3::new(0.06, 0.07, 0.085);
 
 /// What a sample shows.
 #[derive(Clone, Copy, Debug)]
