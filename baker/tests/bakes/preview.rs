@@ -273,7 +273,7 @@ fn reports_show_what_the_preview_shows() {
     // Textured, with holes, at an hour of sun: what reports draw by a depth buffer is what the preview traces.
     let mut png = Cursor::new(Vec::new());
     let texel = |x: u32, y: u32| {
-        let alpha = if (x + y) % 3 == 0 { 0 } else { 255 };
+        let alpha = if (x + y).is_multiple_of(3) { 0 } else { 255 };
         Rgba([200, 60 + 20 * x as u8, 40 + 20 * y as u8, alpha])
     };
     RgbaImage::from_fn(8, 8, texel).write_to(&mut png, ImageFormat::Png).unwrap();
