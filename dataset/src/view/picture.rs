@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::image::{Image, encode_png};
 use crate::store::Dataset;
 use crate::tone;
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ const SKY: Vec3 = Vec3::new(0.06, 0.07, 0.085);
 #[derive(Clone, Copy, Debug)]
 enum Shown {
     Sky,
-    /// A surface without texels, which gets this share of the mean light.
+    /// A surface without texels, which gets this share of the median light.
     Plain(f32),
     /// A place on a page, in texels.
     Texel {
@@ -52,8 +52,8 @@ pub struct Light {
 }
 
 impl View {
-    /// A picture of `size` pixels of a dataset's scene: by its first camera, or from where most is in view. `None` without a geometry file,
-    /// or where it has nothing with texels.
+    /// A picture of `size` pixels of a dataset's scene: by its first camera that sees texels, or from where most is in view. `None`
+    /// without a geometry file, or where nothing in it has texels.
     ///
     /// # Errors
     /// A geometry file or mask that cannot be read, or breaks a rule.
@@ -62,23 +62,25 @@ impl View {
         let path = dataset.path(file);
         let bytes = std::fs::read(&path).map_err(crate::Error::io(&path))?;
         let model = model::read(&path, &bytes, &dataset.config)?;
-        let camera = match first_camera(&dataset.config, &model) {
-            Some(camera) => camera,
-            None => lookout(dataset, &model)?,
-        };
-        let fine = size.map(|side| side * FINE);
-        let fragments = draw(&model, &camera, fine, false);
-        let samples: Vec<_> =
-            fragments.iter().map(|fragment| shown(&model, &dataset.config, fragment)).collect();
+        let seen_by = |camera| View::seen_by(camera, &model, &dataset.config, size);
+        match cameras(&dataset.config, &model).find_map(seen_by) {
+            Some(view) => Ok(Some(view)),
+            None => Ok(seen_by(lookout(dataset, &model)?)),
+        }
+    }
+
+    fn seen_by(camera: Camera, model: &Model, config: &Config, size: [usize; 2]) -> Option<View> {
+        let fragments = draw(model, &camera, size.map(|side| side * FINE), false);
+        let samples: Vec<_> = fragments.iter().map(|fragment| shown(model, config, fragment)).collect();
         let mut lit: Vec<u32> = Vec::new();
         lit.extend((0..samples.len()).filter(|&i| row(&samples[i].1).is_some()).map(|i| i as u32));
         lit.sort_by_key(|&i| row(&samples[i as usize].1));
-        Ok((!lit.is_empty()).then_some(View { camera, size, samples, lit }))
+        (!lit.is_empty()).then_some(View { camera, size, samples, lit })
     }
 
     /// The share of each pixel, row by row, that shows texels.
     pub fn with_texels(&self) -> Vec<f32> {
-        self.sums(|(_, shown)| f32::from(u8::from(row(shown).is_some())))
+        self.means(|i| f32::from(u8::from(row(&self.samples[i].1).is_some())))
     }
 
     /// The light on its samples; `read` gives rows of a page.
@@ -92,7 +94,6 @@ impl View {
     ) -> Result<Light> {
         let mut irradiance = vec![Vec3::ZERO; self.samples.len()];
         let mut strip: Option<(usize, Range<usize>, Image)> = None;
-        let mut sum = DVec3::ZERO;
         for &i in &self.lit {
             let Shown::Texel { page, at } = self.samples[i as usize].1 else { continue };
             let height = config.pages[page].height as usize;
@@ -105,25 +106,32 @@ impl View {
                 strip = Some((page, rows, image));
             }
             if let Some((_, rows, image)) = &strip {
-                let light = bilinear(image, at - Vec2::new(0.0, rows.start as f32));
-                sum += light.as_dvec3();
-                irradiance[i as usize] = light;
+                irradiance[i as usize] = bilinear(image, at - Vec2::new(0.0, rows.start as f32));
             }
         }
-        let mean = (sum / self.lit.len() as f64).as_vec3();
+        // (At night the mean is that of a few places right below lamps.)
+        let median = self.median(&irradiance);
         for (light, (_, shown)) in irradiance.iter_mut().zip(&self.samples) {
             if let Shown::Plain(share) = shown {
-                *light = mean * *share;
+                *light = median * *share;
             }
         }
         Ok(Light { irradiance })
     }
 
-    /// The exposure that suits a light, as a power of two: see [`tone::automatic_exposure`].
+    /// The median of each channel over what has texels.
+    fn median(&self, irradiance: &[Vec3]) -> Vec3 {
+        Vec3::from_array(std::array::from_fn(|channel| {
+            let mut values: Vec<f32> = self.lit.iter().map(|&i| irradiance[i as usize][channel]).collect();
+            let middle = values.len() / 2;
+            *values.select_nth_unstable_by(middle, f32::total_cmp).1
+        }))
+    }
+
+    /// The exposure that suits a light where there are texels, as a power of two: see [`tone::automatic_exposure`].
     pub fn exposure(&self, light: &Light) -> f64 {
-        let surface = self.sums(|(_, shown)| f32::from(u8::from(!matches!(shown, Shown::Sky))));
-        let pixels = self.radiance(light, Vec3::ZERO).into_iter().zip(surface);
-        let pixels = pixels.filter(|(_, surface)| *surface > 0.5);
+        let pixels = self.radiance(light, Vec3::ZERO).into_iter().zip(self.with_texels());
+        let pixels = pixels.filter(|(_, share)| *share > 0.5);
         tone::automatic_exposure(pixels.map(|(radiance, _)| tone::luminance(radiance.to_array())))
     }
 
@@ -144,10 +152,6 @@ impl View {
         self.means(of)
     }
 
-    fn sums(&self, of: impl Fn(&(Vec3, Shown)) -> f32) -> Vec<f32> {
-        self.means(|i| of(&self.samples[i]))
-    }
-
     /// Of each pixel, the mean over its samples.
     fn means<T>(&self, of: impl Fn(usize) -> T) -> Vec<T>
     where
@@ -163,11 +167,11 @@ impl View {
     }
 }
 
-/// The camera that a scene is first seen by: of the scene file, which the manifest keeps, else of a geometry file.
-fn first_camera(config: &Config, model: &Model) -> Option<Camera> {
+/// The cameras of a scene: of the scene file, which the manifest keeps, then of the geometry file.
+fn cameras(config: &Config, model: &Model) -> impl Iterator<Item = Camera> {
     let of_scene = config.settings["cameras"].as_array().into_iter().flatten();
     let of_scene = of_scene.filter_map(|camera| serde_json::from_value::<Camera>(camera.clone()).ok());
-    of_scene.filter(Camera::is_usable).chain(model.cameras.iter().cloned()).next()
+    of_scene.filter(Camera::is_usable).chain(model.cameras.iter().cloned())
 }
 
 /// A camera where none is known.
