@@ -18,7 +18,7 @@ use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle, light_of};
 use compressor::run::compress_and_judge;
 use dataset::console::{self, Console, ConsoleArgs, count};
-use dataset::report::{self, Report};
+use dataset::report::{self, Report, Section};
 use dataset::store::Dataset;
 use dataset::typed;
 use dataset::{Error, Result};
@@ -209,8 +209,6 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     let outcome = bake(scene, &options, console)?;
     let set = Dataset::open(&outcome.dataset)?;
     let mut report = Report::new(&format!("{}: temporal lightmaps", outcome.scene));
-    report.push(report::preview::section(&set)?);
-    report.push(baker::report::section(&outcome));
     say(&outcome, args.check.is_some(), console);
     if let Some(bundle) = stale_bundle(&set).filter(|_| !args.compress) {
         console.warn(format!(
@@ -227,8 +225,15 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         let judged = compress_and_judge(&outcome.dataset, &options, console)?;
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();
+        report.lead(judged.lead);
         judged.sections.into_iter().for_each(|section| report.push(section));
+    } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {
+        report::scene::section(&set)?.into_iter().for_each(|section| report.lead(section));
     }
+    // What leads a report folds the rest of it.
+    let fold = |section: Section| if args.compress { section.folded() } else { section };
+    report.push(fold(report::preview::section(&set)?));
+    report.push(fold(baker::report::section(&outcome)));
     let path = outcome.dataset.join(REPORT);
     // Nothing new: a report that stands there may tell more, of the compressor too.
     if args.compress || !outcome.up_to_date || !path.exists() {

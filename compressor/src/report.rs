@@ -1,4 +1,8 @@
-//! Report sections: training curves, quality table, pictures, what was left out.
+//! Report sections: what is seen first (`lead`), training curves, quality table, pictures, what was left out.
+
+mod lead;
+
+pub use lead::lead;
 
 use crate::Result;
 use crate::compress::{Outcome, TileOutcome};
@@ -9,11 +13,10 @@ use dataset::image::Image;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
 use dataset::report::preview::{Reduction, exposure, tone_mapped_png};
+use dataset::report::scene::shown_sets;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
-/// Hours whose nearest sets are shown decoded beside the reference: morning, noon, right after an evening switch, midnight.
-const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
 /// A page of at most so many texels is decoded whole for a picture.
 const SMALL: usize = 1 << 22;
 /// Errors are shown this much brighter than the light.
@@ -178,16 +181,7 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
         "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour at its own exposure."
     ));
     let (sets, law) = (&dataset.config.frames, reference_law(decoder));
-    let mut shown: Vec<usize> = Vec::new();
-    for wanted in SHOWN_HOURS {
-        let distance = |k: &usize| {
-            let d = (sets[*k].hour - wanted).abs();
-            d.min(24.0 - d)
-        };
-        let nearest = (0..sets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        shown.extend(nearest.filter(|k| !shown.contains(k)));
-    }
-    for k in shown {
+    for k in shown_sets(&dataset.config) {
         for page in 0..dataset.config.pages.len() {
             let hour = sets[k].hour;
             let mask = dataset.mask(page)?;

@@ -19,6 +19,8 @@ pub struct Judged {
     pub outcome: Outcome,
     /// How the written bundle compares with the dataset.
     pub evaluation: Evaluation,
+    /// What the report shows first: the scene and a summary.
+    pub lead: Section,
     /// The report's sections, in order.
     pub sections: Vec<Section>,
     /// Wall-clock seconds of compressing and judging.
@@ -52,14 +54,18 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         print(&evaluation, console);
         remarks.iter().for_each(|what| console.print(what));
     }
-    remarks.extend(missed.filter(|(_, is_far)| *is_far).map(|(what, _)| what));
+    let missed = missed.filter(|(_, is_far)| *is_far).map(|(what, _)| what);
+    let (lead, shows_scene) = report::lead(&dataset, &decoder, &outcome, &evaluation, missed.as_deref())?;
+    remarks.extend(missed);
+    let pictures = report::pictures(&dataset, &decoder)?;
     let sections = vec![
-        report::training(&outcome),
-        report::quality(&evaluation, &remarks),
-        report::pictures(&dataset, &decoder)?,
-        report::left_out(&outcome, evaluation.sun_is_left_out),
+        // Without a picture of the scene, those of its pages are what there is to see.
+        if shows_scene { pictures.folded() } else { pictures },
+        report::quality(&evaluation, &remarks).folded(),
+        report::training(&outcome).folded(),
+        report::left_out(&outcome, evaluation.sun_is_left_out).folded(),
     ];
-    Ok(Judged { outcome, evaluation, sections, seconds: start.elapsed().as_secs_f64() })
+    Ok(Judged { outcome, evaluation, lead, sections, seconds: start.elapsed().as_secs_f64() })
 }
 
 /// What quantisation cost.

@@ -20,6 +20,8 @@ pub mod normals;
 pub mod store;
 pub mod exchange;
 pub mod metrics;
+pub mod tone;
+pub mod view;
 pub mod report;
 pub mod release;
 

@@ -20,7 +20,7 @@ pub(crate) use check::{is_component, references};
 pub(crate) use stage::Staged;
 pub use sunlight::Sunlight;
 pub use verify::Verification;
-pub(crate) use verify::about_equal;
+pub(crate) use verify::{about_equal, geometry};
 
 /// The manifest's name in the folder.
 pub const MANIFEST: &str = "config.json";

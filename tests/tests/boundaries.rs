@@ -1,4 +1,4 @@
-//! The dependency rule: `baker → dataset ← compressor`, and the decoder depends on none of them.
+//! The dependency rule: `baker → dataset ← compressor`; the decoder, `ndgi`, depends on none of them and serves both sides.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -43,4 +43,29 @@ fn bakers_library_never_names_the_compressor() {
     assert_eq!(naming(&library, "compressor"), Vec::<String>::new());
     // The search can find what it looks for.
     assert!(!naming(&binary, "compressor").is_empty());
+}
+
+#[test]
+fn what_both_sides_share_names_neither() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let of = |manifest: &str, name: &str| {
+        let text = fs::read_to_string(root.join(manifest)).unwrap();
+        let (_, dependencies) = text.split_once("[dependencies]").unwrap();
+        let dependencies = dependencies.split("\n[").next().unwrap();
+        dependencies
+            .lines()
+            .any(|line| line.starts_with(&format!("{name}.")) || line.starts_with(&format!("{name} ")))
+    };
+    for name in ["baker", "compressor", "ndgi"] {
+        assert!(!of("dataset/Cargo.toml", name), "dataset depends on {name}");
+    }
+    for name in ["baker", "compressor", "dataset"] {
+        assert!(!of("compressor/ndgi/Cargo.toml", name), "ndgi depends on {name}");
+    }
+    // The search can find what it looks for.
+    for (manifest, name) in
+        [("baker", "ndgi"), ("baker", "dataset"), ("compressor", "dataset"), ("compressor", "ndgi")]
+    {
+        assert!(of(&format!("{manifest}/Cargo.toml"), name), "{manifest}: {name}");
+    }
 }

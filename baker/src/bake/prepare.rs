@@ -150,7 +150,7 @@ impl Prepared {
 
     /// The settings as they go into the manifest, and the digest of all that decides the dataset.
     pub fn manifest(&self, options: &Options) -> Result<(serde_json::Value, String)> {
-        let settings = settings(&self.scene, &self.hours, self.integrator, options)?;
+        let mut settings = settings(&self.scene, &self.hours, self.integrator, options)?;
         let mut hash = blake3::Hasher::new();
         hash.update(self.base.as_bytes());
         self.digests.iter().for_each(|d| {
@@ -168,6 +168,8 @@ impl Prepared {
         self.geometry.instances.iter().for_each(|i| {
             hash.update(i.name.as_bytes()).update(&[0]);
         });
+        // Only now: another camera makes no other bake.
+        settings["cameras"] = serde_json::json!(self.scene.cameras);
         Ok((settings, hash.finalize().to_hex().to_string()))
     }
 }

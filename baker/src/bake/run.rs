@@ -54,6 +54,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
         // (Of a run that was killed while it wrote its report.)
         remove_stale_temporaries(&out)?;
+        standing::keep_cameras(&out, &settings)?;
         return Ok(outcome);
     }
     standing::refuse_foreign(&out, scene.objects.iter().map(|object| object.file.as_path()))?;

@@ -12,7 +12,7 @@ use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
 use dataset::config::{Config, FileRef, VERSION};
 use dataset::console::{Console, count};
-use dataset::store::{self, Dataset};
+use dataset::store::{self, Dataset, Writer};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -38,6 +38,24 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
     }
     let seconds = start.elapsed().as_secs_f64();
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
+}
+
+/// Writes cameras into a manifest that has others: they are no part of a bake, and reports show the scene by them.
+///
+/// # Errors
+/// A dataset that cannot be written.
+pub fn keep_cameras(out: &Path, settings: &serde_json::Value) -> Result<()> {
+    let mut config = Dataset::open(out)?.config;
+    let of = |settings: &serde_json::Value| settings["cameras"].as_array().cloned().unwrap_or_default();
+    // Through text, as the manifest went: reading a number back may round it.
+    let text = settings.to_string();
+    let new = of(&serde_json::from_str(&text).map_err(|e| Error::invalid("scene", e))?);
+    if of(&config.settings) == new || !config.settings.is_object() {
+        return Ok(());
+    }
+    let _lock = folder::lock(out)?;
+    config.settings["cameras"] = new.into();
+    Writer::create(out)?.commit(&config)
 }
 
 /// Whether the geometry stands in a dataset as it was written, under both of its names. It is what games and viewers load, and unlike

@@ -1,5 +1,6 @@
 //! The texels of a moment, read as a game reads them.
 
+use super::bundle::{Compressed, of_bundle};
 use super::moment::Moment;
 use super::places::Places;
 use crate::{Result, Rgb};
@@ -27,6 +28,17 @@ impl Baked {
             Ok(sum.unwrap_or_else(|| Image::black(1, 1)))
         };
         let pages = (0..dataset.config.pages.len()).map(sum).collect::<Result<_>>()?;
+        Ok(Baked { places, pages })
+    }
+
+    /// Decodes a bundle at an hour.
+    pub fn decode(bundle: &Compressed, hour: f64, places: Places) -> Result<Self> {
+        let page = |page| {
+            let ndgi::decode::Image { width, height, texels } = bundle.decoder.decode_page(page, hour)?;
+            Ok(Image { width, height, texels })
+        };
+        let pages = 0..bundle.decoder.bundle().header.pages.len();
+        let pages = pages.map(page).collect::<Result<_, _>>().map_err(of_bundle)?;
         Ok(Baked { places, pages })
     }
 

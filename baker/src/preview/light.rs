@@ -1,13 +1,11 @@
 //! What shines at a moment: the layers that its sets are made of, each with its share.
 
-use super::moment::Moment;
 use crate::Rgb;
 use crate::bake::plan::Plan;
 use crate::geometry::Geometry;
 use crate::light::schedule::Hours;
 use crate::scene::Scene;
 use crate::trace::lights::Lights;
-use dataset::config::Config;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -20,14 +18,13 @@ pub struct Light {
 }
 
 impl Light {
-    /// The light at the hours of a moment's sets, in the same shares as their texels.
-    pub fn new(scene: &Scene, geometry: &Geometry, config: &Config, moment: &Moment) -> Self {
-        let mut list: Vec<f64> = moment.parts.iter().map(|&(set, _)| config.frames[set].hour).collect();
+    /// The light at some hours, each with its share: those of the texels beside it.
+    pub fn new(scene: &Scene, geometry: &Geometry, hours: &[(f64, f32)]) -> Self {
+        let mut list: Vec<f64> = hours.iter().map(|&(hour, _)| hour).collect();
         list.sort_by(f64::total_cmp);
         let plan = Plan::new(scene, geometry, &Hours { list, ..Hours::default() }, 0);
         let mut shares: BTreeMap<usize, Rgb> = BTreeMap::new();
-        for &(set, weight) in &moment.parts {
-            let hour = config.frames[set].hour;
+        for &(hour, weight) in hours {
             if let Some(m) = plan.moments.iter().position(|m| (m.hour - hour).abs() < 1e-6) {
                 for layer in plan.layers_of(m) {
                     *shares.entry(layer).or_default() += weight * plan.scale_of(layer);

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// The hour, such as 18.5 or 18:30: where no set is of this hour, light goes linearly from the set before to the one after, or,
-    /// where lamps switch between them, is that of the one whose lamps are as they are at this hour.
+    /// where lamps switch between them, is that of the one whose lamps are as they are at this hour. A bundle has light at every hour.
     #[arg(long, value_name = "HOUR", value_parser = dataset::typed::hour)]
     pub hour: f64,
     /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
@@ -35,7 +35,10 @@ pub struct Options {
     /// The dataset's folder [default: the scene's in dataset/].
     #[arg(long, value_name = "DIR")]
     pub dataset: Option<PathBuf>,
-    /// The picture to write [default: in the dataset's folder, named by camera and hour].
+    /// Show the light that a compressed bundle of this dataset decodes to, instead of the dataset's lightmaps.
+    #[arg(long, value_name = "FILE.ndgi")]
+    pub bundle: Option<PathBuf>,
+    /// The picture to write [default: in the dataset's folder, named by camera, hour and bundle].
     #[arg(long, value_name = "FILE.png")]
     pub out: Option<PathBuf>,
     /// What finds the hits of rays: obvhs, or embree in builds with that feature.
@@ -55,6 +58,7 @@ impl Options {
             samples: 16,
             exposure: None,
             dataset: None,
+            bundle: None,
             out: None,
             backend: Backend::default(),
         }
@@ -67,6 +71,7 @@ Examples:
   bake preview scenes/yard.toml --hour 18.5
   bake preview scenes/yard.toml --hour 12 --camera gate --out gate.png
   bake preview scenes/yard.toml --hour 21 --camera \"0,1.7,5\" --look-at \"0,1,-5\" --fov 75
+  bake preview scenes/yard.toml --hour 18.05 --bundle dataset/yard/yard.ndgi     what a game would show of the bundle
   bake preview scenes/yard.toml --hour 7 --exposure -3 --size 640x360 --samples 4
 
 Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
@@ -77,7 +82,7 @@ emissive surfaces and the sky are not. A computed sky is black below the horizon
 
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 
-With --json, one object on stdout: scene, dataset, image, hour, sets (hour, weight), camera (name, position, look_at, fov), size,
+With --json, one object on stdout: scene, dataset, bundle (null without one), image, hour, sets (hour, weight; none of a bundle), camera (name, position, look_at, fov), size,
 samples, exposure, seconds, warnings.";
 
 /// `x,y,z`.

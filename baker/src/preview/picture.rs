@@ -1,12 +1,13 @@
 //! All pixels of a view.
 
 use super::shade::Shader;
-use super::tone::{automatic_exposure, srgb8};
+use crate::light::luminance;
 use crate::trace::lens::Lens;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::walk::point_pair;
 use crate::{Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
+use dataset::tone::{self, automatic_exposure};
 use glam::Vec2;
 use image::ImageEncoder;
 use rayon::prelude::*;
@@ -61,14 +62,16 @@ impl Picture {
 
     /// The exposure that suits its surfaces, as a power of two: see [`automatic_exposure`].
     pub fn exposure(&self) -> f64 {
-        automatic_exposure(self.pixels.iter().filter(|(_, met)| *met > 0.5).map(|(radiance, _)| *radiance))
+        let surfaces = self.pixels.iter().filter(|(_, met)| *met > 0.5);
+        automatic_exposure(surfaces.map(|(radiance, _)| luminance(*radiance)))
     }
 
     /// The bytes of a PNG file.
     pub fn to_png(&self, exposure: f64) -> Vec<u8> {
         let scale = exposure.exp2() as f32;
+        let pixels = self.pixels.iter();
         let samples: Vec<u8> =
-            self.pixels.iter().flat_map(|(radiance, _)| srgb8(*radiance * scale)).collect();
+            pixels.flat_map(|(radiance, _)| (*radiance * scale).to_array().map(tone::code)).collect();
         let mut bytes = Vec::new();
         image::codecs::png::PngEncoder::new(&mut bytes)
             .write_image(&samples, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)

@@ -1,15 +1,17 @@
 //! A preview from end to end.
 
 use super::baked::Baked;
+use super::bundle::Compressed;
 use super::light::Light;
 use super::moment::Moment;
 use super::options::Options;
 use super::picture::Picture;
+use super::places::Places;
 use super::shade::Shader;
 use super::standing::Shown;
 use super::{standing, view};
 use crate::light::luminance;
-use crate::scene::{Scene, Sky, SunTrack};
+use crate::scene::{Baked as Part, Scene, Sky, SunTrack};
 use crate::trace::lens::Lens;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
@@ -18,6 +20,7 @@ use crate::trace::walk::Transport;
 use crate::{Result, geometry, scene};
 use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
+use dataset::store::Dataset;
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
@@ -35,6 +38,54 @@ fn changes(scene: &Scene) -> bool {
         || scene.sun.as_ref().is_some_and(|sun| moves(&sun.track))
 }
 
+/// The light of texels.
+struct Source {
+    baked: Baked,
+    /// The hours whose light it is, each with its share.
+    hours: Vec<(f64, f32)>,
+    /// Whether these are sets of the dataset.
+    is_set: bool,
+    /// What is to be warned of.
+    doubts: Vec<String>,
+}
+
+/// The lightmaps of a dataset.
+fn of_sets(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console: &Console) -> Result<Source> {
+    let moment = Moment::new(&dataset.config, hour);
+    let mut doubts = Vec::new();
+    if moment.is_doubtful {
+        doubts.push(moment.note.clone());
+    } else {
+        console.say(format!("{hour:.2} h: {}", moment.note));
+    }
+    doubts.extend(moment.far(&dataset.config, hour).filter(|_| changes(scene)));
+    let hours = moment.parts.iter().map(|&(set, weight)| (dataset.config.frames[set].hour, weight));
+    Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &moment, places)? })
+}
+
+/// What a bundle of the dataset decodes to. Where the bundle lacks the sun's direct light, `scene` loses it, too, for what has no texels.
+fn of_bundle(
+    bundle: &Compressed,
+    dataset: &Dataset,
+    hour: f64,
+    scene: &mut Scene,
+    places: Places,
+    console: &Console,
+) -> Result<Source> {
+    bundle.expect_of(dataset)?;
+    console.say(format!("{hour:.2} h: decoded from {}", bundle.path.display()));
+    if bundle.lacks_sun() {
+        scene.sun_baked = Part::Indirect;
+    }
+    let doubts = bundle.doubts(&dataset.config, hour, changes(scene));
+    Ok(Source {
+        baked: Baked::decode(bundle, hour, places)?,
+        hours: vec![(hour, 1.0)],
+        is_set: false,
+        doubts,
+    })
+}
+
 /// Draws the baked light of a scene and writes the picture; gives what `--json` prints.
 ///
 /// # Errors
@@ -45,6 +96,7 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     if let Some(out) = &options.out {
         expect_output(out, "png", "--out")?;
     }
+    let bundle = options.bundle.as_deref().map(Compressed::open).transpose()?;
     let (scene, mut warnings) = scene::load(scene_file)?;
     let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
     standing::expect_finished(&folder, scene_file, &scene.name)?;
@@ -52,26 +104,17 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     warnings.extend(geometry_warnings);
     warnings.iter().for_each(|warning| console.warn(warning));
     let asked = view::asked(options, &scene, &geometry)?;
-    let Shown { dataset, scene, geometry, places, warnings: changed } =
+    let Shown { dataset, mut scene, geometry, places, warnings: changed } =
         standing::open(&folder, scene_file, scene, geometry, console)?;
     warnings.extend(changed);
+    let Source { baked, hours, is_set, doubts } = match &bundle {
+        None => of_sets(&dataset, options.hour, &scene, places, console)?,
+        Some(bundle) => of_bundle(bundle, &dataset, options.hour, &mut scene, places, console)?,
+    };
+    doubts.iter().for_each(|doubt| console.warn(doubt));
+    warnings.extend(doubts);
     let rays = Rays::with_backend(&geometry, options.backend)?;
-
-    let moment = Moment::new(&dataset.config, options.hour);
-    if moment.is_doubtful {
-        console.warn(&moment.note);
-        warnings.push(moment.note.clone());
-    } else {
-        console.say(format!("{:.2} h: {}", options.hour, moment.note));
-    }
-    if changes(&scene)
-        && let Some(far) = moment.far(&dataset.config, options.hour)
-    {
-        console.warn(&far);
-        warnings.push(far);
-    }
-    let light = Light::new(&scene, &geometry, &dataset.config, &moment);
-    let baked = Baked::read(&dataset, &moment, places)?;
+    let light = Light::new(&scene, &geometry, &hours);
     let camera = match asked {
         Some(camera) => camera,
         None => {
@@ -93,7 +136,9 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let out = options.out.clone().unwrap_or_else(|| {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
         let name: String = camera.name.chars().map(plain).collect();
-        folder.join(format!("preview-{name}-{}.png", options.hour))
+        let bundle = options.bundle.as_deref().and_then(Path::file_stem).map(|stem| stem.to_string_lossy());
+        let bundle: String = bundle.map_or(String::new(), |stem| format!("-of-{stem}"));
+        folder.join(format!("preview-{name}-{}{bundle}.png", options.hour))
     });
     write_atomically(&out, &picture.to_png(exposure))?;
 
@@ -104,14 +149,15 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
         camera.name,
         if options.exposure.is_none() { " (--exposure fixes it)" } else { "" }
     ));
-    let set =
-        |&(set, weight): &(usize, f32)| json!({ "hour": dataset.config.frames[set].hour, "weight": weight });
+    let set = |&(hour, weight): &(f64, f32)| json!({ "hour": hour, "weight": weight });
+    let sets = if is_set { &hours[..] } else { &[] };
     Ok(json!({
         "scene": scene.name,
         "dataset": folder,
+        "bundle": options.bundle,
         "image": out,
         "hour": options.hour,
-        "sets": moment.parts.iter().map(set).collect::<Vec<_>>(),
+        "sets": sets.iter().map(set).collect::<Vec<_>>(),
         "camera": { "name": camera.name, "position": camera.position, "look_at": camera.look_at, "fov": camera.fov },
         "size": options.size,
         "samples": options.samples,

@@ -77,7 +77,7 @@ pub struct Scene {
     pub size_as_written: String,
     /// Sampling.
     pub bake: Sampling,
-    /// Viewpoints for pictures, in file order; names are unique. No part of what is baked, nor of any digest.
+    /// Viewpoints for pictures, in file order; names are unique. No part of what is baked, nor of any digest; the manifest keeps them for reports.
     #[serde(skip)]
     pub cameras: Vec<Camera>,
 }
@@ -154,7 +154,7 @@ impl SunVisibility {
 }
 
 /// A viewpoint.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Camera {
     /// Unique.
     pub name: String,

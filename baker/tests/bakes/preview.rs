@@ -5,10 +5,14 @@ use super::scenes::{Obj, furnace, instances, outdoors};
 use baker::bake::run::Preset;
 use baker::preview::options::Options;
 use baker::preview::run::preview;
+use compressor::compress::{DRAFT, Options as CompressOptions, compress};
 use dataset::console::Console;
+use dataset::image::Image;
+use dataset::view::View;
 use glam::DVec3;
 use image::{ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
 use std::io::Cursor;
+use std::path::PathBuf;
 
 const SET: &str = "set";
 const SAMPLES: &str = "[bake]\nsamples = 16\n";
@@ -135,8 +139,10 @@ fn a_camera_is_chosen_by_name_and_changes_no_bake() {
     assert!(message.contains("\"gate\": expected") && message.contains("the scene has none"), "{message}");
 
     let camera = "[[camera]]\nname = \"gate\"\nposition = [1, 2, 3]\nlook_at = [0, 0.5, 0]\nfov = 40\n";
-    let (outcome, _) = case.stage.bake(&format!("{scene}{camera}"), SET, case.hours, |_| ());
+    let (outcome, dataset) = case.stage.bake(&format!("{scene}{camera}"), SET, case.hours, |_| ());
     assert!(outcome.up_to_date);
+    // Reports show the scene by it.
+    assert_eq!(dataset.config.settings["cameras"][0]["name"], "gate");
     let small = || Options { size: [16, 9], ..Options::new(9.0) };
     for camera in [None, Some("gate".to_owned())] {
         let (told, picture) = case.stage.draw(Options { camera, ..small() }).unwrap();
@@ -202,4 +208,108 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
         message.contains("of the scene \"case\"") && message.contains("made of the scene \"other\""),
         "{message}"
     );
+}
+
+impl Stage {
+    /// Compresses the dataset `set`, briefly.
+    fn compress(&self, change: impl FnOnce(&mut CompressOptions)) -> PathBuf {
+        let mut options = CompressOptions { iterations: 300, force: true, ..CompressOptions::of(DRAFT) };
+        change(&mut options);
+        compress(&self.path(SET), &options, &Console::silent()).unwrap_or_else(|e| panic!("{e}")).bundle
+    }
+}
+
+#[test]
+fn a_bundle_is_drawn_at_any_hour_in_place_of_the_lightmaps() {
+    let stage = Stage::new(&[floor()]);
+    stage.bake(&format!("{FLOOR}{SAMPLES}"), SET, "8,12", |_| ());
+    let bundle = stage.compress(|_| ());
+    let view = Options { bundle: Some(bundle.clone()), exposure: Some(-1.0), ..from("0,3,0.1", [0.0; 3]) };
+    let (told, picture) = stage.draw(Options { hour: 9.3, ..view }).unwrap();
+    assert_eq!((&told["bundle"], &told["sets"]), (&serde_json::json!(bundle), &serde_json::json!([])));
+    assert_eq!(told["warnings"].as_array().map(Vec::len), Some(0), "{told}");
+    // As in `a_known_irradiance_shows_its_value`; 3 codes are 5 % of the light.
+    let pixel = picture.get_pixel(20, 20).0;
+    assert!(pixel.iter().all(|c| c.abs_diff(137) <= 3), "{pixel:?}");
+
+    // It is of another bake now, and of other pages, and of another scene.
+    let with = || Options { bundle: Some(bundle.clone()), ..from("0,3,0.1", [0.0; 3]) };
+    stage.bake(&format!("{FLOOR}{SAMPLES}").replace("[1, 1, 1]", "[2, 2, 2]"), SET, "8,12", |_| ());
+    let (told, _) = stage.draw(with()).unwrap();
+    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("made from another bake")), "{told}");
+    stage.bake(&format!("{FLOOR}{SAMPLES}").replace("size = 40", "size = 48"), SET, "8,12", |_| ());
+    let message = stage.refusal(with());
+    assert!(
+        message.contains("has pages of 40 × 40 texels; expected those of the dataset, 48 × 48"),
+        "{message}"
+    );
+    stage.bake(&format!("name = \"other\"\n{FLOOR}{SAMPLES}"), SET, "12", |options| options.force = true);
+    let message = stage.refusal(with());
+    assert!(message.contains("is a bundle of the scene \"case\"; expected one of \"other\""), "{message}");
+    let message = stage.refusal(Options { bundle: Some(stage.path("case.toml")), ..with() });
+    assert!(message.contains("case.toml: does not begin with"), "{message}");
+}
+
+#[test]
+fn a_bundle_without_the_sun_shows_the_rest_and_says_so() {
+    let case = outdoors();
+    let scene = format!("{}{SAMPLES}", case.text);
+    case.stage.bake(&scene, SET, case.hours, |_| ());
+    let [whole, rest] = [false, true].map(|without_sun| {
+        let out = Some(case.stage.path(&format!("{without_sun}.ndgi")));
+        let bundle =
+            Some(case.stage.compress(|options| (options.without_sun, options.out) = (without_sun, out)));
+        case.stage.draw(Options { bundle, exposure: Some(-4.0), ..from("3,4,3", [0.0; 3]) }).unwrap()
+    });
+    assert_eq!(whole.0["warnings"].as_array().map(Vec::len), Some(0), "{}", whole.0);
+    let warning = rest.0["warnings"][0].as_str().unwrap_or_default();
+    assert!(warning.contains("written without the sun's direct light"), "{}", rest.0);
+    let mean = |picture: &RgbImage| picture.pixels().map(|p| f64::from(p.0[1])).sum::<f64>() / 1600.0;
+    assert!(mean(&rest.1) + 20.0 < mean(&whole.1), "{} {}", mean(&rest.1), mean(&whole.1));
+}
+
+#[test]
+fn reports_show_what_the_preview_shows() {
+    // Textured, with holes, at an hour of sun: what reports draw by a depth buffer is what the preview traces.
+    let mut png = Cursor::new(Vec::new());
+    let texel = |x: u32, y: u32| {
+        let alpha = if (x + y).is_multiple_of(3) { 0 } else { 255 };
+        Rgba([200, 60 + 20 * x as u8, 40 + 20 * y as u8, alpha])
+    };
+    RgbaImage::from_fn(8, 8, texel).write_to(&mut png, ImageFormat::Png).unwrap();
+    let sheet = "mtllib sheet.mtl\nusemtl holed\nv -1.5 0 1\nvt 0 0\nv 1 0 1.5\nvt 2 0\nv 1 1.2 1.5\nvt 2 1\nv -1.5 1.2 1\n\
+        vt 0 1\nf 1/1 2/2 3/3 4/4\n";
+    let mtl = "newmtl holed\nKd 0.8 1 1\nmap_Kd holed.png\nmap_d holed.png\n";
+    let case = outdoors();
+    let files = [("sheet.obj", sheet.into()), ("sheet.mtl", mtl.into()), ("holed.png", png.into_inner())];
+    files.iter().for_each(|(name, bytes)| case.stage.write(name, bytes));
+    let sheet = "[[object]]\nfile = \"sheet.obj\"\n";
+    let camera = "[[camera]]\nname = \"gate\"\nposition = [2, 1.5, 3]\nlook_at = [0, 0.5, 0]\nfov = 70\n";
+    let scene = format!("{}{sheet}{camera}{SAMPLES}", case.text);
+    let (_, dataset) = case.stage.bake(&scene, SET, "12", |_| ());
+
+    let size = [96, 54];
+    let view = View::of(&dataset, size).unwrap().unwrap();
+    assert_eq!(view.camera.name, "gate");
+    let light = view.light(&dataset.config, |page, rows| {
+        let texels = dataset.map_rows(0, page, rows.start, rows.end)?;
+        Ok(Image { width: dataset.config.pages[page].width as usize, height: rows.len(), texels })
+    });
+    let light = light.unwrap();
+    let exposure = view.exposure(&light);
+    let report = image::load_from_memory(&view.to_png(&light, exposure)).unwrap().into_rgb8();
+    let options =
+        Options { size: size.map(|side| side as u32), exposure: Some(exposure), ..Options::new(12.0) };
+    let (told, preview) = case.stage.draw(options).unwrap();
+    assert_eq!(told["camera"]["name"], "gate");
+
+    // Where all of a pixel has texels. The preview has four times as many samples of it, elsewhere in it: at edges they differ.
+    let lit: Vec<bool> = view.with_texels().iter().map(|share| *share == 1.0).collect();
+    let pairs = report.pixels().zip(preview.pixels()).zip(&lit).filter(|(_, lit)| **lit);
+    let apart: Vec<u8> =
+        pairs.map(|((a, b), _)| (0..3).map(|c| a.0[c].abs_diff(b.0[c])).max().unwrap()).collect();
+    assert!(apart.len() * 3 > lit.len(), "{} of {} pixels have texels", apart.len(), lit.len());
+    let far = apart.iter().filter(|apart| **apart > 8).count();
+    let mean = apart.iter().map(|apart| f64::from(*apart)).sum::<f64>() / apart.len() as f64;
+    assert!(far * 10 < apart.len() && mean < 3.0, "{far} of {}, {mean}", apart.len());
 }

@@ -362,7 +362,10 @@ fn json_is_one_object_with_the_documented_keys() {
         assert!(object.get(key).is_some(), "no key {key}");
     }
     assert_eq!(object["sets"], 1);
-    assert!(Path::new(object["report"].as_str().unwrap()).exists());
+    // The scene comes first.
+    let report = std::fs::read_to_string(object["report"].as_str().unwrap()).unwrap();
+    let (lead, _) = report.split_once("<nav>").unwrap();
+    assert!(lead.contains("<figcaption>12 h</figcaption>") && lead.matches("<img").count() == 1);
     // At noon the lamps are off: nothing of them is traced, and the run says so.
     assert_eq!(object["rays"]["lamp"], 0);
     assert!(object["left_out"].to_string().contains("lamp"));

@@ -2,6 +2,7 @@
 
 pub mod plot;
 pub mod preview;
+pub mod scene;
 
 use crate::Result;
 use base64::Engine;
@@ -15,6 +16,8 @@ const STYLE: &str = include_str!("style.css");
 #[derive(Debug)]
 pub struct Report {
     title: String,
+    /// What is seen first, before any heading.
+    lead: Vec<Section>,
     sections: Vec<Section>,
 }
 
@@ -23,12 +26,18 @@ pub struct Report {
 pub struct Section {
     heading: String,
     html: String,
+    is_folded: bool,
 }
 
 impl Report {
     /// An empty page.
     pub fn new(title: &str) -> Self {
-        Report { title: title.to_owned(), sections: Vec::new() }
+        Report { title: title.to_owned(), lead: Vec::new(), sections: Vec::new() }
+    }
+
+    /// Appends what is seen first; its heading is not shown.
+    pub fn lead(&mut self, section: Section) {
+        self.lead.push(section);
     }
 
     /// Appends a section.
@@ -44,6 +53,9 @@ impl Report {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n"
         );
+        for section in &self.lead {
+            let _ = write!(html, "<section class=\"lead\">\n{}</section>\n", section.html);
+        }
         // A table of contents, where there is something to choose.
         if self.sections.len() > 1 {
             html.push_str("<nav>");
@@ -54,8 +66,16 @@ impl Report {
         }
         for (number, section) in self.sections.iter().enumerate() {
             let (id, heading) = (number + 1, escape(&section.heading));
-            let _ =
-                write!(html, "<section id=\"part-{id}\">\n<h2>{heading}</h2>\n{}</section>\n", section.html);
+            let heading = format!("<h2>{heading}</h2>\n");
+            let content = match section.is_folded {
+                true => format!(
+                    "<details>\n<summary>{}</summary>\n{}</details>\n",
+                    heading.trim_end(),
+                    section.html
+                ),
+                false => heading + &section.html,
+            };
+            let _ = write!(html, "<section id=\"part-{id}\">\n{content}</section>\n");
         }
         html.push_str("</main>\n</body>\n</html>\n");
         html
@@ -70,7 +90,12 @@ impl Report {
 impl Section {
     /// An empty section with its heading. All text given to these methods is escaped.
     pub fn new(heading: &str) -> Self {
-        Section { heading: heading.to_owned(), html: String::new() }
+        Section { heading: heading.to_owned(), html: String::new(), is_folded: false }
+    }
+
+    /// The same, shown by its heading alone until a reader opens it.
+    pub fn folded(self) -> Self {
+        Section { is_folded: true, ..self }
     }
 
     /// A heading of a part within the section.
@@ -134,6 +159,32 @@ impl Section {
         self
     }
 
+    /// Lines of a summary, each a title and what it says.
+    pub fn summary(&mut self, lines: &[(&str, String)]) -> &mut Self {
+        self.html.push_str("<dl>\n");
+        for (title, text) in lines {
+            let _ = writeln!(self.html, "<dt>{}</dt><dd>{}</dd>", escape(title), escape(text));
+        }
+        self.html.push_str("</dl>\n");
+        self
+    }
+
+    /// Pictures in a row, as wide as the page, each a stack of PNGs with its caption.
+    pub fn row(&mut self, stacks: &[(String, Vec<Vec<u8>>)]) -> &mut Self {
+        self.html.push_str("<div class=\"row\">\n");
+        for (caption, pngs) in stacks {
+            let caption = escape(caption);
+            self.html.push_str("<figure>");
+            for png in pngs {
+                let data = base64::engine::general_purpose::STANDARD.encode(png);
+                let _ = write!(self.html, "<img alt=\"{caption}\" src=\"data:image/png;base64,{data}\">");
+            }
+            let _ = writeln!(self.html, "<figcaption>{caption}</figcaption></figure>");
+        }
+        self.html.push_str("</div>\n");
+        self
+    }
+
     /// A plot.
     pub fn plot(&mut self, plot: &plot::Plot) -> &mut Self {
         let _ = writeln!(self.html, "<figure class=\"plot\">{}</figure>", plot.to_svg());
@@ -171,6 +222,8 @@ mod tests {
             .list(&[evil.into()])
             .table(&[evil], &[vec![evil.into(), "1.5".into()]])
             .pictures(&[(evil.into(), vec![1, 2, 3])])
+            .row(&[(evil.into(), vec![vec![1, 2, 3]])])
+            .summary(&[(evil, evil.into())])
             .plot(&plot::Plot {
                 title: evil.into(),
                 x: evil.into(),
@@ -180,9 +233,18 @@ mod tests {
                 lines: vec![(evil.into(), vec![(0.0, 1.0), (1.0, 10.0)])],
             });
         let mut report = Report::new(evil);
-        report.push(section);
+        report.push(section.folded());
+        let mut lead = Section::new(evil);
+        lead.row(&[(evil.into(), vec![vec![4, 5, 6]])]);
+        report.lead(lead);
         let html = report.to_html();
         assert!(!html.contains("<script"), "{html}");
+        // What leads comes first, and a folded section is opened by its heading.
+        let place = |what: &str| html.find(what).unwrap_or_else(|| panic!("no {what} in {html}"));
+        assert!(place("base64,BAUG") < place("<details>") && place("<details>") < place("<summary><h2>"));
+        assert!(
+            place("</h2></summary>") < place("base64,AQID") && place("base64,AQID") < place("</details>")
+        );
         assert!(html.contains("<td class=\"number\">1.5</td>"));
         assert!(html.contains("data:image/png;base64,AQID"));
         // The only address is the name of the SVG standard.

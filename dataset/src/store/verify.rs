@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-mod geometry;
+pub(crate) mod geometry;
 mod sums;
 
 pub(crate) use sums::about_equal;

@@ -82,10 +82,11 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     let dataset = Dataset::open(&root)?;
     let mut report = Report::new(&format!("{}, compressed", dataset.config.scene));
     let mut object = judged.json();
-    report.push(preview::section(&dataset)?);
+    report.lead(judged.lead);
     for section in judged.sections {
         report.push(section);
     }
+    report.push(preview::section(&dataset)?.folded());
     let path = args.report.unwrap_or_else(|| judged.outcome.bundle.with_extension("html"));
     report.write(&path)?;
     console.say(format!("bundle: {}", judged.outcome.bundle.display()));

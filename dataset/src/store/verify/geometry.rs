@@ -8,6 +8,7 @@ use gltf::json::Root;
 use gltf::json::deserialize::from_slice;
 use gltf::{Document, Glb, Node, Primitive, Semantic};
 use serde::Deserialize;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -17,17 +18,17 @@ const SLACK: f32 = 1e-4;
 /// What a node with texels says in its extras.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Placed {
-    lightmap_scale: [f32; 2],
-    lightmap_offset: [f32; 2],
-    lightmap_page: usize,
+pub(crate) struct Placed {
+    pub lightmap_scale: [f32; 2],
+    pub lightmap_offset: [f32; 2],
+    pub lightmap_page: usize,
 }
 
 /// The range of a mesh's lightmap coordinates; `None` where it has none.
 type Range = Option<([f32; 2], [f32; 2])>;
 
 /// Everything in a geometry file that breaks a rule; `path` names it in errors.
-pub(super) fn faults(path: &Path, bytes: &[u8], config: &Config) -> Vec<Error> {
+pub(crate) fn faults(path: &Path, bytes: &[u8], config: &Config) -> Vec<Error> {
     let mut found = Vec::new();
     let mut wrong = |what: String| found.push(Error::invalid(path.display(), what));
     if let Err(what) = check(bytes, config, &mut wrong) {
@@ -36,8 +37,8 @@ pub(super) fn faults(path: &Path, bytes: &[u8], config: &Config) -> Vec<Error> {
     found
 }
 
-/// Checks a file; what is wrong with one of its parts is told to `wrong`, what leaves nothing to check is the error.
-fn check(bytes: &[u8], config: &Config, wrong: &mut impl FnMut(String)) -> Result<(), String> {
+/// A file's JSON part, each index in it checked, and its binary part, in which all of its buffer views lie.
+pub(crate) fn open(bytes: &[u8]) -> Result<(Document, Cow<'_, [u8]>), String> {
     let states = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     if let Some(length) = states.filter(|length| *length as usize != bytes.len()) {
         return Err(format!(
@@ -47,7 +48,7 @@ fn check(bytes: &[u8], config: &Config, wrong: &mut impl FnMut(String)) -> Resul
     }
     let glb = Glb::from_slice(bytes).map_err(|e| format!("is no GLB file: {e}"))?;
     let document = document(&glb.json)?;
-    let binary = glb.bin.as_deref().unwrap_or_default();
+    let binary = glb.bin.unwrap_or_default();
     for buffer in document.buffers() {
         let is_own = matches!(buffer.source(), gltf::buffer::Source::Bin) && buffer.index() == 0;
         if !is_own || buffer.length() > binary.len() {
@@ -65,6 +66,13 @@ fn check(bytes: &[u8], config: &Config, wrong: &mut impl FnMut(String)) -> Resul
             return Err(format!("buffer view {}: ends outside its buffer", view.index()));
         }
     }
+    Ok((document, binary))
+}
+
+/// Checks a file; what is wrong with one of its parts is told to `wrong`, what leaves nothing to check is the error.
+fn check(bytes: &[u8], config: &Config, wrong: &mut impl FnMut(String)) -> Result<(), String> {
+    let (document, binary) = open(bytes)?;
+    let binary = &*binary;
     for accessor in document.accessors() {
         let _ = bytes_of(&accessor, binary)?;
     }

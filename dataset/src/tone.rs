@@ -1,19 +1,21 @@
-//! From radiance to what a screen shows.
-
-use crate::Rgb;
-use crate::light::luminance;
+//! From light to what a screen shows: how the pictures of a scene are exposed.
 
 /// What the log-average luminance of the surfaces becomes by default: middle grey.
-pub const MIDDLE_GREY: f64 = 0.18;
+const MIDDLE_GREY: f64 = 0.18;
 /// Where the tone curve leaves the straight line.
 const KNEE: f32 = 0.7;
 
-/// The exposure that suits `pixels`, as a power of two: their log-average luminance becomes middle grey, or less where the 95th
-/// percentile of their luminance would come out above 1; 0 where all are black.
-pub fn automatic_exposure(pixels: impl Iterator<Item = Rgb>) -> f64 {
+/// Rec. 709 luminance.
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// The exposure that suits pixels of these luminances, as a power of two: their log-average becomes middle grey, or less where the 95th
+/// percentile would come out above 1; 0 where all are black.
+pub fn automatic_exposure(luminances: impl Iterator<Item = f32>) -> f64 {
     /// What is darker than this share of the mean counts as it: black corners do not burn out the rest.
     const DARKEST: f64 = 0.01;
-    let mut luminances: Vec<f64> = pixels.map(|pixel| luminance(pixel).into()).collect();
+    let mut luminances: Vec<f64> = luminances.map(f64::from).collect();
     let n = luminances.len().max(1) as f64;
     let mean = luminances.iter().sum::<f64>() / n;
     if mean <= 0.0 || !mean.is_finite() {
@@ -25,15 +27,15 @@ pub fn automatic_exposure(pixels: impl Iterator<Item = Rgb>) -> f64 {
     (MIDDLE_GREY.log2() - log_average).min(-bright.max(DARKEST * mean).log2())
 }
 
-/// 8-bit sRGB of exposed light: linear up to the knee, then towards 1 without reaching it.
-pub fn srgb8(exposed: Rgb) -> [u8; 3] {
-    exposed.to_array().map(|x| {
-        let shown =
-            if x <= KNEE { x.max(0.0) } else { 1.0 - (1.0 - KNEE) * (-(x - KNEE) / (1.0 - KNEE)).exp() };
-        // IEC 61966-2-1.
-        let code = if shown <= 0.003_130_8 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
-        (code * 255.0).round() as u8
-    })
+/// The 8-bit sRGB code of exposed light: linear up to the knee, then towards 1 without reaching it.
+pub fn code(exposed: f32) -> u8 {
+    let shown = match exposed <= KNEE {
+        true => exposed.max(0.0),
+        false => 1.0 - (1.0 - KNEE) * (-(exposed - KNEE) / (1.0 - KNEE)).exp(),
+    };
+    // IEC 61966-2-1.
+    let code = if shown <= 0.003_130_8 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
+    (code * 255.0).round() as u8
 }
 
 #[cfg(test)]
@@ -42,19 +44,18 @@ mod tests {
 
     #[test]
     fn the_curve_is_linear_below_its_knee_and_never_above_white() {
-        // sRGB of 0.18 is 0.4614, of 0.5 is 0.7354, of 0.7 is 0.8545.
-        for (x, code) in [(-1.0, 0), (0.0, 0), (0.001, 3), (0.18, 118), (0.5, 188), (0.7, 218), (1e9, 255)] {
-            assert_eq!(srgb8(Rgb::splat(x)), [code; 3], "{x}");
+        // sRGB of 0.18 is 0.4614, of 0.5 is 0.7354, of 0.7 is 0.8545; 1 becomes 1 − 0.3 e⁻¹ = 0.8896, whose sRGB is 0.9498.
+        let expected =
+            [(-1.0, 0), (0.0, 0), (0.001, 3), (0.18, 118), (0.5, 188), (0.7, 218), (1.0, 242), (1e9, 255)];
+        for (exposed, shown) in expected {
+            assert_eq!(code(exposed), shown, "{exposed}");
         }
-        // 1 becomes 1 − 0.3 e⁻¹ = 0.8896, whose sRGB is 0.9498.
-        assert_eq!(srgb8(Rgb::ONE), [242; 3]);
     }
 
     #[test]
     fn the_log_average_becomes_middle_grey_and_the_brightest_stay_below_white() {
-        let greys = |values: &'static [f32]| values.iter().map(|v| Rgb::splat(*v));
         let check = |values: &'static [f32], expected: f64| {
-            let found = automatic_exposure(greys(values));
+            let found = automatic_exposure(values.iter().copied());
             assert!((found - expected).abs() < 1e-6, "{values:?}: {found}");
         };
         // The log-average of 1 and 4 is 2: 2 · 2^EV = 0.18.

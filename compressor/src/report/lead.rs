@@ -1,0 +1,155 @@
+//! What a report shows first: the scene at four hours, baked and decoded, and in three lines how good, how large, how long, and what next.
+
+use crate::Result;
+use crate::compress::Outcome;
+use crate::decode::{Decoder, Lights};
+use crate::evaluate::{Evaluation, cell, decode, read, reference_law};
+use dataset::report::Section;
+use dataset::report::scene::{PICTURE, remark as of_view, shown_sets};
+use dataset::store::Dataset;
+use dataset::view::View;
+
+/// A bundle so close to the bake's own error, in dB, is limited by the bake.
+const CLOSE_DB: f64 = 1.0;
+
+/// Pictures and summary; whether the scene could be shown. `remark` is what was missed of a target.
+///
+/// # Errors
+/// As reading the dataset and the bundle. A geometry file that is damaged is told of in the section.
+pub fn lead(
+    dataset: &Dataset,
+    decoder: &Decoder,
+    outcome: &Outcome,
+    evaluation: &Evaluation,
+    remark: Option<&str>,
+) -> Result<(Section, bool)> {
+    let mut section = Section::new("Summary");
+    let view = match View::of(dataset, PICTURE) {
+        Ok(view) => view,
+        Err(error) => {
+            section.paragraph(&format!("The scene is not shown: {error}."));
+            None
+        }
+    };
+    if let Some(view) = &view {
+        pictures(view, dataset, decoder, evaluation, &mut section)?;
+    }
+    section.summary(&[
+        ("How good", how_good(evaluation)),
+        ("How large, how long", how_large(dataset, outcome, evaluation)),
+        ("What next", what_next(dataset, outcome, evaluation, remark)),
+    ]);
+    Ok((section, view.is_some()))
+}
+
+/// The scene at some sets, the dataset's light above the bundle's.
+fn pictures(
+    view: &View,
+    dataset: &Dataset,
+    decoder: &Decoder,
+    evaluation: &Evaluation,
+    section: &mut Section,
+) -> Result<()> {
+    let law = reference_law(decoder);
+    let mut stacks = Vec::new();
+    for set in shown_sets(&dataset.config) {
+        let hour = dataset.config.frames[set].hour;
+        let config = &dataset.config;
+        let baked = view.light(config, |page, rows| read(dataset, &law, set, page, &rows))?;
+        let decoded = view.light(config, |page, rows| decode(decoder, Lights::All, page, hour, &rows))?;
+        let exposure = view.exposure(&baked);
+        let pair = [baked, decoded].map(|light| view.to_png(&light, exposure));
+        let quality = evaluation.by_hour.iter().find(|(of, _)| *of == hour);
+        let quality = quality.and_then(|(_, quality)| quality.psnr_db);
+        let quality = quality.map_or(String::new(), |db| format!(", {db:.1} dB"));
+        stacks.push((format!("{hour} h{quality}"), pair.into()));
+    }
+    section.row(&stacks);
+    let sun = match evaluation.sun_is_left_out {
+        true => " Both are without the sun's direct light, which was left out of the bundle.",
+        false => "",
+    };
+    section.paragraph(&format!(
+        "Above what was baked, below what the bundle decodes to.{sun} {}",
+        of_view(view)
+    ));
+    Ok(())
+}
+
+/// Such as `653 kB`.
+fn bytes(bytes: f64) -> String {
+    match bytes {
+        0.0..1e6 => format!("{:.0} kB", bytes / 1e3),
+        1e6..1e7 => format!("{:.1} MB", bytes / 1e6),
+        1e7..1e9 => format!("{:.0} MB", bytes / 1e6),
+        _ => format!("{:.1} GB", bytes / 1e9),
+    }
+}
+
+/// Such as `12 s` or `4.3 min`.
+fn time(seconds: f64) -> String {
+    match seconds {
+        0.0..10.0 => format!("{seconds:.1} s"),
+        10.0..100.0 => format!("{seconds:.0} s"),
+        100.0..6000.0 => format!("{:.1} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
+    }
+}
+
+fn how_good(evaluation: &Evaluation) -> String {
+    let all = &evaluation.all;
+    let [mean, worst] = [all.psnr_db, all.psnr_worst_percent_db].map(|db| cell(db, 1));
+    let ceiling = all
+        .noise_ceiling_db
+        .map_or(String::new(), |db| format!("; the bake's own sampling error, as a PSNR, is {db:.1} dB"));
+    format!("PSNR {mean} dB on average over tiles and sets, {worst} dB in the worst 1 %{ceiling}.")
+}
+
+fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> String {
+    let (config, size) = (&dataset.config, evaluation.bytes as f64);
+    let texels: f64 = config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
+    let raw = texels * 12.0 * config.frames.len() as f64;
+    format!(
+        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and set; {} of CPU time to train, {} to decode all {} sets.",
+        bytes(size),
+        bytes(raw),
+        raw / size,
+        evaluation.bpp,
+        time(outcome.training_seconds),
+        time(evaluation.decode_seconds),
+        config.frames.len()
+    )
+}
+
+fn what_next(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation, remark: Option<&str>) -> String {
+    let all = &evaluation.all;
+    let advice = match (all.psnr_db.zip(all.noise_ceiling_db), remark) {
+        (_, Some(remark)) => format!("{remark}."),
+        (Some((psnr, ceiling)), _) if psnr > ceiling - CLOSE_DB => {
+            "More samples in the bake: the bundle is about as near to the bake as the bake is to the truth."
+                .to_owned()
+        }
+        _ => "To come closer to the bake: --preset final trains longer, --profile M or H hold more; compress sweep tells what each gives."
+            .to_owned(),
+    };
+    // (What was imported has no scene file to draw.)
+    let look = match dataset.config.geometry.is_some() && dataset.config.source.is_none() {
+        true => {
+            let bundle = outcome.bundle.display();
+            format!(" To look at an hour: bake preview SCENE.toml --hour 18.5 --bundle {bundle}")
+        }
+        false => String::new(),
+    };
+    advice + &look
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_times_are_told_in_their_units() {
+        assert_eq!([6.53e5, 1.26e8, 2.5e6, 3.2e9].map(bytes), ["653 kB", "126 MB", "2.5 MB", "3.2 GB"]);
+        assert_eq!([4.26, 59.7, 205.0, 9000.0].map(time), ["4.3 s", "60 s", "3.4 min", "2.5 h"]);
+    }
+}
