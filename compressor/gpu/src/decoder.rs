@@ -5,11 +5,13 @@ use crate::shader::{self, Output, Precision, Shader};
 use crate::tile::{self, Held, Job, Maps, Seen, Tile};
 use crate::{Error, Result};
 use ndgi::Bundle;
+use ndgi::at::At;
 use ndgi::bc7;
 use ndgi::decode::Lights;
 use ndgi::grid::Place;
+use ndgi::model::Contents;
 use ndgi::sun::Shadows;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
@@ -20,7 +22,7 @@ pub fn features(adapter: &wgpu::Adapter) -> wgpu::Features {
 
 /// Compiled shaders. A copy is the same: decoders of one device that share it compile each shader once.
 #[derive(Clone, Debug, Default)]
-pub struct Pipelines(Arc<Mutex<HashMap<Shader, wgpu::ComputePipeline>>>);
+pub struct Pipelines(Arc<Mutex<BTreeMap<Shader, wgpu::ComputePipeline>>>);
 
 impl Pipelines {
     fn of(&self, device: &wgpu::Device, shader: &Shader) -> wgpu::ComputePipeline {
@@ -149,26 +151,13 @@ impl Decoder {
         }
         let unpacks = options.unpacks || !has.contains(wgpu::Features::TEXTURE_COMPRESSION_BC);
         let options = Options { unpacks, ..options };
-        // First the sizes alone: the index tells them.
-        let mut sizes = Vec::new();
-        let mut coarse = 0;
-        for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
-            let contents = ndgi::model::Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
-            let Some(shape) = contents.map(|contents| bundle.header.shape(place, &contents)) else {
-                continue;
-            };
-            let [width, height, slices] = shape.uvt;
-            sizes.extend(shape.contents.uv.then_some([shape.width as u32, shape.height as u32]));
-            sizes.extend(vec![[width as u32, height as u32]; slices]);
-            coarse = coarse.max(shader::coarse([width, height], shape.height));
-        }
+        let (sizes, coarse) = sizes(&bundle);
         let (side, layers, spots) = place::place(&sizes);
         let limits = device.limits();
         if layers > limits.max_texture_array_layers {
             let most = limits.max_texture_array_layers;
-            return Err(Error::Device(format!(
-                "the maps take {layers} layers of {side}²; the device has {most}"
-            )));
+            let what = format!("the maps take {layers} layers of {side}²; the device has {most}");
+            return Err(Error::Device(what));
         }
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("ndgi maps"),
@@ -176,81 +165,55 @@ impl Decoder {
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: if unpacks { wgpu::TextureFormat::Rgba8Unorm } else { wgpu::TextureFormat::Bc7RgbaUnorm },
+            format: match unpacks {
+                true => wgpu::TextureFormat::Rgba8Unorm,
+                false => wgpu::TextureFormat::Bc7RgbaUnorm,
+            },
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        let (mut resident, mut interval) = (Vec::new(), 0);
+        let mut loading = Loading { queue, texture: &texture, unpacks, resident: Vec::new(), interval: 0 };
         if bundle.header.shadows {
-            resident
-                .extend(Shadows::codebook().as_chunks::<4>().0.iter().map(|four| u32::from_le_bytes(*four)));
+            let words = Shadows::codebook().as_chunks::<4>().0.iter();
+            loading.resident.extend(words.map(|four| u32::from_le_bytes(*four)));
         }
         let mut spots = spots.into_iter();
-        let mut tiles = Vec::with_capacity(bundle.index.len());
-        for place in bundle.header.places() {
-            let mut tile = Tile::default();
-            if let Some(params) = bundle.tile(place)? {
-                let maps = usize::from(params.shape.contents.uv) + params.shape.uvt[2];
-                let own: Vec<Spot> = spots.by_ref().take(maps).collect();
-                let [width, height, _] = params.shape.uvt;
-                let (mut of_slices, mut own_spots) = (&own[..], own.iter());
-                if params.shape.contents.uv {
-                    let spot = own_spots.next().copied().unwrap_or_default();
-                    upload(
-                        queue,
-                        &texture,
-                        unpacks,
-                        [params.shape.width, params.shape.height],
-                        spot,
-                        &params.f_uv,
-                    )?;
-                    of_slices = &own[1..];
-                }
-                for (spot, blocks) in of_slices.iter().zip(params.f_uvt.chunks((width * height / 16).max(1)))
-                {
-                    upload(queue, &texture, unpacks, [width, height], *spot, blocks)?;
-                }
-                tile.maps = Some(Maps::new(params, own, &mut resident));
+        let tiles: Vec<Tile> = bundle
+            .header
+            .places()
+            .map(|place| loading.tile(&bundle, place, &mut spots))
+            .collect::<Result<_>>()?;
+        let Loading { mut resident, interval, .. } = loading;
+        for (what, words) in [("resident", resident.len() as u64), ("interval", u64::from(interval))] {
+            let most = limits.max_storage_buffer_binding_size;
+            if 4 * words > most {
+                let what =
+                    format!("the {what} buffer takes {} bytes; the device binds {most} at most", 4 * words);
+                return Err(Error::Device(what));
             }
-            if let Some(sun) = bundle.sun(place)? {
-                tile.seen = Some(Seen::new(&sun, &mut resident, &mut interval));
-            }
-            tiles.push(tile);
         }
-        let storage = |label: &'static str, words: u64| {
-            let most = u64::from(limits.max_storage_buffer_binding_size);
-            match 4 * words <= most {
-                true => Ok(Some(label)),
-                false => Err(Error::Device(format!(
-                    "{label}: {} bytes; the device binds {most} at most",
-                    4 * words
-                ))),
-            }
-        };
-        let label = storage("ndgi resident", resident.len() as u64)?;
         resident.resize(resident.len().max(1), 0);
         let resident = device.create_buffer_init(&BufferInitDescriptor {
-            label,
+            label: Some("ndgi resident"),
             contents: bytemuck::cast_slice(&resident),
             usage: wgpu::BufferUsages::STORAGE,
         });
         let interval = device.create_buffer(&wgpu::BufferDescriptor {
-            label: storage("ndgi interval", interval.into())?,
+            label: Some("ndgi interval"),
             size: 4 * u64::from(interval.max(1)),
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
         let texels = u64::from(side) * u64::from(side) * u64::from(layers);
         let bytes = texels * if unpacks { 4 } else { 1 } + resident.size() + interval.size();
+        let dimension = Some(wgpu::TextureViewDimension::D2Array);
+        let maps = texture.create_view(&wgpu::TextureViewDescriptor { dimension, ..Default::default() });
         Ok(Decoder {
             device: device.clone(),
             bundle: Arc::new(bundle),
             options,
             tiles,
-            maps: texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                ..Default::default()
-            }),
+            maps,
             resident,
             interval,
             coarse,
@@ -359,44 +322,18 @@ impl Decoder {
         }
         let bundle = Arc::clone(&self.bundle);
         let at = bundle.at(moment.hour)?.only(moment.lights);
-        let (sun, timeline) = (at.sun(), &bundle.header.timeline);
         let mut work = Work::default();
-        let mut uploads: Vec<(u32, Vec<u32>)> = Vec::new();
-        let mut dispatches: Vec<(Shader, Vec<(Job, Vec<f32>)>)> = Vec::new();
+        let mut uploads: Vec<Upload> = Vec::new();
+        let mut dispatches: Vec<Dispatch> = Vec::new();
         for request in requests {
-            let place = request.place;
-            // A place that the bundle does not have is refused here.
-            bundle.knots(place)?;
-            let tile = &mut self.tiles[bundle.header.position(place).unwrap_or_default()];
-            let grid = &bundle.header.pages[place.page];
-            let mut job =
-                tile::blank(grid, place.column, place.row, request.to, request.with_border, moment.exposure);
-            let maps = tile.maps.as_ref().filter(|_| moment.lights != Lights::Sun);
-            let bias = maps.and_then(|maps| maps.job(timeline, at.moment(), &mut job));
-            let mut is_sunlit = false;
-            if let Some((seen, sun)) = tile.seen.as_mut().zip(sun.as_ref()) {
-                if seen.held.is_none_or(|(times, _)| times != sun.times) {
-                    let part = at.sun_of(place)?.map(|tile| seen.part(&tile, sun.times));
-                    let (held, words) = part.unwrap_or((Held::Dark, Vec::new()));
-                    if held != Held::Dark {
-                        debug_assert!(words.len() <= seen.region.1);
-                        uploads.push((seen.region.0, words));
-                    }
-                    seen.held = Some((sun.times, held));
-                }
-                is_sunlit = seen.job(sun, &mut job);
-            }
-            if bias.is_none() && !is_sunlit {
+            let Some((job, upload)) = self.job(&at, request, moment)? else {
                 work.black.push(*request);
                 continue;
-            }
+            };
+            uploads.extend(upload);
             work.tiles += 1;
-            work.networks += usize::from(bias.is_some());
-            // Those with the sun alone go with any others.
-            let (hidden, fits) =
-                maps.filter(|_| bias.is_some()).map_or((0, true), |m| (m.hidden(), m.fits_half));
-            let shader = self.shader(hidden, fits, target.output);
-            let job = (job, bias.unwrap_or_default());
+            work.networks += usize::from(job.hidden > 0);
+            let shader = self.shader(job.hidden, job.fits_half, target.output);
             match dispatches.iter_mut().find(|(of, _)| *of == shader) {
                 Some((_, jobs)) => jobs.push(job),
                 None => dispatches.push((shader, vec![job])),
@@ -408,6 +345,37 @@ impl Decoder {
             work.bytes += self.dispatch(encoder, *shader, jobs, target.view);
         }
         Ok(work)
+    }
+
+    /// A tile's job at a moment, and what is to be uploaded for it; `None` where it is black.
+    fn job(&mut self, at: &At, request: &Request, moment: &Moment) -> Result<Option<(Full, Option<Upload>)>> {
+        let place = request.place;
+        let position = self.bundle.header.position(place);
+        // A place that the bundle does not have is refused here.
+        self.bundle.knots(place)?;
+        let (tile, grid) =
+            (&mut self.tiles[position.unwrap_or_default()], &self.bundle.header.pages[place.page]);
+        let mut job =
+            tile::blank(grid, [place.column, place.row], request.to, request.with_border, moment.exposure);
+        let maps = tile.maps.as_ref().filter(|_| moment.lights != Lights::Sun);
+        let bias = maps.and_then(|maps| maps.job(&self.bundle.header.timeline, at.moment(), &mut job));
+        let (mut is_sunlit, mut upload) = (false, None);
+        if let Some((seen, sun)) = tile.seen.as_mut().zip(at.sun()) {
+            if seen.held.is_none_or(|(times, _)| times != sun.times) {
+                let part = at.sun_of(place)?.map(|tile| seen.part(&tile, sun.times));
+                let (held, words) = part.unwrap_or((Held::Dark, Vec::new()));
+                debug_assert!(words.len() <= seen.region.1);
+                upload = (held != Held::Dark).then_some((seen.region.0, words));
+                seen.held = Some((sun.times, held));
+            }
+            is_sunlit = seen.job(&sun, &mut job);
+        }
+        if bias.is_none() && !is_sunlit {
+            return Ok(None);
+        }
+        let (hidden, fits_half) =
+            maps.filter(|_| bias.is_some()).map_or((0, true), |maps| (maps.hidden(), maps.fits_half));
+        Ok(Some((Full { job, bias: bias.unwrap_or_default(), hidden, fits_half }, upload)))
     }
 
     /// Records that tiles' places on a target become black.
@@ -424,7 +392,8 @@ impl Decoder {
         for Request { place, to, with_border } in requests {
             self.bundle.knots(*place)?;
             let grid = &self.bundle.header.pages[place.page];
-            jobs.push((tile::blank(grid, place.column, place.row, *to, *with_border, 0.0), Vec::new()));
+            let job = tile::blank(grid, [place.column, place.row], *to, *with_border, 0.0);
+            jobs.push(Full { job, bias: Vec::new(), hidden: 0, fits_half: true });
         }
         let shader = self.shader(0, true, target.output);
         let bytes = self.dispatch(encoder, shader, &jobs, target.view);
@@ -441,7 +410,7 @@ impl Decoder {
         Shader { hidden, precision, output, coarse: self.coarse, shared }
     }
 
-    fn upload(&self, encoder: &mut wgpu::CommandEncoder, uploads: &[(u32, Vec<u32>)]) -> u64 {
+    fn upload(&self, encoder: &mut wgpu::CommandEncoder, uploads: &[Upload]) -> u64 {
         let words: Vec<u32> = uploads.iter().flat_map(|(_, words)| words).copied().collect();
         if words.is_empty() {
             return 0;
@@ -464,11 +433,11 @@ impl Decoder {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         shader: Shader,
-        jobs: &[(Job, Vec<f32>)],
+        jobs: &[Full],
         view: &wgpu::TextureView,
     ) -> u64 {
         let mut bytes = Vec::new();
-        for (job, bias) in jobs {
+        for Full { job, bias, .. } in jobs {
             bytes.extend_from_slice(bytemuck::bytes_of(job));
             let end = bytes.len() + 4 * shader.hidden;
             bytes.extend_from_slice(bytemuck::cast_slice(bias));
@@ -495,7 +464,7 @@ impl Decoder {
             layout: &pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
-        let rows = jobs.iter().map(|(job, _)| job.size[1]).max().unwrap_or(0);
+        let rows = jobs.iter().map(|full| full.job.size[1]).max().unwrap_or(0);
         let mut pass = encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("ndgi"), ..Default::default() });
         pass.set_pipeline(&pipeline);
@@ -505,13 +474,111 @@ impl Decoder {
     }
 }
 
+/// A job, with the biases behind it.
+struct Full {
+    job: Job,
+    bias: Vec<f32>,
+    /// Width of the hidden layers; 0 where the sun alone is decoded.
+    hidden: usize,
+    fits_half: bool,
+}
+
+type Dispatch = (Shader, Vec<Full>);
+/// Words for a part of the interval's buffer, from the first number on.
+type Upload = (u32, Vec<u32>);
+
 /// Jobs without a network go with others that have one, if there are some.
-fn join(dispatches: &mut Vec<(Shader, Vec<(Job, Vec<f32>)>)>) {
-    let is_alone = |(_, jobs): &(Shader, Vec<(Job, Vec<f32>)>)| jobs.iter().all(|(_, bias)| bias.is_empty());
+fn join(dispatches: &mut Vec<Dispatch>) {
     while dispatches.len() > 1 {
+        let is_alone = |(_, jobs): &Dispatch| jobs.iter().all(|full| full.hidden == 0);
         let Some(at) = dispatches.iter().position(is_alone) else { return };
         let (_, jobs) = dispatches.swap_remove(at);
         dispatches[0].1.extend(jobs);
+    }
+}
+
+/// The sizes of all maps of BC7, in the order in which [`Loading::tile`] asks for their places, and the most that a strip reads of F_uvt. The index
+/// tells them.
+fn sizes(bundle: &Bundle) -> (Vec<[u32; 2]>, usize) {
+    let (mut sizes, mut coarse) = (Vec::new(), 0);
+    for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
+        let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
+        let Some(shape) = contents.map(|contents| bundle.header.shape(place, &contents)) else { continue };
+        let [width, height, slices] = shape.uvt;
+        sizes.extend(shape.contents.uv.then_some([shape.width as u32, shape.height as u32]));
+        sizes.extend(vec![[width as u32, height as u32]; slices]);
+        coarse = coarse.max(shader::coarse([width, height], shape.height));
+    }
+    (sizes, coarse)
+}
+
+/// What is being put on a device.
+struct Loading<'a> {
+    queue: &'a wgpu::Queue,
+    texture: &'a wgpu::Texture,
+    unpacks: bool,
+    resident: Vec<u32>,
+    /// Words of the interval's buffer so far.
+    interval: u32,
+}
+
+impl Loading<'_> {
+    /// Reads a tile and uploads its maps.
+    fn tile(
+        &mut self,
+        bundle: &Bundle,
+        place: Place,
+        spots: &mut impl Iterator<Item = Spot>,
+    ) -> Result<Tile> {
+        let mut tile = Tile::default();
+        if let Some(params) = bundle.tile(place)? {
+            let shape = params.shape;
+            let [width, height, slices] = shape.uvt;
+            let uv = if shape.contents.uv { spots.next() } else { None };
+            let of_slices: Vec<Spot> = spots.take(slices).collect();
+            if let Some(spot) = uv {
+                self.upload([shape.width, shape.height], spot, &params.f_uv)?;
+            }
+            for (spot, blocks) in of_slices.iter().zip(params.f_uvt.chunks((width * height / 16).max(1))) {
+                self.upload([width, height], *spot, blocks)?;
+            }
+            tile.maps = Some(Maps::new(params, uv, of_slices, &mut self.resident));
+        }
+        if let Some(sun) = bundle.sun(place)? {
+            tile.seen = Some(Seen::new(&sun, &mut self.resident, &mut self.interval));
+        }
+        Ok(tile)
+    }
+
+    /// Puts a map of BC7 blocks in its place, unpacked if need be.
+    fn upload(&self, [width, height]: [usize; 2], [x, y, layer]: Spot, blocks: &[[u8; 16]]) -> Result<()> {
+        let mut texels = Vec::new();
+        if self.unpacks {
+            texels.resize(4 * width * height, 0);
+            for (i, block) in blocks.iter().enumerate() {
+                let corner = i / (width / 4) * 4 * width + i % (width / 4) * 4;
+                for (j, texel) in bc7::decode(block)?.iter().enumerate() {
+                    let at = 4 * (corner + j / 4 * width + j % 4);
+                    texels[at..at + 4].copy_from_slice(texel);
+                }
+            }
+        } else {
+            blocks.iter().try_for_each(bc7::check)?;
+        }
+        // A row of texels of four bytes, or of blocks of 16 that are four texels wide.
+        let bytes_per_row = Some(4 * width as u32);
+        self.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture: self.texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x, y, z: layer },
+                aspect: wgpu::TextureAspect::All,
+            },
+            if self.unpacks { &texels } else { blocks.as_flattened() },
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None },
+            wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
+        );
+        Ok(())
     }
 }
 
@@ -532,42 +599,4 @@ fn pipeline(device: &wgpu::Device, shader: &Shader) -> wgpu::ComputePipeline {
         },
         cache: None,
     })
-}
-
-/// Puts a map of BC7 blocks in its place, unpacked if need be.
-fn upload(
-    queue: &wgpu::Queue,
-    texture: &wgpu::Texture,
-    unpacks: bool,
-    [width, height]: [usize; 2],
-    [x, y, layer]: Spot,
-    blocks: &[[u8; 16]],
-) -> Result<()> {
-    let mut texels = Vec::new();
-    let (bytes, row) = if unpacks {
-        texels.resize(4 * width * height, 0);
-        for (i, block) in blocks.iter().enumerate() {
-            let corner = i / (width / 4) * 4 * width + i % (width / 4) * 4;
-            for (j, texel) in bc7::decode(block)?.iter().enumerate() {
-                let at = 4 * (corner + j / 4 * width + j % 4);
-                texels[at..at + 4].copy_from_slice(texel);
-            }
-        }
-        (&texels[..], 4 * width)
-    } else {
-        blocks.iter().try_for_each(bc7::check)?;
-        (blocks.as_flattened(), 4 * width)
-    };
-    queue.write_texture(
-        wgpu::TexelCopyTextureInfo {
-            texture,
-            mip_level: 0,
-            origin: wgpu::Origin3d { x, y, z: layer },
-            aspect: wgpu::TextureAspect::All,
-        },
-        bytes,
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
-        wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
-    );
-    Ok(())
 }

@@ -13,7 +13,7 @@ const COLUMNS: usize = 128;
 const MOST_COARSE: usize = (STRIP + 1) * COLUMNS;
 
 /// The precision of the network. Features, light and the sun are always in single precision.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Precision {
     /// 32-bit floats.
     #[default]
@@ -23,7 +23,7 @@ pub enum Precision {
 }
 
 /// What is written to the target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Output {
     /// E × exposure, as 16-bit floats, at most 65504. Kilolux at night are below what 16 bits hold well: an exposure of 1000 gives lux.
     Rgba16Float,
@@ -54,7 +54,7 @@ impl Output {
 }
 
 /// A shader.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Shader {
     /// Width of the hidden layers: 16, 32 or 64.
     pub hidden: usize,

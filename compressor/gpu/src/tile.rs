@@ -9,7 +9,7 @@ use ndgi::grid::Grid;
 use ndgi::model::{BORDER, TileParams};
 use ndgi::sun::{Block, TileSun};
 use ndgi::time::{Coding, Moment, Timeline};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 const HAS_MAPS: u32 = 1;
 const HAS_UVT: u32 = 2;
@@ -109,9 +109,8 @@ fn pairs(texels: &[[u8; 2]]) -> impl Iterator<Item = u32> {
 }
 
 impl Maps {
-    /// Puts into the resident buffer what a tile has beside BC7 blocks; `spots` are the places of F_uv, if there is one, and the slices.
-    pub fn new(mut params: TileParams, mut spots: Vec<Spot>, resident: &mut Vec<u32>) -> Self {
-        let uv = params.shape.contents.uv.then(|| spots.remove(0));
+    /// Puts into the resident buffer what a tile has beside BC7 blocks; `uv` and `slices` are the places of those.
+    pub fn new(mut params: TileParams, uv: Option<Spot>, slices: Vec<Spot>, resident: &mut Vec<u32>) -> Self {
         let weights = resident.len() as u32;
         weights_of(&params, resident);
         let mut plane = |texels: &[[u8; 2]]| {
@@ -122,7 +121,7 @@ impl Maps {
         let (ut, vt) = (plane(&params.f_ut), plane(&params.f_vt));
         let fits_half = largest(&params) < HALF_MAX;
         (params.f_uv, params.f_uvt, params.f_ut, params.f_vt) = Default::default();
-        Maps { params, weights, ut, vt, uv, slices: spots, fits_half }
+        Maps { params, weights, ut, vt, uv, slices, fits_half }
     }
 
     /// Width of the hidden layers.
@@ -325,7 +324,7 @@ fn normals_of(tile: &TileSun, out: &mut Vec<u32>) -> [u32; 3] {
     let across = tile.width / 4;
     let (mut blocks, mut choices, mut normals) = (Vec::new(), Vec::new(), Vec::<[u32; 3]>::new());
     // Where a list of normals begins that a block had before.
-    let mut known: HashMap<Vec<[u32; 3]>, usize> = HashMap::new();
+    let mut known: BTreeMap<Vec<[u32; 3]>, usize> = BTreeMap::new();
     for block in 0..across * (tile.height / 4) {
         let corner = block / across * 4 * tile.width + block % across * 4;
         let of: [[u32; 3]; 16] =
@@ -362,8 +361,7 @@ fn normals_of(tile: &TileSun, out: &mut Vec<u32>) -> [u32; 3] {
 /// The job of a tile that has nothing yet: its size, which texels are written, and where.
 pub(crate) fn blank(
     grid: &Grid,
-    column: usize,
-    row: usize,
+    [column, row]: [usize; 2],
     to: [i32; 2],
     with_border: bool,
     exposure: f32,

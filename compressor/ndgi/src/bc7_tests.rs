@@ -2,7 +2,7 @@ use super::*;
 use crate::testing::Random;
 
 fn random_block(random: &mut Random, p_bits: [u8; 2]) -> Block {
-    let (e0, e1, indices) = (random.next(), random.next(), random.next());
+    let (e0, e1, indices) = (random.draw(), random.draw(), random.draw());
     let endpoint = |r: u64, p: u8| std::array::from_fn(|c| ((r >> (8 * c)) as u8 & !1) | p);
     Block {
         mode: Mode::Six,
@@ -39,9 +39,9 @@ fn blocks_of_mode_4_decode_as_in_an_independent_decoder() {
     let mut random = Random(3);
     for n in 0..120_000 {
         let mode = Mode::FOURS[n % 8];
-        let mut level = |c| expand(random.next() as u8 & ((1 << mode.bits(c)) - 1), mode.bits(c));
+        let mut level = |c| expand(random.draw() as u8 & ((1 << mode.bits(c)) - 1), mode.bits(c));
         let endpoints = [0, 1].map(|_| std::array::from_fn(&mut level));
-        let indices = std::array::from_fn(|_| random.next() as u8 & 31);
+        let indices = std::array::from_fn(|_| random.draw() as u8 & 31);
         assert_decodes(&Block { mode, endpoints, indices });
     }
 }
@@ -51,8 +51,8 @@ fn every_block_of_these_modes_is_read_as_the_independent_decoder_reads_it() {
     let mut random = Random(2);
     for n in 0..100_000 {
         let mut bytes = [0; 16];
-        bytes[..8].copy_from_slice(&random.next().to_le_bytes());
-        bytes[8..].copy_from_slice(&random.next().to_le_bytes());
+        bytes[..8].copy_from_slice(&random.draw().to_le_bytes());
+        bytes[8..].copy_from_slice(&random.draw().to_le_bytes());
         bytes[0] = if n % 2 == 0 { bytes[0] & 0x80 | 0x40 } else { bytes[0] & 0xe0 | 0x10 };
         assert_eq!(decode(&bytes).unwrap().as_flattened(), theirs(&bytes));
         // Reading and writing again gives the same bytes, as texel 0 already obeys the anchor rule.

@@ -15,7 +15,7 @@ use crate::time::{Axis, Coding, Timeline, is_on};
 pub struct Random(pub u64);
 
 impl Random {
-    pub fn next(&mut self) -> u64 {
+    pub fn draw(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -23,17 +23,17 @@ impl Random {
     }
 
     pub fn byte(&mut self) -> u8 {
-        self.next() as u8
+        self.draw() as u8
     }
 
     /// Uniform in [0, n).
     pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
+        (self.draw() % n as u64) as usize
     }
 
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1 << 24) as f32
+        (self.draw() >> 40) as f32 / (1 << 24) as f32
     }
 }
 
@@ -149,7 +149,7 @@ pub fn sun_tile(size: [usize; 2], times: usize, channels: usize, seed: u64) -> T
     };
     let normals = (0..width * height).map(normal).collect();
     let blocks = width.div_ceil(8) * height.div_ceil(8);
-    let word = |random: &mut Random| Word(random.next() as u16);
+    let word = |random: &mut Random| Word(random.draw() as u16);
     let block = |random: &mut Random| match random.below(4) {
         0 => sun::Block::Nothing,
         1 => sun::Block::Doubled(word(random)),

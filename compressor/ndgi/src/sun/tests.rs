@@ -138,7 +138,7 @@ fn light_is_seen_times_faced_times_bright_and_linear_between_times() {
 
 /// A random block: nothing, a doubled word, at most one word on each 4×4, or up to three.
 fn block(random: &mut Random) -> Block {
-    let word = |random: &mut Random| Word(random.next() as u16);
+    let word = |random: &mut Random| Word(random.draw() as u16);
     match random.below(4) {
         0 => Block::Nothing,
         1 => Block::Doubled(word(random)),
