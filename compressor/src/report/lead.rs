@@ -3,7 +3,8 @@
 use crate::Result;
 use crate::compress::Outcome;
 use crate::decode::{Decoder, Lights};
-use crate::evaluate::{Evaluation, cell, decode, read, reference_law};
+use crate::evaluate::{Evaluation, Quality, cell, decode, read, reference_law};
+use dataset::console::count;
 use dataset::report::Section;
 use dataset::report::scene::{PICTURE, remark as of_view, shown_sets};
 use dataset::store::Dataset;
@@ -86,10 +87,11 @@ fn bytes(bytes: f64) -> String {
     }
 }
 
-/// Such as `12 s` or `4.3 min`.
+/// Such as `30 ms` or `4.3 min`.
 fn time(seconds: f64) -> String {
     match seconds {
-        0.0..10.0 => format!("{seconds:.1} s"),
+        0.0..1.0 => format!("{:.0} ms", seconds * 1e3),
+        1.0..10.0 => format!("{seconds:.1} s"),
         10.0..100.0 => format!("{seconds:.0} s"),
         100.0..6000.0 => format!("{:.1} min", seconds / 60.0),
         _ => format!("{:.1} h", seconds / 3600.0),
@@ -110,28 +112,30 @@ fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> S
     let texels: f64 = config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
     let raw = texels * 12.0 * config.frames.len() as f64;
     format!(
-        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and set; {} of CPU time to train, {} to decode all {} sets.",
+        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and set; {} of CPU time to train, {} to decode {}.",
         bytes(size),
         bytes(raw),
         raw / size,
         evaluation.bpp,
         time(outcome.training_seconds),
         time(evaluation.decode_seconds),
-        config.frames.len()
+        count(config.frames.len(), "set")
     )
 }
 
-fn what_next(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation, remark: Option<&str>) -> String {
-    let all = &evaluation.all;
-    let advice = match (all.psnr_db.zip(all.noise_ceiling_db), remark) {
+/// What would make the bundle better.
+fn advice(all: &Quality, remark: Option<&str>) -> String {
+    match (all.psnr_db.zip(all.noise_ceiling_db), remark) {
         (_, Some(remark)) => format!("{remark}."),
         (Some((psnr, ceiling)), _) if psnr > ceiling - CLOSE_DB => {
-            "More samples in the bake: the bundle is about as near to the bake as the bake is to the truth."
-                .to_owned()
+            "More samples in the bake: its own error is about as large as that of the bundle, or larger.".to_owned()
         }
         _ => "To come closer to the bake: --preset final trains longer, --profile M or H hold more; compress sweep tells what each gives."
             .to_owned(),
-    };
+    }
+}
+
+fn what_next(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation, remark: Option<&str>) -> String {
     // (What was imported has no scene file to draw.)
     let look = match dataset.config.geometry.is_some() && dataset.config.source.is_none() {
         true => {
@@ -140,7 +144,7 @@ fn what_next(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation, rema
         }
         false => String::new(),
     };
-    advice + &look
+    advice(&evaluation.all, remark) + &look
 }
 
 #[cfg(test)]
@@ -150,6 +154,26 @@ mod tests {
     #[test]
     fn sizes_and_times_are_told_in_their_units() {
         assert_eq!([6.53e5, 1.26e8, 2.5e6, 3.2e9].map(bytes), ["653 kB", "126 MB", "2.5 MB", "3.2 GB"]);
-        assert_eq!([4.26, 59.7, 205.0, 9000.0].map(time), ["4.3 s", "60 s", "3.4 min", "2.5 h"]);
+        assert_eq!(
+            [0.03, 4.26, 59.7, 205.0, 9000.0].map(time),
+            ["30 ms", "4.3 s", "60 s", "3.4 min", "2.5 h"]
+        );
+    }
+    #[test]
+    fn what_is_worst_is_mended_first() {
+        let at = |psnr: f64, ceiling: Option<f64>| Quality {
+            psnr_db: Some(psnr),
+            noise_ceiling_db: ceiling,
+            ..Quality::default()
+        };
+        for (all, remark, expected) in [
+            (at(46.0, Some(46.2)), None, "More samples in the bake"),
+            (at(46.0, Some(60.0)), None, "--preset final"),
+            (at(46.0, None), None, "--preset final"),
+            (at(46.0, Some(46.2)), Some("--target-psnr 50: missed"), "--target-psnr 50: missed."),
+        ] {
+            let told = advice(&all, remark);
+            assert!(told.contains(expected), "{told}");
+        }
     }
 }
