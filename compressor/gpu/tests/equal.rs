@@ -98,8 +98,8 @@ impl Gpu {
     }
 }
 
-/// The same page by the CPU, tile by tile: texel, and a channel's mean: that of the format, which the network's output is multiplied with, or over
-/// the tile, the sun included, if that is more.
+/// The same page by the CPU, tile by tile: texel, and a channel's mean: what the network's output or the share of the sun is multiplied with. (That
+/// over the texels may be far less where the sun grazes some of them: a rounded cosine is then all of it.)
 fn by_cpu(bundle: &Bundle, page: usize, moment: &Moment) -> Vec<([f32; 3], [f32; 3])> {
     let grid = bundle.header.pages[page];
     let mut out = vec![([0.0; 3], [0.0; 3]); grid.width * grid.height];
@@ -110,10 +110,8 @@ fn by_cpu(bundle: &Bundle, page: usize, moment: &Moment) -> Vec<([f32; 3], [f32;
         tile.decode_into(&mut texels);
         let params = bundle.tile(place).unwrap().filter(|_| moment.lights != Lights::Sun);
         let means = params.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.moment()).means);
-        let mean = [0, 1, 2].map(|c| {
-            let sum: f64 = texels.iter().map(|texel| f64::from(texel[c])).sum();
-            means.unwrap_or_default()[c].max((sum / texels.len() as f64) as f32)
-        });
+        let of_sun = at.sun_of(place).unwrap().and(at.sun()).map(|sun| sun.irradiance);
+        let mean = [0, 1, 2].map(|c| means.unwrap_or_default()[c].max(of_sun.unwrap_or_default()[c]));
         let corner = [place.column, place.row].map(|i| i * ndgi::model::PAYLOAD);
         for (i, texel) in texels.into_iter().enumerate() {
             let [x, y] = [corner[0] + i % tile.width(), corner[1] + i / tile.width()];
