@@ -147,8 +147,8 @@ function readIndex(c, bundle, kinds, header) {
     tile.at = c.u64('offset');
     for (const kind of kinds) {
       const part = { length: c.u32('length'), word: c.u32('word') }, sum = c.u64('checksum');
-      expect(part.length % 16 === 0 && (part.length > 0 || sum === 0 && part.word === 0), `index line of tile ${name(tile)}`);
-      expect(kind !== 2 || part.word === 0, `word of the moving shadows of tile ${name(tile)}`);
+      expect(part.length % 16 === 0 && (part.length > 0 || sum === 0 && part.word === 0), `index line of tile ${nameOf(tile)}`);
+      expect(kind !== 2 || part.word === 0, `word of the moving shadows of tile ${nameOf(tile)}`);
       tile.parts.push({ kind, ...part });
     }
   }
@@ -159,13 +159,13 @@ function readIndex(c, bundle, kinds, header) {
   expect(at <= bundle.bytes.length, 'a resident block longer than the file');
   if (!old) lit.forEach((tile, i) => readResident(bundle, tile, header + i * lineOfResident));
   for (const tile of bundle.tiles) {
-    expect(tile.at === at, `offset of tile ${name(tile)}: ${tile.at}; expected ${at}`);
+    expect(tile.at === at, `offset of tile ${nameOf(tile)}: ${tile.at}; expected ${at}`);
     for (const part of tile.parts) {
       part.at = at;
       at += part.length;
     }
     [tile.features, tile.levels, tile.shadows] = KNOWN.map(kind => tile.parts.find(part => part.kind === kind && part.length > 0) ?? null);
-    expect(!tile.shadows || tile.levels, `moving shadows of tile ${name(tile)}, which sees nothing of the sun`);
+    expect(!tile.shadows || tile.levels, `moving shadows of tile ${nameOf(tile)}, which sees nothing of the sun`);
     if (tile.features) checkWord(bundle, tile);
   }
   expect(at === bundle.bytes.length, `payloads end at byte ${at} of ${bundle.bytes.length}`);
@@ -177,13 +177,13 @@ function newTile(page, number, column, row) {
   return { page: number, column, row, ownWidth: own[0], ownHeight: own[1], width, height, parts: [], means: null };
 }
 
-function name(tile) { return `${tile.column}, ${tile.row} of page ${tile.page}`; }
+function nameOf(tile) { return `${tile.column}, ${tile.row} of page ${tile.page}`; }
 
 // Means by knot, and the second set's shares.
 function readResident(bundle, tile, at) {
   const c = new Cursor(bundle.bytes, at), bits = new DataView(c.bytes.buffer, c.bytes.byteOffset).getUint32(c.skip(4, 'scale'), true);
   const exponent = bits >>> 23;
-  expect((bits & 0x7fffff) === 0 && exponent > 0 && exponent < 255 && c.u32('zero') === 0, `scale of tile ${name(tile)} is not a power of two`);
+  expect((bits & 0x7fffff) === 0 && exponent > 0 && exponent < 255 && c.u32('zero') === 0, `scale of tile ${nameOf(tile)} is not a power of two`);
   const scale = 2 ** (exponent - 127), knots = bundle.knots.length;
   tile.means = new Float64Array(3 * knots);
   tile.shares = new Float64Array(knots);
@@ -191,7 +191,7 @@ function readResident(bundle, tile, at) {
   for (let k = 0; k < knots; k++) {
     for (let i = 0; i < 3; i++) {
       const bits = c.u16('mean');
-      expect(bits < 0x7c00, `a mean of tile ${name(tile)} that is not a finite number ≥ 0`);
+      expect(bits < 0x7c00, `a mean of tile ${nameOf(tile)} that is not a finite number ≥ 0`);
       tile.means[3 * k + i] = Math.min(half(bits) * scale, LARGEST);
     }
     const q = c.u8('peak');

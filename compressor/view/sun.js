@@ -78,11 +78,11 @@ function readTileSun(bundle, tile) {
   if (tile.sun) return tile.sun;
   const { at, length, word } = tile.levels, c = new Cursor(bundle.bytes, at, at + length), times = bundle.sun.times.length;
   const channels = word & 3, palette = word >>> 8 & 255;
-  expect((word & ~0xff07) === 0 && channels !== 2 && palette <= 250 && (word & 4 || !palette), `word 0x${word.toString(16)} of the sun of tile ${name(tile)}`);
+  expect((word & ~0xff07) === 0 && channels !== 2 && palette <= 250 && (word & 4 || !palette), `word 0x${word.toString(16)} of the sun of tile ${nameOf(tile)}`);
   const sizes = c.list(channels * times, () => c.u16('planes of the sun'));
   const planes = sizes.map(size => size > 1 ? c.take(size, 'a plane of the sun') : size);
   const normals = word & 4 ? readNormals(c, palette, tile) : null;
-  expect(c.end - c.at < 16 && bundle.bytes.subarray(c.at, c.end).every(byte => byte === 0), `the sun of tile ${name(tile)} is too long`);
+  expect(c.end - c.at < 16 && bundle.bytes.subarray(c.at, c.end).every(byte => byte === 0), `the sun of tile ${nameOf(tile)} is too long`);
   return tile.sun = { channels, planes, normals, held: new Map() };
 }
 
@@ -149,7 +149,7 @@ function decodePlane(tables, bytes, width, height, tile) {
     }
   }
   const ended = state === 0 && stateOfPattern === 0 && at <= end && end - at < 8 && (at === end || bytes[bytes.length - 1] >> (at & 7) === 0);
-  expect(ended, `levels of the sun of tile ${name(tile)} do not end as they should`);
+  expect(ended, `levels of the sun of tile ${nameOf(tile)} do not end as they should`);
   if (stride === width && 8 * down === height) return levels;
   const cropped = new Uint8Array(width * height);
   for (let y = 0; y < height; y++) cropped.set(levels.subarray(y * stride, y * stride + width), y * width);
@@ -168,14 +168,14 @@ function readNormals(c, count, tile) {
   const across = tile.width / 4, blocks = across * tile.height / 4, kinds = new Uint8Array(blocks);
   for (let i = 0; i < blocks;) {
     const same = c.u8('normals'), run = c.u8('normals'), kind = c.u8('normals');
-    expect(same + run > 0 && i + same + run <= blocks && (same === 0 || i >= across), `runs of normals of tile ${name(tile)}`);
+    expect(same + run > 0 && i + same + run <= blocks && (same === 0 || i >= across), `runs of normals of tile ${nameOf(tile)}`);
     for (let k = 0; k < same; k++, i++) kinds[i] = kinds[i - across];
     kinds.fill(kind, i, i + run);
     i += run;
   }
   const out = new Float32Array(3 * tile.width * tile.height);
   kinds.forEach((kind, block) => {
-    expect(kind >= 250 || kind < count, `a normal that the palette of tile ${name(tile)} lacks`);
+    expect(kind >= 250 || kind < count, `a normal that the palette of tile ${nameOf(tile)} lacks`);
     const of = kind < 250 ? () => palette[kind] : readBlockOfNormals(c, kind);
     for (let i = 0; i < 16; i++) {
       const x = 4 * (block % across) + (i & 3), y = 4 * Math.floor(block / across) + (i >> 2);
@@ -228,10 +228,10 @@ function codeword(number, s) {
 function shadowPart(bundle, tile, plane, planes) {
   const { at, length } = tile.shadows, c = new Cursor(bundle.bytes, at, at + length);
   if (!tile.borders) {
-    const borders = c.list(c.end - c.at >= 4 * planes ? planes : refuse(`moving shadows of tile ${name(tile)}`), () => c.u32('moving shadows'));
+    const borders = c.list(c.end - c.at >= 4 * planes ? planes : refuse(`moving shadows of tile ${nameOf(tile)}`), () => c.u32('moving shadows'));
     const rest = length - 4 * planes - 2 * borders[planes - 1];
     const good = borders.every((border, i) => i === 0 || borders[i - 1] <= border) && rest >= 0 && rest < 16;
-    expect(good && bundle.bytes.subarray(c.end - rest, c.end).every(byte => byte === 0), `moving shadows of tile ${name(tile)}`);
+    expect(good && bundle.bytes.subarray(c.end - rest, c.end).every(byte => byte === 0), `moving shadows of tile ${nameOf(tile)}`);
     tile.borders = borders;
   }
   const from = plane ? tile.borders[plane - 1] : 0, first = at + 4 * planes;
@@ -241,7 +241,7 @@ function shadowPart(bundle, tile, plane, planes) {
 // Applies an interval's codewords to what is seen at steps `step` and `step` + 1, in units of 1/84.
 function moveShadows(bundle, tile, c, step, seen) {
   if (c.at === c.end) return;
-  const wrong = () => refuse(`a part of the moving shadows of tile ${name(tile)}`);
+  const wrong = () => refuse(`a part of the moving shadows of tile ${nameOf(tile)}`);
   const across = Math.ceil(tile.width / 32), groups = across * Math.ceil(tile.height / 32), sizes = c.take(groups, 'groups of shadows');
   if (groups % 2 && c.u8('groups of shadows') !== 0) wrong();
   for (let group = 0; group < groups; group++) {

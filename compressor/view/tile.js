@@ -19,13 +19,13 @@ function contentsOf(word, tile) {
 function checkWord(bundle, tile) {
   const word = tile.features.word, has = contentsOf(word, tile), { length } = tile.features;
   const known = has.hidden > 0 && !has.side === !has.slices && !(has.ut || has.vt) === !has.rows && (has.uv || !has.sparse[0]) && (has.side || !has.sparse[1]);
-  expect(known && has.gates <= bundle.groups.length, `word 0x${word.toString(16)} of tile ${name(tile)}`);
+  expect(known && has.gates <= bundle.groups.length, `word 0x${word.toString(16)} of tile ${nameOf(tile)}`);
   const blocks = blocksOf(has, tile), old = bundle.version === 3;
   const rest = (old ? 12 * bundle.hours.length : 0) + (bundle.coding ? 0 : 2 + 2 * bundle.hours.length) + 2 * has.gates
     + 2 * has.rows * (has.ut * Math.ceil(tile.width / 2) + has.vt * Math.ceil(tile.height / 2)) + 2 * weightsOf(has).reduce((a, b) => a + b);
   const least = rest + blocks.reduce((sum, n, i) => sum + (has.sparse[i] ? fieldLength(n) : 16 * n), 0);
   const most = rest + 16 * (blocks[0] + blocks[1]);
-  expect(length >= least && length <= Math.ceil(most / 16) * 16, `${length} bytes of features of tile ${name(tile)}; expected ${least} to ${most}`);
+  expect(length >= least && length <= Math.ceil(most / 16) * 16, `${length} bytes of features of tile ${nameOf(tile)}; expected ${least} to ${most}`);
   tile.has = has;
 }
 
@@ -39,7 +39,7 @@ function weightsOf({ inputs, hidden: h }) { return [inputs * h, h, h * h, h, 3 *
 function featuresOf(bundle, tile) {
   if (tile.read) return tile.read;
   const { at, length } = tile.features, has = tile.has, n = bundle.hours.length, c = new Cursor(bundle.bytes, at, at + length);
-  const wrong = what => refuse(`tile ${name(tile)}: ${what}`);
+  const wrong = what => refuse(`tile ${nameOf(tile)}: ${what}`);
   const read = { has };
   [read.uv, read.uvt] = blocksOf(has, tile).map((count, i) => readMap(c, count, has.sparse[i], wrong));
   if (bundle.version === 3) {
