@@ -19,6 +19,7 @@ pub mod report;
 pub mod run;
 pub mod sweep;
 pub mod compare;
+pub mod view;
 
 pub use dataset::{Error, Result};
 pub use error::of_bundle;

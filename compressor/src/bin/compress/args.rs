@@ -21,6 +21,7 @@ Examples:
   compress sweep dataset/yard --tiles 4 --presets draft     profiles side by side
   compress compare dataset/yard --draft                     other methods beside it
   compress info dataset/yard/yard.ndgi
+  compress view dataset/yard                                a page that plays the day in a browser
 
 A run that was stopped continues where it was when the same command is given again (a time limit begins anew).
 
@@ -84,6 +85,17 @@ Examples:
 BC6H, BC7 and ASTC need a build with --features baselines. How each method is set up: compressor/BASELINES.md. With --json: tiles,
 tiles_of, sets, draft, ablations, noise_ceiling_db, rows (family, method, bpp, psnr_db and other means, encode_seconds of a tile,
 decode_milliseconds of 1024x1024 texels, note), left_out, report, seconds.";
+
+const VIEW_EXAMPLES: &str = "\
+Examples:
+  compress view dataset/yard                       writes dataset/yard/yard.view.html; open it in a browser
+  compress view dataset/yard/yard.ndgi --out day.html --no-reference
+  compress view other.ndgi --scene dataset/yard/scene.glb --cameras scenes/yard.toml
+  compress view dataset/city --serve               at http://127.0.0.1:8017/, until it is interrupted
+
+The page needs WebGL 2 and no network. One file holds 128 MiB at most (bundle, geometry and reference, before base64); past that use --serve.
+It has references of as many sets as fit in 4 MiB, with --serve of all. With --json: scene, bundle, geometry (null without one), cameras, page
+and bytes, or with --serve url.";
 
 const INFO_EXAMPLES: &str = "\
 Examples:
@@ -152,12 +164,40 @@ pub enum Command {
     /// Compare NDGI with block compression, keyframes, SVD, NTC and PRT on some tiles of a dataset.
     #[command(after_help = COMPARE_EXAMPLES)]
     Compare(Compare),
+    /// Write a page that plays a compressed day in a browser: one self-contained HTML file.
+    #[command(after_help = VIEW_EXAMPLES)]
+    View(View),
     /// Show what a bundle says of itself.
     #[command(after_help = INFO_EXAMPLES)]
     Info {
         /// The bundle.
         bundle: PathBuf,
     },
+}
+
+#[derive(Debug, Args)]
+pub struct View {
+    /// The dataset's folder, or a bundle.
+    pub input: PathBuf,
+    /// The bundle [default: <dataset>/<scene>.ndgi, or the one that is named].
+    #[arg(long)]
+    pub bundle: Option<PathBuf>,
+    /// The page to write [default: the bundle's name with .view.html].
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// The geometry with lightmap coordinates, a GLB file [default: the dataset's, or scene.glb beside the bundle; without one the page
+    /// shows the atlas alone].
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    /// A scene file whose cameras become buttons [default: the one that was baked, if it is still there].
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// Leave the dataset's lightmaps out, beside which the page shows what it decodes.
+    #[arg(long)]
+    pub no_reference: bool,
+    /// Serve the page on this machine instead of writing it, at this port [default: 8017; 0: any free one].
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8017", conflicts_with = "out")]
+    pub serve: Option<u16>,
 }
 
 #[derive(Debug, Args)]

@@ -2,6 +2,7 @@
 
 mod args;
 mod info;
+mod view;
 
 use args::{Command, Compare, Compress, LightName, LooksArgs, Sweep};
 use compressor::bundle::Bundle;
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         Some(Command::Sweep(args)) => run_sweep(args, &console),
         Some(Command::Compare(args)) => run_compare(args, &console),
         Some(Command::Info { bundle }) => info::info(bundle, &console),
+        Some(Command::View(args)) => view::view(args, &console),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

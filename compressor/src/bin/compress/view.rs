@@ -1,0 +1,39 @@
+//! `compress view`.
+
+use super::args::View;
+use compressor::Result;
+use compressor::view::{Options, Server, Source, page, serve};
+use dataset::console::Console;
+use dataset::files::{expect_output, write_atomically};
+use serde_json::json;
+
+pub fn view(args: View, console: &Console) -> Result<()> {
+    let View { input, bundle, out, scene, cameras, no_reference, serve: port } = args;
+    let options = Options { bundle, scene, cameras, no_reference };
+    let source = Source::open(&input, &options)?;
+    if let Some(why) = &source.left_out {
+        console.warn(format!("the page has no reference: {why}"));
+    }
+    if source.scene.is_none() {
+        console
+            .warn("no scene.glb lies beside the bundle: the page shows the atlas alone; name one by --scene");
+    }
+    let mut object = json!({
+        "scene": source.scene_name, "bundle": source.bundle, "geometry": source.scene, "cameras": source.cameras,
+    });
+    if let Some(port) = port {
+        let server = Server::bind(port)?;
+        console.say(format!("{} until interrupted", server.url()));
+        object["url"] = json!(server.url());
+        console.result(&object)?;
+        return serve(&server, source);
+    }
+    let path = out.unwrap_or_else(|| source.bundle.with_extension("view.html"));
+    expect_output(&path, "html", "--out")?;
+    let html = page(&source)?;
+    write_atomically(&path, html.as_bytes())?;
+    console.say(format!("page: {}", path.display()));
+    object["page"] = json!(path);
+    object["bytes"] = json!(html.len());
+    console.result(&object)
+}

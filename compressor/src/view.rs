@@ -1,0 +1,105 @@
+//! A page for the browser that plays a bundle: [`Source`] finds what belongs to it, [`page`] puts all in one file, [`serve`] hands it out
+//! piece by piece. The page's own sources stand in `compressor/view/`.
+
+mod serve;
+mod source;
+
+pub use serve::{Server, serve};
+pub use source::{Options, Source, ViewCamera};
+
+use crate::{Error, Result};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Value, json};
+
+/// What one page holds at most, in bytes before base64; `--serve` has no such bound.
+pub const MOST_BYTES: u64 = 128 << 20;
+/// What references may take of a page: 4 bytes a texel, as many sets as fit.
+const REFERENCE_BYTES: u64 = 4 << 20;
+/// The hours whose references are wanted first.
+const WANTED: [f64; 8] = [12.0, 18.5, 21.0, 7.0, 15.0, 9.5, 0.0, 4.0];
+
+const SHELL: &str = include_str!("../view/shell.html");
+const STYLE: &str = include_str!("../view/style.css");
+const SCRIPTS: [&str; 6] = [
+    include_str!("../view/bundle.js"),
+    include_str!("../view/tile.js"),
+    include_str!("../view/sun.js"),
+    include_str!("../view/gpu.js"),
+    include_str!("../view/scene.js"),
+    include_str!("../view/page.js"),
+];
+
+/// The page with everything in it.
+///
+/// # Errors
+/// `Unsupported` past [`MOST_BYTES`]; what cannot be read.
+pub fn page(source: &Source) -> Result<String> {
+    let sets = source.sets_within(REFERENCE_BYTES);
+    let mut names = source.names(&sets);
+    let bytes = names.iter().map(|name| source.len(name)).sum::<Result<u64>>()?;
+    if bytes > MOST_BYTES {
+        let what = format!("{bytes} bytes are too much for one page, which holds {MOST_BYTES}: use --serve");
+        return Err(Error::unsupported(source.bundle.display(), what));
+    }
+    names.sort();
+    let mut data = String::new();
+    for name in names {
+        data += &format!("<script type=\"text/plain\" id=\"data-{name}\">");
+        STANDARD.encode_string(source.read(&name)?, &mut data);
+        data += "</script>\n";
+    }
+    Ok(shell(source, &sets, &data))
+}
+
+/// The page that fetches its data from where it came from.
+pub(crate) fn shell_of_server(source: &Source) -> String {
+    let all: Vec<usize> = (0..source.sets()).collect();
+    shell(source, &all, "")
+}
+
+fn shell(source: &Source, sets: &[usize], data: &str) -> String {
+    // `<` starts no tag within the JSON.
+    let meta = meta(source, sets).to_string().replace('<', "\\u003c");
+    let title = escape(&format!("{}: the day", source.scene_name));
+    let fields: [(&str, &str); 5] = [
+        ("{{title}}", &title),
+        ("{{style}}", STYLE),
+        ("{{meta}}", &meta),
+        ("{{data}}", data),
+        ("{{scripts}}", &SCRIPTS.join("\n")),
+    ];
+    // Each field once, in order: what is filled in is not looked at again.
+    let (mut page, mut rest) = (String::new(), SHELL);
+    for (field, text) in fields {
+        let (before, after) = rest.split_once(field).unwrap_or((rest, ""));
+        page.extend([before, text]);
+        rest = after;
+    }
+    page + rest
+}
+
+fn meta(source: &Source, sets: &[usize]) -> Value {
+    let hours: Vec<f64> = sets.iter().map(|&set| source.hour(set)).collect();
+    let note = match (sets.len(), &source.left_out) {
+        (0, Some(why)) => format!("There is no reference: {why}."),
+        (0, None) => {
+            "There is no reference: no dataset lies beside the bundle, or it was left out.".to_owned()
+        }
+        (n, _) => format!(
+            "The reference are the dataset's lightmaps of {n} of {} sets, as RGB9E5: 9 bits a channel with a common exponent, half a step of 1/512 \
+             of the brightest channel off at most. The dataset itself has 32-bit floats. The views of it go to the nearest of these hours.",
+            source.sets()
+        ),
+    };
+    json!({
+        "title": source.title(),
+        "scene_file": source.scene.is_some(),
+        "cameras": source.cameras,
+        "reference": { "hours": hours, "sets": sets, "precision": "RGB9E5", "note": note },
+    })
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}

@@ -1,0 +1,336 @@
+//! What belongs to a bundle: the scene's geometry and cameras, and the dataset that it was made from.
+
+use super::WANTED;
+use crate::bundle::{Bundle, Header};
+use crate::compress::{default_bundle, light_of};
+use crate::{Error, Result, of_bundle};
+use dataset::store::Dataset;
+use serde::Serialize;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The codebook of moving shadows.
+const WORDS: &[u8] = include_bytes!("../../ndgi/src/sun/words.bin");
+
+/// What to look at, beyond what is found.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The bundle, instead of the dataset's own.
+    pub bundle: Option<PathBuf>,
+    /// The geometry, instead of that of the dataset or the one beside the bundle.
+    pub scene: Option<PathBuf>,
+    /// A scene file (TOML) whose `[[camera]]` tables are taken.
+    pub cameras: Option<PathBuf>,
+    /// Leave the dataset's lightmaps out.
+    pub no_reference: bool,
+}
+
+/// A camera of a scene file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewCamera {
+    /// Its name.
+    pub name: String,
+    /// Where it stands.
+    pub position: [f64; 3],
+    /// What it looks at.
+    pub look_at: [f64; 3],
+    /// Its angle from left to right, in degrees.
+    pub fov: f64,
+}
+
+/// A bundle and what belongs to it.
+#[derive(Debug)]
+pub struct Source {
+    /// The bundle.
+    pub bundle: PathBuf,
+    /// The geometry.
+    pub scene: Option<PathBuf>,
+    /// The scene's name, by the bundle.
+    pub scene_name: String,
+    /// The cameras of the scene file.
+    pub cameras: Vec<ViewCamera>,
+    /// Why a dataset at hand is no reference.
+    pub left_out: Option<String>,
+    header: Header,
+    reference: Option<Dataset>,
+    needs_words: bool,
+}
+
+impl Source {
+    /// Finds what belongs to a dataset's folder or a bundle.
+    ///
+    /// # Errors
+    /// A bundle that is not there or damaged; files that are named and cannot be read.
+    pub fn open(input: &Path, options: &Options) -> Result<Self> {
+        let is_folder = input.is_dir();
+        let folder = if is_folder { input } else { input.parent().unwrap_or(Path::new("")) };
+        let dataset = match Dataset::open_manifest(folder) {
+            Ok(dataset) => Some(dataset),
+            Err(error) if is_folder => return Err(error),
+            Err(_) => None,
+        };
+        let bundle = match (&options.bundle, &dataset) {
+            (Some(path), _) => path.clone(),
+            (None, Some(dataset)) if is_folder => default_bundle(dataset),
+            _ => input.to_owned(),
+        };
+        if !bundle.is_file() {
+            let what = format!("no such bundle; `compress {}` writes one", folder.display());
+            return Err(Error::invalid(bundle.display(), what));
+        }
+        let opened = Bundle::open(&bundle).map_err(of_bundle)?;
+        let needs_words = opened.index.iter().any(|entry| entry.shadows.length > 0);
+        let header = opened.header;
+        let dataset = dataset.filter(|dataset| is_folder || dataset.config.scene == header.scene);
+        let scene = scene_of(options, dataset.as_ref(), folder)?;
+        let cameras = cameras_of(options, folder)?;
+        let (reference, left_out) = reference_of(dataset, &header, options.no_reference);
+        let scene_name = header.scene.clone();
+        Ok(Source { bundle, scene, scene_name, cameras, left_out, header, reference, needs_words })
+    }
+
+    /// The bundle's file name.
+    pub fn title(&self) -> String {
+        self.bundle.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Number of sets of the reference, 0 where there is none.
+    pub fn sets(&self) -> usize {
+        self.reference.as_ref().map_or(0, |dataset| dataset.config.frames.len())
+    }
+
+    /// The hour of a set of the reference.
+    ///
+    /// # Panics
+    /// If there is no such set.
+    pub fn hour(&self, set: usize) -> f64 {
+        self.reference.as_ref().expect("a set of a reference").config.frames[set].hour
+    }
+
+    /// As many sets as fit in so many bytes, those nearest to the hours that are wanted first; ascending.
+    pub(super) fn sets_within(&self, bytes: u64) -> Vec<usize> {
+        let each =
+            self.header.pages.iter().map(|page| 4 * page.width as u64 * page.height as u64).sum::<u64>();
+        let count = (bytes / each.max(1)).min(self.sets() as u64) as usize;
+        let mut sets: Vec<usize> = Vec::new();
+        for wanted in WANTED {
+            let away = |set: &usize| {
+                let gap = (self.hour(*set) - wanted).abs();
+                gap.min(24.0 - gap)
+            };
+            let left = (0..self.sets()).filter(|set| !sets.contains(set));
+            sets.extend(left.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| sets.len() < count));
+        }
+        sets.sort_unstable();
+        sets
+    }
+
+    /// The names of all data, with the references of these sets.
+    pub(super) fn names(&self, sets: &[usize]) -> Vec<String> {
+        let mut names = vec!["bundle".to_owned()];
+        names.extend(self.scene.is_some().then(|| "scene".to_owned()));
+        names.extend(self.needs_words.then(|| "words".to_owned()));
+        for page in 0..self.header.pages.len() {
+            names.extend((!sets.is_empty()).then(|| format!("mask-{page}")));
+            names.extend(sets.iter().map(|set| format!("reference-{set}-{page}")));
+        }
+        names
+    }
+
+    /// The file that stands behind a name, if one does.
+    pub(super) fn file(&self, name: &str) -> Option<&Path> {
+        match name {
+            "bundle" => Some(&self.bundle),
+            "scene" => self.scene.as_deref(),
+            _ => None,
+        }
+    }
+
+    /// The number of bytes behind a name.
+    pub(super) fn len(&self, name: &str) -> Result<u64> {
+        if let Some(path) = self.file(name) {
+            return fs::metadata(path).map(|data| data.len()).map_err(Error::io(path));
+        }
+        let texels =
+            |page: usize| self.header.pages[page].width as u64 * self.header.pages[page].height as u64;
+        Ok(match self.parse(name) {
+            Some(Data::Words) => WORDS.len() as u64,
+            Some(Data::Mask(page)) => texels(page).div_ceil(8),
+            Some(Data::Reference(_, page)) => 4 * texels(page),
+            None => 0,
+        })
+    }
+
+    /// The bytes behind a name.
+    ///
+    /// # Errors
+    /// No such name; what cannot be read.
+    pub fn read(&self, name: &str) -> Result<Vec<u8>> {
+        if let Some(path) = self.file(name) {
+            return fs::read(path).map_err(Error::io(path));
+        }
+        match (self.parse(name), &self.reference) {
+            (Some(Data::Words), _) => Ok(WORDS.to_vec()),
+            (Some(Data::Mask(page)), Some(dataset)) => Ok(bits(&dataset.mask(page)?.valid)),
+            (Some(Data::Reference(set, page)), Some(dataset)) => {
+                let texels = dataset.map(set, page)?.texels;
+                Ok(texels.into_iter().flat_map(|light| rgb9e5(light).to_le_bytes()).collect())
+            }
+            _ => Err(Error::invalid(name, "no such data")),
+        }
+    }
+
+    fn parse(&self, name: &str) -> Option<Data> {
+        let pages = self.header.pages.len();
+        let mut parts = name.split('-');
+        let kind = parts.next()?;
+        let numbers: Vec<usize> = parts.map(|part| part.parse().ok()).collect::<Option<_>>()?;
+        match (kind, &numbers[..]) {
+            ("words", []) => Some(Data::Words),
+            ("mask", &[page]) if page < pages => Some(Data::Mask(page)),
+            ("reference", &[set, page]) if set < self.sets() && page < pages => {
+                Some(Data::Reference(set, page))
+            }
+            _ => None,
+        }
+    }
+}
+
+enum Data {
+    Words,
+    Mask(usize),
+    Reference(usize, usize),
+}
+
+fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Result<Option<PathBuf>> {
+    if let Some(path) = &options.scene {
+        return match path.is_file() {
+            true => Ok(Some(path.clone())),
+            false => Err(Error::invalid(
+                "--scene",
+                format!("{}: no such file; expected a GLB file", path.display()),
+            )),
+        };
+    }
+    let of_dataset =
+        dataset.and_then(|dataset| dataset.config.geometry.as_ref().map(|file| dataset.path(file)));
+    let beside = || Some(folder.join("scene.glb"));
+    Ok(of_dataset.filter(|path| path.is_file()).or_else(beside).filter(|path| path.is_file()))
+}
+
+/// The cameras of the scene file that is named, or else of the one that the bake noted, if it is still there.
+fn cameras_of(options: &Options, folder: &Path) -> Result<Vec<ViewCamera>> {
+    if let Some(path) = &options.cameras {
+        let text = fs::read_to_string(path).map_err(Error::io(path))?;
+        return parse_cameras(&text).map_err(|what| Error::invalid(path.display(), what));
+    }
+    let noted = || {
+        let run: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("run.json")).ok()?).ok()?;
+        let text = fs::read_to_string(folder.join(run["scene_file"].as_str()?)).ok()?;
+        parse_cameras(&text).ok()
+    };
+    Ok(noted().unwrap_or_default())
+}
+
+fn parse_cameras(text: &str) -> std::result::Result<Vec<ViewCamera>, String> {
+    let table: toml::Table = text.parse().map_err(|error| format!("{error}"))?;
+    let cameras = table.get("camera").and_then(toml::Value::as_array).cloned().unwrap_or_default();
+    cameras
+        .iter()
+        .map(|camera| {
+            parse_camera(camera)
+                .ok_or_else(|| format!("a camera without name, position and look_at: {camera}"))
+        })
+        .collect()
+}
+
+fn parse_camera(camera: &toml::Value) -> Option<ViewCamera> {
+    let number = |value: &toml::Value| value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
+    let point = |key: &str| -> Option<[f64; 3]> {
+        camera.get(key)?.as_array()?.iter().map(number).collect::<Option<Vec<f64>>>()?.try_into().ok()
+    };
+    Some(ViewCamera {
+        name: camera.get("name")?.as_str()?.to_owned(),
+        position: point("position")?,
+        look_at: point("look_at")?,
+        fov: camera.get("fov").map_or(Some(60.0), number)?,
+    })
+}
+
+/// The dataset as a reference, or why it is none.
+fn reference_of(
+    dataset: Option<Dataset>,
+    header: &Header,
+    is_unwanted: bool,
+) -> (Option<Dataset>, Option<String>) {
+    let Some(dataset) = dataset.filter(|_| !is_unwanted) else { return (None, None) };
+    let size = |(page, of): (&dataset::config::Page, &crate::grid::Grid)| {
+        (page.width as usize, page.height as usize) == (of.width, of.height)
+    };
+    let config = &dataset.config;
+    if config.pages.len() != header.pages.len() || !config.pages.iter().zip(&header.pages).all(size) {
+        return (None, Some("the dataset's pages have other sizes than the bundle's".to_owned()));
+    }
+    if light_of(header) != Some(config.digest_of_light()) {
+        return (None, Some("the bundle was made from other light than the dataset holds".to_owned()));
+    }
+    (Some(dataset), None)
+}
+
+/// Eight flags a byte, the first the lowest.
+fn bits(flags: &[bool]) -> Vec<u8> {
+    flags.chunks(8).map(|eight| (0..).zip(eight).map(|(bit, flag)| u8::from(*flag) << bit).sum()).collect()
+}
+
+/// Three mantissas of 9 bits, red the lowest, and an exponent of 5.
+fn rgb9e5(light: [f32; 3]) -> u32 {
+    /// The largest number that there is: 511/512 · 2¹⁶.
+    const MOST: f32 = 65408.0;
+    let light = light.map(|e| e.clamp(0.0, MOST));
+    let largest = light.into_iter().fold(0.0, f32::max);
+    let mut exponent = if largest > 0.0 { (largest.log2().floor() as i32 + 1).max(-15) } else { -15 };
+    let step = |exponent: i32| ((exponent - 9) as f32).exp2();
+    if (largest / step(exponent)).round() > 511.0 {
+        exponent += 1;
+    }
+    let [r, g, b] = light.map(|e| (e / step(exponent)).round() as u32);
+    r | g << 9 | b << 18 | ((exponent + 15) as u32) << 27
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_keeps_nine_bits() {
+        for light in [[0.0; 3], [1.0, 0.5, 0.001], [511.9, 3.0, 0.0], [1e9, 1.0, 1.0], [3e-5, 1e-5, 0.0]] {
+            let packed = rgb9e5(light);
+            let step = f64::from((packed >> 27) as i32 - 24).exp2();
+            let largest = f64::from(light.into_iter().fold(0.0, f32::max).min(65408.0));
+            for (shift, e) in [0, 9, 18].into_iter().zip(light) {
+                let found = f64::from(packed >> shift & 511) * step;
+                assert!(
+                    (found - f64::from(e.min(65408.0))).abs() <= (largest / 512.0).max(3e-8),
+                    "{light:?} {found}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_are_those_of_scene_files() {
+        let text = "[[camera]]\nname = \"a\"\nposition = [1, 2.5, 3]\nlook_at = [0, 0, 0]\n[[camera]]\nname = \"b\"\nposition = [1, 2, 3]\nlook_at = [0, 1, 0]\nfov = 70\n";
+        let cameras = parse_cameras(text).unwrap();
+        assert_eq!(
+            (cameras.len(), cameras[0].position, cameras[0].fov, cameras[1].fov),
+            (2, [1.0, 2.5, 3.0], 60.0, 70.0)
+        );
+        assert!(parse_cameras("[[camera]]\nname = \"a\"\n").is_err());
+        assert_eq!(parse_cameras("[sun]\n").unwrap(), []);
+    }
+
+    #[test]
+    fn flags_are_packed_lowest_first() {
+        assert_eq!(bits(&[true, false, true, false, false, false, false, true, true]), [0b1000_0101, 1]);
+    }
+}

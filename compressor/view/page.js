@@ -1,0 +1,551 @@
+// The page: what is shown, what is asked for by mouse, touch and keyboard, and what is told.
+'use strict';
+
+const $ = id => document.getElementById(id);
+const NAMES = { decoded: 'decoded', reference: 'reference', difference: '×8 difference', bits: 'bits per tile' };
+// Seconds of a day that plays.
+const DAY_SECONDS = 48;
+const clock = hour => { const minutes = Math.round(60 * hour) % 1440; return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, '0')}`; };
+const digits = x => x === 0 ? '0' : Math.abs(x) >= 1000 || Math.abs(x) < 0.001 ? x.toExponential(2) : x.toPrecision(3);
+const luminance = ([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
+
+// Bytes by name: of the page itself, or of the server it came from.
+async function dataOf(name) {
+  const element = $(`data-${name}`);
+  if (element) {
+    const text = element.textContent;
+    element.remove();
+    if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+    const binary = atob(text), bytes = new Uint8Array(binary.length);
+    for (let i = 0; i < bytes.length; i++) bytes[i] = binary.charCodeAt(i);
+    return bytes;
+  }
+  const answer = await fetch(`data/${name}`);
+  if (!answer.ok) refuse(`the server does not have ${name} (${answer.status})`);
+  return new Uint8Array(await answer.arrayBuffer());
+}
+
+class Viewer {
+  async open() {
+    this.meta = JSON.parse($('meta').textContent);
+    this.canvas = $('view');
+    const gl = this.gl = this.canvas.getContext('webgl2', { antialias: true, alpha: false, powerPreference: 'high-performance' });
+    if (!gl) refuse('this browser has no WebGL 2');
+    this.canvas.addEventListener('webglcontextlost', event => { event.preventDefault(); this.stop(new Error('the browser took back the graphics card; load the page again')); });
+    const bundle = this.bundle = openBundle(await dataOf('bundle'));
+    if (bundle.tiles.some(tile => tile.shadows)) codebook = await dataOf('words');
+    this.decoder = new Decoder(gl, bundle, { unpack: location.hash.includes('unpack') });
+    const hour = Number(location.hash.match(/hour=([\d.]+)/)?.[1] ?? 12);
+    this.state = { hour: Number.isFinite(hour) ? mod(hour, 24) : 12, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, exposure: 0 };
+    this.scene = this.meta.scene_file ? await Scene.open(gl, await dataOf('scene'), bundle.pages.length) : null;
+    if (this.scene?.draws.length) this.state.space = 'scene';
+    this.pages = this.decoder.pages.map((page, i) => ({ ...page, bits: this.bitsOf(i) }));
+    this.references = new Map();
+    this.masks = [];
+    this.atlas = compile(gl, COVER, PAGE_FRAGMENT);
+    this.small = this.decoder.target(96, 54, gl.RGBA16F);
+    this.depth(this.small);
+    this.setCameras();
+    this.build();
+    this.listen();
+    this.decode();
+    this.fit();
+    $('message').textContent = '';
+    for (const id of ['top', 'bottom']) $(id).hidden = false;
+    this.frame();
+  }
+
+  stop(problem) {
+    this.state && (this.state.playing = false);
+    this.stopped = true;
+    $('message').className = 'wrong';
+    $('message').textContent = `${this.meta?.title ?? 'bundle'}: ${problem.message}`;
+  }
+
+  // A depth buffer for a target.
+  depth(target) {
+    const { gl } = this, buffer = gl.createRenderbuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, target.width, target.height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, buffer);
+  }
+
+  // Per tile a colour by its bytes a texel and set: dark blue is none, yellow the most.
+  bitsOf(page) {
+    const { gl } = this, { columns, rows } = this.bundle.pages[page], bits = this.bundle.tiles.map(tile => this.bitsOfTile(tile)), most = bits.reduce((a, b) => Math.max(a, b), 1e-9);
+    const data = new Uint8Array(4 * columns * rows);
+    this.bundle.tiles.forEach((tile, i) => {
+      const x = bits[i] / most, at = 4 * (tile.row * columns + tile.column);
+      if (tile.page === page) data.set([255 * Math.min(1, 1.6 * x), 255 * (0.1 + 0.8 * x), 255 * (0.35 + 0.3 * Math.sin(3.1 * x) - 0.3 * x), 255], at);
+    });
+    const texture = this.decoder.texture(gl.TEXTURE_2D, gl.RGBA8, columns, rows);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, columns, rows, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    return texture;
+  }
+  bytesOfTile(tile) { return [tile.features, tile.levels, tile.shadows].reduce((sum, part) => sum + (part?.length ?? 0), 0); }
+  bitsOfTile(tile) { return 8 * this.bytesOfTile(tile) / (tile.ownWidth * tile.ownHeight * this.bundle.hours.length); }
+
+  setCameras() {
+    if (!this.scene) { this.cameras = []; return; }
+    const told = this.meta.cameras.map(camera => new Camera(camera.name, camera.position, camera.look_at, camera.fov));
+    this.cameras = [...told, ...this.scene.cameras];
+    if (!this.cameras.length) this.cameras.push(this.scene.overview());
+    this.camera = this.cameras[0].copy();
+  }
+
+  // ---- What is on the page ----
+
+  choice(id, names, pick, chosen) {
+    $(id).replaceChildren(...names.map(([key, text, title]) => {
+      const button = document.createElement('button');
+      button.textContent = text;
+      if (title) button.title = title;
+      button.dataset.key = key;
+      button.onclick = () => { pick(key); this.redraw(); };
+      return button;
+    }));
+    (this.choices ??= []).push(() => { for (const button of $(id).children) button.setAttribute('aria-pressed', String(button.dataset.key === String(chosen()))); });
+  }
+
+  build() {
+    const { state, bundle, meta } = this;
+    document.title = `${bundle.scene}: the day`;
+    $('title').textContent = bundle.scene;
+    const spaces = this.scene?.draws.length ? [['scene', 'scene', 'Tab']] : [];
+    bundle.pages.forEach((_, i) => spaces.push([`atlas ${i}`, bundle.pages.length > 1 ? `page ${i + 1}` : 'atlas', 'Tab']));
+    this.choice('spaces', spaces, key => { [state.space, state.page] = [key.split(' ')[0], Number(key.split(' ')[1] ?? state.page)]; this.fit(); }, () => state.space === 'scene' ? 'scene' : `atlas ${state.page}`);
+    this.shown = VIEWS.filter(view => meta.reference.hours.length || view === 'decoded' || view === 'bits');
+    this.choice('views', this.shown.map(view => [view, NAMES[view], 'V']), view => this.setView(view), () => state.view);
+    this.choice('cameras', this.cameras.map((camera, i) => [i, camera.name, String(i + 1)]), i => this.setCamera(Number(i)), () => this.at);
+    if (this.scene?.draws.length) this.choice('modes', [['false', 'orbit', 'O'], ['true', 'walk', 'O: then W A S D Q E']], walks => { state.walks = walks === 'true'; }, () => state.walks);
+    this.at = 0;
+    this.buildMarks();
+    const lit = bundle.tiles.filter(tile => tile.features || tile.levels).length, bits = bundle.tiles.reduce((sum, tile) => sum + 8 * this.bytesOfTile(tile), 0);
+    const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
+    const facts = [
+      `${meta.title}: bundle version ${bundle.version}, ${bundle.bytes.length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(bits / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
+      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked by ${this.decoder.bptc ? 'the hardware' : 'this page, which the hardware does not'}. Checksums are not looked at here: \`compress info\` does.`,
+      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the mean of all tiles. There is no sky, no gloss, and nothing shines by itself.` : 'No scene.glb lay beside the bundle: the atlas alone.',
+      meta.reference.note,
+      bundle.sun ? "The sun's direct light is a stream of its own: it moves between the sets." : "The sun's direct light is in the maps, or left out.",
+    ];
+    $('facts').replaceChildren(...facts.map(fact => { const p = document.createElement('p'); p.textContent = fact; return p; }));
+  }
+
+  // Sets, hours, and the switches of lamps on the slider.
+  buildMarks() {
+    const marks = [], mark = (kind, hour, text) => {
+      const element = document.createElement(kind);
+      element.style.left = `${hour / 24 * 100}%`;
+      if (text) element.textContent = text;
+      marks.push(element);
+      return element;
+    };
+    for (const hour of this.bundle.hours) mark('i', hour).className = 'set';
+    for (let hour = 0; hour <= 24; hour += 3) { mark('i', hour); mark('span', hour, hour); }
+    for (const { name, on } of this.bundle.groups) {
+      for (const [from, to] of on) {
+        if (from === 0 && to === 24) continue;
+        mark('b', from).title = `${name} on at ${clock(from)}`;
+        mark('b', to).title = `${name} off at ${clock(to)}`;
+      }
+    }
+    $('marks').replaceChildren(...marks);
+  }
+
+  // ---- What is shown ----
+
+  setHour(hour) {
+    this.state.hour = mod(hour, 24);
+    const { hours } = this.meta.reference;
+    if (['reference', 'difference'].includes(this.state.view)) this.state.hour = nearestOf(hours, this.state.hour);
+    this.decode();
+    this.redraw();
+  }
+
+  decode() {
+    const { state, decoder } = this;
+    decoder.decode(state.hour);
+    this.ambient = this.ambientAt(state.hour);
+    this.stale = true;
+  }
+
+  // The mean of all tiles, and a sixth of the sun.
+  ambientAt(hour) {
+    const { bundle } = this, moment = momentOf(bundle, hour), sum = [0, 0, 0];
+    let weight = 0;
+    for (const { means, ownWidth, ownHeight } of bundle.tiles) {
+      if (!means) continue;
+      weight += ownWidth * ownHeight;
+      for (let c = 0; c < 3; c++) sum[c] += ownWidth * ownHeight * ((1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]);
+    }
+    const sun = bundle.sun && sunAt(bundle.sun, moment.t);
+    return sum.map((x, c) => x / Math.max(weight, 1) + (sun ? sun.irradiance[c] * Math.max(sun.direction[1], 0) / 6 : 0));
+  }
+
+  setView(view) {
+    const { state, meta } = this;
+    state.view = view;
+    if (['reference', 'difference'].includes(view)) {
+      this.setHour(nearestOf(meta.reference.hours, state.hour));
+      this.loadReference().then(() => this.redraw()).catch(problem => this.stop(problem));
+    }
+  }
+
+  // The reference at the hour shown, on the GPU; kept as texels for the curve of a texel and a tile's PSNR.
+  async loadReference() {
+    const { gl, meta, pages } = this, hour = nearestOf(meta.reference.hours, this.state.hour);
+    if (this.referenceShown === hour) return;
+    for (let i = 0; i < pages.length; i++) {
+      const texels = await this.reference(hour, i), page = pages[i];
+      page.reference ??= this.decoder.texture(gl.TEXTURE_2D, gl.RGB9_E5, page.width, page.height);
+      gl.bindTexture(gl.TEXTURE_2D, page.reference);
+      for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.LINEAR);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, page.width, page.height, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, texels);
+    }
+    this.referenceShown = hour;
+  }
+
+  async reference(hour, page) {
+    const set = this.meta.reference.sets[this.meta.reference.hours.indexOf(hour)], key = `reference-${set}-${page}`;
+    if (!this.references.has(key)) {
+      const bytes = await dataOf(key), { width, height } = this.bundle.pages[page];
+      expect(bytes.length === 4 * width * height, `a reference of ${bytes.length} bytes`);
+      if (this.references.size > 64) this.references.delete(this.references.keys().next().value);
+      this.references.set(key, new Uint32Array(bytes.buffer, bytes.byteOffset, width * height));
+    }
+    return this.references.get(key);
+  }
+
+  setCamera(i) {
+    if (!this.cameras[i]) return;
+    this.at = i;
+    this.camera = this.cameras[i].copy();
+    this.state.space = 'scene';
+    this.stale = true;
+  }
+
+  // The page in the middle of the window.
+  fit() {
+    const { width, height } = this.bundle.pages[this.state.page], [w, h] = [innerWidth, innerHeight - 150];
+    const zoom = Math.max(width / w, height / h);
+    this.window = { zoom, x: (w - width / zoom) / 2, y: 60 + (h - height / zoom) / 2 };
+    this.stale = true;
+  }
+
+  // Brings the exposure to the picture, unless it is pinned.
+  expose() {
+    const { gl, state, small } = this;
+    if (state.pinned || state.view === 'bits' || !this.stale) return;
+    this.stale = false;
+    const out = new Float32Array(4 * small.width * small.height), found = [];
+    if (state.space === 'scene') {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, small.frame);
+      gl.viewport(0, 0, small.width, small.height);
+      this.scene.draw(this.camera, this.canvas.width, this.canvas.height, 1, { ...this.drawn(), view: 'decoded' });
+      gl.readPixels(0, 0, small.width, small.height, gl.RGBA, gl.FLOAT, out);
+      for (let i = 0; i < out.length; i += 4) if (out[i + 3] > 0.5) found.push(luminance(out.subarray(i, i + 3)));
+    } else {
+      const page = this.pages[state.page], w = Math.min(page.width, small.width), h = Math.min(page.height, small.height);
+      for (const tile of this.bundle.tiles) if (tile.page === state.page && tile.means) found.push(0.5 * luminance(this.meanOf(tile)) / Math.PI);
+      if (!found.length) found.push(0.5 * luminance(this.ambient) / Math.PI, w * h * 0);
+    }
+    state.exposure = automaticExposure(found);
+  }
+
+  meanOf(tile) {
+    const { i, j, g, t } = momentOf(this.bundle, this.state.hour), sun = this.bundle.sun && sunAt(this.bundle.sun, t);
+    return [0, 1, 2].map(c => (1 - g) * tile.means[3 * i + c] + g * tile.means[3 * j + c] + (sun ? sun.irradiance[c] / 4 : 0));
+  }
+
+  drawn() { return { ...this.state, scale: this.decoder.scale, ambient: this.ambient, pages: this.pages }; }
+
+  redraw() { this.dirty = true; }
+
+  frame(now = performance.now()) {
+    if (this.stopped) return;
+    try {
+      const seconds = Math.min((now - (this.last ?? now)) / 1000, 0.5);
+      this.last = now;
+      this.walk(seconds);
+      if (this.state.playing) this.setHour(this.state.hour + 24 * seconds / DAY_SECONDS);
+      if (this.dirty) this.paint();
+      this.dirty = false;
+    } catch (problem) {
+      this.stop(problem);
+    }
+    requestAnimationFrame(now => this.frame(now));
+  }
+
+  resize() {
+    const ratio = Math.min(devicePixelRatio || 1, 2), width = Math.max(Math.round(innerWidth * ratio), 1), height = Math.max(Math.round(innerHeight * ratio), 1);
+    if (this.canvas.width === width && this.canvas.height === height) return;
+    Object.assign(this.canvas, { width, height });
+    this.stale = true;
+  }
+
+  paint() {
+    this.resize();
+    this.expose();
+    this.drawTo(null, this.canvas.width, this.canvas.height);
+    this.tell();
+  }
+
+  drawTo(frame, width, height) {
+    const { gl, state } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.viewport(0, 0, width, height);
+    if (state.space === 'scene') return this.scene.draw(this.camera, width, height, 0, this.drawn());
+    const { program, at } = this.atlas, page = this.pages[state.page], ratio = this.canvas.width / innerWidth, { zoom, x, y } = this.window;
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.useProgram(program);
+    gl.bindVertexArray(this.decoder.vertices);
+    [page.texture, page.reference ?? page.texture, page.bits].forEach((texture, unit) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_2D, texture); });
+    ['map', 'reference', 'bits'].forEach((name, unit) => gl.uniform1i(at[name], unit));
+    gl.uniform1f(at.scale, this.decoder.scale);
+    gl.uniform1f(at.exposure, state.exposure);
+    gl.uniform1i(at.view, VIEWS.indexOf(state.view));
+    gl.uniform4f(at.window, x * ratio, y * ratio, zoom / ratio, height);
+    gl.uniform2i(at.pageSize, page.width, page.height);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  tell() {
+    const { state, meta } = this;
+    $('time').textContent = clock(state.hour);
+    $('hour').value = Math.round(60 * state.hour) % 1440;
+    $('play').textContent = state.playing ? '❚❚' : '▶';
+    $('play').setAttribute('aria-label', state.playing ? 'Pause (space)' : 'Play (space)');
+    $('exposure').value = state.exposure;
+    $('ev').textContent = `${state.exposure.toFixed(1)} EV`;
+    $('pin').setAttribute('aria-pressed', String(state.pinned));
+    for (const choice of this.choices) choice();
+    const on = this.bundle.groups.filter(group => isOn(group.on, mod(state.hour, 24))).map(group => group.name);
+    const parts = [on.length ? `on: ${on.join(', ')}` : 'no lamps on'];
+    if (['reference', 'difference'].includes(state.view)) parts.push(`reference of ${clock(nearestOf(meta.reference.hours, state.hour))}, ${meta.reference.precision}`);
+    if (state.view === 'bits') parts.push('blue: few bits, yellow: most');
+    if (state.space === 'scene' && this.scene.unmapped > 0) parts.push('what has no texels is lit by an ambient term');
+    $('state').textContent = parts.join(' · ');
+  }
+
+  // ---- One texel ----
+
+  // What of the page lies under a place of the window, in CSS pixels.
+  pick(x, y) {
+    const { gl, state } = this;
+    if (state.space === 'atlas') {
+      const { zoom, x: left, y: top } = this.window;
+      return { page: state.page, x: Math.floor((x - left) * zoom), y: Math.floor((y - top) * zoom) };
+    }
+    const one = this.one ??= this.decoder.target(1, 1, this.decoder.gl.getExtension('EXT_color_buffer_float') ? gl.RGBA32F : gl.RGBA16F), out = new Float32Array(4);
+    if (!this.one.depth) { this.depth(one); one.depth = true; }
+    const ratio = this.canvas.width / innerWidth;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, one.frame);
+    gl.viewport(-Math.floor(x * ratio), -(this.canvas.height - 1 - Math.floor(y * ratio)), this.canvas.width, this.canvas.height);
+    this.scene.draw(this.camera, this.canvas.width, this.canvas.height, 2, this.drawn());
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.FLOAT, out);
+    const page = Math.round(out[0]) - 1;
+    return page < 0 ? null : { page, x: Math.floor(out[1] * this.pages[page].width), y: Math.floor(out[2] * this.pages[page].height) };
+  }
+
+  async inspect(place) {
+    const { bundle, meta } = this, page = place && bundle.pages[place.page];
+    $('inspect').hidden = !place;
+    if (!place || place.x < 0 || place.y < 0 || place.x >= page.width || place.y >= page.height) { $('inspect').hidden = true; return; }
+    const [column, row] = [place.x, place.y].map(at => Math.floor(at / PAYLOAD));
+    const tile = bundle.tiles.find(tile => tile.page === place.page && tile.column === column && tile.row === row);
+    const [x, y] = [place.x - PAYLOAD * column + 1, place.y - PAYLOAD * row + 1];
+    this.inspected = place;
+    const hours = [...new Set([...bundle.knots, ...Array.from({ length: 97 }, (_, i) => Math.min(i / 4, 23.999))])].sort((a, b) => a - b);
+    const light = hours.map(hour => decodeTexel(bundle, tile, hour, x, y)), now = decodeTexel(bundle, tile, this.state.hour, x, y), points = [];
+    for (const hour of meta.reference.hours) {
+      const texels = await this.reference(hour, place.page);
+      points.push([hour, fromRgb9e5(texels[place.y * page.width + place.x])]);
+    }
+    this.plot(hours, light, points);
+    const lines = [`texel ${place.x}, ${place.y} of page ${place.page}, tile ${column}, ${row}`, `${clock(this.state.hour)}: E = ${now.map(digits).join(', ')} (R, G, B; unit of the lightmaps)`,
+      `${this.bytesOfTile(tile).toLocaleString('en')} bytes, ${this.bitsOfTile(tile).toFixed(3)} bits per texel and set`];
+    if (meta.reference.hours.length) lines.push(await this.quality(tile));
+    else lines.push('no reference at hand');
+    $('texel').textContent = lines.join('\n');
+    forgetTexels(tile);
+  }
+
+  // The tile's PSNR at the reference nearest in time, over its valid texels, peak = the largest value there.
+  async quality(tile) {
+    const { meta, bundle } = this, hour = nearestOf(meta.reference.hours, this.state.hour), texels = await this.reference(hour, tile.page), page = bundle.pages[tile.page];
+    const mask = this.masks[tile.page] ??= await dataOf(`mask-${tile.page}`), decoded = decodeTile(bundle, tile, hour);
+    let squares = 0, count = 0, peak = 0;
+    for (let y = 0; y < tile.ownHeight; y++) {
+      for (let x = 0; x < tile.ownWidth; x++) {
+        const at = (PAYLOAD * tile.row + y) * page.width + PAYLOAD * tile.column + x;
+        if (!(mask[at >> 3] >> (at & 7) & 1)) continue;
+        fromRgb9e5(texels[at]).forEach((e, c) => {
+          squares += (e - decoded[3 * ((y + 1) * tile.width + x + 1) + c]) ** 2;
+          peak = Math.max(peak, e);
+          count++;
+        });
+      }
+    }
+    if (!count || !peak) return `at ${clock(hour)} the tile is black, or has no valid texels`;
+    return `tile at ${clock(hour)}: PSNR ${(10 * Math.log10(peak * peak / Math.max(squares / count, 1e-30))).toFixed(1)} dB against the reference (${meta.reference.precision})`;
+  }
+
+  // Irradiance by hour: lines are decoded, circles the reference.
+  plot(hours, light, points) {
+    const canvas = $('curve'), g = canvas.getContext('2d'), { width, height } = canvas, colours = ['#ff7b6b', '#7fdc8a', '#7aa8ff'];
+    const top = Math.max(...light.flat(), ...points.flatMap(([, e]) => e), 1e-12) * 1.05, px = hour => 50 + hour / 24 * (width - 60), py = e => height - 24 - e / top * (height - 36);
+    g.clearRect(0, 0, width, height);
+    g.font = '16px system-ui';
+    g.fillStyle = '#9aa3b2';
+    g.strokeStyle = '#3b424f';
+    g.fillText(digits(top), 2, 16);
+    for (let hour = 0; hour <= 24; hour += 6) {
+      g.beginPath();
+      g.moveTo(px(hour), 8);
+      g.lineTo(px(hour), height - 22);
+      g.stroke();
+      g.fillText(hour, px(hour) - 8, height - 4);
+    }
+    g.lineWidth = 2;
+    colours.forEach((colour, c) => {
+      g.strokeStyle = colour;
+      g.beginPath();
+      hours.forEach((hour, i) => g.lineTo(px(hour), py(light[i][c])));
+      g.stroke();
+      for (const [hour, e] of points) {
+        g.beginPath();
+        g.arc(px(hour), py(e[c]), 4, 0, 7);
+        g.stroke();
+      }
+    });
+    g.strokeStyle = '#d9a441';
+    g.beginPath();
+    g.moveTo(px(this.state.hour), 8);
+    g.lineTo(px(this.state.hour), height - 22);
+    g.stroke();
+  }
+
+  // ---- Mouse, touch, keys ----
+
+  listen() {
+    const { canvas, state } = this, held = new Map();
+    let moved = 0;
+    canvas.onpointerdown = event => { canvas.setPointerCapture(event.pointerId); held.set(event.pointerId, [event.clientX, event.clientY]); if (held.size === 1) moved = 0; canvas.focus(); };
+    canvas.onpointermove = event => {
+      const before = held.get(event.pointerId);
+      if (!before) return;
+      const now = [event.clientX, event.clientY], [dx, dy] = [now[0] - before[0], now[1] - before[1]], other = [...held].find(([id]) => id !== event.pointerId)?.[1];
+      moved += Math.abs(dx) + Math.abs(dy);
+      held.set(event.pointerId, now);
+      if (other) {
+        const gap = at => Math.hypot(at[0] - other[0], at[1] - other[1]);
+        this.nearer(gap(before) / Math.max(gap(now), 1), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+        this.shift(dx / 2, dy / 2);
+      } else if (event.buttons & 6 || event.shiftKey || state.space === 'atlas') this.shift(dx, dy);
+      else this.camera.turn((state.walks ? -1 : 1) * dx * 0.005, (state.walks ? 1 : -1) * dy * 0.005, !state.walks);
+      this.stale = true;
+      this.redraw();
+    };
+    canvas.onpointerup = canvas.onpointercancel = event => {
+      held.delete(event.pointerId);
+      if (event.type === 'pointerup' && moved < 5 && held.size === 0 && event.button === 0) this.inspect(this.pick(event.clientX, event.clientY)).catch(problem => this.stop(problem));
+    };
+    canvas.oncontextmenu = event => event.preventDefault();
+    canvas.onwheel = event => { event.preventDefault(); this.nearer(1.0015 ** event.deltaY, event.clientX, event.clientY); };
+    addEventListener('resize', () => { this.fit(); this.redraw(); });
+    this.keys = new Set();
+    addEventListener('keyup', event => this.keys.delete(event.key.toLowerCase()));
+    addEventListener('blur', () => this.keys.clear());
+    addEventListener('keydown', event => this.key(event));
+    $('hour').oninput = () => { state.playing = false; this.setHour(Number($('hour').value) / 60); };
+    $('play').onclick = () => { state.playing = !state.playing; this.redraw(); };
+    $('exposure').oninput = () => { state.exposure = Number($('exposure').value); state.pinned = true; this.redraw(); };
+    $('pin').onclick = () => this.pin();
+    $('more').onclick = () => this.about();
+    for (const button of document.querySelectorAll('.close')) button.onclick = () => { button.parentElement.hidden = true; };
+  }
+
+  about() {
+    $('about').hidden = !$('about').hidden;
+    $('more').setAttribute('aria-expanded', String(!$('about').hidden));
+  }
+
+  pin() {
+    this.state.pinned = !this.state.pinned;
+    this.stale = true;
+    this.redraw();
+  }
+
+  nearer(factor, x, y) {
+    if (this.state.space === 'atlas') {
+      const w = this.window, zoom = Math.min(Math.max(w.zoom * factor, 0.02), 100);
+      Object.assign(w, { x: x - (x - w.x) * w.zoom / zoom, y: y - (y - w.y) * w.zoom / zoom, zoom });
+    } else if (this.state.walks) this.camera.move(0, 0, (1 - factor) * this.scene.radius * 0.2);
+    else this.camera.zoom(factor);
+    this.stale = true;
+    this.redraw();
+  }
+
+  shift(dx, dy) {
+    if (this.state.space === 'atlas') { this.window.x += dx; this.window.y += dy; return; }
+    const step = 2 * this.camera.distance * Math.tan(this.camera.fov * Math.PI / 360) / innerWidth;
+    this.camera.move(-dx * step, dy * step, 0);
+  }
+
+  walk(seconds) {
+    const has = key => this.keys.has(key) ? 1 : 0, [right, up, ahead] = [has('d') - has('a'), has('e') - has('q'), has('w') - has('s')];
+    if (!(right || up || ahead) || this.state.space !== 'scene') return;
+    const step = seconds * Math.max(this.scene.radius * 0.12, 0.5) * (this.keys.has('shift') ? 4 : 1);
+    this.camera.move(right * step, up * step, ahead * step);
+    this.stale = true;
+    this.redraw();
+  }
+
+  key(event) {
+    const { state } = this, key = event.key.toLowerCase(), typed = event.target.matches?.('input') && key.startsWith('arrow');
+    if (event.ctrlKey || event.metaKey || event.altKey || typed || event.target.matches?.('button') && [' ', 'enter'].includes(key)) return;
+    const next = way => {
+      if (!event.shiftKey) return state.hour + way / 12;
+      const hours = way > 0 ? this.bundle.hours : [...this.bundle.hours].reverse();
+      return hours.find(hour => way * (hour - state.hour) > 1e-6) ?? hours[0];
+    };
+    const steps = {
+      ' ': () => { state.playing = !state.playing; }, arrowleft: () => this.setHour(next(-1)), arrowright: () => this.setHour(next(1)),
+      v: () => this.setView(this.shown[(this.shown.indexOf(state.view) + 1) % this.shown.length]), o: () => { state.walks = !state.walks; }, p: () => this.pin(), i: () => this.about(),
+      tab: () => this.turnPage(), '+': () => this.brighten(0.5), '=': () => this.brighten(0.5), '-': () => this.brighten(-0.5),
+      escape: () => { $('inspect').hidden = $('about').hidden = true; },
+    };
+    if ('wasdqe'.includes(key) || key === 'shift') this.keys.add(key);
+    else if (key >= '1' && key <= '9') this.setCamera(Number(key) - 1);
+    else if (steps[key] && !(key === 'tab' && (event.shiftKey || event.target !== this.canvas && event.target !== document.body))) { steps[key](); event.preventDefault(); }
+    this.redraw();
+  }
+
+  brighten(ev) {
+    this.state.exposure += ev;
+    this.state.pinned = true;
+  }
+
+  // Scene, then each page.
+  turnPage() {
+    const buttons = [...$('spaces').children], at = buttons.findIndex(button => button.getAttribute('aria-pressed') === 'true');
+    buttons[(at + 1) % buttons.length].click();
+  }
+}
+
+function nearestOf(hours, hour) {
+  const away = x => Math.min(mod(x - hour, 24), mod(hour - x, 24));
+  return hours.reduce((best, x) => away(x) < away(best) ? x : best, hours[0]);
+}
+
+// Three mantissas of nine bits and an exponent of five.
+function fromRgb9e5(bits) {
+  const scale = 2 ** ((bits >>> 27) - 24);
+  return [bits & 511, bits >>> 9 & 511, bits >>> 18 & 511].map(mantissa => mantissa * scale);
+}
+
+const viewer = new Viewer();
+const opened = viewer.open().catch(problem => viewer.stop(problem));
