@@ -37,19 +37,7 @@ vec3 maps(ivec2 p) {
   vec4 b = texelFetch(uv, min(p, textureSize(uv, 0) - 1), 0);
   vec4 c = vec4(plane(ut, p.x, size.x, planes.x), plane(vt, p.y, size.y, planes.y));
   a = 3. * (a - .5); b = 3. * (b - .5); c = 3. * (c - .5);
-  vec4 first[${q}], second[${q}];
-  for (int r = 0; r < ${q}; r++) {
-    vec4 sum = bias[r];
-    for (int k = 0; k < 4; k++) { int w = 3 * (4 * r + k); sum[k] += dot(${net[1]('w')}, a) + dot(${net[1]('w + 1')}, b) + dot(${net[1]('w + 2')}, c); }
-    first[r] = gelu(sum);
-  }
-  for (int r = 0; r < ${q}; r++) {
-    vec4 sum = ${net[1](`${b2} + r`)};
-    for (int k = 0; k < 4; k++) { int w = ${w2} + ${q} * (4 * r + k); for (int i = 0; i < ${q}; i++) sum[k] += dot(${net[1]('w + i')}, first[i]); }
-    second[r] = gelu(sum);
-  }
-  vec3 y = ${net[1](`${b3}`)}.xyz;
-  for (int k = 0; k < 3; k++) for (int i = 0; i < ${q}; i++) y[k] += dot(${net[1](`${w3} + ${q} * k + i`)}, second[i]);
+${layers(h, net[1])}
   y = clamp(y, 0., 65504.);
   return mean * (power == 2. ? y * y : pow(y, vec3(power)));
 }
@@ -63,6 +51,19 @@ void main() {
   }
   color = vec4(min(light * scale, most), 1);
 }`;
+}
+
+// The three layers, written out: loops over arrays cost software renderers more than twice as much.
+function layers(h, weight) {
+  const q = h / 4, w2 = 3 * h, b2 = w2 + h * q, w3 = b2 + q, b3 = w3 + 3 * q, range = Array.from({ length: q }, (_, i) => i);
+  const dots = (from, inputs) => inputs.map((input, i) => `dot(${weight(from + i)}, ${input})`).join(' + ');
+  const row = (bias, from, inputs) => `${bias} + vec4(${[0, 1, 2, 3].map(k => dots(from(k), inputs)).join(', ')})`;
+  const first = range.map(i => `f${i}`), second = range.map(i => `s${i}`);
+  return [
+    ...range.map(r => `  vec4 f${r} = gelu(${row(`bias[${r}]`, k => 3 * (4 * r + k), ['a', 'b', 'c'])});`),
+    ...range.map(r => `  vec4 s${r} = gelu(${row(weight(b2 + r), k => w2 + q * (4 * r + k), first)});`),
+    `  vec3 y = ${weight(b3)}.xyz + vec3(${[0, 1, 2].map(k => dots(w3 + q * k, second)).join(', ')});`,
+  ].join('\n');
 }
 
 function compile(gl, vertex, fragment, attributes = []) {

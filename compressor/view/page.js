@@ -126,7 +126,7 @@ class Viewer {
     const facts = [
       `${meta.title}: bundle version ${bundle.version}, ${bundle.bytes.length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(bits / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
       `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked by ${this.decoder.bptc ? 'the hardware' : 'this page, which the hardware does not'}. Checksums are not looked at here: \`compress info\` does.`,
-      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the mean of all tiles. There is no sky, no gloss, and nothing shines by itself.` : 'No scene.glb lay beside the bundle: the atlas alone.',
+      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the median of the tiles' means. There is no sky, no gloss, and nothing shines by itself.` : 'No scene.glb lay beside the bundle: the atlas alone.',
       meta.reference.note,
       bundle.sun ? "The sun's direct light is a stream of its own: it moves between the sets." : "The sun's direct light is in the maps, or left out.",
     ];
@@ -171,17 +171,12 @@ class Viewer {
     this.stale = true;
   }
 
-  // The mean of all tiles, and a sixth of the sun.
+  // The median of all tiles' means, and a sixth of the sun.
   ambientAt(hour) {
-    const { bundle } = this, moment = momentOf(bundle, hour), sum = [0, 0, 0];
-    let weight = 0;
-    for (const { means, ownWidth, ownHeight } of bundle.tiles) {
-      if (!means) continue;
-      weight += ownWidth * ownHeight;
-      for (let c = 0; c < 3; c++) sum[c] += ownWidth * ownHeight * ((1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]);
-    }
-    const sun = bundle.sun && sunAt(bundle.sun, moment.t);
-    return sum.map((x, c) => x / Math.max(weight, 1) + (sun ? sun.irradiance[c] * Math.max(sun.direction[1], 0) / 6 : 0));
+    const { bundle } = this, moment = momentOf(bundle, hour);
+    const means = bundle.tiles.filter(tile => tile.means).map(({ means }) => [0, 1, 2].map(c => (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]));
+    const median = means.sort((a, b) => luminance(a) - luminance(b))[means.length >> 1] ?? [0, 0, 0], sun = bundle.sun && sunAt(bundle.sun, moment.t);
+    return median.map((x, c) => x + (sun ? sun.irradiance[c] * Math.max(sun.direction[1], 0) / 6 : 0));
   }
 
   setView(view) {
