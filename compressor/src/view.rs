@@ -52,6 +52,17 @@ pub fn page(source: &Source) -> Result<String> {
     Ok(shell(source, &sets, &data))
 }
 
+/// Writes the page of a dataset's own bundle beside it; gives where.
+///
+/// # Errors
+/// As [`page`]; what cannot be written.
+pub fn beside(folder: &std::path::Path) -> Result<std::path::PathBuf> {
+    let source = Source::open(folder, &Options::default())?;
+    let path = source.bundle.with_extension("view.html");
+    dataset::files::write_atomically(&path, page(&source)?.as_bytes())?;
+    Ok(path)
+}
+
 /// The page that fetches its data from where it came from.
 pub(crate) fn shell_of_server(source: &Source) -> String {
     let all: Vec<usize> = (0..source.sets()).collect();
