@@ -17,6 +17,7 @@ use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle, light_of};
 use compressor::run::compress_and_judge;
+use compressor::view::write_beside;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{self, Report};
 use dataset::store::Dataset;
@@ -227,6 +228,10 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         let judged = compress_and_judge(&outcome.dataset, &options, console)?;
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();
+        if let Some(page) = write_beside(&outcome.dataset)? {
+            console.say(format!("page: {}", page.display()));
+            result["compress"]["page"] = json!(page);
+        }
         judged.sections.into_iter().for_each(|section| report.push(section));
     }
     let path = outcome.dataset.join(REPORT);

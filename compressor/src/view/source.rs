@@ -94,6 +94,11 @@ impl Source {
         self.bundle.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
+    /// Where the page is written by default: the bundle's name with `.view.html`.
+    pub fn page_path(&self) -> PathBuf {
+        self.bundle.with_extension("view.html")
+    }
+
     /// Number of sets of the reference, 0 where there is none.
     pub fn sets(&self) -> usize {
         self.reference.as_ref().map_or(0, |dataset| dataset.config.frames.len())
