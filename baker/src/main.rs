@@ -17,7 +17,7 @@ use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle, light_of};
 use compressor::run::compress_and_judge;
-use compressor::view::beside;
+use compressor::view::write_beside;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{self, Report, Section};
 use dataset::store::Dataset;
@@ -138,7 +138,7 @@ Examples:
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
 mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
-against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress page and an object `compress` with the keys of
+against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
 changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, standing, forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
@@ -227,6 +227,10 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();
         report.lead(judged.lead);
+        if let Some(page) = write_beside(&outcome.dataset)? {
+            console.say(format!("page: {}", page.display()));
+            result["compress"]["page"] = json!(page);
+        }
         judged.sections.into_iter().for_each(|section| report.push(section));
     } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {
         report::scene::section(&set)?.into_iter().for_each(|section| report.lead(section));
@@ -242,16 +246,6 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     }
     console.say(format!("report: {}", path.display()));
     result["report"] = json!(path);
-    if args.compress {
-        match beside(&outcome.dataset) {
-            Ok(page) => {
-                console.say(format!("page: {} (plays the day in a browser)", page.display()));
-                result["page"] = json!(page);
-            }
-            // The bundle is what was asked for.
-            Err(error) => console.warn(format!("no page that plays it: {error}")),
-        }
-    }
     console.result(&result)?;
     Ok(())
 }

@@ -10,7 +10,9 @@ pub use source::{Options, Source, ViewCamera};
 use crate::{Error, Result};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use dataset::files::write_atomically;
 use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 /// What one page holds at most, in bytes before base64; `--serve` has no such bound.
 pub const MOST_BYTES: u64 = 128 << 20;
@@ -52,15 +54,19 @@ pub fn page(source: &Source) -> Result<String> {
     Ok(shell(source, &sets, &data))
 }
 
-/// Writes the page of a dataset's own bundle beside it; gives where.
+/// Writes the page of a dataset's bundle beside it, and names it; `None` where it is too large for one page.
 ///
 /// # Errors
-/// As [`page`]; what cannot be written.
-pub fn beside(folder: &std::path::Path) -> Result<std::path::PathBuf> {
-    let source = Source::open(folder, &Options::default())?;
-    let path = source.bundle.with_extension("view.html");
-    dataset::files::write_atomically(&path, page(&source)?.as_bytes())?;
-    Ok(path)
+/// What [`Source::open`] and writing say.
+pub fn write_beside(dataset: &Path) -> Result<Option<PathBuf>> {
+    let source = Source::open(dataset, &Options::default())?;
+    let html = match page(&source) {
+        Err(Error::Unsupported { .. }) => return Ok(None),
+        html => html?,
+    };
+    let path = source.page_path();
+    write_atomically(&path, html.as_bytes())?;
+    Ok(Some(path))
 }
 
 /// The page that fetches its data from where it came from.
@@ -98,7 +104,7 @@ fn meta(source: &Source, sets: &[usize]) -> Value {
             "There is no reference: no dataset lies beside the bundle, or it was left out.".to_owned()
         }
         (n, _) => format!(
-            "The reference are the dataset's lightmaps of {n} of {} sets, as RGB9E5: 9 bits a channel with a common exponent, half a step of 1/512 \
+            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5: 9 bits a channel with a common exponent, half a step of 1/512 \
              of the brightest channel off at most. The dataset itself has 32-bit floats. The views of it go to the nearest of these hours.",
             source.sets()
         ),

@@ -5,8 +5,9 @@
 const MAGIC = [0x4e, 0x44, 0x47, 0x49, 13, 10, 26, 10];
 const PAYLOAD = 126;
 const LARGEST = 3.4028234663852886e38;
-// A page of the viewer shows this many texels at most: a bundle of empty tiles could ask for far more than its own size.
-const MOST_TEXELS = 2 ** 26;
+// The viewer holds this many texels and pages at most: a bundle of empty tiles could ask for far more than its own size.
+const MOST_TEXELS = 2 ** 25;
+const MOST_PAGES = 256;
 
 function refuse(what) { throw new Error(what); }
 function expect(holds, what) { if (!holds) refuse(what); }
@@ -85,6 +86,7 @@ function openBundle(bytes) {
     c.skip(8, 'checksum');
   }
   expect(n > 0 && pages > 0 && streams > 0, 'no sets, pages or streams');
+  expect(pages <= MOST_PAGES, `${pages} pages; this page shows ${MOST_PAGES} at most`);
   bundle.scene = c.text('scene');
   bundle.info = c.text('info');
   bundle.pages = c.list(pages, () => {

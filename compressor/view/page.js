@@ -71,14 +71,16 @@ class Viewer {
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, buffer);
   }
 
-  // Per tile a colour by its bytes a texel and set: dark blue is none, yellow the most.
+  // Per tile a colour by its bits a texel and set: blue is none, yellow as many as the largest tiles have, or more.
   bitsOf(page) {
-    const { gl } = this, { columns, rows } = this.bundle.pages[page], bits = this.bundle.tiles.map(tile => this.bitsOfTile(tile)), most = bits.reduce((a, b) => Math.max(a, b), 1e-9);
-    const data = new Uint8Array(4 * columns * rows);
-    this.bundle.tiles.forEach((tile, i) => {
-      const x = bits[i] / most, at = 4 * (tile.row * columns + tile.column);
-      if (tile.page === page) data.set([255 * Math.min(1, 1.6 * x), 255 * (0.1 + 0.8 * x), 255 * (0.35 + 0.3 * Math.sin(3.1 * x) - 0.3 * x), 255], at);
-    });
+    const { gl } = this, { columns, rows } = this.bundle.pages[page], { tiles } = this.bundle, data = new Uint8Array(4 * columns * rows);
+    const area = tile => tile.ownWidth * tile.ownHeight, large = tiles.reduce((most, tile) => Math.max(most, area(tile)), 0) / 2;
+    const most = tiles.filter(tile => area(tile) >= large).reduce((most, tile) => Math.max(most, this.bitsOfTile(tile)), 1e-9);
+    for (const tile of tiles) {
+      const x = Math.min(this.bitsOfTile(tile) / most, 1);
+      if (tile.page === page) data.set([255 * x, 40 + 180 * x, 130 - 90 * x, 255], 4 * (tile.row * columns + tile.column));
+    }
+    this.mostBits = most;
     const texture = this.decoder.texture(gl.TEXTURE_2D, gl.RGBA8, columns, rows);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, columns, rows, gl.RGBA, gl.UNSIGNED_BYTE, data);
     return texture;
@@ -126,7 +128,7 @@ class Viewer {
     const facts = [
       `${meta.title}: bundle version ${bundle.version}, ${bundle.bytes.length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(bits / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
       `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked by ${this.decoder.bptc ? 'the hardware' : 'this page, which the hardware does not'}. Checksums are not looked at here: \`compress info\` does.`,
-      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the median of the tiles' means. There is no sky, no gloss, and nothing shines by itself.` : 'No scene.glb lay beside the bundle: the atlas alone.',
+      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the lowest tenth of the tiles' means and a sixth of the sun. There is no sky, no gloss, and nothing shines by itself.` : 'No scene.glb lay beside the bundle: the atlas alone.',
       meta.reference.note,
       bundle.sun ? "The sun's direct light is a stream of its own: it moves between the sets." : "The sun's direct light is in the maps, or left out.",
     ];
@@ -171,12 +173,12 @@ class Viewer {
     this.stale = true;
   }
 
-  // The median of all tiles' means, and a sixth of the sun.
+  // The lowest tenth of all tiles' means, so that lamps do not count, and a sixth of the sun.
   ambientAt(hour) {
     const { bundle } = this, moment = momentOf(bundle, hour);
     const means = bundle.tiles.filter(tile => tile.means).map(({ means }) => [0, 1, 2].map(c => (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]));
-    const median = means.sort((a, b) => luminance(a) - luminance(b))[means.length >> 1] ?? [0, 0, 0], sun = bundle.sun && sunAt(bundle.sun, moment.t);
-    return median.map((x, c) => x + (sun ? sun.irradiance[c] * Math.max(sun.direction[1], 0) / 6 : 0));
+    const low = means.sort((a, b) => luminance(a) - luminance(b))[Math.floor(means.length / 10)] ?? [0, 0, 0], sun = bundle.sun && sunAt(bundle.sun, moment.t);
+    return low.map((x, c) => x + (sun ? sun.irradiance[c] * Math.max(sun.direction[1], 0) / 6 : 0));
   }
 
   setView(view) {
@@ -242,9 +244,7 @@ class Viewer {
       gl.readPixels(0, 0, small.width, small.height, gl.RGBA, gl.FLOAT, out);
       for (let i = 0; i < out.length; i += 4) if (out[i + 3] > 0.5) found.push(luminance(out.subarray(i, i + 3)));
     } else {
-      const page = this.pages[state.page], w = Math.min(page.width, small.width), h = Math.min(page.height, small.height);
       for (const tile of this.bundle.tiles) if (tile.page === state.page && tile.means) found.push(0.5 * luminance(this.meanOf(tile)) / Math.PI);
-      if (!found.length) found.push(0.5 * luminance(this.ambient) / Math.PI, w * h * 0);
     }
     state.exposure = automaticExposure(found);
   }
@@ -320,7 +320,7 @@ class Viewer {
     const on = this.bundle.groups.filter(group => isOn(group.on, mod(state.hour, 24))).map(group => group.name);
     const parts = [on.length ? `on: ${on.join(', ')}` : 'no lamps on'];
     if (['reference', 'difference'].includes(state.view)) parts.push(`reference of ${clock(nearestOf(meta.reference.hours, state.hour))}, ${meta.reference.precision}`);
-    if (state.view === 'bits') parts.push('blue: few bits, yellow: most');
+    if (state.view === 'bits') parts.push(`blue: no bits, yellow: ${this.mostBits.toFixed(2)} bits per texel and set, or more`);
     if (state.space === 'scene' && this.scene.unmapped > 0) parts.push('what has no texels is lit by an ambient term');
     $('state').textContent = parts.join(' · ');
   }
@@ -364,6 +364,7 @@ class Viewer {
       `${this.bytesOfTile(tile).toLocaleString('en')} bytes, ${this.bitsOfTile(tile).toFixed(3)} bits per texel and set`];
     if (meta.reference.hours.length) lines.push(await this.quality(tile));
     else lines.push('no reference at hand');
+    lines.push(...(points.length ? [`lines: decoded; circles: reference at ${meta.reference.hours.map(clock).join(', ')}`] : []));
     $('texel').textContent = lines.join('\n');
     forgetTexels(tile);
   }

@@ -39,8 +39,9 @@ void main() {
   if (mode == 2) { color = lit ? vec4(page + 1., lm, 1) : vec4(0); return; }
   vec3 e = lit ? irradiance(lm) : ambient * (.75 + .25 * normalize(gl_FrontFacing ? n : -n).y);
   if (!lit && view == 2) e = vec3(0);
-  if (view == 3 && lit) {
-    color = vec4(texelFetch(bits, ivec2(clamp(lm, 0., .99999) * vec2(pageSize)) / ${PAYLOAD}, 0).rgb, 1);
+  if (view == 3) {
+    vec3 shade = lit ? texelFetch(bits, ivec2(clamp(lm, 0., .99999) * vec2(pageSize)) / ${PAYLOAD}, 0).rgb : vec3(.25);
+    color = vec4(shade * (.7 + .3 * normalize(n).y), 1);
     return;
   }
   vec3 radiance = a.rgb * e / ${Math.PI};

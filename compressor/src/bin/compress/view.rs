@@ -28,7 +28,7 @@ pub fn view(args: View, console: &Console) -> Result<()> {
         console.result(&object)?;
         return serve(&server, source);
     }
-    let path = out.unwrap_or_else(|| source.bundle.with_extension("view.html"));
+    let path = out.unwrap_or_else(|| source.page_path());
     expect_output(&path, "html", "--out")?;
     let html = page(&source)?;
     write_atomically(&path, html.as_bytes())?;

@@ -1,0 +1,27 @@
+(async () => {
+  await opened;
+  viewer.stopped = true;
+  codebook = await files('words');
+  const found = { scalar: 0, unpacked: 0, bptc: null, half: 0, texels: 0, gl_error: 0, same_bits: null };
+  const note = (key, value, of) => { if (value > (found[key] ?? -1)) { found[key] = value; found[key + '_of'] = of; } };
+  const gl = document.createElement('canvas').getContext('webgl2');
+  for (const name of NAMES_OF_BUNDLES) {
+    const bytes = await files(name), light = new Float32Array((await files(name + '.light')).buffer);
+    const decoders = { unpacked: { unpack: true, float: true }, half: {} };
+    if (gl.getExtension('EXT_texture_compression_bptc')) decoders.bptc = { float: true };
+    const open = Object.entries(decoders).map(([key, options]) => [key, new Decoder(gl, openBundle(bytes), options)]), bundle = openBundle(bytes);
+    for (let hour = 0; hour < HOURS.length; hour++) {
+      for (let i = 0; i < bundle.tiles.length; i++) {
+        const tile = bundle.tiles[i], expected = expectedOf(bundle, light, hour, tile), of = `${name}, tile ${i} at ${HOURS[hour]}`;
+        found.texels += tile.ownWidth * tile.ownHeight;
+        // All hours of a few texels would hide what single texels show: whole tiles, the large ones at two hours.
+        if (tile.width * tile.height < 2000 || hour < 2) note('scalar', differenceOf(tile, decodeTile(bundle, tile, HOURS[hour]), expected), of);
+        const read = {};
+        for (const [key, decoder] of open) note(key, differenceOf(tile, read[key] = decoder.readTile(decoder.bundle.tiles[i], HOURS[hour]), expected), of);
+        if (read.bptc) found.same_bits = found.same_bits !== false && read.bptc.every((e, i) => e === read.unpacked[i]);
+      }
+    }
+    found.gl_error ||= gl.getError();
+  }
+  report(found);
+})().catch(problem => report({ problem: String(problem.stack) }));

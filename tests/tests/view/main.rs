@@ -1,0 +1,186 @@
+//! The page that `compress view` writes, in headless Chromium: its decoders, hostile bundles, and what it draws.
+
+mod browser;
+mod bundles;
+
+use baker::bake::run::{Options as BakeOptions, bake};
+use baker::light::schedule::parse_hours;
+use baker::preview::options::Options as PreviewOptions;
+use baker::preview::run::preview;
+use browser::{chromium, run};
+use compressor::compress::{Options, compress};
+use compressor::decode::Decoder;
+use compressor::view::{self, Server, Source};
+use dataset::console::Console;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+
+/// Sets; between sets; on both sides of a switch and at one; around midnight; by day and by night.
+const HOURS: [f64; 8] = [0.0, 12.0, 5.95, 6.0, 12.3, 18.05, 23.9, 9.77];
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// A page of a bundle alone.
+fn page_of(bundle: &[u8]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.ndgi");
+    std::fs::write(&path, bundle).unwrap();
+    view::page(&Source::open(&path, &view::Options::default()).unwrap()).unwrap()
+}
+
+/// All bundles, the codebook, and what the decoder makes of them: page by page at every hour, float32.
+fn files() -> (BTreeMap<String, Vec<u8>>, Vec<String>) {
+    let words = Path::new(env!("CARGO_MANIFEST_DIR")).join("../compressor/ndgi/src/sun/words.bin");
+    let mut files = BTreeMap::from([("words".to_owned(), std::fs::read(words).unwrap())]);
+    let mut names = Vec::new();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in bundles::all() {
+        let path = folder.path().join("x.ndgi");
+        std::fs::write(&path, &bytes).unwrap();
+        let decoder = Decoder::open(&path).unwrap();
+        let mut light = Vec::new();
+        for hour in HOURS {
+            for page in 0..decoder.bundle().header.pages.len() {
+                let image = decoder.decode_page(page, hour).unwrap();
+                light.extend(image.texels.as_flattened().iter().flat_map(|e| e.to_le_bytes()));
+            }
+        }
+        files.insert(format!("{name}.light"), light);
+        files.insert(name.clone(), bytes);
+        names.push(name);
+    }
+    (files, names)
+}
+
+/// What every script has: names and hours.
+fn script(names: &[String], text: &str) -> String {
+    format!(
+        "const NAMES_OF_BUNDLES = {}, HOURS = {};\n{}\n{text}",
+        json!(names),
+        json!(HOURS),
+        include_str!("common.js")
+    )
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or(f64::INFINITY)
+}
+
+#[test]
+fn scripts_and_shaders_decode_as_the_decoder_does() {
+    let Some(browser) = chromium() else { return };
+    let (files, names) = files();
+    let html = page_of(&files["lamps"]);
+    let found = run(&browser, &html, "", files, &script(&names, include_str!("decode.js")));
+    println!("{found:#}");
+    // Of max(E, mean/100), as FORMAT.md, section 6, has it for single precision; halves add 2⁻¹¹.
+    assert!(number(&found["scalar"]) <= 3e-4, "{found:#}");
+    assert!(number(&found["unpacked"]) <= 3e-4, "{found:#}");
+    assert!(number(&found["half"]) <= 8e-4, "{found:#}");
+    // SwiftShader has BC7; where a browser lacks it there is nothing to compare.
+    assert!(found["bptc"].is_null() || number(&found["bptc"]) <= 3e-4, "{found:#}");
+    assert!(found["same_bits"] != json!(false), "{found:#}");
+    assert!(number(&found["texels"]) > 1e5 && found["gl_error"] == 0, "{found:#}");
+}
+
+#[test]
+fn hostile_bundles_open_or_are_refused() {
+    let Some(browser) = chromium() else { return };
+    let (files, names) = files();
+    let html = page_of(&files["lamps"]);
+    let found = run(&browser, &html, "", files, &script(&names, include_str!("mutations.js")));
+    println!("{found:#}");
+    assert_eq!(number(&found["opened"]) + number(&found["refused"]), 2000.0, "{found:#}");
+    assert!(number(&found["opened"]) > 100.0 && number(&found["refused"]) > 500.0, "{found:#}");
+    // Nothing but the reader's own errors, and none of WebGL.
+    assert!(found["strange"] == json!([]) && found["gl_error"] == 0, "{found:#}");
+}
+
+#[test]
+fn the_scene_looks_like_its_preview() {
+    let Some(browser) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    let options = BakeOptions {
+        out: Some(root.clone()),
+        extra_times: 0,
+        ..BakeOptions::new(parse_hours("6,9,12,15,20").unwrap())
+    };
+    bake(&fixture("court.toml"), &options, &Console::silent()).unwrap();
+    compress(&root, &Options { iterations: 1500, ..Options::default() }, &Console::silent()).unwrap();
+    let png = folder.path().join("court.png");
+    let options = PreviewOptions {
+        dataset: Some(root.clone()),
+        out: Some(png.clone()),
+        camera: Some("5,4,6".to_owned()),
+        size: [320, 180],
+        ..PreviewOptions::new(12.0)
+    };
+    let shown = preview(&fixture("court.toml"), &options, &Console::silent()).unwrap();
+    let source = Source::open(&root, &view::Options::default()).unwrap();
+    let html = view::page(&source).unwrap();
+    assert!(html.len() < 1 << 20 && !html.contains("https://"), "{}", html.len());
+    let files = BTreeMap::from([("preview".to_owned(), std::fs::read(&png).unwrap())]);
+    let script = format!("const SHOWN = {shown};\n{}", include_str!("scene.js"));
+    let found = run(&browser, &html, "#hour=12", files, &script);
+    println!("{found:#}");
+    // In codes of 255, over pixels whose surroundings are one surface: of the dataset's own texels, and of what is decoded.
+    assert!(number(&found["pixels"]) > 10_000.0, "{found:#}");
+    assert!(
+        number(&found["reference"]["mean"]) < 1.0 && number(&found["reference"]["p99"]) <= 6.0,
+        "{found:#}"
+    );
+    assert!(number(&found["decoded"]["mean"]) < 4.0 && number(&found["decoded"]["p99"]) <= 40.0, "{found:#}");
+    assert!(number(&found["exposure_off"]) < 0.15, "{found:#}");
+    // The page works: texels are told of, keys and buttons do what they say.
+    assert!(found["texel"].as_str().unwrap().contains("PSNR"), "{found:#}");
+    for key in ["plays", "steps", "views", "atlas", "pins", "black_is_told", "fits_a_phone"] {
+        assert_eq!(found[key], json!(true), "{key}: {found:#}");
+    }
+    assert_eq!(found["gl_error"], 0, "{found:#}");
+}
+
+/// Status and body of a request, the host as told.
+fn ask(address: &str, request: &str, host: &str, more: &str) -> (String, Vec<u8>) {
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(stream, "{request} HTTP/1.1\r\nHost: {host}\r\n{more}\r\n").unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+    (String::from_utf8_lossy(&answer[..end]).into_owned(), answer[end + 4..].to_vec())
+}
+
+#[test]
+fn the_server_gives_the_page_and_ranges_to_this_machine_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.ndgi");
+    let (_, bytes) = bundles::all().swap_remove(0);
+    std::fs::write(&path, &bytes).unwrap();
+    let source = Source::open(&path, &view::Options::default()).unwrap();
+    let server = Server::bind(0).unwrap();
+    let url = server.url();
+    let address = url.trim_start_matches("http://").trim_end_matches('/').to_owned();
+    std::thread::spawn(move || view::serve(&server, source));
+    let (status, page) = ask(&address, "GET /", &address, "");
+    assert!(status.contains("200 OK") && String::from_utf8_lossy(&page).contains("<canvas"), "{status}");
+    let (_, body) = ask(&address, "GET /data/bundle", "localhost", "");
+    assert_eq!(body, bytes);
+    let (status, body) = ask(&address, "GET /data/bundle", "localhost", "Range: bytes=8-11\r\n");
+    assert!(status.contains("206") && status.contains("bytes 8-11/") && body == bytes[8..12], "{status}");
+    let (status, body) = ask(&address, "HEAD /data/bundle", "localhost", "");
+    assert!(status.contains(&format!("Content-Length: {}", bytes.len())) && body.is_empty(), "{status}");
+    for (request, host, code) in [
+        ("GET /data/bundle", "evil.example", "403"),
+        ("GET /data/../../etc/passwd", "localhost", "404"),
+        ("GET /data/reference-0-0", "localhost", "404"),
+        ("POST /", "localhost", "405"),
+    ] {
+        let (status, _) = ask(&address, request, host, "");
+        assert!(status.contains(code), "{request} {host}: {status}");
+    }
+}
