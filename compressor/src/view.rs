@@ -1,4 +1,4 @@
-//! A page for the browser that plays a bundle: [`Source`] finds what belongs to it, [`page`] puts all in one file, [`serve`] hands it out
+//! A page for the browser that plays a bundle: [`Source`] finds what belongs to it, [`page()`] puts all in one file, [`serve()`] hands it out
 //! piece by piece. The page's own sources stand in `compressor/view/`.
 
 mod serve;
