@@ -235,7 +235,10 @@ class Viewer {
   expose() {
     const { gl, state, small } = this;
     if (state.pinned || state.view === 'bits' || !this.stale) return;
+    // While the day plays, four times a second are enough for what costs a picture of its own.
+    if (state.playing && performance.now() - this.exposedAt < 250) return;
     this.stale = false;
+    this.exposedAt = performance.now();
     const out = new Float32Array(4 * small.width * small.height), found = [];
     if (state.space === 'scene') {
       gl.bindFramebuffer(gl.FRAMEBUFFER, small.frame);
