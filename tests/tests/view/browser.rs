@@ -8,6 +8,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// How long a page may take before it counts as hung, on the slowest machine.
@@ -81,15 +82,19 @@ pub fn run(browser: &str, html: &str, hash: &str, files: BTreeMap<String, Vec<u8
         .unwrap();
     let mut running = Running(child);
     let log = running.0.stderr.take().unwrap();
-    let console = std::thread::spawn(move || -> Vec<String> {
-        let lines = BufReader::new(log).lines().map_while(Result::ok);
-        lines
-            .filter(|line| line.contains("CONSOLE") && !OF_CHROMIUM.iter().any(|own| line.contains(own)))
-            .collect()
+    let console = Arc::new(Mutex::new(Vec::new()));
+    let lines = Arc::clone(&console);
+    std::thread::spawn(move || {
+        for line in BufReader::new(log).lines().map_while(Result::ok) {
+            if line.contains("CONSOLE") && !OF_CHROMIUM.iter().any(|own| line.contains(own)) {
+                lines.lock().unwrap().push(line);
+            }
+        }
     });
     let report = reported.recv_timeout(PATIENCE);
+    // Before the browser ends: what it complains of then is no fault of the page.
+    let console = console.lock().unwrap().clone();
     drop(running);
-    let console = console.join().unwrap();
     let report: Value =
         report.unwrap_or_else(|_| panic!("the page reports nothing; its console: {console:#?}"));
     assert_eq!(report["complaints"], serde_json::json!([]), "{report:#}");
