@@ -5,7 +5,7 @@ mod serve;
 mod source;
 
 pub use serve::{Server, serve};
-pub use source::{Options, Source, ViewCamera};
+pub use source::{Options, Source};
 
 use crate::{Error, Result};
 use base64::Engine;

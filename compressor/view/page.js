@@ -1,4 +1,4 @@
-// The page: what is shown, what is asked for by mouse, touch and keyboard, and what is told.
+// The page: what it shows, what its controls do, and what it says of a texel.
 'use strict';
 
 const $ = id => document.getElementById(id);

@@ -15,6 +15,8 @@ pub use ies::Profile;
 pub use load::{is_reserved, load};
 pub use sky::SkyImage;
 
+pub use dataset::view::Camera;
+
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
@@ -151,24 +153,6 @@ impl SunVisibility {
             SunVisibility::Fine => Some(2.5),
         }
     }
-}
-
-/// A viewpoint.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Camera {
-    /// Unique.
-    pub name: String,
-    /// World.
-    pub position: DVec3,
-    /// The point in the middle of the picture, world; another one than `position`.
-    pub look_at: DVec3,
-    /// Angle of view across the picture, from left to right, in degrees.
-    pub fov: f64,
-}
-
-impl Camera {
-    /// Angle of view where none is given, in degrees.
-    pub const FOV: f64 = 60.0;
 }
 
 /// A place on Earth and a civil date.

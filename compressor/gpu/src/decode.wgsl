@@ -145,7 +145,7 @@ fn visibility(j: u32, channel: u32, x: u32, y: u32) -> f32 {
     let b = f32(interval[at + texels / 8u] >> (4u * (i % 8u)) & 15u) / 7.0;
     let still = a * (1.0 - part) + b * part;
     if ((jobs[j].has & HAS_WORDS) == 0u) { return still; }
-    // A block of 8×8: 0 without words; 1 one whose texels are doubled; 2 so many on each of its four 4×4; and where they begin.
+    // A block of 8×8: 0 without words; 1 one whose texels are doubled; 2 a number of them on each of its four 4×4; and where they begin.
     let across = (size.x + 7u) / 8u;
     let blocks = across * ((size.y + 7u) / 8u);
     let block = interval[jobs[j].seen.y + channel * blocks + y / 8u * across + x / 8u];

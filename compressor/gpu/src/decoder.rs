@@ -1,34 +1,22 @@
 //! A bundle on a device.
 
-use crate::place::{self, Spot};
+use crate::load::{Loading, sizes};
+use crate::pipelines::Pipelines;
+use crate::place;
 use crate::shader::{self, Output, Precision, Shader};
-use crate::tile::{self, Held, Job, Maps, Seen, Tile};
+use crate::tile::{self, Held, Job, Maps, Tile};
 use crate::{Error, Result};
 use ndgi::Bundle;
 use ndgi::at::At;
-use ndgi::bc7;
 use ndgi::decode::Lights;
 use ndgi::grid::Place;
-use ndgi::model::Contents;
 use ndgi::sun::Shadows;
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 /// Features of a device that the decoder makes use of, so far as the adapter has them: BC7 textures, and 16-bit floats.
 pub fn features(adapter: &wgpu::Adapter) -> wgpu::Features {
     adapter.features() & (wgpu::Features::TEXTURE_COMPRESSION_BC | wgpu::Features::SHADER_F16)
-}
-
-/// Compiled shaders. A copy is the same: decoders of one device that share it compile each shader once.
-#[derive(Clone, Debug, Default)]
-pub struct Pipelines(Arc<Mutex<BTreeMap<Shader, wgpu::ComputePipeline>>>);
-
-impl Pipelines {
-    fn of(&self, device: &wgpu::Device, shader: &Shader) -> wgpu::ComputePipeline {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        known.entry(*shader).or_insert_with(|| pipeline(device, shader)).clone()
-    }
 }
 
 /// How a bundle is decoded.
@@ -92,6 +80,9 @@ pub struct Work {
     /// Bytes uploaded.
     pub bytes: u64,
 }
+
+/// Most jobs of a dispatch: of its workgroups along an axis.
+const MOST_JOBS: usize = 65_535;
 
 /// A page's texture, and which tiles of it hold light.
 #[derive(Debug)]
@@ -436,6 +427,16 @@ impl Decoder {
         jobs: &[Full],
         view: &wgpu::TextureView,
     ) -> u64 {
+        jobs.chunks(MOST_JOBS).map(|jobs| self.dispatch_some(encoder, shader, jobs, view)).sum()
+    }
+
+    fn dispatch_some(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        shader: Shader,
+        jobs: &[Full],
+        view: &wgpu::TextureView,
+    ) -> u64 {
         let mut bytes = Vec::new();
         for Full { job, bias, .. } in jobs {
             bytes.extend_from_slice(bytemuck::bytes_of(job));
@@ -495,108 +496,4 @@ fn join(dispatches: &mut Vec<Dispatch>) {
         let (_, jobs) = dispatches.swap_remove(at);
         dispatches[0].1.extend(jobs);
     }
-}
-
-/// The sizes of all maps of BC7, in the order in which [`Loading::tile`] asks for their places, and the most that a strip reads of F_uvt. The index
-/// tells them.
-fn sizes(bundle: &Bundle) -> (Vec<[u32; 2]>, usize) {
-    let (mut sizes, mut coarse) = (Vec::new(), 0);
-    for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
-        let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
-        let Some(shape) = contents.map(|contents| bundle.header.shape(place, &contents)) else { continue };
-        let [width, height, slices] = shape.uvt;
-        sizes.extend(shape.contents.uv.then_some([shape.width as u32, shape.height as u32]));
-        sizes.extend(vec![[width as u32, height as u32]; slices]);
-        coarse = coarse.max(shader::coarse([width, height], shape.height));
-    }
-    (sizes, coarse)
-}
-
-/// What is being put on a device.
-struct Loading<'a> {
-    queue: &'a wgpu::Queue,
-    texture: &'a wgpu::Texture,
-    unpacks: bool,
-    resident: Vec<u32>,
-    /// Words of the interval's buffer so far.
-    interval: u32,
-}
-
-impl Loading<'_> {
-    /// Reads a tile and uploads its maps.
-    fn tile(
-        &mut self,
-        bundle: &Bundle,
-        place: Place,
-        spots: &mut impl Iterator<Item = Spot>,
-    ) -> Result<Tile> {
-        let mut tile = Tile::default();
-        if let Some(params) = bundle.tile(place)? {
-            let shape = params.shape;
-            let [width, height, slices] = shape.uvt;
-            let uv = if shape.contents.uv { spots.next() } else { None };
-            let of_slices: Vec<Spot> = spots.take(slices).collect();
-            if let Some(spot) = uv {
-                self.upload([shape.width, shape.height], spot, &params.f_uv)?;
-            }
-            for (spot, blocks) in of_slices.iter().zip(params.f_uvt.chunks((width * height / 16).max(1))) {
-                self.upload([width, height], *spot, blocks)?;
-            }
-            tile.maps = Some(Maps::new(params, uv, of_slices, &mut self.resident));
-        }
-        if let Some(sun) = bundle.sun(place)? {
-            tile.seen = Some(Seen::new(&sun, &mut self.resident, &mut self.interval));
-        }
-        Ok(tile)
-    }
-
-    /// Puts a map of BC7 blocks in its place, unpacked if need be.
-    fn upload(&self, [width, height]: [usize; 2], [x, y, layer]: Spot, blocks: &[[u8; 16]]) -> Result<()> {
-        let mut texels = Vec::new();
-        if self.unpacks {
-            texels.resize(4 * width * height, 0);
-            for (i, block) in blocks.iter().enumerate() {
-                let corner = i / (width / 4) * 4 * width + i % (width / 4) * 4;
-                for (j, texel) in bc7::decode(block)?.iter().enumerate() {
-                    let at = 4 * (corner + j / 4 * width + j % 4);
-                    texels[at..at + 4].copy_from_slice(texel);
-                }
-            }
-        } else {
-            blocks.iter().try_for_each(bc7::check)?;
-        }
-        // A row of texels of four bytes, or of blocks of 16 that are four texels wide.
-        let bytes_per_row = Some(4 * width as u32);
-        self.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture: self.texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d { x, y, z: layer },
-                aspect: wgpu::TextureAspect::All,
-            },
-            if self.unpacks { &texels } else { blocks.as_flattened() },
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None },
-            wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
-        );
-        Ok(())
-    }
-}
-
-fn pipeline(device: &wgpu::Device, shader: &Shader) -> wgpu::ComputePipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("ndgi"),
-        source: wgpu::ShaderSource::Wgsl(shader.wgsl().into()),
-    });
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("ndgi"),
-        layout: None,
-        module: &module,
-        entry_point: Some("decode"),
-        // All that is read of a workgroup's memory is written before.
-        compilation_options: wgpu::PipelineCompilationOptions {
-            zero_initialize_workgroup_memory: false,
-            ..Default::default()
-        },
-        cache: None,
-    })
 }

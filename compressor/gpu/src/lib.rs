@@ -26,10 +26,13 @@ mod guide {}
 
 mod decoder;
 mod error;
+mod load;
+mod pipelines;
 mod place;
 mod shader;
 mod tile;
 
-pub use decoder::{Decoder, Moment, Options, Page, Pipelines, Request, Target, Work, features};
+pub use decoder::{Decoder, Moment, Options, Page, Request, Target, Work, features};
 pub use error::{Error, Result};
+pub use pipelines::Pipelines;
 pub use shader::{Output, Precision, Shader, coarse};

@@ -157,44 +157,13 @@ fn fixtures() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// A page of tiles each of which has other contents, under two lamps.
-fn of_all_contents(hidden: usize) -> Vec<u8> {
-    let mut header = Header { pages: vec![Grid { width: 1800, height: 14 }], ..testing::header() };
-    header.kinds.truncate(1);
-    let sides = [0, 4, 8, 16, 32, 64, 128];
-    let payload = |(i, place): (usize, Place)| {
-        let uvt = sides[i % sides.len()];
-        let (ut, vt) = (i & 1 > 0, i & 2 > 0);
-        let contents = Contents {
-            uv: i % 3 != 1,
-            uvt,
-            slices: if uvt > 0 { 1 + i % 5 } else { 0 },
-            ut,
-            vt,
-            rows: if ut || vt { 1 + i % 7 } else { 0 },
-            gamma: i % 4 < 2,
-            gates: i % 3,
-            hidden,
-        };
-        let mut tile = testing::tile(header.shape(place, &contents), i as u64);
-        // As training leaves weights: outputs of order one.
-        tile.mlp
-            .iter_mut()
-            .for_each(|w| *w = ndgi::half::F16::from_f32(w.to_f32() * 2.0 / (hidden as f32).sqrt()));
-        tile.knots.push(testing::dusk());
-        bundle::encode_payload(&tile).unwrap()
-    };
-    let payloads: Vec<Payload> = header.places().enumerate().map(payload).collect();
-    bundle::encode(&header, &payloads).unwrap()
-}
-
 /// Midnight's wrap, both sides of a switch, between times of visibility and outside of them.
 const HOURS: [f64; 9] = [0.0, 3.3, 5.95, 6.02, 6.7, 9.3, 12.0, 18.05, 23.95];
 
 fn bundles() -> Vec<(String, Vec<u8>)> {
     let mut bundles = fixtures();
     bundles.push(("sunny".to_owned(), testing::sunny_bundle()));
-    bundles.extend([16, 32, 64].map(|hidden| (format!("contents {hidden}"), of_all_contents(hidden))));
+    bundles.extend([16, 32, 64].map(|hidden| (format!("contents {hidden}"), testing::all_contents(hidden))));
     bundles
 }
 
@@ -264,7 +233,7 @@ fn half_precision_is_close_and_not_used_where_it_does_not_fit() {
 #[test]
 fn blocks_unpacked_by_the_cpu_are_those_of_hardware() {
     let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
-    for bytes in [testing::sunny_bundle(), of_all_contents(16)] {
+    for bytes in [testing::sunny_bundle(), testing::all_contents(16)] {
         let [a, b] = [false, true].map(|unpacks| {
             let mut decoder = gpu.decoder(&bytes, Options { unpacks, ..Options::default() });
             let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
@@ -428,4 +397,35 @@ fn changed_bundles_are_errors_or_light() {
         }
     }
     assert!((1..200).contains(&refused), "{refused}");
+}
+
+#[test]
+fn nothing_and_the_smallest_are_decoded_too() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    // One texel; and a page whose tiles are all black.
+    let header = |width, height| {
+        let mut header = Header { pages: vec![Grid { width, height }], ..testing::header() };
+        header.kinds.truncate(1);
+        header
+    };
+    let place = Place { page: 0, column: 0, row: 0 };
+    let of_one = header(1, 1);
+    let mut tile = testing::tile(of_one.shape(place, &Contents::NONE), 3);
+    tile.knots.push(testing::dusk());
+    let one = bundle::encode(&of_one, &[bundle::encode_payload(&tile).unwrap()]).unwrap();
+    let black = bundle::encode(&header(200, 5), &[Payload::default(), Payload::default()]).unwrap();
+    for (bytes, tiles) in [(one, 1), (black, 0)] {
+        let mut decoder = gpu.decoder(&bytes, Options::default());
+        let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
+        let found = gpu.floats(&mut decoder, &mut page, &Moment::at(5.0));
+        let expected = by_cpu(decoder.bundle(), 0, &Moment::at(5.0));
+        assert!(worst(&found, &expected) <= 5e-5);
+        assert_eq!(found.iter().flatten().any(|e| *e > 0.0), tiles > 0);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let target = Target { view: page.view(), output: Output::Rgba32Float };
+        let work = decoder.decode(&mut encoder, &[], target, &Moment::at(5.0)).unwrap();
+        assert_eq!((work.tiles, work.bytes), (0, 0));
+        assert_eq!(decoder.clear(&mut encoder, &[], target).unwrap().bytes, 0);
+        gpu.queue.submit([encoder.finish()]);
+    }
 }

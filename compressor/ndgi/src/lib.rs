@@ -17,7 +17,7 @@ pub mod grid;
 pub mod sun;
 pub mod bundle;
 pub mod decode;
-mod pack;
+pub mod pack;
 pub mod at;
 #[cfg(feature = "capi")]
 mod c;

@@ -3,13 +3,13 @@
 use crate::half::F16;
 
 /// Light times an exposure, as four 16-bit floats; alpha is 1.
-pub(crate) fn rgba16f(light: [f32; 3], exposure: f32) -> [u16; 4] {
+pub fn rgba16f(light: [f32; 3], exposure: f32) -> [u16; 4] {
     let [r, g, b] = light.map(|e| F16::from_f32((e * exposure).min(65504.0)).0);
     [r, g, b, 0x3c00]
 }
 
 /// Light times an exposure, as three mantissas of 9 bits, red the lowest, and an exponent of 5.
-pub(crate) fn rgb9e5(light: [f32; 3], exposure: f32) -> u32 {
+pub fn rgb9e5(light: [f32; 3], exposure: f32) -> u32 {
     const MOST: f32 = 65408.0;
     let light = light.map(|e| (e * exposure).clamp(0.0, MOST));
     let largest = light.into_iter().fold(0.0, f32::max);
@@ -23,7 +23,7 @@ pub(crate) fn rgb9e5(light: [f32; 3], exposure: f32) -> u32 {
 }
 
 /// √(light / peak), cut at 1, in 255ths; alpha is 255.
-pub(crate) fn rgba8(light: [f32; 3], peak: f32) -> [u8; 4] {
+pub fn rgba8(light: [f32; 3], peak: f32) -> [u8; 4] {
     let [r, g, b] = light.map(|e| {
         let share = if e > 0.0 { e / peak } else { 0.0 };
         (share.clamp(0.0, 1.0).sqrt() * 255.0).round() as u8

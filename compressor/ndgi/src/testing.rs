@@ -246,3 +246,36 @@ fn shadows_of(tile: &TileSun) -> bundle::Section {
 pub fn dusk() -> Knot {
     Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 }
 }
+
+/// A page of tiles that differ in contents, one of them black and some mostly grey, under two lamps.
+pub fn all_contents(hidden: usize) -> Vec<u8> {
+    let mut header = Header { pages: vec![Grid { width: 1800, height: 14 }], ..header() };
+    header.kinds.truncate(1);
+    let sides = [0, 4, 8, 16, 32, 64, 128];
+    let payload = |(i, place): (usize, Place)| {
+        if i == 9 {
+            return Payload::default();
+        }
+        let uvt = sides[i % sides.len()];
+        let (ut, vt) = (i & 1 > 0, i & 2 > 0);
+        let slices = match uvt {
+            0 => 0,
+            4 => 127,
+            _ => 1 + i % 5,
+        };
+        let rows = if ut || vt { 1 + i % 7 } else { 0 };
+        let (uv, gamma, gates) = (i % 3 != 1, i % 4 < 2, i % 3);
+        let contents = Contents { uv, uvt, slices, ut, vt, rows, gamma, gates, hidden };
+        let mut tile = tile(header.shape(place, &contents), i as u64);
+        // As training leaves weights: outputs of order one.
+        tile.mlp.iter_mut().for_each(|w| *w = F16::from_f32(w.to_f32() * 2.0 / (hidden as f32).sqrt()));
+        if i % 4 == 2 {
+            let grey = bc7::encode(&bc7::GREY);
+            tile.f_uv.iter_mut().chain(&mut tile.f_uvt).step_by(2).for_each(|block| *block = grey);
+        }
+        tile.knots.push(dusk());
+        bundle::encode_payload(&tile).unwrap()
+    };
+    let payloads: Vec<Payload> = header.places().enumerate().map(payload).collect();
+    bundle::encode(&header, &payloads).unwrap()
+}

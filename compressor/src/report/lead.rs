@@ -16,7 +16,7 @@ const CLOSE_DB: f64 = 1.0;
 /// Pictures and summary; whether the scene could be shown. `remark` is what was missed of a target.
 ///
 /// # Errors
-/// As reading the dataset and the bundle. A geometry file that is damaged is told of in the section.
+/// As reading the dataset and the bundle. If the geometry file is damaged, the section says so.
 pub fn lead(
     dataset: &Dataset,
     decoder: &Decoder,

@@ -5,7 +5,8 @@ use crate::bundle::{Bundle, Header};
 use crate::compress::{default_bundle, light_of};
 use crate::{Error, Result, of_bundle};
 use dataset::store::Dataset;
-use serde::Serialize;
+use dataset::view::Camera;
+use ndgi::pack::rgb9e5;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -19,23 +20,8 @@ pub struct Options {
     pub bundle: Option<PathBuf>,
     /// The geometry, instead of that of the dataset or the one beside the bundle.
     pub scene: Option<PathBuf>,
-    /// A scene file (TOML) whose `[[camera]]` tables are taken.
-    pub cameras: Option<PathBuf>,
     /// Leave the dataset's lightmaps out.
     pub no_reference: bool,
-}
-
-/// A camera of a scene file.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ViewCamera {
-    /// Its name.
-    pub name: String,
-    /// Where it stands.
-    pub position: [f64; 3],
-    /// What it looks at.
-    pub look_at: [f64; 3],
-    /// Its angle from left to right, in degrees.
-    pub fov: f64,
 }
 
 /// A bundle and what belongs to it.
@@ -47,8 +33,8 @@ pub struct Source {
     pub scene: Option<PathBuf>,
     /// The scene's name, by the bundle.
     pub scene_name: String,
-    /// The cameras of the scene file.
-    pub cameras: Vec<ViewCamera>,
+    /// The cameras of the scene that was baked.
+    pub cameras: Vec<Camera>,
     /// Why a dataset at hand is no reference.
     pub left_out: Option<String>,
     header: Header,
@@ -83,7 +69,7 @@ impl Source {
         let header = opened.header;
         let dataset = dataset.filter(|dataset| is_folder || dataset.config.scene == header.scene);
         let scene = scene_of(options, dataset.as_ref(), folder)?;
-        let cameras = cameras_of(options, folder)?;
+        let cameras = dataset.iter().flat_map(|dataset| Camera::of_manifest(&dataset.config)).collect();
         let (reference, left_out) = reference_of(dataset, &header, options.no_reference);
         let scene_name = header.scene.clone();
         Ok(Source { bundle, scene, scene_name, cameras, left_out, header, reference, needs_words })
@@ -112,7 +98,7 @@ impl Source {
         self.reference.as_ref().expect("a set of a reference").config.frames[set].hour
     }
 
-    /// As many sets as fit in so many bytes, those nearest to the hours that are wanted first; ascending.
+    /// The sets that fit in a number of bytes, ascending: those nearest to the wanted hours come first.
     pub(super) fn sets_within(&self, bytes: u64) -> Vec<usize> {
         let each =
             self.header.pages.iter().map(|page| 4 * page.width as u64 * page.height as u64).sum::<u64>();
@@ -179,7 +165,7 @@ impl Source {
             (Some(Data::Mask(page)), Some(dataset)) => Ok(bits(&dataset.mask(page)?.valid)),
             (Some(Data::Reference(set, page)), Some(dataset)) => {
                 let texels = dataset.map(set, page)?.texels;
-                Ok(texels.into_iter().flat_map(|light| rgb9e5(light).to_le_bytes()).collect())
+                Ok(texels.into_iter().flat_map(|light| rgb9e5(light, 1.0).to_le_bytes()).collect())
             }
             _ => Err(Error::invalid(name, "no such data")),
         }
@@ -223,45 +209,6 @@ fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Resu
     Ok(of_dataset.filter(|path| path.is_file()).or_else(beside).filter(|path| path.is_file()))
 }
 
-/// The cameras of the scene file that is named, or else of the one that the bake noted, if it is still there.
-fn cameras_of(options: &Options, folder: &Path) -> Result<Vec<ViewCamera>> {
-    if let Some(path) = &options.cameras {
-        let text = fs::read_to_string(path).map_err(Error::io(path))?;
-        return parse_cameras(&text).map_err(|what| Error::invalid(path.display(), what));
-    }
-    let noted = || {
-        let run: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("run.json")).ok()?).ok()?;
-        let text = fs::read_to_string(folder.join(run["scene_file"].as_str()?)).ok()?;
-        parse_cameras(&text).ok()
-    };
-    Ok(noted().unwrap_or_default())
-}
-
-fn parse_cameras(text: &str) -> std::result::Result<Vec<ViewCamera>, String> {
-    let table: toml::Table = text.parse().map_err(|error| format!("{error}"))?;
-    let cameras = table.get("camera").and_then(toml::Value::as_array).cloned().unwrap_or_default();
-    cameras
-        .iter()
-        .map(|camera| {
-            parse_camera(camera)
-                .ok_or_else(|| format!("a camera without name, position and look_at: {camera}"))
-        })
-        .collect()
-}
-
-fn parse_camera(camera: &toml::Value) -> Option<ViewCamera> {
-    let number = |value: &toml::Value| value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
-    let point = |key: &str| -> Option<[f64; 3]> {
-        camera.get(key)?.as_array()?.iter().map(number).collect::<Option<Vec<f64>>>()?.try_into().ok()
-    };
-    Some(ViewCamera {
-        name: camera.get("name")?.as_str()?.to_owned(),
-        position: point("position")?,
-        look_at: point("look_at")?,
-        fov: camera.get("fov").map_or(Some(60.0), number)?,
-    })
-}
-
 /// The dataset as a reference, or why it is none.
 fn reference_of(
     dataset: Option<Dataset>,
@@ -287,48 +234,9 @@ fn bits(flags: &[bool]) -> Vec<u8> {
     flags.chunks(8).map(|eight| (0..).zip(eight).map(|(bit, flag)| u8::from(*flag) << bit).sum()).collect()
 }
 
-/// Three mantissas of 9 bits, red the lowest, and an exponent of 5.
-fn rgb9e5(light: [f32; 3]) -> u32 {
-    /// The largest number that there is: 511/512 · 2¹⁶.
-    const MOST: f32 = 65408.0;
-    let light = light.map(|e| e.clamp(0.0, MOST));
-    let largest = light.into_iter().fold(0.0, f32::max);
-    let mut exponent = if largest > 0.0 { (largest.log2().floor() as i32 + 1).max(-15) } else { -15 };
-    let step = |exponent: i32| ((exponent - 9) as f32).exp2();
-    if (largest / step(exponent)).round() > 511.0 {
-        exponent += 1;
-    }
-    let [r, g, b] = light.map(|e| (e / step(exponent)).round() as u32);
-    r | g << 9 | b << 18 | ((exponent + 15) as u32) << 27
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn light_keeps_nine_bits() {
-        for light in [[0.0; 3], [1.0, 0.5, 0.001], [511.9, 3.0, 0.0], [1e9, 1.0, 1.0], [3e-5, 1e-5, 0.0]] {
-            let packed = rgb9e5(light);
-            let step = f64::from((packed >> 27) as i32 - 24).exp2();
-            for (shift, e) in [0, 9, 18].into_iter().zip(light) {
-                let found = f64::from(packed >> shift & 511) * step;
-                assert!((found - f64::from(e.min(65408.0))).abs() <= 0.5 * step, "{light:?} {found}");
-            }
-        }
-    }
-
-    #[test]
-    fn cameras_are_those_of_scene_files() {
-        let text = "[[camera]]\nname = \"a\"\nposition = [1, 2.5, 3]\nlook_at = [0, 0, 0]\n[[camera]]\nname = \"b\"\nposition = [1, 2, 3]\nlook_at = [0, 1, 0]\nfov = 70\n";
-        let cameras = parse_cameras(text).unwrap();
-        assert_eq!(
-            (cameras.len(), cameras[0].position, cameras[0].fov, cameras[1].fov),
-            (2, [1.0, 2.5, 3.0], 60.0, 70.0)
-        );
-        assert!(parse_cameras("[[camera]]\nname = \"a\"\n").is_err());
-        assert_eq!(parse_cameras("[sun]\n").unwrap(), []);
-    }
 
     #[test]
     fn flags_are_packed_lowest_first() {

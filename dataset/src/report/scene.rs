@@ -39,7 +39,8 @@ pub fn remark(view: &View) -> String {
     format!("From the camera “{}”, each hour at its own exposure.{plain}", view.camera.name)
 }
 
-/// The scene in a dataset's light; none for the transfer of a scene, which is no light of a day. A geometry file that is damaged is told of in the section; there is none without such a file.
+/// The scene in a dataset's light. `None` without a geometry file, and for the transfer of a scene, which is not the light of a day. If the geometry file is
+/// damaged, the section says so.
 ///
 /// # Errors
 /// As reading the lightmaps.

@@ -1,22 +1,33 @@
 //! Where a picture is seen from.
 
+use crate::config::Config;
 use glam::{DMat4, DVec3, DVec4};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// A viewpoint.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Its name in the scene.
+    /// Its name in the scene, unique there.
     pub name: String,
     /// World.
     pub position: DVec3,
     /// The point in the middle of the picture, world; another one than `position`.
     pub look_at: DVec3,
-    /// Angle of view from left to right, in degrees.
+    /// Angle of view across the picture, from left to right, in degrees.
     pub fov: f64,
 }
 
 impl Camera {
+    /// Angle of view where none is given, in degrees.
+    pub const FOV: f64 = 60.0;
+
+    /// Those of the scene file that was baked, which a dataset's manifest keeps.
+    pub fn of_manifest(config: &Config) -> impl Iterator<Item = Camera> {
+        let cameras = config.settings["cameras"].as_array().into_iter().flatten();
+        let cameras = cameras.filter_map(|camera| serde_json::from_value::<Camera>(camera.clone()).ok());
+        cameras.filter(Camera::is_usable)
+    }
+
     /// Whether it sees anything at all: finite, and looking somewhere.
     pub(super) fn is_usable(&self) -> bool {
         let is_finite = self.position.is_finite() && self.look_at.is_finite();

@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// What stands in for a colour that nobody gives.
 const GREY: f32 = 0.5;
-/// A picture takes so many triangles, those of repeated meshes each time.
+/// Most triangles of a picture; repeated meshes count each time.
 const MOST_TRIANGLES: usize = 100_000_000;
 
 /// The scene.

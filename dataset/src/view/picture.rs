@@ -169,9 +169,7 @@ impl View {
 
 /// The cameras of a scene: of the scene file, which the manifest keeps, then of the geometry file.
 fn cameras(config: &Config, model: &Model) -> impl Iterator<Item = Camera> {
-    let of_scene = config.settings["cameras"].as_array().into_iter().flatten();
-    let of_scene = of_scene.filter_map(|camera| serde_json::from_value::<Camera>(camera.clone()).ok());
-    of_scene.filter(Camera::is_usable).chain(model.cameras.iter().cloned())
+    Camera::of_manifest(config).chain(model.cameras.iter().cloned())
 }
 
 /// A camera where none is known.

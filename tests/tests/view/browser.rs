@@ -102,6 +102,11 @@ pub fn run(browser: &str, html: &str, hash: &str, files: BTreeMap<String, Vec<u8
     report
 }
 
+/// A script has to say that it is one.
+fn kind_of(path: &str) -> &'static str {
+    if path.ends_with(".js") { "text/javascript" } else { "application/octet-stream" }
+}
+
 /// Answers one request.
 fn answer(stream: TcpStream, html: &str, files: &BTreeMap<String, Vec<u8>>, reports: &Sender<Value>) {
     let mut lines = BufReader::new(stream.try_clone().unwrap());
@@ -130,7 +135,7 @@ fn answer(stream: TcpStream, html: &str, files: &BTreeMap<String, Vec<u8>>, repo
         _ => path
             .strip_prefix("/file/")
             .and_then(|name| files.get(name))
-            .map(|bytes| (&bytes[..], "application/octet-stream")),
+            .map(|bytes| (&bytes[..], kind_of(path))),
     };
     let (status, (bytes, kind)) =
         body.map_or(("404 Not Found", (&b""[..], "text/plain")), |body| ("200 OK", body));

@@ -15,9 +15,9 @@
         const tile = bundle.tiles[i], expected = expectedOf(bundle, light, hour, tile), of = `${name}, tile ${i} at ${HOURS[hour]}`;
         found.texels += tile.ownWidth * tile.ownHeight;
         // All hours of a few texels would hide what single texels show: whole tiles, the large ones at two hours.
-        if (tile.width * tile.height < 2000 || hour < 2) note('scalar', differenceOf(tile, decodeTile(bundle, tile, HOURS[hour]), expected), of);
+        if (tile.width * tile.height < 2000 || hour < 2) note('scalar', differenceOf(bundle, HOURS[hour], tile, decodeTile(bundle, tile, HOURS[hour]), expected), of);
         const read = {};
-        for (const [key, decoder] of open) note(key, differenceOf(tile, read[key] = decoder.readTile(decoder.bundle.tiles[i], HOURS[hour]), expected), of);
+        for (const [key, decoder] of open) note(key, differenceOf(bundle, HOURS[hour], tile, read[key] = decoder.readTile(decoder.bundle.tiles[i], HOURS[hour]), expected), of);
         if (read.bptc) found.same_bits = found.same_bits !== false && read.bptc.every((e, i) => e === read.unpacked[i]);
       }
     }

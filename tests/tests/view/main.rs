@@ -145,6 +145,46 @@ fn the_scene_looks_like_its_preview() {
     assert_eq!(found["gl_error"], 0, "{found:#}");
 }
 
+/// The guide's module for three.js, with the library of the folder that `NDGI_THREE` names.
+#[test]
+fn three_js_shows_the_light_of_the_guide() {
+    let Some(browser) = chromium() else { return };
+    let Some(three) = std::env::var_os("NDGI_THREE").map(PathBuf::from) else {
+        eprintln!("skipped: NDGI_THREE names no folder with three.module.js");
+        return;
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../compressor");
+    let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
+    let guide = text("INTEGRATION.md");
+    let (module, _) = guide.split_once("```js\n").unwrap().1.split_once("```").unwrap();
+    let scripts: String = ["view/bundle.js", "view/tile.js", "view/sun.js"].map(text).concat();
+    let html = format!(
+        "<!doctype html><html><head><link rel=icon href='data:,'></head><body><script>{scripts}</script>\
+         <script type=importmap>{{\"imports\":{{\"three\":\"/file/three.module.js\"}}}}</script>\
+         <script type=module>{module}{}</script></body></html>",
+        include_str!("three.js")
+    );
+    let (name, bundle) = bundles::all().into_iter().find(|(name, _)| name == "sunny").unwrap();
+    let path = tempfile::tempdir().unwrap().keep().join(name);
+    std::fs::write(&path, &bundle).unwrap();
+    let light = Decoder::open(&path).unwrap().sample(0, 75.5 / 300.0, 105.5 / 140.0, 9.3).unwrap();
+    std::fs::remove_dir_all(path.parent().unwrap()).unwrap();
+    let mut files = BTreeMap::from([("bundle".to_owned(), bundle)]);
+    files.insert("words".to_owned(), std::fs::read(root.join("ndgi/src/sun/words.bin")).unwrap());
+    for file in ["three.module.js", "three.core.js"] {
+        files.insert(file.to_owned(), std::fs::read(three.join(file)).unwrap());
+    }
+    let found = run(&browser, &html, "", files, "");
+    println!("{found:#}, {light:?}");
+    for (c, light) in light.iter().enumerate() {
+        // Albedo 0.5, exposure 1/64. Hardware filters in steps of 1/256.
+        let expected = f64::from(*light) * 0.5 / std::f64::consts::PI / 64.0;
+        let shown = number(&found["shown"][c]);
+        assert!((shown - expected).abs() <= 0.02 * expected + 1e-4, "{c}: {shown}, expected {expected}");
+    }
+    assert!(light[0] > 0.1, "{light:?}");
+}
+
 /// Status and body of a request, the host as told.
 fn ask(address: &str, request: &str, host: &str, more: &str) -> (String, Vec<u8>) {
     let mut stream = TcpStream::connect(address).unwrap();

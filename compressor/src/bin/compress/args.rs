@@ -90,7 +90,7 @@ const VIEW_EXAMPLES: &str = "\
 Examples:
   compress view dataset/yard                       writes dataset/yard/yard.view.html; open it in a browser
   compress view dataset/yard/yard.ndgi --out day.html --no-reference
-  compress view other.ndgi --scene dataset/yard/scene.glb --cameras scenes/yard.toml
+  compress view other.ndgi --scene dataset/yard/scene.glb
   compress view dataset/city --serve               at http://127.0.0.1:8017/, until it is interrupted
 
 The page needs WebGL 2 and no network. One file holds 128 MiB at most (bundle, geometry and reference, before base64); past that use --serve.
@@ -189,9 +189,6 @@ pub struct View {
     /// shows the atlas alone].
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
-    /// A scene file whose cameras become buttons [default: the one that was baked, if it is still there].
-    #[arg(long, value_name = "FILE")]
-    pub cameras: Option<PathBuf>,
     /// Leave the dataset's lightmaps out, beside which the page shows what it decodes.
     #[arg(long)]
     pub no_reference: bool,

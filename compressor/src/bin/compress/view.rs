@@ -8,8 +8,8 @@ use dataset::files::{expect_output, write_atomically};
 use serde_json::json;
 
 pub fn view(args: View, console: &Console) -> Result<()> {
-    let View { input, bundle, out, scene, cameras, no_reference, serve: port } = args;
-    let options = Options { bundle, scene, cameras, no_reference };
+    let View { input, bundle, out, scene, no_reference, serve: port } = args;
+    let options = Options { bundle, scene, no_reference };
     let source = Source::open(&input, &options)?;
     if let Some(why) = &source.left_out {
         console.warn(format!("the page has no reference: {why}"));

@@ -69,7 +69,7 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Document, Cow<'_, [u8]>), String> {
     Ok((document, binary))
 }
 
-/// Checks a file; what is wrong with one of its parts is told to `wrong`, what leaves nothing to check is the error.
+/// Checks a file. Faults of its parts go to `wrong`; the error is a fault that leaves nothing to check.
 fn check(bytes: &[u8], config: &Config, wrong: &mut impl FnMut(String)) -> Result<(), String> {
     let (document, binary) = open(bytes)?;
     let binary = &*binary;
