@@ -13,7 +13,7 @@ use dataset::view::View;
 /// A bundle so close to the bake's own error, in dB, is limited by the bake.
 const CLOSE_DB: f64 = 1.0;
 
-/// Pictures and summary; whether the scene could be shown. `remark` is what was missed of a target.
+/// Pictures and summary, and whether the scene could be shown. `remark` says by how much a target was missed.
 ///
 /// # Errors
 /// As reading the dataset and the bundle. If the geometry file is damaged, the section says so.
@@ -136,14 +136,8 @@ fn advice(all: &Quality, remark: Option<&str>) -> String {
 }
 
 fn what_next(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation, remark: Option<&str>) -> String {
-    // (What was imported has no scene file to draw.)
-    let look = match dataset.config.geometry.is_some() && dataset.config.source.is_none() {
-        true => {
-            let bundle = outcome.bundle.display();
-            format!(" To look at an hour: bake preview SCENE.toml --hour 18.5 --bundle {bundle}")
-        }
-        false => String::new(),
-    };
+    let (root, bundle) = (dataset.root.display(), outcome.bundle.display());
+    let look = format!(" To play it in a browser: compress view {root} --bundle {bundle}");
     advice(&evaluation.all, remark) + &look
 }
 
@@ -159,6 +153,7 @@ mod tests {
             ["30 ms", "4.3 s", "60 s", "3.4 min", "2.5 h"]
         );
     }
+
     #[test]
     fn what_is_worst_is_mended_first() {
         let at = |psnr: f64, ceiling: Option<f64>| Quality {
