@@ -53,8 +53,10 @@ void main() {
 }`;
 }
 
-// The three layers, written out: loops over arrays cost software renderers more than twice as much.
+// The three layers, written out: loops over arrays cost software renderers more than twice as much. At width 64 the text would be so long that they
+// compile it for over ten seconds, and browsers take the context away.
 function layers(h, weight) {
+  if (h === 64) return loops(h, weight);
   const q = h / 4, w2 = 3 * h, b2 = w2 + h * q, w3 = b2 + q, b3 = w3 + 3 * q, range = Array.from({ length: q }, (_, i) => i);
   const dots = (from, inputs) => inputs.map((input, i) => `dot(${weight(from + i)}, ${input})`).join(' + ');
   const row = (bias, from, inputs) => `${bias} + vec4(${[0, 1, 2, 3].map(k => dots(from(k), inputs)).join(', ')})`;
@@ -64,6 +66,26 @@ function layers(h, weight) {
     ...range.map(r => `  vec4 s${r} = gelu(${row(weight(b2 + r), k => w2 + q * (4 * r + k), first)});`),
     `  vec3 y = ${weight(b3)}.xyz + vec3(${[0, 1, 2].map(k => dots(w3 + q * k, second)).join(', ')});`,
   ].join('\n');
+}
+
+function loops(h, weight) {
+  const q = h / 4, w2 = 3 * h, b2 = w2 + h * q, w3 = b2 + q, b3 = w3 + 3 * q;
+  return `
+  vec4 f[${q}]; vec3 y = ${weight(b3)}.xyz;
+  for (int r = 0; r < ${q}; r++) {
+    vec4 sum = bias[r];
+    for (int k = 0; k < 4; k++) {
+      int at = 3 * (4 * r + k);
+      sum[k] += dot(${weight('at')}, a) + dot(${weight('at + 1')}, b) + dot(${weight('at + 2')}, c);
+    }
+    f[r] = gelu(sum);
+  }
+  for (int r = 0; r < ${q}; r++) {
+    vec4 sum = ${weight(`${b2} + r`)};
+    for (int k = 0; k < 4; k++) for (int i = 0; i < ${q}; i++) sum[k] += dot(${weight(`${w2} + ${q} * (4 * r + k) + i`)}, f[i]);
+    sum = gelu(sum);
+    y += vec3(dot(${weight(`${w3} + r`)}, sum), dot(${weight(`${w3 + q} + r`)}, sum), dot(${weight(`${w3 + 2 * q} + r`)}, sum));
+  }`;
 }
 
 function compile(gl, vertex, fragment, attributes = []) {

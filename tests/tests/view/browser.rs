@@ -22,7 +22,11 @@ const PROLOGUE: &str = "
 const complaints = [];
 addEventListener('error', event => complaints.push(event.message));
 addEventListener('unhandledrejection', event => complaints.push(String(event.reason)));
-const files = async name => new Uint8Array(await (await fetch('file/' + name)).arrayBuffer());
+const files = async name => {
+  const answer = await fetch('file/' + name);
+  if (!answer.ok) throw Error(`${answer.status}: ${name}`);
+  return new Uint8Array(await answer.arrayBuffer());
+};
 const report = object => fetch('report', { method: 'POST', body: JSON.stringify({ ...object, complaints }) });
 ";
 
@@ -98,7 +102,7 @@ pub fn run(browser: &str, html: &str, hash: &str, files: BTreeMap<String, Vec<u8
     let report: Value =
         report.unwrap_or_else(|_| panic!("the page reports nothing; its console: {console:#?}"));
     assert_eq!(report["complaints"], serde_json::json!([]), "{report:#}");
-    assert!(console.is_empty(), "on the console: {console:#?}");
+    assert!(console.is_empty(), "on the console: {console:#?}; reported: {report:#}");
     report
 }
 

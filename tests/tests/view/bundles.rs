@@ -20,6 +20,6 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     assert!(bundles.len() >= 6, "{}", bundles.len());
     bundles.push(("pages".to_owned(), testing::bundle().2));
     bundles.push(("sunny".to_owned(), testing::sunny_bundle()));
-    bundles.extend([16, 32, 64].map(|hidden| (format!("contents {hidden}"), testing::all_contents(hidden))));
+    bundles.extend([16, 32, 64].map(|hidden| (format!("contents-{hidden}"), testing::all_contents(hidden))));
     bundles
 }

@@ -9,7 +9,7 @@ function expectedOf(bundle, light, hour, tile) {
 
 // The largest difference of a decoded tile, relative to max(E, mean/100). The mean is what the network's output or the share of the sun is multiplied with, or that
 // over the texels if it is more.
-function differenceOf(bundle, hour, tile, decoded, expected) {
+function differenceOf(bundle, hour, tile, decoded, expected, least = 1e-30) {
   const moment = momentOf(bundle, hour), sun = bundle.sun && tile.levels && sunAt(bundle.sun, moment.t), mean = [0, 0, 0];
   const each = visit => { for (let y = 0; y < tile.ownHeight; y++) for (let x = 0; x < tile.ownWidth; x++) for (let c = 0; c < 3; c++) visit(x, y, c, expected(x, y, c)); };
   each((x, y, c, e) => { mean[c] += e / tile.ownWidth / tile.ownHeight; });
@@ -20,7 +20,7 @@ function differenceOf(bundle, hour, tile, decoded, expected) {
   let worst = 0;
   each((x, y, c, e) => {
     const off = Math.abs(decoded[3 * ((y + 1) * tile.width + x + 1) + c] - e);
-    worst = Number.isNaN(off) ? Infinity : Math.max(worst, off > 0 ? off / Math.max(e, mean[c] / 100, 1e-30) : 0);
+    worst = Number.isNaN(off) ? Infinity : Math.max(worst, off > 0 ? off / Math.max(e, mean[c] / 100, least) : 0);
   });
   return worst;
 }
