@@ -104,8 +104,8 @@ fn meta(source: &Source, sets: &[usize]) -> Value {
             "There is no reference: no dataset lies beside the bundle, or it was left out.".to_owned()
         }
         (n, _) => format!(
-            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5: 9 bits a channel with a common exponent, half a step of 1/512 \
-             of the brightest channel off at most. The dataset itself has 32-bit floats. The views of it go to the nearest of these hours.",
+            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5: 9 bits a channel with a common exponent, error at most 1/1024 \
+             of the power of two above the brightest channel. The dataset itself has 32-bit floats. Reference views jump to the nearest stored hour.",
             source.sets()
         ),
     };

@@ -231,7 +231,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
         assert!(sun.times[0] > 5.9 && *sun.times.last().unwrap() > 18.9, "{:?}", sun.times);
         assert!(!header.timeline.between.is_empty());
 
-        // What a shader holds at a moment: two times of three bits a texel and channel, at least.
+        // A compact layout at a moment: two times of three bits a texel and channel, at least.
         for place in header.places().filter(|place| place.column == 1) {
             let (width, height) = header.pages[0].stored(place.column, place.row);
             let held = decoder.bundle().bytes_held_of_sun(place).unwrap() as usize;

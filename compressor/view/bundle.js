@@ -93,7 +93,7 @@ function openBundle(bytes) {
     const kind = old ? 0 : c.u32('kind of a page'), width = c.u32('width'), height = c.u32('height');
     expect(kind < 2, `a page of kind ${kind}`);
     expect(Math.min(width, height) > 0 && Math.max(width, height) <= 2 ** 20, `page of ${width} × ${height} texels`);
-    return { kind, width, height, columns: Math.ceil(width / PAYLOAD), rows: Math.ceil(height / PAYLOAD) };
+    return { width, height, columns: Math.ceil(width / PAYLOAD), rows: Math.ceil(height / PAYLOAD) };
   });
   readTimes(c, bundle, n, between, groups);
   const kinds = old ? [0] : readStreams(c, streams);
@@ -122,7 +122,7 @@ function readStreams(c, count) {
   const seen = new Set();
   const kinds = c.list(count, () => {
     const kind = c.u32('stream'), light = c.u32('light group'), flags = c.u32('flags'), known = KNOWN.includes(kind);
-    expect(known || !(flags & 1), `a stream of kind ${kind}, which this page does not know and must`);
+    expect(known || !(flags & 1), `required stream of unknown kind ${kind}`);
     expect(!known || light === 0 && flags === (kind === 0 ? 1 : 0), `a stream of kind ${kind}, light ${light}, flags ${flags}`);
     expect(!seen.has(`${kind} ${light}`), `a stream of kind ${kind} that occurs twice`);
     seen.add(`${kind} ${light}`);

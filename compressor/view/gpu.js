@@ -89,17 +89,17 @@ function loops(h, weight) {
 }
 
 function compile(gl, vertex, fragment, attributes = []) {
-  const program = gl.createProgram();
+  const program = gl.createProgram(), shaders = [];
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
     gl.attachShader(program, shader);
-    program.log = () => gl.getShaderInfoLog(shader);
+    shaders.push(shader);
   }
   attributes.forEach((name, i) => gl.bindAttribLocation(program, i, name));
   gl.linkProgram(program);
-  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) refuse(`a shader does not compile: ${gl.getProgramInfoLog(program)} ${program.log()}`);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) refuse(`a shader does not compile: ${[gl.getProgramInfoLog(program), ...shaders.map(shader => gl.getShaderInfoLog(shader))].join(' ')}`);
   const places = {};
   for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
     const name = gl.getActiveUniform(program, i).name.replace('[0]', '');
@@ -281,7 +281,6 @@ class Decoder {
       drawn++;
     }
     this.scale = scale;
-    this.hour = hour;
     return drawn;
   }
 
@@ -295,7 +294,10 @@ class Decoder {
   scaleAt(moment) {
     const { bundle } = this;
     let top = 0;
-    for (const { means } of bundle.tiles) {
+    for (const tile of bundle.tiles) {
+      // Version 3 keeps means in the tiles' features.
+      if (tile.features && !tile.means) featuresOf(bundle, tile);
+      const { means } = tile;
       if (!means) continue;
       for (let c = 0; c < 3; c++) top = Math.max(top, (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]);
     }

@@ -127,8 +127,8 @@ class Viewer {
     const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
     const facts = [
       `${meta.title}: bundle version ${bundle.version}, ${bundle.bytes.length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(bits / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
-      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked by ${this.decoder.bptc ? 'the hardware' : 'this page, which the hardware does not'}. Checksums are not looked at here: \`compress info\` does.`,
-      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the lowest tenth of the tiles' means and a sixth of the sun. There is no sky, no gloss, and nothing shines by itself.` : 'No scene.glb lay beside the bundle: the atlas alone.',
+      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. Checksums are not verified here: \`compress info\` does that.`,
+      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. No sky, gloss or visible emission.` : 'No scene.glb lay beside the bundle: the atlas alone.',
       meta.reference.note,
       bundle.sun ? "The sun's direct light is a stream of its own: it moves between the sets." : "The sun's direct light is in the maps, or left out.",
     ];
@@ -173,7 +173,7 @@ class Viewer {
     this.stale = true;
   }
 
-  // The lowest tenth of all tiles' means, so that lamps do not count, and a sixth of the sun.
+  // The 10th percentile of all tiles' means, so that lamps do not count, plus a sixth of the sun.
   ambientAt(hour) {
     const { bundle } = this, moment = momentOf(bundle, hour);
     const means = bundle.tiles.filter(tile => tile.means).map(({ means }) => [0, 1, 2].map(c => (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]));
@@ -355,7 +355,6 @@ class Viewer {
     const [column, row] = [place.x, place.y].map(at => Math.floor(at / PAYLOAD));
     const tile = bundle.tiles.find(tile => tile.page === place.page && tile.column === column && tile.row === row);
     const [x, y] = [place.x - PAYLOAD * column + 1, place.y - PAYLOAD * row + 1];
-    this.inspected = place;
     const hours = [...new Set([...bundle.knots, ...Array.from({ length: 97 }, (_, i) => Math.min(i / 4, 23.999))])].sort((a, b) => a - b);
     const light = hours.map(hour => decodeTexel(bundle, tile, hour, x, y)), now = decodeTexel(bundle, tile, this.state.hour, x, y), points = [];
     for (const hour of meta.reference.hours) {

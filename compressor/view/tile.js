@@ -77,7 +77,7 @@ function readMap(c, count, sparse, wrong) {
     if ((map.blocks[at] & 127) !== 64 && (map.blocks[at] & 31) !== 16) wrong('a block that is neither of BC7 mode 6 nor of mode 4');
     if (GREY.every((byte, i) => map.blocks[at + i] === byte)) grey++;
   }
-  if (sparse ? grey > 0 || 16 * (count - there) <= length : 16 * grey > length) wrong('grey blocks that are there, or not, as the format does not have it');
+  if (sparse ? grey > 0 || 16 * (count - there) <= length : 16 * grey > length) wrong('grey blocks stored or omitted against FORMAT.md, section 3');
   return map;
 }
 
@@ -158,8 +158,7 @@ function unpackBlock(blocks, from, out, to, stride) {
 
 // ---- A tile at a time ----
 
-// What of a tile at a moment depends on the time alone: τ, means, and b₁ with γ and gates folded in. The weights of features
-// are those of bytes: 3 (q/255 − ½) is folded too.
+// What of a tile at a moment depends on the time alone: τ, means, and b₁ with γ and gates folded in.
 function foldTile(bundle, tile, moment) {
   const read = featuresOf(bundle, tile), { has, weights: [w1, b1] } = read, { a, b, i, j, g } = moment;
   const mean = [0, 1, 2].map(c => (1 - g) * tile.means[3 * i + c] + g * tile.means[3 * j + c]);

@@ -85,8 +85,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         "rgba8unorm" => Output::Rgba8Unorm,
         _ => return Err(usage.into()),
     };
-    // F_uvt of up to 64² texels.
-    let coarse = ndgi_gpu::coarse([64, 64], 128);
+    // The largest F_uvt that the format allows: indices into the array of this length are not checked, and less would save memory of a workgroup alone.
+    let coarse = ndgi_gpu::coarse([128, 128], 128);
     let shader = Shader { hidden, precision, output, coarse, shared: 32_768 };
     std::fs::create_dir_all(folder)?;
     for (ending, text) in languages(&shader)? {

@@ -26,20 +26,20 @@ struct Job {
     weights: u32,                 // where they begin in `resident`
     own: vec4<u32>,               // the stored texels that are written: from x, y, to x, y
     to: vec2<i32>,                // where stored texel (0, 0) comes on the target
-    share_of_slice: f32,          // of the second slice of F_uvt around τ, and of the second row of F_ut and F_vt
-    share_of_row: f32,
+    share_of_slice: f32,          // weight of the second F_uvt slice
+    share_of_row: f32,            // weight of the second F_ut and F_vt row
     uv: vec4<u32>,                // where F_uv begins on `maps`: x, y, layer
-    first: vec4<u32>,             // the same of the two slices
-    second: vec4<u32>,
+    first: vec4<u32>,             // the same of the first F_uvt slice around τ
+    second: vec4<u32>,            // the same of the second
     uvt: vec2<u32>,               // the size of a slice
-    ut: vec2<u32>,                // where the two rows of F_ut begin in `resident`, in texels of two bytes
-    vt: vec2<u32>,
+    ut: vec2<u32>,                // where the two rows of F_ut around τ begin in `resident`, in 16-bit units
+    vt: vec2<u32>,                // the same of F_vt
     sides: vec2<u32>,             // texels of a row of F_ut and of F_vt
     mean: vec4<f32>,              // fourth: exposure
     direction: vec4<f32>,         // to the sun; fourth: how far it is from one time of visibility to the next
     irradiance: vec4<f32>,        // of the sun
     seen: vec4<u32>,              // in `interval`: levels, blocks, codewords (in halves of words)
-    normals: vec4<u32>,           // in `resident`: blocks, choices, normals
+    normals: vec4<u32>,           // in `resident`: blocks, indices, normals
     bias: array<vec4<f32>, H>,    // of the first layer, with γ and the gates
 }
 
@@ -107,8 +107,8 @@ fn between(s: vec2<f32>, size: vec2<u32>, top: u32, bottom: u32) -> vec4<f32> {
     return mix(mix(coarse[above + x], coarse[above + right], f.x), mix(coarse[below + x], coarse[below + right], f.x), f.y);
 }
 
-// The shading normal of stored texel (x, y). Per block of 4×4 two words: where its normals begin and, in the upper four bits, how many bits
-// its choice has per texel; and where the choices are.
+// The shading normal of stored texel (x, y). Per 4×4 block two words: the start of its normal list and, in the upper four bits, its index width;
+// and the start of its indices.
 fn normal(j: u32, x: u32, y: u32) -> vec3<f32> {
     let block = jobs[j].normals.x + 2u * (y / 4u * (jobs[j].size.x / 4u) + x / 4u);
     let bits = resident[block] >> 28u;
@@ -189,7 +189,7 @@ fn sunlight(j: u32, x: u32, y: u32) -> vec3<f32> {
 fn light(j: u32, output: vec3<f32>) -> vec3<f32> {
     let y = min(select(vec3(0.0), output, output > vec3(0.0)), vec3(NOT_LARGER));
     var curve = y * y;
-    // The fifth root apart: powers of hardware are exact to some 10⁻⁵ of their exponent.
+    // y^2.2 as y²·y^0.2: hardware `pow` errs in proportion to the exponent (about 10⁻⁵).
     if ((jobs[j].has & IS_PAPERS) != 0u) { curve *= select(vec3(0.0), pow(y, vec3(0.2)), y > vec3(0.0)); }
     return min(jobs[j].mean.xyz * curve, vec3(LARGEST));
 }
@@ -245,6 +245,7 @@ fn decode(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     for (var row = start; row < end; row += TEXELS) {
         var e = array<vec3<f32>, TEXELS>();
         if ((has & HAS_MAPS) != 0u) {
+            // The three layers, for TEXELS texels from `row` on. shader.rs writes them (`Shader::network`); they fill `e`.
             $NETWORK
         }
         for (var t = 0u; t < min(TEXELS, end - row); t++) { put(j, x, row + t, e[t]); }

@@ -24,9 +24,9 @@ pub fn features(adapter: &wgpu::Adapter) -> wgpu::Features {
 pub struct Options {
     /// The network's precision. A tile whose weights are too large for 16 bits is decoded in 32.
     pub precision: Precision,
-    /// Unpack BC7 while loading, four times as large, even if the device has BC7 textures. Without them it is always done.
+    /// Upload RGBA8 (4× the memory) even if the device supports BC7; always done if it does not.
     pub unpacks: bool,
-    /// Those of other decoders of the same device.
+    /// Pipeline cache; clone it into other decoders of the same device.
     pub pipelines: Pipelines,
 }
 
@@ -81,7 +81,7 @@ pub struct Work {
     pub bytes: u64,
 }
 
-/// Most jobs of a dispatch: of its workgroups along an axis.
+/// Maximum jobs per dispatch: WebGPU's limit of workgroups per axis.
 const MOST_JOBS: usize = 65_535;
 
 /// A page's texture, and which tiles of it hold light.
@@ -394,7 +394,7 @@ impl Decoder {
     /// The shader of tiles of a width; 0: of tiles without a network.
     fn shader(&self, hidden: usize, fits_half: bool, output: Output) -> Shader {
         let precision = if fits_half { self.options.precision } else { Precision::Single };
-        // The narrowest that there is among the tiles serves those without.
+        // Tiles without a network use the narrowest shader that the others need.
         let least = || self.tiles.iter().filter_map(|tile| tile.maps.as_ref()).map(Maps::hidden).min();
         let hidden = if hidden > 0 { hidden } else { least().unwrap_or(16) };
         let shared = self.device.limits().max_compute_workgroup_storage_size as usize;
@@ -488,7 +488,7 @@ type Dispatch = (Shader, Vec<Full>);
 /// Words for a part of the interval's buffer, from the first number on.
 type Upload = (u32, Vec<u32>);
 
-/// Jobs without a network go with others that have one, if there are some.
+/// Merges sun-only jobs into a dispatch that has a network, if there is one.
 fn join(dispatches: &mut Vec<Dispatch>) {
     while dispatches.len() > 1 {
         let is_alone = |(_, jobs): &Dispatch| jobs.iter().all(|full| full.hidden == 0);

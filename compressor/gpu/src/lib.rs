@@ -15,8 +15,8 @@
 //! # }
 //! ```
 //!
-//! BC7 blocks, weights, planes and normals stay on the device. A call uploads a job of some 300 bytes a tile and, when the moment has passed a time of
-//! the sun's visibility, what each tile sees until the next one. How it fits into other engines: `INTEGRATION.md`.
+//! BC7 blocks, weights, planes and normals stay on the device. A call uploads one job per tile (272 bytes at width 16) and, when the hour enters a new
+//! visibility interval, each tile's visibility for it. How it fits into other engines: `INTEGRATION.md`.
 
 #![forbid(unsafe_code)]
 

@@ -1,6 +1,6 @@
 //! Where maps lie on the layers of one texture.
 
-/// A size and where it was placed: x, y, layer.
+/// A rectangle's position: x, y, layer.
 pub(crate) type Spot = [u32; 3];
 
 /// Least and largest side of a layer.

@@ -68,7 +68,8 @@ pub struct Shader {
     pub shared: usize,
 }
 
-/// Texels of a slice of F_uvt that one strip of rows reads at most. `uvt` is the size of the slice, `stored` the tile's.
+/// Most texels of an F_uvt slice that a strip reads, rounded up to a power of two (at least 64, and at most the 640 that there can be). `uvt`: the
+/// slice's size; `height`: the tile's stored height.
 pub fn coarse(uvt: [usize; 2], height: usize) -> usize {
     // From the row above the first texel to that below the last.
     let rows = (STRIP - 1) as f64 * uvt[1] as f64 / height.max(1) as f64;

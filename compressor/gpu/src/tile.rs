@@ -231,7 +231,7 @@ fn largest(params: &TileParams) -> f32 {
 }
 
 impl Seen {
-    /// Puts a tile's normals into the resident buffer, and sets aside a part of the interval's, which is so long already.
+    /// Puts a tile's normals into the resident buffer, and reserves the tile's region of the interval buffer; `interval` is its length so far in u32s.
     pub fn new(tile: &TileSun, resident: &mut Vec<u32>, interval: &mut u32) -> Self {
         let normals = normals_of(tile, resident);
         let (texels, channels) = (tile.width * tile.height, tile.channels());
@@ -317,8 +317,8 @@ fn blocks(tile: &TileSun) -> usize {
     tile.width.div_ceil(8) * tile.height.div_ceil(8)
 }
 
-/// Normals as they are, each kept once: per block of 4×4 where its own begin and how many bits choose among them, the choices, and the normals.
-/// Gives where these three begin.
+/// Three arrays: per 4×4 block, the start of its normal list, its index width in bits and the start of its indices; the indices; the normals. Lists that
+/// are alike are kept once. Gives where the three begin.
 fn normals_of(tile: &TileSun, out: &mut Vec<u32>) -> [u32; 3] {
     let bits = |normal: &[f32; 3]| normal.map(f32::to_bits);
     let across = tile.width / 4;

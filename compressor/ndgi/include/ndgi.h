@@ -1,4 +1,4 @@
-/* Decodes NDGI bundles: a day of lightmaps at any place and time. See README.md and ../FORMAT.md.
+/* Decodes NDGI bundles: a day of lightmaps at any place and time. See ../README.md and ../../FORMAT.md.
  *
  * Build the library:  cargo rustc -p ndgi --release --features capi --crate-type cdylib     (or staticlib)
  *
@@ -20,8 +20,12 @@ extern "C" {
 typedef struct ndgi_bundle ndgi_bundle;
 typedef struct ndgi_tile_at ndgi_tile_at;
 
-/* Which light: all; without the sun's direct light where that is a stream of its own; that alone. */
-enum { NDGI_ALL = 0, NDGI_BAKED = 1, NDGI_SUN = 2 };
+/* Which light. */
+enum {
+    NDGI_ALL = 0,   /* all of it */
+    NDGI_BAKED = 1, /* what the maps hold: without the sun's direct light, where that is a stream of its own */
+    NDGI_SUN = 2    /* the sun's direct light alone, where it is a stream of its own */
+};
 
 const char *ndgi_error(void);
 

@@ -26,7 +26,7 @@ pub struct At<'a> {
     lights: Lights,
     hour: f64,
     moment: Moment,
-    /// The sun where it is up: the times of visibility around, and a sun that knows these alone.
+    /// Where the sun is up: the indices of the surrounding visibility times, and a copy of the sun restricted to them.
     sun: Option<(Vec<usize>, Sun)>,
 }
 

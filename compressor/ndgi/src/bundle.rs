@@ -386,8 +386,8 @@ impl Bundle {
         self.sun_at(place, None)
     }
 
-    /// Bytes that a shader holds of a tile's streams of the sun at one moment, at most: the levels of two times unpacked to three bits, normals,
-    /// and the moving shadows between. (All other times stay on disk, or as they are stored.)
+    /// Bytes of a tile's streams of the sun at one moment, at most, in a compact layout: levels of two times in 3 bits, normals as stored, and the
+    /// moving shadows between. `ndgi-gpu` needs more. (All other times stay on disk, or as they are stored.)
     ///
     /// # Errors
     /// As [`Bundle::tile`].

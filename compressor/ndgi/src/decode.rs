@@ -1,7 +1,12 @@
 //! Decoding: a stored tile, or a whole bundle, at any (u, v, t).
 //!
-//! Two ways to the same values: [`texel`] follows the formulae of [`crate::model`] literally for one texel, reading
-//! only the blocks it needs; [`TileDecoder`] decodes whole tiles fast. Neither ever gives a NaN or an infinity.
+//! Four ways to the same values, none of which ever gives a NaN or an infinity:
+//! - [`texel`] follows the formulae of [`crate::model`] literally for one texel of a tile's maps, reading only the blocks it needs.
+//!   The others are tested against it.
+//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any moment: for tiles that stand in no bundle yet.
+//! - [`Decoder`] gives samples and pages of a bundle at any hour, with the sun: for tools.
+//! - [`At`](crate::at::At) is a bundle at one moment, where what depends on the time alone is folded once per tile: for games, and
+//!   for the pages of [`Decoder`].
 
 mod kernel;
 mod prepared;
@@ -39,7 +44,7 @@ fn clamped(u: f32, n: usize) -> (usize, usize, f32) {
 /// The same on a periodic axis.
 #[inline]
 fn periodic(tau: f64, n: usize) -> (usize, usize, f32) {
-    // In double precision: of τ · n all digits before the point are lost to the share.
+    // In double precision: the integer part of τ · n costs the fraction precision.
     let p = tau * n as f64 - 0.5;
     let floor = p.floor();
     let i = (floor as isize).rem_euclid(n as isize) as usize;
@@ -138,7 +143,7 @@ pub enum Lights {
 
 /// Tiles kept for random access.
 const CACHED: usize = 64;
-/// Bytes of them at most, but for one tile: what the sun's take goes by the number of its times.
+/// Byte limit of the cache of sun data, which grows with the number of visibility times; the newest tile is always kept.
 const CACHED_BYTES: usize = 64 << 20;
 
 /// Random access to a bundle.

@@ -71,7 +71,7 @@ pub struct Sun {
 }
 
 impl Sun {
-    /// The indices of the times around an hour, and a sun that knows these alone.
+    /// The indices of the visibility times around an hour, and a copy of the sun restricted to them.
     pub(crate) fn near(&self, hour: f64) -> (Vec<usize>, Sun) {
         let (before, after, _) = around(&self.times, hour);
         let near = if before == after { vec![before] } else { vec![before, after] };
@@ -324,8 +324,8 @@ impl SunDecoder {
         self.tile_at(bytes, word, size, &all)
     }
 
-    /// Bytes that a shader holds of a section that [`SunDecoder::tile`] reads, at one moment: the levels of two times in three bits each, and the
-    /// normals as they are stored, with four bytes a block of 4×4 in place of runs: its kind, and where its directions are.
+    /// Bytes at one moment of a section that [`SunDecoder::tile`] reads, in a compact layout: levels of two times in 3 bits, and normals as stored,
+    /// with four bytes a block of 4×4 in place of runs: its kind, and where its directions are. `ndgi-gpu` needs more.
     pub(crate) fn held(&self, bytes: &[u8], word: u32, [width, height]: [usize; 2]) -> usize {
         let channels = (word & 3) as usize;
         let list = 2 * channels * self.times;

@@ -120,13 +120,13 @@ pub struct Moment {
     pub knots: [usize; 2],
     /// Whether the second of them is that of `b`.
     pub reaches_b: bool,
-    /// Share of the second knot in the means, in [0, 1): in double precision, as beside a far dimmer one all depends on how much is left
-    /// of the first.
+    /// Share of the second knot in the means, in [0, 1). In double precision, because where the second knot is far dimmer the result depends on
+    /// 1 − fraction.
     pub fraction: f64,
 }
 
 impl Moment {
-    /// The time coordinate, those of the sets given; how bright a tile is at each knot; and the share of its light there that is `b`'s,
+    /// The interpolated time coordinate. `taus`: per set; `brightness`: per knot; `share`: the part of a knot's light that comes from `b`,
     /// 0 at `a`. It goes forwards from the coordinate of `a` to that of `b`, so far as `b` has a share of the light. Beside a set a
     /// thousand times brighter the picture is that set's almost at once, and beside a black one light only fades. May pass 1.
     pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {

@@ -79,7 +79,7 @@ fn answer(stream: TcpStream, source: &Source) -> io::Result<()> {
     let mut out = stream.try_clone()?;
     let Some(request) = read_request(&mut BufReader::new(stream))? else { return Ok(()) };
     let is_head = request.method == "HEAD";
-    // A name of another site that leads here would make that site's scripts read this one.
+    // Refuse other host names (DNS rebinding): a foreign page could read this server.
     let host = request.host.rsplit_once(':').map_or(&*request.host, |(host, _)| host);
     if !["127.0.0.1", "localhost"].contains(&host) {
         return refuse(&mut out, "403 Forbidden");

@@ -7,11 +7,9 @@ use crate::{Error, Result, of_bundle};
 use dataset::store::Dataset;
 use dataset::view::Camera;
 use ndgi::pack::rgb9e5;
+use ndgi::sun::Shadows;
 use std::fs;
 use std::path::{Path, PathBuf};
-
-/// The codebook of moving shadows.
-const WORDS: &[u8] = include_bytes!("../../ndgi/src/sun/words.bin");
 
 /// What to look at, beyond what is found.
 #[derive(Clone, Debug, Default)]
@@ -145,7 +143,7 @@ impl Source {
         let texels =
             |page: usize| self.header.pages[page].width as u64 * self.header.pages[page].height as u64;
         Ok(match self.parse(name) {
-            Some(Data::Words) => WORDS.len() as u64,
+            Some(Data::Words) => Shadows::codebook().len() as u64,
             Some(Data::Mask(page)) => texels(page).div_ceil(8),
             Some(Data::Reference(_, page)) => 4 * texels(page),
             None => 0,
@@ -161,7 +159,7 @@ impl Source {
             return fs::read(path).map_err(Error::io(path));
         }
         match (self.parse(name), &self.reference) {
-            (Some(Data::Words), _) => Ok(WORDS.to_vec()),
+            (Some(Data::Words), _) => Ok(Shadows::codebook().to_vec()),
             (Some(Data::Mask(page)), Some(dataset)) => Ok(bits(&dataset.mask(page)?.valid)),
             (Some(Data::Reference(set, page)), Some(dataset)) => {
                 let texels = dataset.map(set, page)?.texels;
@@ -224,7 +222,10 @@ fn reference_of(
         return (None, Some("the dataset's pages have other sizes than the bundle's".to_owned()));
     }
     if light_of(header) != Some(config.digest_of_light()) {
-        return (None, Some("the bundle was made from other light than the dataset holds".to_owned()));
+        return (
+            None,
+            Some("the bundle was compressed from a different bake; run `compress` again".to_owned()),
+        );
     }
     (Some(dataset), None)
 }

@@ -277,7 +277,7 @@ fn run<L: Lanes, const HIDDEN: usize>(tile: &Folded, out: &mut [[f32; 3]]) {
     }
 }
 
-/// The first layer's share of V_ut.
+/// First-layer contribution of V_ut, by column.
 #[inline(always)]
 fn expand_ut<L: Lanes, const HIDDEN: usize>(tile: &Folded) -> Vec<Units<HIDDEN>> {
     let mut out = vec![[[0.0; LANES]; HIDDEN]; tile.padded / LANES];
@@ -293,7 +293,7 @@ fn expand_ut<L: Lanes, const HIDDEN: usize>(tile: &Folded) -> Vec<Units<HIDDEN>>
     out
 }
 
-/// The same and that of V_uvt at a row of F_uvt.
+/// First-layer contribution of V_ut and V_uvt, by column, at one row of F_uvt.
 #[inline(always)]
 fn expand<L: Lanes, const HIDDEN: usize>(
     tile: &Folded,

@@ -1,6 +1,7 @@
 //! Shadows that move between the times of visibility: codewords of a fixed codebook, added to visibility that is linear between times.
 //!
-//! Codewords are not entropy-coded. A reader adds up at most 15 lengths and 15 counts to find those of a texel, so a shader reads the section as it is.
+//! Codewords are not entropy-coded. A reader adds up at most 15 lengths and 15 counts to find those of a texel, so a shader could read the section
+//! unchanged; `ndgi-gpu` repacks it by block.
 
 use crate::bundle::Section;
 

@@ -94,8 +94,8 @@ Examples:
   compress view dataset/city --serve               at http://127.0.0.1:8017/, until it is interrupted
 
 The page needs WebGL 2 and no network. One file holds 128 MiB at most (bundle, geometry and reference, before base64); past that use --serve.
-It has references of as many sets as fit in 4 MiB, with --serve of all. With --json: scene, bundle, geometry (null without one), cameras, page
-and bytes, or with --serve url.";
+A written page includes reference lightmaps up to 4 MiB; --serve offers all of them. With --json: scene, bundle, geometry (null without one),
+cameras, page and bytes, or with --serve url.";
 
 const INFO_EXAMPLES: &str = "\
 Examples:
@@ -103,8 +103,8 @@ Examples:
   compress info dataset/yard/yard.ndgi --json | jq .written.seed
 
 With --json: scene, profile, pages, hours, hours_between, groups, tiles, tiles_empty, contents, sun_times, written, bpp and bytes: bytes_of_header with the
-index, bytes_resident (means and peaks of all tiles), bytes_of_sun, bytes_of_shadows; the rest is features and decoders. bytes_held_of_sun is what a
-shader holds of the sun's streams at one moment, with all tiles at hand.";
+index, bytes_resident (means and peaks of all tiles), bytes_of_sun, bytes_of_shadows; the rest is features and decoders. bytes_held_of_sun: bytes of the
+sun's streams of all tiles at one moment, in a compact layout (levels in 3 bits, normals as stored); ndgi-gpu needs more.";
 
 /// Compresses a temporal lightmap set into a random-access bundle, and judges the result.
 #[derive(Debug, Parser)]
@@ -179,7 +179,7 @@ pub enum Command {
 pub struct View {
     /// The dataset's folder, or a bundle.
     pub input: PathBuf,
-    /// The bundle [default: <dataset>/<scene>.ndgi, or the one that is named].
+    /// The bundle [default: INPUT if it is a bundle, else <dataset>/<scene>.ndgi].
     #[arg(long)]
     pub bundle: Option<PathBuf>,
     /// The page to write [default: the bundle's name with .view.html].
@@ -189,10 +189,10 @@ pub struct View {
     /// shows the atlas alone].
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
-    /// Leave the dataset's lightmaps out, beside which the page shows what it decodes.
+    /// Omit the dataset's lightmaps, to which the page can compare.
     #[arg(long)]
     pub no_reference: bool,
-    /// Serve the page on this machine instead of writing it, at this port [default: 8017; 0: any free one].
+    /// Serve the page on this machine instead of writing it, at this port [port if none is given: 8017; 0: any free one].
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8017", conflicts_with = "out")]
     pub serve: Option<u16>,
 }
@@ -270,8 +270,8 @@ pub struct Compress {
     /// [default: M; S where the dataset keeps the sun's direct light apart]
     #[arg(long, value_parser = parse_profile)]
     pub profile: Option<Profile>,
-    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB (more,
-    /// where the least that tiles can have reaches more).
+    /// Choose what each tile has by brief trials, so that all tiles together reach about this pooled PSNR in dB (more if even
+    /// the smallest configuration exceeds it).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
     pub target_psnr: Option<f64>,
     /// The same, within so many bits per texel and set.
@@ -307,8 +307,8 @@ pub struct Compress {
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Train every tile again, even those a stopped run finished, and replace a bundle that was trained for more steps, or another
-    /// scene's, or a file that is none.
+    /// Train every tile again, even those a stopped run finished; replace a bundle that was trained for more steps, or another
+    /// scene's bundle, or a file that is not a bundle.
     #[arg(long)]
     pub force: bool,
 }

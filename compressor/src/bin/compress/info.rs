@@ -121,7 +121,7 @@ fn in_words(
         lines.push((
             "sun",
             format!(
-                "{times}, {} tiles: {bytes} bytes{moving}; at one moment a shader holds {held} bytes of them",
+                "{times}, {} tiles: {bytes} bytes{moving}; at one moment {held} bytes of them in a compact layout",
                 of_sun.len()
             ),
         ));
