@@ -104,8 +104,10 @@ fn meta(source: &Source, sets: &[usize]) -> Value {
             "There is no reference: no dataset lies beside the bundle, or it was left out.".to_owned()
         }
         (n, _) => format!(
-            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5: 9 bits a channel with a common exponent, error at most 1/1024 \
-             of the power of two above the brightest channel. The dataset itself has 32-bit floats. Reference views jump to the nearest stored hour.",
+            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5 times a power of two for each page and set: 9 bits a channel with \
+             a common exponent, error at most 1/1024 of the power of two above the texel's brightest channel, down to 2⁻³⁰ of the page's. The dataset \
+             itself has 32-bit floats. Reference views go by the stored hours. PSNR here is that of the bundle's tiles, which own 126² texels; \
+             `compress evaluate` judges blocks of 128² texels, so that its numbers differ.",
             source.sets()
         ),
     };

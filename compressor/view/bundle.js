@@ -208,7 +208,12 @@ function isOn(spans, t) {
   return spans.some(([from, to]) => from === 0 && to === 24 || (from <= to ? t > from && t < to : t > from || t < to));
 }
 
-const mod = (x, n) => (x % n + n) % n;
+// x folded into [0, n). What lies there already keeps all its bits; a tiny negative number would be n by rounding.
+function mod(x, n) {
+  const rest = x % n;
+  if (!(rest < 0)) return rest;
+  return rest + n < n ? rest + n : 0;
+}
 
 // Sets a and b, knots i and j, and how far the hour is from the one to the other.
 function momentOf(bundle, hour) {
@@ -227,7 +232,7 @@ function momentOf(bundle, hour) {
   }
   if (same[p]) return at(p);
   if (same[q]) return at(q);
-  const any = same.includes(true), away = k => Math.min(mod(hours[k] - t, 24), mod(t - hours[k], 24));
+  const any = same.includes(true), away = k => { const gap = Math.abs(hours[k] - t); return Math.min(gap, 24 - gap); };
   let nearest = -1;
   for (let k = 0; k < n; k++) if ((same[k] || !any) && (nearest < 0 || away(k) < away(nearest))) nearest = k;
   return at(nearest);

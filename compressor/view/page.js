@@ -32,11 +32,14 @@ class Viewer {
     const gl = this.gl = this.canvas.getContext('webgl2', { antialias: true, alpha: false, powerPreference: 'high-performance' });
     if (!gl) refuse('this browser has no WebGL 2');
     this.canvas.addEventListener('webglcontextlost', event => { event.preventDefault(); this.stop(new Error('the browser took back the graphics card; load the page again')); });
+    // Whether the page has all data in it.
+    this.whole = $('data-bundle') !== null;
     const bundle = this.bundle = openBundle(await dataOf('bundle'));
     if (bundle.tiles.some(tile => tile.shadows)) codebook = await dataOf('words');
     this.decoder = new Decoder(gl, bundle, { unpack: location.hash.includes('unpack') });
     const hour = Number(location.hash.match(/hour=([\d.]+)/)?.[1] ?? 12);
-    this.state = { hour: Number.isFinite(hour) ? mod(hour, 24) : 12, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, exposure: 0 };
+    // `hour` is what is shown; `clock`, by which the day plays, goes on between the hours of references.
+    this.state = { hour: Number.isFinite(hour) ? mod(hour, 24) : 12, clock: 0, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, exposure: 0 };
     this.scene = this.meta.scene_file ? await Scene.open(gl, await dataOf('scene'), bundle.pages.length) : null;
     if (this.scene?.draws.length) this.state.space = 'scene';
     this.pages = this.decoder.pages.map((page, i) => ({ ...page, bits: this.bitsOf(i) }));
@@ -52,6 +55,7 @@ class Viewer {
     this.fit();
     $('message').textContent = '';
     for (const id of ['top', 'bottom']) $(id).hidden = false;
+    this.redraw();
     this.frame();
   }
 
@@ -123,10 +127,10 @@ class Viewer {
     if (this.scene?.draws.length) this.choice('modes', [['false', 'orbit', 'O'], ['true', 'walk', 'O: then W A S D Q E']], walks => { state.walks = walks === 'true'; }, () => state.walks);
     this.at = 0;
     this.buildMarks();
-    const lit = bundle.tiles.filter(tile => tile.features || tile.levels).length, bits = bundle.tiles.reduce((sum, tile) => sum + 8 * this.bytesOfTile(tile), 0);
+    const lit = bundle.tiles.filter(tile => tile.features || tile.levels).length, { length } = bundle.bytes;
     const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
     const facts = [
-      `${meta.title}: bundle version ${bundle.version}, ${bundle.bytes.length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(bits / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
+      `${meta.title}: bundle version ${bundle.version}, ${length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(8 * length / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
       `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. Checksums are not verified here: \`compress info\` does that.`,
       this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. No sky, gloss or visible emission.` : 'No scene.glb lay beside the bundle: the atlas alone.',
       meta.reference.note,
@@ -158,11 +162,15 @@ class Viewer {
 
   // ---- What is shown ----
 
+  // Whether the view shows references, of which there are some hours only.
+  refers() { return ['reference', 'difference'].includes(this.state.view); }
+
   setHour(hour) {
-    this.state.hour = mod(hour, 24);
-    const { hours } = this.meta.reference;
-    if (['reference', 'difference'].includes(this.state.view)) this.state.hour = nearestOf(hours, this.state.hour);
-    this.decode();
+    const { state } = this, before = state.hour;
+    state.clock = mod(hour, 24);
+    state.hour = this.refers() ? nearestOf(this.meta.reference.hours, state.clock) : state.clock;
+    if (state.hour !== before) this.decode();
+    if (this.refers()) this.loadReference().catch(problem => this.stop(problem));
     this.redraw();
   }
 
@@ -182,37 +190,45 @@ class Viewer {
   }
 
   setView(view) {
-    const { state, meta } = this;
+    const { state } = this;
     state.view = view;
-    if (['reference', 'difference'].includes(view)) {
-      this.setHour(nearestOf(meta.reference.hours, state.hour));
-      this.loadReference().then(() => this.redraw()).catch(problem => this.stop(problem));
-    }
+    this.setHour(state.playing ? state.clock : state.hour);
   }
 
-  // The reference at the hour shown, on the GPU; kept as texels for the curve of a texel and a tile's PSNR.
+  // Brings the reference of the hour shown to the GPU. One that comes when another hour is shown is left.
   async loadReference() {
-    const { gl, meta, pages } = this, hour = nearestOf(meta.reference.hours, this.state.hour);
+    const { gl, state, pages } = this, { hour } = state;
     if (this.referenceShown === hour) return;
-    for (let i = 0; i < pages.length; i++) {
-      const texels = await this.reference(hour, i), page = pages[i];
+    const all = await Promise.all(pages.map((_, i) => this.reference(hour, i)));
+    if (state.hour !== hour) return;
+    pages.forEach((page, i) => {
       page.reference ??= this.decoder.texture(gl.TEXTURE_2D, gl.RGB9_E5, page.width, page.height);
+      page.referenceScale = all[i].scale;
       gl.bindTexture(gl.TEXTURE_2D, page.reference);
       for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.LINEAR);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, page.width, page.height, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, texels);
-    }
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, page.width, page.height, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, all[i].texels);
+    });
     this.referenceShown = hour;
+    this.redraw();
   }
 
-  async reference(hour, page) {
-    const set = this.meta.reference.sets[this.meta.reference.hours.indexOf(hour)], key = `reference-${set}-${page}`;
-    if (!this.references.has(key)) {
-      const bytes = await dataOf(key), { width, height } = this.bundle.pages[page];
-      expect(bytes.length === 4 * width * height, `a reference of ${bytes.length} bytes`);
-      if (this.references.size > 64) this.references.delete(this.references.keys().next().value);
-      this.references.set(key, new Uint32Array(bytes.buffer, bytes.byteOffset, width * height));
+  // A page at an hour of the references, kept for the curve of a texel and a tile's PSNR: texels of light × `scale`.
+  reference(hour, page) {
+    const { references, meta } = this, key = `reference-${meta.reference.sets[meta.reference.hours.indexOf(hour)]}-${page}`;
+    if (!references.has(key)) {
+      // What came with the page cannot be had again.
+      if (!this.whole && references.size >= 64) references.delete(references.keys().next().value);
+      references.set(key, this.readReference(key, this.bundle.pages[page]));
     }
-    return this.references.get(key);
+    return references.get(key);
+  }
+
+  async readReference(key, { width, height }) {
+    const bytes = await dataOf(key);
+    expect(bytes.length === 4 + 4 * width * height, `a reference of ${bytes.length} bytes`);
+    const scale = new DataView(bytes.buffer, bytes.byteOffset).getFloat32(0, true);
+    expect(scale > 0 && scale < Infinity, `a reference times ${scale}`);
+    return { scale, texels: new Uint32Array(bytes.buffer, bytes.byteOffset + 4, width * height) };
   }
 
   setCamera(i) {
@@ -239,13 +255,13 @@ class Viewer {
     if (state.playing && performance.now() - this.exposedAt < 250) return;
     this.stale = false;
     this.exposedAt = performance.now();
-    const out = new Float32Array(4 * small.width * small.height), found = [];
+    const out = new Float32Array(4 * small.width * small.height), found = [], { scale } = this.decoder;
     if (state.space === 'scene') {
       gl.bindFramebuffer(gl.FRAMEBUFFER, small.frame);
       gl.viewport(0, 0, small.width, small.height);
       this.scene.draw(this.camera, this.canvas.width, this.canvas.height, 1, { ...this.drawn(), view: 'decoded' });
       gl.readPixels(0, 0, small.width, small.height, gl.RGBA, gl.FLOAT, out);
-      for (let i = 0; i < out.length; i += 4) if (out[i + 3] > 0.5) found.push(luminance(out.subarray(i, i + 3)));
+      for (let i = 0; i < out.length; i += 4) if (out[i + 3] > 0.5) found.push(luminance(out.subarray(i, i + 3)) / scale);
     } else {
       for (const tile of this.bundle.tiles) if (tile.page === state.page && tile.means) found.push(0.5 * luminance(this.meanOf(tile)) / Math.PI);
     }
@@ -266,14 +282,19 @@ class Viewer {
     try {
       const seconds = Math.min((now - (this.last ?? now)) / 1000, 0.5);
       this.last = now;
-      this.walk(seconds);
-      if (this.state.playing) this.setHour(this.state.hour + 24 * seconds / DAY_SECONDS);
+      this.pass(seconds);
       if (this.dirty) this.paint();
       this.dirty = false;
     } catch (problem) {
       this.stop(problem);
     }
     requestAnimationFrame(now => this.frame(now));
+  }
+
+  // Lets time pass.
+  pass(seconds) {
+    this.walk(seconds);
+    if (this.state.playing) this.setHour(this.state.clock + 24 * seconds / DAY_SECONDS);
   }
 
   resize() {
@@ -285,8 +306,11 @@ class Viewer {
 
   paint() {
     this.resize();
-    this.expose();
-    this.drawTo(null, this.canvas.width, this.canvas.height);
+    // Until the reference is there, the picture stays as it is.
+    if (!this.refers() || this.referenceShown === this.state.hour) {
+      this.expose();
+      this.drawTo(null, this.canvas.width, this.canvas.height);
+    }
     this.tell();
   }
 
@@ -303,6 +327,7 @@ class Viewer {
     [page.texture, page.reference ?? page.texture, page.bits].forEach((texture, unit) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_2D, texture); });
     ['map', 'reference', 'bits'].forEach((name, unit) => gl.uniform1i(at[name], unit));
     gl.uniform1f(at.scale, this.decoder.scale);
+    gl.uniform1f(at.referenceScale, page.referenceScale ?? 1);
     gl.uniform1f(at.exposure, state.exposure);
     gl.uniform1i(at.view, VIEWS.indexOf(state.view));
     gl.uniform4f(at.window, x * ratio, y * ratio, zoom / ratio, height);
@@ -322,7 +347,7 @@ class Viewer {
     for (const choice of this.choices) choice();
     const on = this.bundle.groups.filter(group => isOn(group.on, mod(state.hour, 24))).map(group => group.name);
     const parts = [on.length ? `on: ${on.join(', ')}` : 'no lamps on'];
-    if (['reference', 'difference'].includes(state.view)) parts.push(`reference of ${clock(nearestOf(meta.reference.hours, state.hour))}, ${meta.reference.precision}`);
+    if (this.refers()) parts.push(`reference of ${clock(state.hour)}, ${this.referenceShown === state.hour ? meta.reference.precision : 'which is on its way'}`);
     if (state.view === 'bits') parts.push(`blue: no bits, yellow: ${this.mostBits.toFixed(2)} bits per texel and set, or more`);
     if (state.space === 'scene' && this.scene.unmapped > 0) parts.push('what has no texels is lit by an ambient term');
     $('state').textContent = parts.join(' · ');
@@ -358,8 +383,7 @@ class Viewer {
     const hours = [...new Set([...bundle.knots, ...Array.from({ length: 97 }, (_, i) => Math.min(i / 4, 23.999))])].sort((a, b) => a - b);
     const light = hours.map(hour => decodeTexel(bundle, tile, hour, x, y)), now = decodeTexel(bundle, tile, this.state.hour, x, y), points = [];
     for (const hour of meta.reference.hours) {
-      const texels = await this.reference(hour, place.page);
-      points.push([hour, fromRgb9e5(texels[place.y * page.width + place.x])]);
+      points.push([hour, lightOf(await this.reference(hour, place.page), place.y * page.width + place.x)]);
     }
     this.plot(hours, light, points);
     const lines = [`texel ${place.x}, ${place.y} of page ${place.page}, tile ${column}, ${row}`, `${clock(this.state.hour)}: E = ${now.map(digits).join(', ')} (R, G, B; unit of the lightmaps)`,
@@ -373,14 +397,14 @@ class Viewer {
 
   // The tile's PSNR at the reference nearest in time, over its valid texels, peak = the largest value there.
   async quality(tile) {
-    const { meta, bundle } = this, hour = nearestOf(meta.reference.hours, this.state.hour), texels = await this.reference(hour, tile.page), page = bundle.pages[tile.page];
-    const mask = this.masks[tile.page] ??= await dataOf(`mask-${tile.page}`), decoded = decodeTile(bundle, tile, hour);
+    const { meta, bundle } = this, hour = nearestOf(meta.reference.hours, this.state.hour), reference = await this.reference(hour, tile.page), page = bundle.pages[tile.page];
+    const mask = await (this.masks[tile.page] ??= dataOf(`mask-${tile.page}`)), decoded = decodeTile(bundle, tile, hour);
     let squares = 0, count = 0, peak = 0;
     for (let y = 0; y < tile.ownHeight; y++) {
       for (let x = 0; x < tile.ownWidth; x++) {
         const at = (PAYLOAD * tile.row + y) * page.width + PAYLOAD * tile.column + x;
         if (!(mask[at >> 3] >> (at & 7) & 1)) continue;
-        fromRgb9e5(texels[at]).forEach((e, c) => {
+        lightOf(reference, at).forEach((e, c) => {
           squares += (e - decoded[3 * ((y + 1) * tile.width + x + 1) + c]) ** 2;
           peak = Math.max(peak, e);
           count++;
@@ -459,11 +483,17 @@ class Viewer {
     addEventListener('blur', () => this.keys.clear());
     addEventListener('keydown', event => this.key(event));
     $('hour').oninput = () => { state.playing = false; this.setHour(Number($('hour').value) / 60); };
-    $('play').onclick = () => { state.playing = !state.playing; this.redraw(); };
+    $('play').onclick = () => this.play();
     $('exposure').oninput = () => { state.exposure = Number($('exposure').value); state.pinned = true; this.redraw(); };
     $('pin').onclick = () => this.pin();
     $('more').onclick = () => this.about();
     for (const button of document.querySelectorAll('.close')) button.onclick = () => { button.parentElement.hidden = true; };
+  }
+
+  play() {
+    this.state.playing = !this.state.playing;
+    this.state.clock = this.state.hour;
+    this.redraw();
   }
 
   about() {
@@ -503,15 +533,17 @@ class Viewer {
   }
 
   key(event) {
-    const { state } = this, key = event.key.toLowerCase(), typed = event.target.matches?.('input') && key.startsWith('arrow');
+    const { state } = this, key = event.key.toLowerCase();
+    // Sliders have arrows of their own; that of time cannot go by minutes where there are some hours only.
+    const typed = event.target.matches?.('input') && key.startsWith('arrow') && !(this.refers() && event.target === $('hour'));
     if (event.ctrlKey || event.metaKey || event.altKey || typed || event.target.matches?.('button') && [' ', 'enter'].includes(key)) return;
     const next = way => {
-      if (!event.shiftKey) return state.hour + way / 12;
-      const hours = way > 0 ? this.bundle.hours : [...this.bundle.hours].reverse();
+      if (!event.shiftKey && !this.refers()) return state.hour + way / 12;
+      const all = this.refers() ? this.meta.reference.hours : this.bundle.hours, hours = way > 0 ? all : [...all].reverse();
       return hours.find(hour => way * (hour - state.hour) > 1e-6) ?? hours[0];
     };
     const steps = {
-      ' ': () => { state.playing = !state.playing; }, arrowleft: () => this.setHour(next(-1)), arrowright: () => this.setHour(next(1)),
+      ' ': () => this.play(), arrowleft: () => this.setHour(next(-1)), arrowright: () => this.setHour(next(1)),
       v: () => this.setView(this.shown[(this.shown.indexOf(state.view) + 1) % this.shown.length]), o: () => { state.walks = !state.walks; }, p: () => this.pin(), i: () => this.about(),
       tab: () => this.turnPage(), '+': () => this.brighten(0.5), '=': () => this.brighten(0.5), '-': () => this.brighten(-0.5),
       escape: () => { $('inspect').hidden = $('about').hidden = true; },
@@ -539,10 +571,10 @@ function nearestOf(hours, hour) {
   return hours.reduce((best, x) => away(x) < away(best) ? x : best, hours[0]);
 }
 
-// Three mantissas of nine bits and an exponent of five.
-function fromRgb9e5(bits) {
-  const scale = 2 ** ((bits >>> 27) - 24);
-  return [bits & 511, bits >>> 9 & 511, bits >>> 18 & 511].map(mantissa => mantissa * scale);
+// The light of texel i of a reference: three mantissas of nine bits and an exponent of five.
+function lightOf({ texels, scale }, i) {
+  const bits = texels[i], step = 2 ** ((bits >>> 27) - 24) / scale;
+  return [bits & 511, bits >>> 9 & 511, bits >>> 18 & 511].map(mantissa => mantissa * step);
 }
 
 const viewer = new Viewer();

@@ -21,7 +21,7 @@ vec3 tone(vec3 x) {
 vec3 irradiance(vec2 at) {
   vec3 e = texture(map, at).rgb / scale;
   if (view == 0) return e;
-  vec3 r = texture(reference, at).rgb;
+  vec3 r = texture(reference, at).rgb / referenceScale;
   return view == 1 ? r : 8. * abs(e - r);
 }`;
 
@@ -29,7 +29,7 @@ const DRAW_FRAGMENT = `#version 300 es
 precision highp float; precision highp int;
 in vec2 uv, lm; in vec3 n; in vec4 colour;
 uniform sampler2D map, reference, bits, albedo; uniform vec4 base, uvPlace; uniform vec3 ambient;
-uniform float scale, exposure, cutoff; uniform int view, mode; uniform bool mapped; uniform ivec2 pageSize; uniform float page;
+uniform float scale, referenceScale, exposure, cutoff; uniform int view, mode; uniform bool mapped; uniform ivec2 pageSize; uniform float page;
 out vec4 color;
 ${TONE}
 void main() {
@@ -45,12 +45,12 @@ void main() {
     return;
   }
   vec3 radiance = a.rgb * e / ${Math.PI};
-  color = mode == 1 ? vec4(radiance, 1) : vec4(tone(radiance * exp2(exposure)), a.a);
+  color = mode == 1 ? vec4(radiance * scale, 1) : vec4(tone(radiance * exp2(exposure)), a.a);
 }`;
 
 const PAGE_FRAGMENT = `#version 300 es
 precision highp float; precision highp int;
-uniform sampler2D map, reference, bits; uniform float scale, exposure; uniform int view; uniform vec4 window; uniform ivec2 pageSize; out vec4 color;
+uniform sampler2D map, reference, bits; uniform float scale, referenceScale, exposure; uniform int view; uniform vec4 window; uniform ivec2 pageSize; out vec4 color;
 ${TONE}
 void main() {
   vec2 at = (gl_FragCoord.xy * vec2(1, -1) + vec2(0, window.w) - window.xy) * window.z / vec2(pageSize);
@@ -278,7 +278,7 @@ class Scene {
     return new Camera('overview', add(this.middle, way, d), this.middle, 60);
   }
 
-  // Draws into the bound framebuffer. `mode` 0: as a screen shows it; 1: radiance; 2: page, u and v. `state` has what to show, and where.
+  // Draws into the bound framebuffer. `mode` 0: as a screen shows it; 1: radiance × the pages' scale; 2: page, u and v. `state` has what to show, and where.
   draw(camera, width, height, mode, state) {
     const { gl } = this, { program, at } = this.program, clip = camera.matrix(width, height, Math.max(this.radius, 1e-3));
     gl.useProgram(program);
@@ -303,6 +303,7 @@ class Scene {
         bind(0, state.pages[page].texture);
         bind(1, state.pages[page].reference ?? state.pages[page].texture);
         bind(2, state.pages[page].bits);
+        gl.uniform1f(at.referenceScale, state.pages[page].referenceScale ?? 1);
         gl.uniform2i(at.pageSize, state.pages[page].width, state.pages[page].height);
         gl.uniform1f(at.page, page);
       }

@@ -247,6 +247,32 @@ pub fn dusk() -> Knot {
     Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 }
 }
 
+/// A bundle whose lamps switch at the hour of a set, and blink: at noon, when the neighbouring sets lack what two others as near show, and at
+/// 9.77, 21 and 23.9 h, which no set shows. Around 1.5 h the second tile is black.
+pub fn switching_bundle() -> Vec<u8> {
+    let mut header = Header { pages: vec![Grid { width: 140, height: 10 }], ..header() };
+    header.kinds.truncate(1);
+    header.groups = ["porch", "blink", "spark"].map(str::to_owned).to_vec();
+    let hours = vec![0.0, 4.8, 4.9, 6.5, 11.5, 12.5, 17.5, 20.0];
+    let intervals = vec![
+        vec![[19.0, 4.9]],
+        vec![[6.4, 6.6], [11.9, 12.1], [17.4, 17.6]],
+        vec![[9.5, 10.0], [20.9, 21.1], [23.8, 23.95]],
+    ];
+    let states = hours.iter().map(|&h| intervals.iter().map(|on| is_on(on, h)).collect()).collect();
+    header.timeline = Timeline { hours, between: vec![2.0], intervals, states, coding: Coding::Standard };
+    let payload = |(i, place): (usize, Place)| {
+        let mut tile = tile(header.shape(place, &PROFILES[1].contents(8, 2)), i as u64);
+        tile.knots.insert(1, dusk());
+        if i > 0 {
+            tile.knots[..2].iter_mut().for_each(|knot| knot.mean = [0.0; 3]);
+        }
+        bundle::encode_payload(&tile).unwrap()
+    };
+    let payloads: Vec<Payload> = header.places().enumerate().map(payload).collect();
+    bundle::encode(&header, &payloads).unwrap()
+}
+
 /// A page of tiles that differ in contents, one of them black and some mostly grey, under two lamps.
 pub fn all_contents(hidden: usize) -> Vec<u8> {
     let mut header = Header { pages: vec![Grid { width: 1800, height: 14 }], ..header() };

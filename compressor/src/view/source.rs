@@ -145,7 +145,7 @@ impl Source {
         Ok(match self.parse(name) {
             Some(Data::Words) => Shadows::codebook().len() as u64,
             Some(Data::Mask(page)) => texels(page).div_ceil(8),
-            Some(Data::Reference(_, page)) => 4 * texels(page),
+            Some(Data::Reference(_, page)) => 4 + 4 * texels(page),
             None => 0,
         })
     }
@@ -161,10 +161,7 @@ impl Source {
         match (self.parse(name), &self.reference) {
             (Some(Data::Words), _) => Ok(Shadows::codebook().to_vec()),
             (Some(Data::Mask(page)), Some(dataset)) => Ok(bits(&dataset.mask(page)?.valid)),
-            (Some(Data::Reference(set, page)), Some(dataset)) => {
-                let texels = dataset.map(set, page)?.texels;
-                Ok(texels.into_iter().flat_map(|light| rgb9e5(light, 1.0).to_le_bytes()).collect())
-            }
+            (Some(Data::Reference(set, page)), Some(dataset)) => Ok(packed(&dataset.map(set, page)?.texels)),
             _ => Err(Error::invalid(name, "no such data")),
         }
     }
@@ -235,9 +232,39 @@ fn bits(flags: &[bool]) -> Vec<u8> {
     flags.chunks(8).map(|eight| (0..).zip(eight).map(|(bit, flag)| u8::from(*flag) << bit).sum()).collect()
 }
 
+/// Light as RGB9E5, behind the power of two that it is multiplied with. That brings the brightest channel to 2¹⁴ … 2¹⁵, because below 2⁻¹⁶ the
+/// format loses digits.
+fn packed(texels: &[[f32; 3]]) -> Vec<u8> {
+    let top = texels.iter().flatten().fold(0.0, |top: f32, light| top.max(*light));
+    let exponent = (top.to_bits() >> 23) as i32 - 127;
+    let scale = if top > 0.0 { 2f32.powi((14 - exponent).min(126)) } else { 1.0 };
+    let texels = texels.iter().flat_map(|light| rgb9e5(*light, scale).to_le_bytes());
+    scale.to_le_bytes().into_iter().chain(texels).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn references_are_as_precise_by_night_as_by_day() {
+        let number = |bytes: &[u8]| u32::from_le_bytes(bytes.try_into().unwrap());
+        // Noon, a moonless night, and the ends of single precision.
+        for top in [120.0, 5e-7, 1e-36, f32::MAX] {
+            let fall = |i: i32| top * 2f32.powi(-i) * 0.999;
+            let texels: Vec<[f32; 3]> = (0..20).map(|i| [fall(i), fall(i + 2), fall(i + 7)]).collect();
+            let bytes = packed(&texels);
+            let scale = f64::from(f32::from_bits(number(&bytes[..4])));
+            for (light, packed) in texels.iter().zip(bytes[4..].chunks(4).map(number)) {
+                let step = f64::from((packed >> 27) as i32 - 15 - 9).exp2() / scale;
+                for (shift, e) in [0, 9, 18].into_iter().zip(light) {
+                    let off = f64::from(packed >> shift & 511) * step - f64::from(*e);
+                    assert!(off.abs() <= f64::from(light[0]) / 512.0, "{top}: {light:?} {off}");
+                }
+            }
+        }
+        assert_eq!(packed(&[[0.0; 3]]), [0, 0, 128, 63, 0, 0, 0, 0]);
+    }
 
     #[test]
     fn flags_are_packed_lowest_first() {

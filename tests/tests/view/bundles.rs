@@ -20,6 +20,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     assert!(bundles.len() >= 6, "{}", bundles.len());
     bundles.push(("pages".to_owned(), testing::bundle().2));
     bundles.push(("sunny".to_owned(), testing::sunny_bundle()));
+    bundles.push(("switching".to_owned(), testing::switching_bundle()));
     bundles.extend([16, 32, 64].map(|hidden| (format!("contents-{hidden}"), testing::all_contents(hidden))));
     bundles
 }

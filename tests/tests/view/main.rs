@@ -12,14 +12,15 @@ use compressor::compress::{Options, compress};
 use compressor::decode::Decoder;
 use compressor::view::{self, Server, Source};
 use dataset::console::Console;
+use dataset::store::Dataset;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 
-/// Sets; between sets; on both sides of a switch and at one; around midnight; by day and by night.
-const HOURS: [f64; 8] = [0.0, 12.0, 5.95, 6.0, 12.3, 18.05, 23.9, 9.77];
+/// Sets; between sets; on both sides of a switch and at one; around midnight; by day and by night; on other days.
+const HOURS: [f64; 11] = [0.0, 12.0, 5.95, 6.0, 12.3, 18.05, 23.9, 9.77, 4.9, -3.0, 25.5];
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
@@ -101,33 +102,52 @@ fn hostile_bundles_open_or_are_refused() {
     assert!(found["strange"] == json!([]) && found["gl_error"] == 0, "{found:#}");
 }
 
-#[test]
-fn the_scene_looks_like_its_preview() {
-    let Some(browser) = chromium() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let root = folder.path().join("court");
+/// The scene `court` with its lamp out at midnight, which is moonless, baked and compressed: the scene file and the dataset.
+fn court(folder: &Path) -> (PathBuf, PathBuf) {
+    let (scene, root) = (folder.join("court.toml"), folder.join("court"));
+    std::fs::copy(fixture("court.obj"), folder.join("court.obj")).unwrap();
+    let text = std::fs::read_to_string(fixture("court.toml")).unwrap();
+    let dark = text.replace(r#"on = [["18:00", "06:00"]]"#, r#"on = [["18:00", "23:00"]]"#);
+    assert_ne!(dark, text);
+    std::fs::write(&scene, dark).unwrap();
     let options = BakeOptions {
         out: Some(root.clone()),
         extra_times: 0,
-        ..BakeOptions::new(parse_hours("6,9,12,15,20").unwrap())
+        ..BakeOptions::new(parse_hours("0,6,9,12,15,20").unwrap())
     };
-    bake(&fixture("court.toml"), &options, &Console::silent()).unwrap();
+    bake(&scene, &options, &Console::silent()).unwrap();
     compress(&root, &Options { iterations: 1500, ..Options::default() }, &Console::silent()).unwrap();
-    let png = folder.path().join("court.png");
-    let options = PreviewOptions {
-        dataset: Some(root.clone()),
-        out: Some(png.clone()),
-        camera: Some("5,4,6".to_owned()),
-        size: [320, 180],
-        ..PreviewOptions::new(12.0)
-    };
-    let shown = preview(&fixture("court.toml"), &options, &Console::silent()).unwrap();
+    (scene, root)
+}
+
+#[test]
+fn the_page_shows_the_light_of_the_dataset() {
+    let Some(browser) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, root) = court(folder.path());
     let source = Source::open(&root, &view::Options::default()).unwrap();
     let html = view::page(&source).unwrap();
     assert!(html.len() < 1 << 20 && !html.contains("https://"), "{}", html.len());
+    looks_like_its_preview(&browser, &html, &scene, &root);
+    works(&browser, &html, &root, &source.bundle);
+}
+
+fn looks_like_its_preview(browser: &str, html: &str, scene: &Path, root: &Path) {
+    let png = root.with_extension("png");
+    let shown = |hour: f64| {
+        let options = PreviewOptions {
+            dataset: Some(root.to_owned()),
+            out: Some(png.clone()),
+            camera: Some("5,4,6".to_owned()),
+            size: [320, 180],
+            ..PreviewOptions::new(hour)
+        };
+        preview(scene, &options, &Console::silent()).unwrap()
+    };
+    let (by_night, shown) = (shown(0.0), shown(12.0));
     let files = BTreeMap::from([("preview".to_owned(), std::fs::read(&png).unwrap())]);
-    let script = format!("const SHOWN = {shown};\n{}", include_str!("scene.js"));
-    let found = run(&browser, &html, "#hour=12", files, &script);
+    let script = format!("const SHOWN = {shown}, SHOWN_BY_NIGHT = {by_night};\n{}", include_str!("scene.js"));
+    let found = run(browser, html, "#hour=12", files, &script);
     println!("{found:#}");
     // In codes of 255, over pixels whose surroundings are one surface: of the dataset's own texels, and of what is decoded.
     assert!(number(&found["pixels"]) > 10_000.0, "{found:#}");
@@ -137,11 +157,52 @@ fn the_scene_looks_like_its_preview() {
     );
     assert!(number(&found["decoded"]["mean"]) < 4.0 && number(&found["decoded"]["p99"]) <= 40.0, "{found:#}");
     assert!(number(&found["exposure_off"]) < 0.15, "{found:#}");
-    // The page works: texels are told of, keys and buttons do what they say.
-    assert!(found["texel"].as_str().unwrap().contains("PSNR"), "{found:#}");
-    for key in ["plays", "steps", "views", "atlas", "pins", "black_is_told", "fits_a_phone"] {
+    assert!(number(&found["exposure_off_by_night"]) < 0.15, "{found:#}");
+    assert!(number(&found["exposure_off_in_black"]) < 0.15, "{found:#}");
+    assert_eq!(found["gl_error"], 0, "{found:#}");
+}
+
+/// What the page tells and shows is so, and its keys and buttons do what they say.
+fn works(browser: &str, html: &str, root: &Path, bundle: &Path) {
+    let dataset = Dataset::open_manifest(root).unwrap();
+    let sets = dataset.config.frames.len();
+    let maps = (0..sets).map(|set| dataset.map(set, 0).unwrap());
+    let light: Vec<u8> =
+        maps.flat_map(|map| map.texels.into_flattened()).flat_map(|e| e.to_le_bytes()).collect();
+    let [page] = &dataset.config.pages[..] else { panic!("{:?}", dataset.config.pages) };
+    let bits = 8 * std::fs::metadata(bundle).unwrap().len();
+    let bits = bits as f64 / f64::from(page.width * page.height) / sets as f64;
+    let files = BTreeMap::from([("light".to_owned(), light)]);
+    let found = run(browser, html, "#hour=12", files, include_str!("page.js"));
+    println!("{found:#}");
+    for key in [
+        "opens",
+        "bits",
+        "snaps",
+        "steps_by_references",
+        "plays_by_references",
+        "waits",
+        "late",
+        "keeps",
+        "steps",
+        "plays",
+        "pauses",
+        "atlas",
+        "picks",
+        "pins",
+        "fits_a_phone",
+    ] {
         assert_eq!(found[key], json!(true), "{key}: {found:#}");
     }
+    for (view, off) in found["views"].as_object().unwrap() {
+        // In codes of 255.
+        let most = if view.contains("difference") { 2.0 } else { 0.5 };
+        assert!(number(off) < most, "{view}: {found:#}");
+    }
+    let says = |key: &str, what: &str| assert!(found[key].as_str().unwrap().contains(what), "{found:#}");
+    says("texel", "PSNR");
+    says("facts", "no texels");
+    says("facts", &format!(" {bits:.3} bits per texel and set"));
     assert_eq!(found["gl_error"], 0, "{found:#}");
 }
 
