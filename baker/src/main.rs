@@ -3,10 +3,11 @@
 use baker::bake::charts::Charts;
 use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
+use baker::bake::local::Local;
 use baker::bake::plan::hour;
 use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
-use baker::bake::views::in_words;
+use baker::bake::views;
 use baker::light::extra_times::{self, percent};
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};
@@ -92,9 +93,9 @@ struct Args {
     /// [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// Stop where the relative standard error of 16×16 texels is below this at every moment, e.g. 2% (of their own light, or of a
-    /// tenth of the moment's mean where they are darker), and the squares around them together too. Light that hardly any sample finds,
-    /// as through a little hole, may be missed.
+    /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%: the standard error relative to
+    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too.
+    /// Light that hardly any sample finds, as through a little hole, may be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
@@ -129,7 +130,7 @@ Examples:
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
   bake scenes/yard.toml --extra-times 12           closer to dawn and dusk; 0 for the hours and the switches alone
-  bake scenes/yard.toml --target-error 2% --time-limit 5m   whichever is reached first
+  bake scenes/yard.toml --target-error 5% --time-limit 5m   whichever is reached first
   bake scenes/yard.toml --indirect                 without the sun's direct light, for games that draw it themselves
   bake scenes/yard.toml --transfer                 its surfaces lit by spherical harmonics, into dataset/yard-transfer
   bake scenes/yard.toml --plan                     what would run, what is left out and why
@@ -137,7 +138,8 @@ Examples:
   bake new models/house.glb                        a scene file for a model (bake new --help)
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
-mean_samples, layers (traced, reused), relative_error (median over tile and set), out_of_time, seconds, rays, rounds (error
+mean_samples, layers (traced, reused), relative_error (median over tile and set), local (error of cells of 16×16 texels relative to the light there:
+all, sets, worst_set, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
@@ -238,7 +240,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     // What leads a report folds the rest of it.
     let fold = |section: Section| if args.compress { section.folded() } else { section };
     report.push(fold(report::preview::section(&set)?));
-    report.push(fold(baker::report::section(&outcome)));
+    report.push(fold(baker::report::section(&outcome, &set)?));
     let path = outcome.dataset.join(REPORT);
     // Nothing new: a report that stands there may tell more, of the compressor too.
     if args.compress || !outcome.up_to_date || !path.exists() {
@@ -359,7 +361,7 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
         bytes(forecast.work_bytes),
         bytes(forecast.memory_bytes)
     ));
-    in_words(&forecast.views, forecast.lit_tiles)
+    views::in_words(&forecast.views, forecast.lit_tiles)
         .into_iter()
         .for_each(|what| console.print(format!("  {what}")));
     if forecast.open == Some(0) {
@@ -381,10 +383,21 @@ fn bytes(bytes: u64) -> String {
     if value < 9.95 { format!("{value:.1} {name}") } else { format!("{value:.0} {name}") }
 }
 
+/// Such as `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the cells`.
+fn in_words(local: &Local) -> String {
+    let percent = |share: f64| format!("{:.1}", share * 100.0);
+    format!(
+        "{} % in the median cell, at most {} % in 95 of 100; over 5 / 10 / 20 %: {} % of the cells",
+        percent(local.median),
+        percent(local.p95),
+        local.over.map(percent).join(" / ")
+    )
+}
+
 /// The run in a few lines; `is_checked`: a check was asked for.
 fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
     console.say(format!(
-        "{}{}: {} of {}{} × {} texels{}, estimated relative error {:.2} % (median over tiles and sets)",
+        "{}{}: {} of {}{} × {} texels{}{}",
         outcome.dataset.display(),
         if outcome.up_to_date { " already holds this bake (--force bakes it again)" } else { "" },
         count(outcome.sets, "set"),
@@ -392,7 +405,7 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
         outcome.size[0],
         outcome.size[1],
         if outcome.up_to_date { String::new() } else { format!(" in {:.1} s", outcome.seconds) },
-        outcome.relative_error * 100.0
+        outcome.local.all.map_or(String::new(), |local| format!(", local error {}", in_words(&local)))
     ));
     // What was said when it was baked need not be said again; a check that was asked for is an answer.
     if outcome.up_to_date && !is_checked {
@@ -404,6 +417,10 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
     if let Some(open) = outcome.rounds.last().map(|r| r.open_cells).filter(|&open| open > 0) {
         console.say(format!("  above the target error: {} of 16×16 texels", count(open, "cell")));
     }
+    if let Some((hour, local)) = outcome.worst_hour() {
+        console.say(format!("  worst at {hour:.2} h: {}", in_words(&local)));
+    }
+    outcome.local.advice.iter().for_each(|what| console.say(format!("  {what}")));
     if let Some(check) = &outcome.check {
         let known = check.sets.iter().filter_map(|set| Some((set.true_error?, set)));
         if let Some((true_error, worst)) = known.max_by(|a, b| a.0.total_cmp(&b.0)) {

@@ -1,29 +1,134 @@
 //! The bake's part of a report: error against run time, what was done, what was left out.
 
+use crate::Result;
 use crate::bake::check::{Check, SetCheck};
-use crate::bake::rounds::Round;
+use crate::bake::local::{LEAST, Local, PICTURE_STEP, VISIBLE};
 use crate::bake::run::{Integrator, Outcome};
+use crate::bake::standing::ERRORS;
+use crate::bake::state::CELL;
 use dataset::console::count;
+use dataset::image::Image;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
+use dataset::report::scene::PICTURE;
+use dataset::store::Dataset;
+use dataset::view::View;
 
-/// Error against run time.
+/// Local error against run time.
 fn error_plot(outcome: &Outcome) -> Plot {
-    let line = |name: &str, value: fn(&Round) -> f64| {
-        (name.to_owned(), outcome.rounds.iter().map(|r| (r.seconds, value(r) * 100.0)).collect())
+    let line = |name: &str, value: fn(&Local) -> f64| {
+        let points =
+            outcome.rounds.iter().filter_map(|r| Some((r.seconds, value(r.local.as_ref()?) * 100.0)));
+        (name.to_owned(), points.collect())
     };
     Plot {
-        title: "Estimated error of tiles against run time".to_owned(),
+        title: "Estimated local error against run time".to_owned(),
         x: "seconds of tracing".to_owned(),
-        y: "relative error, %".to_owned(),
+        y: "error of cells, %".to_owned(),
         log_x: true,
         log_y: true,
         lines: vec![
-            line("median over (tile, set)", |r| r.median_error),
-            line("95th percentile", |r| r.p95_error),
-            line("worst", |r| r.worst_error),
+            line("median cell", |local| local.median),
+            line("95 % of cells", |local| local.p95),
+            line("worst cell", |local| local.worst),
         ],
     }
+}
+
+/// What cells of 16×16 texels are wrong by, hour by hour, and where.
+fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Result<()> {
+    section.subheading("Local error");
+    section.paragraph(&format!(
+        "The estimated standard error of cells of 16×16 texels, each texel relative to the mean light of its chart's part of the cell: what \
+         shows as blotches. Light that is darker than 1/{:.0} of the median of what is seen from there, or than {:.0} µlx, counts as that bright. \
+         Cells count by their texels. The bias of the cache is not in it (--check measures it).",
+        1.0 / VISIBLE,
+        LEAST * 1e9
+    ));
+    if let Some(picture) = error_picture(outcome, dataset)? {
+        section.row(&[picture]);
+        section.paragraph(
+            "Where it is, at the worst hour: blue 1 % or less, green 3 %, yellow 5 %, red 10 %, white 30 % or more; grey has no texels or no light.",
+        );
+    }
+    section.plot(&error_plot(outcome));
+    outcome.local.advice.iter().for_each(|what| {
+        section.paragraph(&format!("{}.", capitalised(what)));
+    });
+    let percent = |v: f64| format!("{:.1}", v * 100.0);
+    let row = |hour: String, local: &Option<Local>| match local {
+        None => vec![hour, "no light".to_owned()],
+        Some(Local { median, p95, worst, over }) => [median, p95, worst]
+            .into_iter()
+            .chain(over)
+            .map(|v| percent(*v))
+            .fold(vec![hour], |mut row, cell| {
+                row.push(cell);
+                row
+            }),
+    };
+    let hours = outcome.hours.iter().zip(&outcome.local.sets);
+    let rows: Vec<_> = std::iter::once(row("all".to_owned(), &outcome.local.all))
+        .chain(hours.map(|(hour, local)| row(format!("{hour:.2}"), local)))
+        .collect();
+    section.table(
+        &[
+            "hour",
+            "median cell, %",
+            "95 % of cells, %",
+            "worst, %",
+            "cells over 5 %, %",
+            "over 10 %",
+            "over 20 %",
+        ],
+        &rows,
+    );
+    Ok(())
+}
+
+/// The scene in colours of the local errors at the worst hour; `None` where it cannot be shown.
+fn error_picture(outcome: &Outcome, dataset: &Dataset) -> Result<Option<(String, Vec<Vec<u8>>)>> {
+    let Some((hour, _)) = outcome.worst_hour() else { return Ok(None) };
+    let config = &dataset.config;
+    // (What is wrong with the geometry is told where the scene is shown.)
+    let Ok(Some(view)) = View::of(dataset, PICTURE) else { return Ok(None) };
+    let Ok(errors) = image::open(dataset.root.join(ERRORS)) else { return Ok(None) };
+    let errors = errors.to_luma8();
+    let heights: Vec<usize> = config.pages.iter().map(|page| page.height as usize).collect();
+    let light = view.light(config, |page, rows| {
+        let (width, first) = (config.pages[page].width as usize, heights[..page].iter().sum::<usize>());
+        let texel = |x: usize, y: usize| {
+            let code = errors
+                .get_pixel_checked((x / CELL) as u32, ((first + y) / CELL) as u32)
+                .map_or(0, |p| p.0[0]);
+            colour(f64::from(code) * PICTURE_STEP)
+        };
+        let texels =
+            rows.clone().flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
+        Ok(Image { width, height: rows.len(), texels })
+    })?;
+    Ok(Some((format!("{hour} h"), vec![view.to_map(&light)])))
+}
+
+/// The colour of an error: on a logarithmic scale from 1 to 30 %.
+fn colour(error: f64) -> [f32; 3] {
+    const STOPS: [(f64, [f32; 3]); 5] = [
+        (0.01, [0.03, 0.08, 0.5]),
+        (0.03, [0.03, 0.45, 0.2]),
+        (0.05, [0.9, 0.75, 0.05]),
+        (0.1, [0.75, 0.04, 0.02]),
+        (0.3, [1.0, 1.0, 1.0]),
+    ];
+    if error <= 0.0 {
+        return [0.1; 3];
+    }
+    let above = STOPS.iter().position(|(stop, _)| error < *stop).unwrap_or(STOPS.len());
+    let Some(((low, a), (high, b))) = above.checked_sub(1).and_then(|i| Some((STOPS[i], *STOPS.get(above)?)))
+    else {
+        return STOPS[above.min(STOPS.len() - 1)].1;
+    };
+    let share = ((error / low).ln() / (high / low).ln()) as f32;
+    std::array::from_fn(|c| a[c] + share * (b[c] - a[c]))
 }
 
 /// Where light was lost or gained beyond chance, by the light of the texels concerned, in words.
@@ -75,6 +180,25 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
         ],
         &rows,
     );
+    section.paragraph(
+        "Estimated ÷ measured error by brightness: the checked texels sorted into eighths; in brackets the measured one, root mean \
+         square ÷ the light of the eighth, in %; ± the standard error of the ratio. Below 1 the estimate does not tell all: what it lacks is \
+         bias. As many texels of each octave of light were chosen as there are.",
+    );
+    let row = |s: &SetCheck| {
+        let cell = |place| match s.told.iter().find(|told| told.place == place) {
+            Some(told) => match (told.ratio(), told.measured, told.standard_error) {
+                (Some(ratio), Some(measured), Some(error)) => {
+                    format!("{ratio:.2} ± {:.2} ({:.1})", ratio * error, measured * 100.0)
+                }
+                _ => format!("below the noise ({:.1} estimated)", told.estimated * 100.0),
+            },
+            None => "–".to_owned(),
+        };
+        std::iter::once(hour(s.set)).chain((0..8).map(cell)).collect()
+    };
+    let rows: Vec<Vec<String>> = check.sets.iter().map(row).collect();
+    section.table(&["hour", "darkest", "2", "3", "4", "5", "6", "7", "brightest"], &rows);
     section.paragraph(&format!(
         "Light lost (−) or gained (+) by brightness: the checked texels sorted into eighths, the difference summed over each ÷ the \
          light there, in %, ± its standard error, from the scatter of the texels (too small where a few of them hold most of the \
@@ -98,7 +222,10 @@ fn capitalised(text: &str) -> String {
 }
 
 /// The section of a bake.
-pub fn section(outcome: &Outcome) -> Section {
+///
+/// # Errors
+/// As reading the dataset's geometry.
+pub fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
     let mut section = Section::new("Bake");
     let how = match outcome.integrator {
         Integrator::Cached => {
@@ -116,9 +243,7 @@ pub fn section(outcome: &Outcome) -> Section {
         outcome.rounds.last().map_or(0.0, |r| r.seconds),
         outcome.relative_error * 100.0
     ));
-    if !outcome.rounds.is_empty() {
-        section.plot(&error_plot(outcome));
-    }
+    add_local(&mut section, outcome, dataset)?;
     if let Some(check) = &outcome.check {
         add_check(&mut section, outcome, check);
     }
@@ -151,5 +276,21 @@ pub fn section(outcome: &Outcome) -> Section {
         section.paragraph("Warnings:");
         section.list(&outcome.warnings);
     }
-    section
+    Ok(section)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_go_from_blue_to_white_without_a_step() {
+        assert_eq!(colour(0.0), [0.1; 3]);
+        assert_eq!(colour(0.004), colour(0.01));
+        assert_eq!(colour(0.5), [1.0; 3]);
+        for (from, to) in (40..700).map(|i| (f64::from(i) * 5e-4, f64::from(i + 1) * 5e-4)) {
+            let [a, b] = [from, to].map(colour);
+            assert!((0..3).all(|c| (a[c] - b[c]).abs() < 0.08), "{from}: {a:?} {b:?}");
+        }
+    }
 }

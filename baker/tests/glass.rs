@@ -292,7 +292,7 @@ fn a_portal_looks_for_the_sky_through_glass() {
     quad(&mut g, vec3(-0.5, 1.0, -0.5), Vec3::X, Vec3::Z, 1);
     let (a, root) = (0.5f32, (1.0f32 + 0.25).sqrt());
     let closed_form = PI * 4.0 * 2.0 * (a / root * (a / root).atan()) / (2.0 * PI);
-    let portal = Portal { corner: dvec3(-0.5, 1.0, -0.5), edge_u: DVec3::X, edge_v: DVec3::Z };
+    let portal = Portal { corner: dvec3(-0.5, 1.0, -0.5), edge_u: DVec3::X, edge_v: DVec3::Z, room: None };
     let scene = Scene {
         name: "portal".to_owned(),
         description: String::new(),
@@ -305,6 +305,7 @@ fn a_portal_looks_for_the_sky_through_glass() {
         ground: None,
         ground_is_written: false,
         portals: vec![portal],
+        find_portals: false,
         objects: Vec::new(),
         groups: Vec::new(),
         lights: Default::default(),

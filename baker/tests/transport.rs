@@ -490,6 +490,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
         ground: None,
         ground_is_written: false,
         portals,
+        find_portals: false,
         objects: Vec::new(),
         groups: Vec::new(),
         lights: Default::default(),
@@ -531,7 +532,7 @@ const WINDOW: [DVec3; 4] =
     [dvec3(-0.2, 0.0, 1.0), dvec3(0.3, 0.0, 1.0), dvec3(0.3, 0.5, 1.0), dvec3(-0.2, 0.5, 1.0)];
 
 fn window_portal() -> Portal {
-    Portal { corner: WINDOW[0], edge_u: WINDOW[1] - WINDOW[0], edge_v: WINDOW[3] - WINDOW[0] }
+    Portal { corner: WINDOW[0], edge_u: WINDOW[1] - WINDOW[0], edge_v: WINDOW[3] - WINDOW[0], room: None }
 }
 
 #[test]
@@ -552,7 +553,8 @@ fn a_portal_changes_the_noise_and_not_the_light() {
 
 #[test]
 fn portals_that_miss_the_opening_or_overlap_change_no_light() {
-    let aside = Portal { corner: dvec3(-0.9, -0.5, 1.0), edge_u: DVec3::X * 0.9, edge_v: DVec3::Y * 0.7 };
+    let aside =
+        Portal { corner: dvec3(-0.9, -0.5, 1.0), edge_u: DVec3::X * 0.9, edge_v: DVec3::Y * 0.7, room: None };
     let scene = skies(
         Sky::Constant { radiance: DVec3::splat(2.0) },
         vec![aside, window_portal(), window_portal(), aside],

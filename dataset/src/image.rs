@@ -174,12 +174,10 @@ pub(crate) fn read_png_of(
 }
 
 /// `width · height` samples of the colour type as a PNG file.
-pub(crate) fn encode_png(
-    samples: &[u8],
-    width: usize,
-    height: usize,
-    colour: image::ExtendedColorType,
-) -> Vec<u8> {
+///
+/// # Panics
+/// If there are more or fewer samples.
+pub fn encode_png(samples: &[u8], width: usize, height: usize, colour: image::ExtendedColorType) -> Vec<u8> {
     encode_png_by(samples, width, height, colour, image::codecs::png::FilterType::Adaptive)
 }
 

@@ -1,8 +1,10 @@
 //! From layers to a dataset: layers dilated and stitched, every frame the float sum of its layers.
 
+use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
 use super::layers::{Layers, Part, Texel};
+use super::local::{Local, OVER, Pieces, Places};
 use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};
@@ -28,6 +30,10 @@ pub struct Assembler<'a> {
     /// Per layer of the plan, its digest.
     digests: &'a [String],
     texels: Vec<Texel>,
+    /// Per texel, the sum of all layers.
+    light: Vec<f32>,
+    places: &'a Places,
+    pieces: Pieces,
     /// Valid texels of the virtual page.
     mask: Mask,
     dilation: Dilation,
@@ -55,6 +61,10 @@ pub struct Stored {
     pub noise: FileRef,
     /// Error and light per tile and set.
     pub errors: Errors,
+    /// Local errors of all sets together, and of each; `None` without light.
+    pub local: (Option<Local>, Vec<Option<Local>>),
+    /// Where they are greatest, at the set whose 95th percentile is.
+    pub worst: Option<WorstSet>,
     /// Valid texels.
     pub valid_texels: usize,
     /// Texels taken out because they lie inside solids.
@@ -63,6 +73,17 @@ pub struct Stored {
     pub unlit_texels: usize,
     /// Number of seam edges, and the jump across them before and after stitching, in the set with most light.
     pub seams: Option<(usize, Jump, Jump)>,
+}
+
+/// The set with the greatest local errors.
+#[derive(Clone, Debug)]
+pub struct WorstSet {
+    /// Which.
+    pub set: usize,
+    /// Per cell its local error, row by row.
+    pub errors: Vec<f64>,
+    /// Of its layers, each with its share of the squared error in the cells with more than the first of [`OVER`]; the greatest first.
+    pub causes: Vec<(usize, f64)>,
 }
 
 /// Which part of each light of a scene lightmaps hold.
@@ -98,18 +119,19 @@ impl<'a> Assembler<'a> {
         layers: &'a Layers,
         digests: &'a [String],
         texels: Vec<Texel>,
+        places: &'a Places,
         padding: u32,
     ) -> Result<Self> {
         let (width, height) = (atlas.width as usize, atlas.height as usize);
-        let mut lit = vec![false; texels.len()];
+        let mut light = vec![0.0f32; texels.len()];
         // (By all that is kept, so that the mask does not hang on which part of a light lightmaps hold.)
         for (layer, digest) in digests.iter().enumerate() {
-            for (lit, value) in lit.iter_mut().zip(layers.read_sum(digest, plan.parts_of(layer))?) {
-                *lit |= value.mean != Rgb::ZERO;
+            for (light, value) in light.iter_mut().zip(layers.read_sum(digest, plan.parts_of(layer))?) {
+                *light += value.mean.element_sum();
             }
         }
         let exposed: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].exposed == 1).collect();
-        let (lit, dark): (Vec<usize>, Vec<usize>) = exposed.iter().partition(|&&i| lit[i]);
+        let (lit, dark): (Vec<usize>, Vec<usize>) = exposed.iter().partition(|&&i| light[i] > 0.0);
         let place = |&i: &usize| texels[i].index as usize;
         let owners = Owners::new(atlas);
         let mut mask = Mask { width, height, valid: vec![false; width * height] };
@@ -121,12 +143,16 @@ impl<'a> Assembler<'a> {
         let buried_texels = texels.len() - exposed.len();
         let dilation = Dilation::new(&mask, &owners, padding.max(LEAST_FILLED));
         let seams = Seams::new(geometry, atlas, &mask);
+        let pieces = Pieces::of_texels(places, width, texels.iter().map(|texel| texel.index as usize));
         Ok(Assembler {
             plan,
             atlas,
             layers,
             digests,
             texels,
+            light,
+            places,
+            pieces,
             mask,
             dilation,
             seams,
@@ -135,10 +161,11 @@ impl<'a> Assembler<'a> {
         })
     }
 
-    /// The valid texels, by their places among the covered ones, which is where layers hold them, each with its index on the page.
-    pub fn valid_texels(&self) -> impl Iterator<Item = (usize, u32)> {
-        let is_valid = |(_, texel): &(usize, &Texel)| self.mask.valid[texel.index as usize];
-        self.texels.iter().enumerate().filter(is_valid).map(|(place, texel)| (place, texel.index))
+    /// The valid texels, by their places among the covered ones, which is where layers hold them, each with its index on the page and the
+    /// sum of its light in all layers.
+    pub fn valid_texels(&self) -> impl Iterator<Item = (Chosen, f32)> {
+        let valid = self.texels.iter().enumerate().filter(|(_, texel)| self.mask.valid[texel.index as usize]);
+        valid.map(|(place, texel)| (Chosen { place, index: texel.index }, self.light[place]))
     }
 
     /// A part of a layer as an image of the virtual page, dilated and, if asked, stitched.
@@ -251,10 +278,19 @@ impl<'a> Assembler<'a> {
         let (mut suns, mut skies) = (empty(Light::Sun, sun_parts), empty(Light::Sky, sky_parts));
         let mut frames = Vec::new();
         let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.moments.len());
+        let (mut all_cells, mut of_sets, mut worst) = (Vec::new(), Vec::new(), None);
         // Local light stays the same over many moments.
         let (mut local, mut local_of): (Image, Vec<usize>) = (black.clone(), Vec::new());
         for (i, moment) in self.plan.moments.iter().enumerate() {
-            self.add_errors(i, &mut errors)?;
+            let cells = self.add_errors(i, &mut errors)?;
+            let (of_cells, of_set) = self.places.judge(&cells);
+            all_cells.extend(
+                of_cells.iter().zip(&cells).map(|(error, sums)| (*error as f32, sums.values as u32 / 3)),
+            );
+            if of_set.is_some_and(|local| worst.as_ref().is_none_or(|(most, _, _)| local.p95 > *most)) {
+                worst = of_set.map(|local| (local.p95, i, of_cells));
+            }
+            of_sets.push(of_set);
             let hour = format!("{:07.4}", moment.hour);
             let stem = |light: Light| {
                 let hour = hour.clone();
@@ -305,6 +341,11 @@ impl<'a> Assembler<'a> {
             unlit_texels: self.unlit_texels,
             seams: self.jumps(&errors)?,
             errors,
+            local: (
+                Local::of(all_cells.into_iter().map(|(error, n)| (f64::from(error), u64::from(n)))),
+                of_sets,
+            ),
+            worst: worst.map(|(_, set, errors)| self.worst(set, errors)).transpose()?,
         })
     }
 
@@ -322,26 +363,52 @@ impl<'a> Assembler<'a> {
             .collect()
     }
 
-    /// The errors of a moment, tile by tile, from those of its layers.
-    fn add_errors(&self, moment: usize, errors: &mut Errors) -> Result<()> {
+    /// Adds the errors of a moment, tile by tile, from those of its layers; its sums cell by cell.
+    fn add_errors(&self, moment: usize, errors: &mut Errors) -> Result<Vec<Sums>> {
         let mut sum = vec![(Rgb::ZERO, Rgb::ZERO); self.texels.len()];
         for layer in self.plan.layers_of(moment) {
-            let scale = self.plan.scale_of(layer);
-            let parts = self.plan.held_parts_of(layer);
-            for (sum, value) in sum.iter_mut().zip(self.layers.read_sum(&self.digests[layer], parts)?) {
-                sum.0 += value.mean * scale;
-                sum.1 += value.error * scale;
-            }
+            self.add_values(layer, &mut sum)?;
         }
-        for (texel, (mean, error)) in self.texels.iter().zip(sum) {
-            let index = texel.index as usize;
-            if self.mask.valid[index] {
-                let mut sums = Sums::default();
-                sums.add_texel(mean, error);
-                errors.add(moment, index % self.mask.width, index / self.mask.width, &sums);
-            }
+        let is_valid = |texel: usize| self.mask.valid[self.texels[texel].index as usize];
+        for texel in (0..sum.len()).filter(|&texel| is_valid(texel)) {
+            let index = self.texels[texel].index as usize;
+            let mut sums = Sums::default();
+            sums.add_texel(sum[texel].0, sum[texel].1);
+            errors.add(moment, index % self.mask.width, index / self.mask.width, &sums);
+        }
+        let mut cells = vec![Sums::default(); self.places.grid().cells()];
+        self.pieces.add_some(|texel| is_valid(texel).then_some(sum[texel]), &mut cells);
+        Ok(cells)
+    }
+
+    /// Adds what lightmaps hold of a layer, and its error.
+    fn add_values(&self, layer: usize, sum: &mut [(Rgb, Rgb)]) -> Result<()> {
+        let (scale, parts) = (self.plan.scale_of(layer), self.plan.held_parts_of(layer));
+        for (sum, value) in sum.iter_mut().zip(self.layers.read_sum(&self.digests[layer], parts)?) {
+            sum.0 += value.mean * scale;
+            sum.1 += value.error * scale;
         }
         Ok(())
+    }
+
+    /// What the errors of a set come from.
+    fn worst(&self, set: usize, errors: Vec<f64>) -> Result<WorstSet> {
+        let mut causes = Vec::new();
+        for layer in self.plan.layers_of(set) {
+            let mut light = vec![(Rgb::ZERO, Rgb::ZERO); self.texels.len()];
+            self.add_values(layer, &mut light)?;
+            let is_missed = |index: usize| {
+                let cell = self.places.grid().at(index % self.mask.width, index / self.mask.width);
+                self.mask.valid[index] && errors[cell] > OVER[0]
+            };
+            let missed = self.texels.iter().zip(&light).filter(|(texel, _)| is_missed(texel.index as usize));
+            causes
+                .push((layer, missed.map(|(_, (_, error))| error.as_dvec3().length_squared()).sum::<f64>()));
+        }
+        let all: f64 = causes.iter().map(|(_, squared)| squared).sum();
+        causes.iter_mut().for_each(|(_, squared)| *squared /= all.max(f64::MIN_POSITIVE));
+        causes.sort_by(|a, b| b.1.total_cmp(&a.1));
+        Ok(WorstSet { set, errors, causes })
     }
 
     /// Mean squared errors `[set][page][tile]`.

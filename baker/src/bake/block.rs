@@ -29,6 +29,8 @@ pub enum Stream {
     Trial = 12,
     /// How much of the sun is seen.
     Visibility = 14,
+    /// What is seen from a cell.
+    Look = 16,
 }
 
 /// What blocks are worked on with.

@@ -16,6 +16,8 @@ use dataset::console::{Console, stop_if_interrupted};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Texels that are checked.
 pub const TEXELS: usize = 512;
@@ -53,6 +55,31 @@ pub struct SetCheck {
     pub own_reference_error: f64,
     /// The texels by eighths, the darkest first; those in which the reference finds no light are left out.
     pub eighths: Vec<Eighth>,
+    /// The errors by eighths, the darkest first.
+    #[serde(default)]
+    pub told: Vec<Told>,
+}
+
+/// The errors of an eighth of the checked texels, relative to its mean light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Told {
+    /// 0 the darkest, 7 the brightest.
+    pub place: usize,
+    /// Mean reference light.
+    pub light: f64,
+    /// Root mean square of the errors that the bake estimates.
+    pub estimated: f64,
+    /// Root mean square of the true ones, the reference's noise taken out; `None` where they are below that.
+    pub measured: Option<f64>,
+    /// Standard error of the ratio estimated ÷ measured, as a part of it; `None` like that.
+    pub standard_error: Option<f64>,
+}
+
+impl Told {
+    /// Estimated ÷ measured.
+    pub fn ratio(&self) -> Option<f64> {
+        self.measured.map(|measured| self.estimated / measured)
+    }
 }
 
 /// An eighth of the checked texels: those of like brightness.
@@ -126,30 +153,58 @@ pub struct Chosen {
     pub index: u32,
 }
 
-/// Chooses [`TEXELS`] of the valid texels (place and index of each) by the seed.
+/// Chooses [`TEXELS`] of the valid texels, each given with its light, by the seed: as many of every octave of light, so that a dark room
+/// counts as much as the field around it.
 ///
 /// All that are valid may be chosen, those too at which the bake found no light: that may be its error. Where the reference finds
 /// none either they say nothing and do no harm, for errors are relative to the mean over all of them, or to the light of an eighth.
 /// Texels that are not valid have no light to compare: they show their neighbours'.
-pub fn choose(valid: impl Iterator<Item = (usize, u32)>, seed: u64) -> Vec<Chosen> {
-    // Those whose hashes are smallest; never many more are held than are wanted.
-    let hashed = |(place, index): (usize, u32)| {
-        let hash = blake3::hash(&[seed.to_le_bytes(), u64::from(index).to_le_bytes()].concat());
-        (*hash.as_bytes(), Chosen { place, index })
-    };
-    let mut smallest: Vec<([u8; 32], Chosen)> = Vec::with_capacity(4 * TEXELS);
-    let keep = |smallest: &mut Vec<([u8; 32], Chosen)>| {
-        smallest.sort_unstable_by_key(|(hash, _)| *hash);
-        smallest.truncate(TEXELS);
-    };
-    for texel in valid.map(hashed) {
-        smallest.push(texel);
-        if smallest.len() == 4 * TEXELS {
-            keep(&mut smallest);
+pub fn choose(valid: impl Iterator<Item = (Chosen, f32)>, seed: u64) -> Vec<Chosen> {
+    /// Octaves that hold a smaller part of the texels count as one with the next brighter: creases, which nobody sees.
+    const FEWEST: f64 = 0.005;
+    #[derive(Default)]
+    struct Octave {
+        texels: usize,
+        smallest: Vec<([u8; 32], Chosen)>,
+    }
+    impl Octave {
+        fn keep(&mut self) {
+            self.smallest.sort_unstable_by_key(|(hash, _)| *hash);
+            self.smallest.truncate(TEXELS);
         }
     }
-    keep(&mut smallest);
-    smallest.into_iter().map(|(_, chosen)| chosen).collect()
+    // Of each octave those whose hashes are smallest; never many more are held than are wanted.
+    let mut octaves: BTreeMap<i32, Octave> = BTreeMap::new();
+    for (chosen, light) in valid {
+        let hash = blake3::hash(&[seed.to_le_bytes(), u64::from(chosen.index).to_le_bytes()].concat());
+        let octave =
+            octaves.entry(if light > 0.0 { light.log2().floor() as i32 } else { i32::MIN }).or_default();
+        octave.texels += 1;
+        octave.smallest.push((*hash.as_bytes(), chosen));
+        if octave.smallest.len() == 4 * TEXELS {
+            octave.keep();
+        }
+    }
+    let all: usize = octaves.values().map(|octave| octave.texels).sum();
+    let (mut classes, mut left) = (Vec::new(), Octave::default());
+    let last = octaves.len();
+    for (k, octave) in octaves.into_values().enumerate() {
+        left.texels += octave.texels;
+        left.smallest.extend(octave.smallest);
+        if left.texels as f64 >= FEWEST * all as f64 || k + 1 == last {
+            left.keep();
+            classes.push(std::mem::take(&mut left).smallest);
+        }
+    }
+    let mut octaves = classes;
+    // Those with few give what they have; the others share what is left.
+    octaves.sort_by_key(Vec::len);
+    let (mut chosen, count) = (Vec::with_capacity(TEXELS), octaves.len());
+    for (k, octave) in octaves.into_iter().enumerate() {
+        let share = (TEXELS - chosen.len()) / (count - k);
+        chosen.extend(octave.into_iter().take(share).map(|(_, chosen)| chosen));
+    }
+    chosen
 }
 
 /// Checks the chosen texels. `layers` holds each layer's values in their order; `sets` are made of the worker's layers.
@@ -223,22 +278,71 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
         own_error: own(&difference),
         own_reference_error: own(&noise),
         eighths: eighths(texels),
+        told: told(texels),
     })
+}
+
+/// Errors as estimated and as they are, by eighths. (Sorted by what was baked, the darkest would be those that missed the light, and with it
+/// their own error.)
+fn told(texels: &[Checked]) -> Vec<Told> {
+    let sorted = sorted(texels);
+    let eighth = |place: usize| {
+        let texels: Vec<(&Checked, usize)> = [0, 1]
+            .into_iter()
+            .flat_map(|half| sorted[half][bounds(place, texels.len())].iter().map(move |t| (*t, 1 - half)))
+            .collect();
+        let n = texels.len() as f64;
+        // (Both halves hold much the same texels: as many say as much as one half of them.)
+        let moments = |f: &dyn Fn(&Checked, usize) -> f64| {
+            let mean = texels.iter().map(|(t, half)| f(t, *half)).sum::<f64>() / n;
+            let scatter = texels.iter().map(|(t, half)| (f(t, *half) - mean).powi(2)).sum::<f64>();
+            (mean, (scatter / (n * (n / 2.0 - 1.0))).sqrt())
+        };
+        let light = texels.iter().map(|(t, half)| t.halves[*half].element_sum()).sum::<f64>() / n / 3.0;
+        if texels.len() < 4 || light <= 0.0 {
+            return None;
+        }
+        let (estimated, estimated_error) = moments(&|t, _| t.estimated.length_squared() / 3.0);
+        let noise = |t: &Checked| (t.halves[0] - t.halves[1]).length_squared() / 2.0;
+        let (measured, measured_error) =
+            moments(&|t, half| ((t.baked - t.halves[half]).length_squared() - noise(t)) / 3.0);
+        // (Of a square root half of the part.)
+        let part = |value: f64, error: f64| if value > 0.0 { error / value / 2.0 } else { 0.0 };
+        let is_known = measured > 2.0 * measured_error;
+        Some(Told {
+            place,
+            light,
+            estimated: estimated.sqrt() / light,
+            measured: is_known.then(|| measured.sqrt() / light),
+            standard_error: is_known
+                .then(|| part(estimated, estimated_error).hypot(part(measured, measured_error))),
+        })
+    };
+    (0..EIGHTHS).filter_map(eighth).collect()
+}
+
+/// The texels by the brightness of each half of the reference, the darkest first.
+fn sorted(texels: &[Checked]) -> [Vec<&Checked>; 2] {
+    [0, 1].map(|half: usize| {
+        let mut sorted: Vec<&Checked> = texels.iter().collect();
+        let brightness = |t: &Checked| t.halves[half].element_sum();
+        sorted.sort_by(|a, b| brightness(a).total_cmp(&brightness(b)));
+        sorted
+    })
+}
+
+/// The places of an eighth among sorted texels.
+fn bounds(place: usize, texels: usize) -> Range<usize> {
+    place * texels / EIGHTHS..(place + 1) * texels / EIGHTHS
 }
 
 /// The texels sorted by brightness and cut into eighths. Sorted and compared by the same noisy light, the darkest would be those
 /// whose reference came out too dark; so one half of the reference sorts and the other compares, and the other way round.
 fn eighths(texels: &[Checked]) -> Vec<Eighth> {
-    let sorted = [0, 1].map(|half: usize| {
-        let mut sorted: Vec<&Checked> = texels.iter().collect();
-        let brightness = |t: &Checked| t.halves[half].element_sum();
-        sorted.sort_by(|a, b| brightness(a).total_cmp(&brightness(b)));
-        sorted
-    });
-    let bounds = |place: usize| place * texels.len() / EIGHTHS..(place + 1) * texels.len() / EIGHTHS;
+    let sorted = sorted(texels);
     let eighth = |place: usize| {
         let [a, b] = [0, 1].map(|half: usize| {
-            let pairs = sorted[half][bounds(place)].iter();
+            let pairs = sorted[half][bounds(place, texels.len())].iter();
             ratio(pairs.map(|t| (t.baked.element_sum() / 3.0, t.halves[1 - half].element_sum() / 3.0)))
         });
         let ((light_a, a, error_a), (light_b, b, error_b)) = (a?, b?);
@@ -318,12 +422,17 @@ mod tests {
     /// A bake of 512 texels: three quarters a yard of light about 100, the rest a room of light about 1, of which the bake found
     /// the part `kept`. A tenth of noise in the bake, a fifth in each half of the reference.
     fn bake(seed: u64, kept: f64, room: f64) -> Vec<Checked> {
+        bake_checked_to(0.2, seed, kept, room)
+    }
+
+    /// The same, by a reference of that noise in each half.
+    fn bake_checked_to(reference: f64, seed: u64, kept: f64, room: f64) -> Vec<Checked> {
         let mut noise = Noise { seed, drawn: 0 };
         let texel = |i: usize| {
             let is_room = i.is_multiple_of(4);
             let light = if is_room { room } else { 100.0 } * (1.0 + (i % 7) as f64 * 0.05);
             let kept = if is_room { kept } else { 1.0 };
-            let half = |n: f64| DVec3::splat(light * (1.0 + 0.2 * n));
+            let half = |n: f64| DVec3::splat(light * (1.0 + reference * n));
             Checked {
                 baked: DVec3::splat(light * kept * (1.0 + 0.1 * noise.next())),
                 estimated: DVec3::splat(light * kept * 0.1),
@@ -334,14 +443,15 @@ mod tests {
     }
 
     #[test]
-    fn texels_are_chosen_by_their_hashes_from_all_that_are_valid() {
+    fn texels_are_chosen_by_their_hashes_as_many_of_each_octave() {
         let hash = |seed: u64, index: u32| {
             *blake3::hash(&[seed.to_le_bytes(), u64::from(index).to_le_bytes()].concat()).as_bytes()
         };
-        // Every third texel of a page is covered, every second of these valid.
-        let valid = || (0..40_000usize).step_by(2).map(|place| (place, 3 * place as u32));
+        let texel = |place: usize| Chosen { place, index: 3 * place as u32 };
+        // Every third texel of a page is covered, every second of these valid; all alike.
+        let valid = || (0..40_000usize).step_by(2).map(|place| (texel(place), 1.5));
         for seed in [1, 2] {
-            let mut expected: Vec<u32> = valid().map(|(_, index)| index).collect();
+            let mut expected: Vec<u32> = valid().map(|(chosen, _)| chosen.index).collect();
             expected.sort_by_key(|&index| hash(seed, index));
             let chosen = choose(valid(), seed);
             assert!(chosen.iter().all(|c| c.index == 3 * c.place as u32));
@@ -349,6 +459,32 @@ mod tests {
             assert_eq!(indices, expected[..TEXELS]);
         }
         assert_eq!(choose(valid().take(7), 1).len(), 7);
+        // A field, a room of one texel in forty, and five texels without light, which count as the room's.
+        let light = |place: usize| if place.is_multiple_of(40) { 1e-3 } else { 1.0 };
+        let house = (0..40_000).map(|place| (texel(place), if place < 5 { 0.0 } else { light(place) }));
+        let chosen = choose(house, 1);
+        let dark = chosen.iter().filter(|c| c.place < 5 || c.place.is_multiple_of(40)).count();
+        assert_eq!((dark, chosen.len()), (TEXELS / 2, TEXELS));
+    }
+
+    #[test]
+    fn errors_are_told_as_they_are_by_eighths() {
+        // All eighths of twenty bakes: the ratio is 1 on average, and within its own bounds as often as it should.
+        let (mut ratios, mut beyond) = (Vec::new(), 0);
+        for seed in 1..=20 {
+            for told in told(&bake_checked_to(0.05, seed, 1.0, 1.0)) {
+                let (Some(ratio), Some(error)) = (told.ratio(), told.standard_error) else { continue };
+                ratios.push(ratio.ln());
+                beyond += usize::from((ratio.ln() / error).abs() > 2.0);
+            }
+        }
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        assert!(ratios.len() > 150 && mean.abs() < 0.06, "{} {mean}", ratios.len());
+        assert!(beyond < ratios.len() / 6, "{beyond} of {}", ratios.len());
+        // Half of the room's light lost: there alone the truth is far above what is told.
+        let told = told(&bake_checked_to(0.05, 1, 0.5, 1.0));
+        assert!(told[0].ratio().is_some_and(|ratio| ratio < 0.2), "{told:?}");
+        assert!(told[7].ratio().is_some_and(|ratio| (0.5..2.0).contains(&ratio)), "{told:?}");
     }
 
     fn check_of(texels: &[Checked]) -> Check {

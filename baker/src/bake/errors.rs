@@ -3,10 +3,9 @@
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by ((A − B)/2)².
 //! (A running variance of low-discrepancy points would overestimate it.)
 
-use super::state::{BlockState, CELL, CELLS};
+use super::state::CELL;
 use crate::Rgb;
 use crate::surface::{BLOCK, BlockSurface};
-use crate::trace::lights::Lights;
 use dataset::metrics::relative_error;
 use dataset::tiles::TILE;
 
@@ -19,6 +18,8 @@ pub struct Sums {
     pub squared_error: f64,
     /// Sum of values.
     pub light: f64,
+    /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece ([`super::local`]); 0 where nobody asks for it.
+    pub local: f64,
 }
 
 impl Sums {
@@ -27,6 +28,7 @@ impl Sums {
         self.values += other.values;
         self.squared_error += other.squared_error;
         self.light += other.light;
+        self.local += other.local;
     }
 
     /// Adds a texel by its mean and its standard error.
@@ -58,34 +60,6 @@ pub struct Errors {
 
 /// The layers a set is made of, and what each is multiplied by.
 pub type Parts = Vec<(usize, Rgb)>;
-
-/// Per set, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
-pub fn of_block(
-    sets: &[Parts],
-    lights: &Lights,
-    surface: &BlockSurface,
-    state: &BlockState,
-) -> Vec<[Sums; CELLS]> {
-    let layers = lights.layers();
-    let mut cells = vec![[Sums::default(); CELLS]; sets.len()];
-    let (mut a, mut b) = (vec![Rgb::ZERO; layers], vec![Rgb::ZERO; layers]);
-    for (texel, place) in surface.covered().enumerate() {
-        if !state.is_exposed(texel) {
-            continue;
-        }
-        state.means(texel, 0, lights, &mut a);
-        state.means(texel, 1, lights, &mut b);
-        if a.iter().chain(&b).all(|v| *v == Rgb::ZERO) {
-            continue;
-        }
-        for (parts, cells) in sets.iter().zip(&mut cells) {
-            let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
-            let (a, b) = (sum(&a), sum(&b));
-            cells[cell_of(surface, place)].add_texel((a + b) * 0.5, (a - b) * 0.5);
-        }
-    }
-    cells
-}
 
 /// The cell of a texel (an index within the block, row by row).
 pub fn cell_of(surface: &BlockSurface, texel: usize) -> usize {

@@ -3,13 +3,14 @@
 use super::assemble::Stored;
 use super::charts::Counts;
 use super::forecast::density;
+use super::local::OVER;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
 use super::rounds::Traced;
 use crate::atlas::{Atlas, Skipped};
 use crate::geometry::Geometry;
 use crate::light::extra_times::percent;
-use crate::scene::Scene;
+use crate::scene::{Portal, Scene};
 use dataset::console::count;
 
 /// What may be wrong with a scene most of whose texels are of no use.
@@ -52,6 +53,40 @@ pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> 
     })
 }
 
+/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do. `samples`: those of the bake.
+pub fn advice(scene: &Scene, plan: &Plan, stored: &Stored, samples: u32) -> Option<String> {
+    let worst = stored.worst.as_ref()?;
+    let local = stored.local.1[worst.set].filter(|local| local.p95 > OVER[0])?;
+    let (layer, share) = *worst.causes.first()?;
+    let first_group = plan.suns.len() + plan.sky_hours.len();
+    let cause = if layer < plan.suns.len() {
+        "what surfaces reflect of the sun".to_owned()
+    } else if layer < first_group {
+        "the sky".to_owned()
+    } else {
+        format!("the light group {:?}", plan.groups[layer - first_group].name)
+    };
+    let remedy = match layer {
+        layer if layer >= first_group => {
+            " (light of a lamp behind a shade or around a corner comes by few paths)"
+        }
+        layer if layer >= plan.suns.len() && scene.portals.is_empty() => {
+            " (is it seen through openings that were not found? A [[portal]] in each sends samples there)"
+        }
+        _ => "",
+    };
+    // Errors fall with the square root of the samples.
+    let needed = f64::from(samples) * (local.p95 / OVER[0]).powi(2);
+    let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
+    Some(format!(
+        "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; --samples {needed} or --target-error 5% brings 95 % of the \
+         cells below 5 %",
+        hour(plan.moments[worst.set].hour),
+        percent(local.p95),
+        percent(share)
+    ))
+}
+
 /// The moments at which something shines and no light was found. Whether it is shut out or was missed, no estimate can tell.
 fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
     let is_unseen = |&set: &usize| !plan.layers_of(set).is_empty() && stored.errors.set(set).light <= 0.0;
@@ -73,6 +108,19 @@ pub fn unwrapped(charts: Counts) -> Option<String> {
     let Counts { made, kept } = charts;
     (kept > 0).then(|| {
         format!("charts kept from an earlier bake or plan: {}; {made} unwrapped", count(kept, "shape"))
+    })
+}
+
+/// The openings that were found, by which the sky is looked for; `None` without any.
+pub fn found_portals(portals: &[Portal]) -> Option<String> {
+    let size = |portal: &Portal| format!("{:.2} × {:.2} m", portal.edge_u.length(), portal.edge_v.length());
+    let sizes: Vec<String> = portals.iter().map(size).collect();
+    (!portals.is_empty()).then(|| {
+        format!(
+            "the sky is looked for through {} of {} (`find_portals = false` in [sky] does without; [[portal]] says where)",
+            count(portals.len(), "opening"),
+            sizes.join(", ")
+        )
     })
 }
 

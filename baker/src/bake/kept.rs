@@ -1,6 +1,8 @@
 //! Which of the layers that earlier bakes left serve this one.
 
+use super::errors::Sums;
 use super::layers::{Layers, Texel, Value};
+use super::local::{Pieces, Places};
 use super::open::OpenCells;
 use super::plan::Plan;
 use super::rounds::Traced;
@@ -24,17 +26,22 @@ pub fn missing_target(
     plan: &Plan,
     layers: &Layers,
     digests: &[String],
-    (width, height, texels): (usize, usize, &[Texel]),
+    (places, width, texels): (&Places, usize, &[Texel]),
     target: f64,
     traced: &Traced,
 ) -> Result<Vec<usize>> {
-    if traced.out_of_time || traced.rounds.last().is_none_or(|round| round.open_cells > 0) {
+    if traced.out_of_time || traced.rounds.last().is_none_or(|round| round.is_missed) {
         return Ok(Vec::new());
     }
     let mut is_lit = vec![false; texels.len()];
     for (layer, digest) in digests.iter().enumerate() {
         let values = layers.read_sum(digest, plan.held_parts_of(layer))?;
         is_lit.iter_mut().zip(values).for_each(|(lit, value)| *lit |= value.mean != Rgb::ZERO);
+    }
+    let pieces = Pieces::of_texels(places, width, texels.iter().map(|texel| texel.index as usize));
+    let mut exposed = vec![0; places.grid().cells()];
+    for texel in texels.iter().filter(|texel| texel.exposed == 1) {
+        exposed[places.grid().at(texel.index as usize % width, texel.index as usize / width)] += 1;
     }
     let mut found = BTreeSet::new();
     for moment in 0..plan.moments.len() {
@@ -52,10 +59,12 @@ pub fn missing_target(
                 sum.error += value.error * scale;
             }
         }
-        let place = |texel: &Texel| (texel.index as usize % width, texel.index as usize / width);
-        let exposed = (0..texels.len()).filter(|&i| texels[i].exposed == 1);
-        let judged = exposed.map(|i| (place(&texels[i]), is_lit[i].then_some((sum[i].mean, sum[i].error))));
-        if OpenCells::count_of_set((width, height), target, judged) > 0 {
+        let counted = |i: usize| (is_lit[i] && texels[i].exposed == 1).then_some((sum[i].mean, sum[i].error));
+        let mut cells = vec![Sums::default(); places.grid().cells()];
+        pieces.add_some(counted, &mut cells);
+        let mut open = OpenCells::none(places.grid());
+        open.judge(places, target, &cells, &exposed);
+        if !open.is_met() {
             found.extend(of_moment);
         }
     }

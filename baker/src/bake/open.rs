@@ -5,23 +5,24 @@
 //! of paths that this cell's have not found.
 
 use super::errors::Sums;
-use super::state::{CELL, CELLS};
-use crate::Rgb;
-use crate::surface::BLOCK;
+use super::local::{Grid, Places, error};
+use super::state::CELLS;
 
 /// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them after the first round.
 const REACH: usize = 2;
-/// What is darker than this part of its set's mean is judged as if it were as bright: by what is seen of its noise.
-const DARK: f64 = 0.1;
+/// A target is met where no more than this share of the texels lies in cells that miss it, in every set.
+const MISSED: f64 = 0.05;
 /// One texel in so many is hardly any.
 const HARDLY: u64 = 100;
 
 /// The cells of a page that miss the target, or near which light does.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OpenCells {
-    columns: usize,
+    grid: Grid,
     /// Row by row.
     open: Vec<bool>,
+    /// The largest share of a set's texels that lies in open cells.
+    pub missed: f64,
 }
 
 /// What is asked of a block.
@@ -38,108 +39,87 @@ pub struct Block<'a> {
 }
 
 impl OpenCells {
-    /// No cell of a page of so many texels.
-    pub fn none(width: usize, height: usize) -> Self {
-        let (columns, rows) = (width.div_ceil(BLOCK), height.div_ceil(BLOCK));
-        OpenCells { columns: columns * (BLOCK / CELL), open: vec![false; columns * rows * CELLS] }
+    /// No cell of a page.
+    pub fn none(grid: Grid) -> Self {
+        OpenCells { grid, open: vec![false; grid.cells()], missed: 0.0 }
     }
 
-    /// The cells that miss the `target` (a relative error) in one of the sets, of these mean values, by themselves or together with
-    /// those around them; one without exposed texels never. Together, errors count beside what is tolerated of the cell they are of, or
-    /// of the one that is judged, whichever is more: what is bright does not hide what its dim neighbours miss, nor go on for their
-    /// sake.
+    /// The cells that miss the `target` (a local error) in one of the sets, by themselves or together with those around them; one
+    /// without exposed texels never. Together, errors count beside what is tolerated of the cell they are of, or of the one that is
+    /// judged, whichever is more: what is bright does not hide what its dim neighbours miss, nor go on for their sake.
     /// Where no set has light yet, or hardly a texel has seen any, nearly all of it may be missing: all cells are open.
     pub fn find<'a>(
-        (width, height): (usize, usize),
+        places: &Places,
         target: f64,
-        set_means: &[f64],
+        sets: usize,
         blocks: impl Iterator<Item = Block<'a>> + Clone,
     ) -> Self {
-        let mut found = OpenCells::none(width, height);
-        let mut exposed = vec![0; found.open.len()];
+        let grid = places.grid();
+        let mut found = OpenCells::none(grid);
+        let mut exposed = vec![0; grid.cells()];
         let (mut texels, mut lit) = (0, 0);
         for block in blocks.clone() {
             for (cell, &n) in block.exposed.iter().enumerate() {
-                exposed[found.place(block.x0, block.y0, cell)] = n;
+                exposed[grid.of_block(block.x0, block.y0, cell)] = n;
                 texels += u64::from(n);
                 lit += block.sums.iter().map(|cells| cells[cell].values / 3).max().unwrap_or(0);
             }
         }
-        let is_dark = lit * HARDLY < texels || set_means.iter().all(|mean| *mean <= 0.0);
-        for (set, &mean) in set_means.iter().enumerate() {
-            let mut cells = vec![Sums::default(); found.open.len()];
+        let mut is_dark = true;
+        for set in 0..sets {
+            let mut cells = vec![Sums::default(); grid.cells()];
             for Block { x0, y0, sums, .. } in blocks.clone() {
-                (0..CELLS).for_each(|cell| cells[found.place(x0, y0, cell)] = sums[set][cell]);
+                (0..CELLS).for_each(|cell| cells[grid.of_block(x0, y0, cell)] = sums[set][cell]);
             }
-            found.judge(target, mean, &cells, &exposed);
+            is_dark &= cells.iter().all(|sums| sums.light <= 0.0);
+            found.judge(places, target, &cells, &exposed);
         }
-        if is_dark {
+        if is_dark || lit * HARDLY < texels {
             found.open.iter_mut().zip(exposed).for_each(|(open, exposed)| *open |= exposed > 0);
+            found.missed = 1.0;
         }
         found
     }
 
-    /// Opens the cells with exposed texels that miss the target in a set of this mean value.
-    fn judge(&mut self, target: f64, mean: f64, cells: &[Sums], exposed: &[u32]) {
-        let tolerated = |light: f64| target * light.max(DARK * mean);
+    /// Opens the cells with exposed texels that miss the target in a set.
+    pub fn judge(&mut self, places: &Places, target: f64, cells: &[Sums], exposed: &[u32]) {
+        let floors = places.floors(cells);
         // Of all exposed texels: where few have seen light, as of a keyhole, the others are owed some.
         let values: Vec<u64> = exposed.iter().map(|n| 3 * u64::from(*n)).collect();
-        let of_cell = |place: usize| tolerated(cells[place].light / values[place].max(1) as f64);
-        for place in (0..cells.len()).filter(|&place| mean > 0.0 && exposed[place] > 0) {
-            let alone = cells[place];
+        let of_cell =
+            |place: usize| target * (cells[place].light / values[place].max(1) as f64).max(floors[place]);
+        let (mut all_texels, mut missed) = (0, 0);
+        for place in (0..cells.len()).filter(|&place| exposed[place] > 0) {
             let (mut errors, mut all) = (0.0, 0);
             for near in self.around(place) {
                 errors += cells[near].squared_error / of_cell(near).max(of_cell(place)).powi(2);
                 all += values[near];
             }
-            self.open[place] |= alone.mse().sqrt() > tolerated(alone.mean()) || errors > all as f64;
+            let is_open = error(&cells[place], floors[place]) > target || errors > all as f64;
+            self.open[place] |= is_open;
+            all_texels += exposed[place];
+            missed += if is_open { exposed[place] } else { 0 };
         }
+        self.missed = self.missed.max(f64::from(missed) / f64::from(all_texels.max(1)));
     }
 
-    /// How many cells miss the target in a set, by each exposed texel's column, row, light and standard error; `None` where it has
-    /// seen none at any moment.
-    pub fn count_of_set(
-        (width, height): (usize, usize),
-        target: f64,
-        texels: impl Iterator<Item = ((usize, usize), Option<(Rgb, Rgb)>)>,
-    ) -> usize {
-        let mut found = OpenCells::none(width, height);
-        let mut cells = vec![Sums::default(); found.open.len()];
-        let mut exposed = vec![0; cells.len()];
-        let mut all = Sums::default();
-        for ((x, y), light) in texels {
-            exposed[found.cell_at(x, y)] += 1;
-            if let Some((mean, error)) = light {
-                cells[found.cell_at(x, y)].add_texel(mean, error);
-                all.add_texel(mean, error);
-            }
-        }
-        found.judge(target, all.mean(), &cells, &exposed);
-        found.count()
+    /// Whether the target is met: at every hour, at all but one texel in twenty.
+    pub fn is_met(&self) -> bool {
+        self.missed <= MISSED
     }
 
     /// A cell and those around it.
     fn around(&self, place: usize) -> impl Iterator<Item = usize> + use<> {
-        let (x, y, across) = (place % self.columns, place / self.columns, self.columns);
+        let across = self.grid.columns;
+        let (x, y) = (place % across, place / across);
         let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(across);
         let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(self.open.len() / across);
         rows.flat_map(move |y| columns.clone().map(move |x| y * across + x))
     }
 
-    /// Where a cell of the block whose top left texel is (x0, y0) stands.
-    fn place(&self, x0: usize, y0: usize, cell: usize) -> usize {
-        const ALONG: usize = BLOCK / CELL;
-        self.cell_at(x0 + cell % ALONG * CELL, y0 + cell / ALONG * CELL)
-    }
-
-    /// Where the cell of a texel stands.
-    fn cell_at(&self, x: usize, y: usize) -> usize {
-        y / CELL * self.columns + x / CELL
-    }
-
     /// The cells of a block.
     pub fn of_block(&self, x0: usize, y0: usize) -> [bool; CELLS] {
-        std::array::from_fn(|cell| self.open[self.place(x0, y0, cell)])
+        std::array::from_fn(|cell| self.open[self.grid.of_block(x0, y0, cell)])
     }
 
     /// How many there are.
@@ -152,9 +132,9 @@ impl OpenCells {
         self.open.iter().map(|open| u8::from(*open)).collect()
     }
 
-    /// What [`OpenCells::bytes`] gave for a page of so many texels; `None` where it does not fit.
-    pub fn from_bytes(width: usize, height: usize, bytes: &[u8]) -> Option<Self> {
-        let mut read = OpenCells::none(width, height);
+    /// What [`OpenCells::bytes`] gave for a page; `None` where it does not fit.
+    pub fn from_bytes(grid: Grid, bytes: &[u8]) -> Option<Self> {
+        let mut read = OpenCells::none(grid);
         (bytes.len() == read.open.len()).then(|| {
             read.open.iter_mut().zip(bytes).for_each(|(open, byte)| *open = *byte != 0);
             read
@@ -165,9 +145,17 @@ impl OpenCells {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Rgb;
+    use crate::bake::state::CELL;
+    use crate::surface::BLOCK;
 
-    /// One set on a page of 4 × 2 blocks; `texel(x, y)` is the mean and the error of all texels of the cell (x, y).
-    fn find(target: f64, mean: f64, texel: impl Fn(usize, usize) -> Option<(f32, f32)>) -> OpenCells {
+    /// Cells of a page of 4 × 2 blocks, none of which sees another.
+    fn places() -> Places {
+        Places::for_tests(4 * BLOCK, 2 * BLOCK, |_| None)
+    }
+
+    /// One set on that page; `texel(x, y)` is the mean and the error of all texels of the cell (x, y).
+    fn find(target: f64, texel: impl Fn(usize, usize) -> Option<(f32, f32)>) -> OpenCells {
         let corner = |block: usize| (block % 4 * BLOCK, block / 4 * BLOCK);
         let of_cell = |block: usize, cell: usize| {
             let (x0, y0) = corner(block);
@@ -180,6 +168,7 @@ mod tests {
                     // (Texels that have seen no light do not count.)
                     if let Some((mean, error)) = of_cell(block, cell).filter(|(mean, _)| *mean > 0.0) {
                         (0..256).for_each(|_| sums.add_texel(Rgb::splat(mean), Rgb::splat(error)));
+                        sums.local = sums.squared_error / f64::from(mean).powi(2);
                     }
                     sums
                 };
@@ -190,23 +179,23 @@ mod tests {
             let (x0, y0) = corner(block);
             Block { x0, y0, exposed: std::array::from_fn(|c| of_cell(block, c).map_or(0, |_| 256)), sums }
         });
-        OpenCells::find((4 * BLOCK, 2 * BLOCK), target, &[mean], blocks)
+        OpenCells::find(&places(), target, 1, blocks)
     }
 
     fn open(cells: &OpenCells) -> Vec<(usize, usize)> {
-        let at = |i: usize| (i % cells.columns, i / cells.columns);
+        let at = |i: usize| (i % cells.grid.columns, i / cells.grid.columns);
         (0..cells.open.len()).filter(|&i| cells.open[i]).map(at).collect()
     }
 
     #[test]
     fn a_cell_goes_on_while_itself_or_what_is_around_it_misses_the_target() {
-        assert_eq!(find(0.05, 1.0, |_, _| Some((1.0, 0.049))).count(), 0);
-        assert_eq!(find(0.05, 1.0, |_, _| Some((1.0, 0.051))).count(), 16 * 8);
+        assert_eq!(find(0.05, |_, _| Some((1.0, 0.049))).count(), 0);
+        assert_eq!(find(0.05, |_, _| Some((1.0, 0.051))).count(), 16 * 8);
         // A little too much in one cell is its own affair.
-        let cells = find(0.05, 1.0, |x, y| Some((1.0, if (x, y) == (5, 3) { 0.1 } else { 0.01 })));
+        let cells = find(0.05, |x, y| Some((1.0, if (x, y) == (5, 3) { 0.1 } else { 0.01 })));
         assert_eq!(open(&cells), [(5, 3)]);
         // Far too much is that of all cells from which it is two away, in other blocks too.
-        let cells = find(0.05, 1.0, |x, y| Some((1.0, if (x, y) == (4, 3) { 1.0 } else { 0.0 })));
+        let cells = find(0.05, |x, y| Some((1.0, if (x, y) == (4, 3) { 1.0 } else { 0.0 })));
         let near = (1..6).flat_map(|y| (2..7).map(move |x| (x, y)));
         assert_eq!(open(&cells), near.collect::<Vec<_>>());
     }
@@ -215,7 +204,7 @@ mod tests {
     fn bright_cells_neither_hide_what_dim_ones_miss_nor_go_on_for_it() {
         // Every fifth column is well-known light; of the others, which have a tenth of it, few met a path.
         let bright = |x: usize| x.is_multiple_of(5);
-        let cells = find(0.2, 1.0, |x, y| match (x + 3 * y) % 7 {
+        let cells = find(0.2, |x, y| match (x + 3 * y) % 7 {
             _ if bright(x) => Some((5.0, 0.5)),
             0 => Some((0.5, 0.5)),
             _ => Some((0.0, 0.0)),
@@ -227,50 +216,70 @@ mod tests {
     #[test]
     fn cells_that_found_nothing_go_on_beside_those_that_did() {
         // Every third cell met a path: all light of it there, and an error as great.
-        let cells = find(0.2, 0.1, |x, y| Some(if (x + y) % 3 == 0 { (0.3, 0.3) } else { (0.0, 0.0) }));
+        let cells = find(0.2, |x, y| Some(if (x + y) % 3 == 0 { (0.3, 0.3) } else { (0.0, 0.0) }));
         assert_eq!(cells.count(), 16 * 8);
         // Amid dark that nobody lit they end.
-        let cells = find(0.2, 0.1, |x, _| Some(if x == 0 { (1.6, 0.8) } else { (0.0, 0.0) }));
+        let cells = find(0.2, |x, _| Some(if x == 0 { (1.6, 0.8) } else { (0.0, 0.0) }));
         assert_eq!(open(&cells), (0..8).flat_map(|y| (0..3).map(move |x| (x, y))).collect::<Vec<_>>());
     }
 
     #[test]
     fn without_light_all_that_has_texels_goes_on() {
-        let cells = find(0.2, 0.0, |x, y| (x == y).then_some((0.0, 0.0)));
+        let cells = find(0.2, |x, y| (x == y).then_some((0.0, 0.0)));
         assert_eq!(open(&cells), (0..8).map(|i| (i, i)).collect::<Vec<_>>());
     }
 
     #[test]
     fn while_hardly_a_texel_has_seen_light_all_goes_on() {
         // One lit cell of 128, and two.
-        let lit =
-            |most: usize| find(0.2, 0.1, |x, y| Some((if x < most && y == 0 { 9.0 } else { 0.0 }, 0.0)));
+        let lit = |most: usize| find(0.2, |x, y| Some((if x < most && y == 0 { 9.0 } else { 0.0 }, 0.0)));
         assert_eq!([1, 2].map(|most| lit(most).count()), [16 * 8, 0]);
     }
 
     #[test]
-    fn of_one_set_texels_tell_as_much_as_blocks() {
-        let (width, height) = (4 * BLOCK, 2 * BLOCK);
-        let error =
-            |x: usize, y: usize| if (x / CELL + 3 * (y / CELL)).is_multiple_of(5) { 0.06 } else { 0.04 };
-        let texels = (0..width * height).map(|i| {
-            let (x, y) = (i % width, i / width);
-            ((x, y), Some((Rgb::ONE, Rgb::splat(error(x, y)))))
-        });
-        let count = OpenCells::count_of_set((width, height), 0.05, texels);
-        let cells = find(0.05, 1.0, |x, y| Some((1.0, error(x * CELL, y * CELL))));
-        assert_eq!(count, cells.count());
-        assert!(count > 0);
-        assert_eq!(OpenCells::count_of_set((width, height), 0.05, [].into_iter()), 0);
+    fn a_target_is_met_where_one_texel_in_twenty_misses_it() {
+        let met = |wrong: usize| {
+            let cells = find(0.05, |x, y| Some((1.0, if 16 * y + x < wrong { 0.06 } else { 0.01 })));
+            assert_eq!(cells.count(), wrong);
+            cells.is_met()
+        };
+        assert_eq!([6, 7].map(met), [true, false]);
+        // Where nothing is known it is not.
+        assert!(!find(0.05, |_, _| Some((0.0, 0.0))).is_met());
+    }
+
+    #[test]
+    fn what_is_too_dark_to_be_seen_from_where_it_is_is_not_asked_for_more() {
+        // Every cell sees the first, which is bright: errors of all their light are seen down to a thirtieth of its.
+        let places = Places::for_tests(2 * BLOCK, BLOCK, |_| Some(0));
+        let judged = |light: f32| {
+            let mut cells = vec![Sums::default(); places.grid().cells()];
+            for (cell, sums) in cells.iter_mut().enumerate() {
+                let light = if cell == 0 { 1.0 } else { light };
+                sums.add_texel(Rgb::splat(light), Rgb::splat(if cell == 0 { 0.0 } else { 0.1 * light }));
+                sums.local = if cell == 0 { 0.0 } else { 3.0 * 0.01 };
+            }
+            let mut open = OpenCells::none(places.grid());
+            open.judge(&places, 0.05, &cells, &vec![1; cells.len()]);
+            (places.errors(&cells)[9], open.open[1..].iter().filter(|open| **open).count())
+        };
+        let near = |(error, open): (f64, usize), expected: (f64, usize)| {
+            assert!((error - expected.0).abs() < 1e-6 && open == expected.1, "{error} {open}");
+        };
+        near(judged(1.0), (0.1, 31));
+        near(judged(0.1), (0.1, 31));
+        // A fortieth: three quarters as wrong as by its own light.
+        near(judged(1.0 / 40.0), (0.075, 31));
+        near(judged(1.0 / 120.0), (0.025, 0));
     }
 
     #[test]
     fn cells_are_read_back_as_they_were_stored() {
-        let cells = find(0.05, 1.0, |x, y| Some((1.0, if (x + 3 * y) % 5 == 0 { 0.06 } else { 0.04 })));
+        let cells = find(0.05, |x, y| Some((1.0, if (x + 3 * y) % 5 == 0 { 0.06 } else { 0.04 })));
         assert!(cells.count() > 0 && cells.count() < 16 * 8);
-        let again = OpenCells::from_bytes(4 * BLOCK, 2 * BLOCK, &cells.bytes());
-        assert_eq!(again, Some(cells.clone()));
-        assert_eq!(OpenCells::from_bytes(4 * BLOCK, 2 * BLOCK + 1, &cells.bytes()), None);
+        let again = OpenCells::from_bytes(cells.grid, &cells.bytes());
+        assert_eq!(again.map(|again| again.open), Some(cells.open.clone()));
+        assert_eq!(OpenCells::from_bytes(Grid::new(4 * BLOCK, 2 * BLOCK + 1), &cells.bytes()), None);
         for (x0, y0) in [(0, 0), (3 * BLOCK, BLOCK)] {
             let of_block = cells.of_block(x0, y0);
             let bit = |cell: usize| cells.open[(y0 / CELL + cell / 4) * 16 + x0 / CELL + cell % 4];

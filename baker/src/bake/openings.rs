@@ -82,6 +82,40 @@ impl Opening {
         /// Least share of the rays that leave the scene on the outside, and how many times that of the inside.
         const LEAST: f32 = 0.2;
         const TIMES: f32 = 3.0;
+        let [a, b] = self.leaving(rays, axes);
+        a.max(b) >= LEAST && a.max(b) >= TIMES * a.min(b)
+    }
+
+    /// The box that most rays from it into the room end in, a little larger.
+    fn room(&self, rays: &Rays, axes: &[Vec3; 3]) -> [Vec3; 2] {
+        /// Rays, and how many of them may end beyond each side: those that leave by another window.
+        const MANY: u32 = 1024;
+        const BEYOND: usize = 20;
+        let [a, b] = self.leaving(rays, axes);
+        let inwards = if a <= b { axes[self.axis] } else { -axes[self.axis] };
+        let end = |i: u32| {
+            let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
+            let (from, direction) = (self.at(axes, s, t), around(inwards, i, MANY, s));
+            rays.nearest(from, direction, NOWHERE).map(|hit| from + direction * hit.t)
+        };
+        let ends: Vec<Vec3> = (0..MANY).filter_map(end).collect();
+        let corners = [self.at(axes, 0.0, 0.0), self.at(axes, 1.0, 1.0)];
+        let (mut low, mut high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
+        for axis in 0..3 {
+            let mut places: Vec<f32> = ends.iter().map(|end| end[axis]).collect();
+            places.sort_by(f32::total_cmp);
+            if let (Some(&first), Some(&last)) =
+                (places.get(BEYOND), places.len().checked_sub(BEYOND + 1).and_then(|i| places.get(i)))
+            {
+                (low[axis], high[axis]) = (low[axis].min(first), high[axis].max(last));
+            }
+        }
+        let more = (high - low) * 0.05 + 0.05;
+        [low - more, high + more]
+    }
+
+    /// Of rays to the one side and to the other, the shares that leave the scene.
+    fn leaving(&self, rays: &Rays, axes: &[Vec3; 3]) -> [f32; 2] {
         let n = axes[self.axis];
         let share = |normal: Vec3| {
             let leaves = |i: u32| {
@@ -90,8 +124,7 @@ impl Opening {
             };
             (0..RAYS).filter(|&i| leaves(i)).count() as f32 / RAYS as f32
         };
-        let (a, b) = (share(n), share(-n));
-        a.max(b) >= LEAST && a.max(b) >= TIMES * a.min(b)
+        [share(n), share(-n)]
     }
 
     /// Whether two are parts of one opening.
@@ -143,11 +176,11 @@ pub fn openings(geometry: &Geometry, rays: &Rays) -> Vec<Portal> {
     });
     merged.sort_by(|a, b| b.votes.cmp(&a.votes).then(b.area().total_cmp(&a.area())));
     merged.truncate(MOST);
-    merged.iter().map(|opening| portal(opening, &axes, geometry.origin)).collect()
+    merged.iter().map(|opening| portal(opening, &axes, geometry.origin, opening.room(rays, &axes))).collect()
 }
 
 /// The opening as a portal in the world, to the centimetre.
-fn portal(opening: &Opening, axes: &[Vec3; 3], origin: DVec3) -> Portal {
+fn portal(opening: &Opening, axes: &[Vec3; 3], origin: DVec3, room: [Vec3; 2]) -> Portal {
     let [n, u, v] = others(opening.axis).map(|i| axes[i].as_dvec3());
     let round = |x: DVec3| (x * 100.0).round() / 100.0;
     let size = [0, 1].map(|i| f64::from(opening.high[i] - opening.low[i]));
@@ -156,7 +189,8 @@ fn portal(opening: &Opening, axes: &[Vec3; 3], origin: DVec3) -> Portal {
     // Edges along the axes of the world stay perpendicular when rounded; others are left as they are.
     let is_straight = axes[0] == Vec3::X;
     let edge = |edge: DVec3| if is_straight { round(edge) } else { edge };
-    Portal { corner: round(corner), edge_u: edge(u * size[0]), edge_v: edge(v * size[1]) }
+    let room = Some(room.map(|corner| round(origin + corner.as_dvec3())));
+    Portal { corner: round(corner), edge_u: edge(u * size[0]), edge_v: edge(v * size[1]), room }
 }
 
 /// Direction `i` of `n` about a normal: by the cosine, turned by a share of a full circle.
@@ -349,13 +383,17 @@ mod tests {
         let g = room();
         let found = openings(&g, &Rays::new(&g));
         assert_eq!(found.len(), 1, "{found:?}");
-        let Portal { corner, edge_u, edge_v } = found[0];
+        let Portal { corner, edge_u, edge_v, .. } = found[0];
         let far = corner + edge_u + edge_v;
         let (low, high) = (corner.min(far), corner.max(far));
         assert!((low.truncate() - glam::DVec2::new(1.0, 1.0)).length() < 0.02, "{low}");
         assert!((high.truncate() - glam::DVec2::new(2.4, 2.2)).length() < 0.02, "{high}");
         assert!((4.0..=4.3).contains(&low.z) && low.z == high.z, "{low} {high}");
         assert_eq!(edge_u.dot(edge_v), 0.0);
+        // Its room is that behind it, not the field in front.
+        let bounds = Bounds::of(g.positions.iter().copied());
+        let [low, high] = found[0].room.unwrap();
+        assert!(low.z < 0.5 && high.z < 4.8 && low.x < 0.5 && high.x > 3.5, "{low} {high} {bounds:?}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What a bake is asked for, and what it tells when done.
 
 use super::check::Check;
+use super::local::Local;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
@@ -118,6 +119,9 @@ pub struct Outcome {
     pub layers: LayerCount,
     /// Median estimated relative error over (tile, set).
     pub relative_error: f64,
+    /// Local errors: of cells of 16×16 texels, relative to the light where they are.
+    #[serde(default)]
+    pub local: LocalErrors,
     /// Whether a time limit ended the tracing.
     pub out_of_time: bool,
     /// Wall-clock seconds of this run, from scene file to dataset.
@@ -134,6 +138,27 @@ pub struct Outcome {
     pub left_out: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
+}
+
+impl Outcome {
+    /// The hour with the greatest local errors, and those.
+    pub fn worst_hour(&self) -> Option<(f64, Local)> {
+        let set = self.local.worst_set?;
+        Some((*self.hours.get(set)?, (*self.local.sets.get(set)?)?))
+    }
+}
+
+/// The local errors of a bake ([`super::local`]).
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct LocalErrors {
+    /// Of all sets together; `None` without light.
+    pub all: Option<Local>,
+    /// Of each set.
+    pub sets: Vec<Option<Local>>,
+    /// The set whose 95th percentile is greatest.
+    pub worst_set: Option<usize>,
+    /// Where many cells have more than 5 %: why, and what to do.
+    pub advice: Option<String>,
 }
 
 /// Where the layers of a bake came from.

@@ -2,8 +2,10 @@
 
 use super::charts::Charts;
 use super::errors::Parts;
+use super::facts;
 use super::hidden::{self, Hidden};
 use super::json;
+use super::openings::openings;
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
@@ -29,7 +31,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "walks-22";
+const METHOD: &str = "walks-23";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
@@ -202,6 +204,13 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     warnings[before..].iter().for_each(|w| console.warn(w));
     let geometry = loaded?;
     geometry.lights.add_to(&mut scene);
+    let hierarchy = OnceLock::new();
+    if scene.sky.is_some() && scene.find_portals && scene.portals.is_empty() {
+        let own = hierarchy.get_or_init(|| Arc::new(Bvh8::new(&geometry)));
+        let rays = Rays::with_hierarchy(&geometry, Arc::clone(own));
+        scene.portals = openings(&geometry, &rays);
+        facts::found_portals(&scene.portals).into_iter().for_each(|what| console.say(format!("  {what}")));
+    }
     let mut plan = Plan::new(&scene, &geometry, &hours, options.extra_times);
     let course = course(&scene, &hours, &mut plan.left_out)?;
     let integrator = match (options.integrator, scene.bake.bounces) {
@@ -238,7 +247,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         warnings,
         base,
         digests,
-        hierarchy: OnceLock::new(),
+        hierarchy,
         solids: OnceLock::new(),
     })
 }

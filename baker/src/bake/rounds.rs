@@ -1,6 +1,7 @@
 //! Rounds of tracing: each doubles the samples where more are wanted, so that an estimate with its error exists early and improves
 //! to the end. Here: when to stop, and what a round and all of them reached.
 
+use super::local::Local;
 use crate::trace::counts::RayCounts;
 use dataset::console::count;
 use serde::{Deserialize, Serialize};
@@ -11,7 +12,7 @@ use std::time::Instant;
 pub struct Limits {
     /// Most samples of indirect light per texel, on average over the texels that still get any.
     pub samples: u32,
-    /// Relative error below which a cell of 16×16 texels gets no more samples.
+    /// Local error below which a cell of 16×16 texels gets no more samples; met where 95 % of the texels lie in such cells, in every set.
     pub target_error: Option<f64>,
     /// When to stop whatever was reached; the first round is always made.
     pub deadline: Option<Instant>,
@@ -36,8 +37,17 @@ pub struct Round {
     pub set_errors: Vec<Option<f64>>,
     /// Mean light of every set over the whole page, of the layers this run traces.
     pub set_means: Vec<f64>,
+    /// Local errors over all cells and sets, of the layers this run traces ([`super::local`]); `None` without light.
+    #[serde(default)]
+    pub local: Option<Local>,
+    /// Those of every set.
+    #[serde(default)]
+    pub local_sets: Vec<Option<Local>>,
     /// Cells that have not reached the target; 0 without one.
     pub open_cells: usize,
+    /// Whether they are too many for the target to be met.
+    #[serde(default)]
+    pub is_missed: bool,
     /// Whether the time ran out during it: some blocks got fewer samples than it went for, or none.
     #[serde(default)]
     pub is_late: bool,
@@ -121,7 +131,9 @@ pub fn note(round: &Round, limits: &Limits) -> String {
         Some(_) => format!(", {} of 16×16 texels above the target", count(round.open_cells, "cell")),
         None => String::new(),
     };
-    format!("median error {:.2} % at {} samples{open}", round.median_error * 100.0, round.samples)
+    let local = round.local.unwrap_or_default();
+    let [median, p95] = [local.median, local.p95].map(|error| error * 100.0);
+    format!("local error: median {median:.1} %, 95 % below {p95:.1} %, at {} samples{open}", round.samples)
 }
 
 #[cfg(test)]

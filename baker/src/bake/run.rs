@@ -12,8 +12,9 @@ use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
 use super::layers::Layers;
+use super::local::Places;
 use super::rounds::{Traced, certain};
-use super::standing::{self, RUN};
+use super::standing::{self, ERRORS, RUN};
 use super::state::Kinds;
 use super::tracer::Tracer;
 use super::views;
@@ -37,7 +38,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub use super::options::{Integrator, LayerCount, Options, Outcome, Preset};
+pub use super::options::{Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
 pub use super::prepare::{Prepared, prepare};
 
 /// Bakes a scene into a dataset.
@@ -97,7 +98,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     if layers.create().is_ok() {
         charts.keep(&out);
     }
-    let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &out, &layers, console)?;
+    let (places, looks) = with_worker(&prepared, &atlas, &[], |worker| Places::find(&worker, console))?;
+    let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &places, &out, &layers, console)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {
         return Err(Error::invalid(
@@ -106,7 +108,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         ));
     };
 
-    let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, scene.lightmap.padding)?;
+    let padding = scene.lightmap.padding;
+    let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, &places, padding)?;
     let check = options.check.map(|samples| {
         let chosen = choose(assembler.valid_texels(), scene.bake.seed);
         check_layers(&prepared, &atlas, &layers, &chosen, samples, console)
@@ -137,6 +140,16 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         warnings.push(warning);
     }
     let valid_texels = stored.valid_texels;
+    let local = LocalErrors {
+        all: stored.local.0,
+        sets: stored.local.1.clone(),
+        worst_set: stored.worst.as_ref().map(|worst| worst.set),
+        advice: facts::advice(scene, plan, &stored, traced.samples().unwrap_or(limits.samples)),
+    };
+    write_atomically(
+        &out.join(ERRORS),
+        &places.grid().picture(stored.worst.as_ref().map(|w| &w.errors[..])),
+    )?;
     let mut relative = stored.errors.relative(plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let last = traced.rounds.last();
@@ -166,9 +179,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),
         layers: origin,
         relative_error: median(&relative),
+        local,
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
-        rays: sun.rays + if origin.traced > 0 { traced.rays + looking } else { traced.rays },
+        rays: sun.rays + looks + if origin.traced > 0 { traced.rays + looking } else { traced.rays },
         facts,
         rounds: traced.rounds,
         check,
@@ -316,6 +330,7 @@ fn sunlight(
 fn provide_layers(
     prepared: &Prepared,
     atlas: &Atlas,
+    places: &Places,
     out: &Path,
     layers: &Layers,
     console: &Console,
@@ -332,7 +347,7 @@ fn provide_layers(
         });
     }
     let damaged = missing.iter().filter(|&&l| layers.holds(&digests[l])).count();
-    let (mut traced, mut warnings) = trace(prepared, atlas, out, layers, &missing, console)?;
+    let (mut traced, mut warnings) = trace(prepared, atlas, places, out, layers, &missing, console)?;
     if damaged > 0 {
         let what =
             format!("{} kept here from an earlier bake were damaged: traced again", count(damaged, "layer"));
@@ -343,13 +358,13 @@ fn provide_layers(
     if let (Some(target), Some(texels), 1..) =
         (prepared.limits.target_error, layers.texels(&base), origin.reused)
     {
-        let page = (atlas.width as usize, atlas.height as usize, &texels[..]);
+        let page = (places, atlas.width as usize, &texels[..]);
         let again = kept::missing_target(plan, layers, digests, page, target, &traced)?;
         if !again.is_empty() {
             let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
             console.say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
             layers.forget(again.iter().map(|&l| &digests[l]))?;
-            let (new, more) = trace(prepared, atlas, out, layers, &again, console)?;
+            let (new, more) = trace(prepared, atlas, places, out, layers, &again, console)?;
             let rays = traced.rays + new.rays;
             traced = Traced { rays, ..new };
             warnings.extend(more);
@@ -364,6 +379,7 @@ fn provide_layers(
 fn trace(
     prepared: &Prepared,
     atlas: &Atlas,
+    places: &Places,
     out: &Path,
     layers: &Layers,
     chosen: &[usize],
@@ -391,7 +407,7 @@ fn trace(
         let folder = WorkFolder::open(out, &work, &wanted, Kinds::of(worker.transport.lights))?;
         let cached = prepared.integrator == Integrator::Cached;
         let sets = prepared.sets(chosen);
-        let tracer = Tracer { worker, sets, folder: &folder, cached, layers: plan.layers() };
+        let tracer = Tracer { worker, sets, places, folder: &folder, cached, layers: plan.layers() };
         let (mut traced, way) = tracer.run(&prepared.limits, console)?;
         if let Some(kept) = layers.traced(&base).filter(|_| chosen.len() < digests.len()) {
             traced.keep(&kept);

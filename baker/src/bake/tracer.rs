@@ -6,8 +6,9 @@
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
 use super::endless;
-use super::errors::{Errors, Parts, Sums, cell_of, median, of_block};
+use super::errors::{Errors, Parts, Sums, cell_of, median};
 use super::indirect::Cache;
+use super::local::{Local, Places, of_block};
 use super::open::{Block, OpenCells};
 use super::rounds::{Limits, Round, Traced, note, schedule};
 use super::solve;
@@ -28,6 +29,8 @@ pub struct Tracer<'a> {
     pub worker: Worker<'a>,
     /// Per set, the layers being traced that it is made of.
     pub sets: Vec<Parts>,
+    /// Where its cells are.
+    pub places: &'a Places,
     /// Work so far.
     pub folder: &'a WorkFolder,
     /// Whether walks end in the cache.
@@ -149,7 +152,7 @@ impl Tracer<'_> {
             if traced.out_of_time {
                 break;
             }
-            if limits.target_error.is_some() && traced.rounds.last().is_some_and(|r| r.open_cells == 0) {
+            if limits.target_error.is_some() && traced.rounds.last().is_some_and(|r| !r.is_missed) {
                 break;
             }
             if round > 0 && limits.deadline.is_some_and(|d| Instant::now() >= d) {
@@ -181,8 +184,8 @@ impl Tracer<'_> {
             let mut reached = self.summarise(&done, target, before + start.elapsed().as_secs_f64());
             if let Some(target) = limits.target_error {
                 let open =
-                    OpenCells::find(self.page(), target, &reached.set_means, done.iter().map(Done::cells));
-                reached.open_cells = open.count();
+                    OpenCells::find(self.places, target, self.sets.len(), done.iter().map(Done::cells));
+                (reached.open_cells, reached.is_missed) = (open.count(), !open.is_met());
                 self.folder.write_sealed(&open_name(step.round), &[&open.bytes()])?;
             }
             progress.note(&note(&reached, limits));
@@ -239,16 +242,10 @@ impl Tracer<'_> {
         }))
     }
 
-    /// Width and height in texels.
-    fn page(&self) -> (usize, usize) {
-        (self.worker.atlas.width as usize, self.worker.atlas.height as usize)
-    }
-
     /// The cells that were open after a round; `None` where that is not known.
     fn open_after(&self, round: u32) -> Result<Option<OpenCells>> {
-        let (width, height) = self.page();
         let bytes = self.folder.read_sealed(&open_name(round))?;
-        Ok(bytes.and_then(|bytes| OpenCells::from_bytes(width, height, &bytes)))
+        Ok(bytes.and_then(|bytes| OpenCells::from_bytes(self.places.grid(), &bytes)))
     }
 
     /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
@@ -485,7 +482,7 @@ impl Tracer<'_> {
                 self.folder.write_block(block, &state)?;
             }
         }
-        let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state);
+        let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state, self.places);
         let mut exposed = [0; CELLS];
         let places = surface.covered().enumerate().filter(|&(texel, _)| state.is_exposed(texel));
         places.for_each(|(_, place)| exposed[cell_of(&surface, place)] += 1);
@@ -536,6 +533,7 @@ impl Tracer<'_> {
         let mut relative = errors.relative(self.sets.iter().any(|parts| !parts.is_empty()));
         relative.sort_by(f64::total_cmp);
         let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+        let (local, local_sets) = self.local(done);
         let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
         let drawn: u64 = done.iter().map(|d| d.samples).sum();
         Round {
@@ -547,9 +545,30 @@ impl Tracer<'_> {
             worst_error: at(1.0),
             set_errors: (0..self.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
             set_means,
+            local,
+            local_sets,
             open_cells: 0,
+            is_missed: false,
             is_late: false,
         }
+    }
+
+    /// The local errors of all sets together, and of each.
+    fn local(&self, done: &[Done]) -> (Option<Local>, Vec<Option<Local>>) {
+        let grid = self.places.grid();
+        let (mut all, mut sets) = (Vec::new(), Vec::new());
+        for set in 0..self.sets.len() {
+            let mut cells = vec![Sums::default(); grid.cells()];
+            for block in done {
+                for (cell, sums) in block.cells[set].iter().enumerate() {
+                    cells[grid.of_block(block.x0, block.y0, cell)] = *sums;
+                }
+            }
+            let (errors, local) = self.places.judge(&cells);
+            all.extend(errors.iter().zip(&cells).map(|(error, sums)| (*error, sums.values / 3)));
+            sets.push(local);
+        }
+        (Local::of(all.into_iter()), sets)
     }
 }
 

@@ -26,6 +26,8 @@ struct Opening {
     /// Half diagonal squared and middle.
     radius2: f64,
     middle: DVec3,
+    /// Opposite corners of the box of points that look through it.
+    room: [DVec3; 2],
 }
 
 impl SkyGuide {
@@ -137,12 +139,14 @@ impl ShareOf {
 
 impl Opening {
     fn new(portal: &Portal, origin: DVec3) -> Self {
-        let Portal { corner, edge_u, edge_v } = *portal;
+        let Portal { corner, edge_u, edge_v, room } = *portal;
         let corner = corner - origin;
         // Swapped edges turn the front to the other side.
         let sides = [Rectangle::new(corner, edge_u, edge_v), Rectangle::new(corner, edge_v, edge_u)];
         let radius2 = 0.25 * (edge_u.length_squared() + edge_v.length_squared());
-        Self { sides, radius2, middle: corner + 0.5 * (edge_u + edge_v) }
+        let everywhere = [DVec3::NEG_INFINITY, DVec3::INFINITY];
+        let room = room.map_or(everywhere, |corners| corners.map(|corner| corner - origin));
+        Self { sides, radius2, middle: corner + 0.5 * (edge_u + edge_v), room }
     }
 
     /// `None` from its plane.
@@ -159,8 +163,11 @@ impl Opening {
         distance2 - along * along.abs() <= self.radius2 * (1.0 + 1e-3) + 1e-6 * distance2
     }
 
-    /// A guess of its solid angle times the cosine; 0 in its plane and wholly below the horizon.
+    /// A guess of its solid angle times the cosine; 0 in its plane, wholly below the horizon, and outside of its room.
     fn importance(&self, p: DVec3, n: DVec3) -> f64 {
+        if p.cmplt(self.room[0]).any() || p.cmpgt(self.room[1]).any() {
+            return 0.0;
+        }
         let to_middle = self.middle - p;
         let distance2 = to_middle.length_squared();
         let height = to_middle.dot(self.sides[0].normal()).abs();

@@ -26,6 +26,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
         ground: None,
         ground_is_written: false,
         portals,
+        find_portals: false,
         objects: Vec::new(),
         groups: Vec::new(),
         lights: Default::default(),
@@ -68,11 +69,28 @@ fn window(at: f64, height: f64, size: f64) -> Portal {
         corner: DVec3::new(100.0 + at, height, -0.5 * size),
         edge_u: DVec3::Y * size,
         edge_v: DVec3::Z * size,
+        room: None,
     }
 }
 
 fn constant() -> Option<Sky> {
     Some(Sky::Constant { radiance: DVec3::ONE })
+}
+
+#[test]
+fn only_points_of_its_room_look_through_a_portal() {
+    let room = [DVec3::new(99.0, -1.0, -1.0), DVec3::new(101.0, 1.0, 1.0)];
+    let portal = Portal { room: Some(room), ..window(0.5, -0.5, 1.0) };
+    let (scene, origin) = (scene(constant(), vec![portal]), DVec3::X * 100.0);
+    let sky = SkyTable::new(scene.sky.as_ref(), None, &[12.0]);
+    let guide = SkyGuide::new(&scene, &sky, origin).unwrap();
+    for (x, expected) in [(0.0, true), (-0.9, true), (-1.1, false), (1.2, false)] {
+        let normal = if x < 0.5 { Vec3::X } else { -Vec3::X };
+        let point = Vec3::new(x, 0.0, 0.0);
+        let found = guide.sample(point, normal, 0.5, Vec2::splat(0.5));
+        assert_eq!(found.is_some(), expected, "{x}");
+        assert_eq!(guide.pdf(point, normal, normal) > 0.0, expected, "{x}");
+    }
 }
 
 #[test]

@@ -22,6 +22,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         ground: None,
         ground_is_written: false,
         portals: Vec::new(),
+        find_portals: false,
         objects: Vec::new(),
         groups: Vec::new(),
         lights: Default::default(),

@@ -81,10 +81,19 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let sun_baked = of_sun.as_ref().map(baked).transpose()?.unwrap_or_default();
     let sun_visibility = of_sun.as_ref().map(|table| visibility(table, sun_baked)).transpose()?.flatten();
     let sun = of_sun.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
+    let find_portals = of_sky.as_ref().and_then(|table| table.get("find_portals"));
+    let find_portals = find_portals.map_or(Ok(true), |value| value.boolean())?;
     let portals: Result<Vec<Portal>> = top
         .tables("portal", PORTAL)?
         .iter()
-        .map(|t| lamp::corner_and_edges(t).map(|[corner, edge_u, edge_v]| Portal { corner, edge_u, edge_v }))
+        .map(|t| {
+            lamp::corner_and_edges(t).map(|[corner, edge_u, edge_v]| Portal {
+                corner,
+                edge_u,
+                edge_v,
+                room: None,
+            })
+        })
         .collect();
     let portals = portals?;
     if !portals.is_empty() && sky.is_none() {
@@ -120,6 +129,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         ground,
         ground_is_written,
         portals,
+        find_portals,
         objects,
         groups,
         lights,

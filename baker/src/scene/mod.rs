@@ -65,6 +65,9 @@ pub struct Scene {
     pub ground_is_written: bool,
     /// Openings to the sky, in file order.
     pub portals: Vec<Portal>,
+    /// Whether openings are found where none are authored. (What is found stands among them, where digests see it.)
+    #[serde(skip)]
+    pub find_portals: bool,
     /// Geometry, in file order.
     pub objects: Vec<Object>,
     /// Light groups, in file order; names are unique.
@@ -119,6 +122,7 @@ impl Scene {
             ground: None,
             ground_is_written: false,
             portals: Vec::new(),
+            find_portals: true,
             objects: vec![object],
             groups: Vec::new(),
             lights: LightsOfFiles::default(),
@@ -265,6 +269,9 @@ pub struct Portal {
     pub edge_u: DVec3,
     /// Second edge.
     pub edge_v: DVec3,
+    /// Opposite corners of the box of points that look for the sky through it; `None`: all do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub room: Option<[DVec3; 2]>,
 }
 
 /// One geometry file placed one or more times.

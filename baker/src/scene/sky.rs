@@ -10,8 +10,18 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Keys of `[sky]`.
-pub(super) const KEYS: &[&str] =
-    &["model", "baked", "turbidity", "ground_albedo", "ground", "radiance", "file", "scale", "rotation"];
+pub(super) const KEYS: &[&str] = &[
+    "model",
+    "baked",
+    "turbidity",
+    "ground_albedo",
+    "ground",
+    "radiance",
+    "file",
+    "scale",
+    "rotation",
+    "find_portals",
+];
 /// Turbidity of a clear day.
 pub(super) const TURBIDITY: f64 = 3.0;
 
@@ -55,7 +65,9 @@ pub(super) fn read(table: &Table, has_place: bool, folder: &Path) -> Result<Sky>
     let model = table.require("model", expected)?;
     // A key of another model would be ignored without a word.
     let only = |keys: &[&str]| {
-        let other = KEYS.iter().filter(|key| !["model", "baked"].contains(key) && !keys.contains(key));
+        let other = KEYS
+            .iter()
+            .filter(|key| !["model", "baked", "find_portals"].contains(key) && !keys.contains(key));
         match other.filter_map(|key| table.get(key)).next() {
             Some(value) => Err(value.error(format!("not a key of this sky: its {}", model.shown()))),
             None => Ok(()),

@@ -1,15 +1,15 @@
 //! A scene file to begin with, written for a model: what `bake new` does.
 //!
-//! `glowing` knows names of lamps, `units` guesses the unit of length, `openings` finds windows, `write` makes the text.
+//! `glowing` knows names of lamps, `units` guesses the unit of length, [`crate::bake::openings`] finds windows, `write` makes the text.
 
 mod glowing;
 mod units;
-mod openings;
 mod write;
 
 pub use units::Unit;
 
 use crate::bake::folder::relative_to;
+use crate::bake::openings::openings;
 use crate::geometry::{Bounds, FileCamera, Geometry};
 use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
@@ -160,7 +160,7 @@ pub fn find(model: &Path) -> Result<Found> {
     // A prop has gaps, and no windows.
     let portals = match longest < view::SMALLEST_ROOM {
         true => Vec::new(),
-        false => openings::openings(&geometry, &rays),
+        false => openings(&geometry, &rays),
     };
     let mut lit = scene;
     geometry.lights.add_to(&mut lit);

@@ -122,12 +122,15 @@ impl<'a> CacheMap<'a> {
     }
 
     /// Cuts what has no texels into patches [`PATCH`] entries long, or 4 times as long: the shorter of the two with which there are no
-    /// more entries in all than a million, or twice the squares; else into none.
+    /// more entries in all than a million, or twice the squares; else into none. Where patches are few they are shorter, down to an eighth: a room
+    /// without texels amid large ones is not lit by the mean of its walls.
     fn cut(&mut self, geometry: &Geometry) {
         let most = (2 * self.squares).max(1 << 20);
-        let mut length = PATCH * self.entry_length();
-        for _ in 0..2 {
-            let (pieces, entries) = self.pieces_of(geometry, length);
+        let length = PATCH * self.entry_length();
+        let few = self.squares + self.squares / 2;
+        let finer = [8, 4, 2].map(|part| (length, part, few));
+        for (length, part, most) in finer.into_iter().chain([(length, 1, most), (4.0 * length, 1, most)]) {
+            let (pieces, entries) = self.pieces_of(geometry, length, part);
             if entries <= most {
                 for (i, piece) in pieces.iter().enumerate() {
                     self.piece_of[piece.triangle as usize][usize::from(piece.is_back)] = i as u32;
@@ -135,12 +138,12 @@ impl<'a> CacheMap<'a> {
                 (self.pieces, self.entries) = (pieces, entries);
                 return;
             }
-            length *= 4.0;
         }
     }
 
-    /// The sides without texels, cut into patches no longer than `length`, and the number of entries there would be.
-    fn pieces_of(&self, geometry: &Geometry, length: f64) -> (Vec<Piece>, usize) {
+    /// The sides without texels, cut into patches no longer than `length`, where that makes at most [`MOST_ALONG`]; these into up to `part` times as many along
+    /// each side. And the number of entries there would be.
+    fn pieces_of(&self, geometry: &Geometry, length: f64, part: u32) -> (Vec<Piece>, usize) {
         let (mut pieces, mut entries) = (Vec::new(), self.squares);
         // No path is reflected by clear glass.
         let is_clear = |material: usize| {
@@ -159,7 +162,8 @@ impl<'a> CacheMap<'a> {
             if along > f64::from(MOST_ALONG) {
                 continue;
             }
-            let along = along as u32;
+            let fine = (geometry.longest_edge(triangle) * f64::from(part) / length).ceil().max(1.0);
+            let along = fine.min(f64::from(MOST_ALONG)) as u32;
             for is_back in [false, true] {
                 let has_texels = !is_back && self.face_of[triangle] != NONE;
                 if !has_texels && (!is_back || material.two_sided) {

@@ -226,6 +226,17 @@ impl<'a> Transport<'a> {
         (irradiance != Rgb::ZERO && irradiance.is_finite()).then_some(irradiance)
     }
 
+    /// What a surface that is no glass sends light back from, first met from here, distributed as the cosine; `None` also where that is the
+    /// back of a one-sided triangle.
+    pub fn look(&self, at: &Receiver, sample: Sample) -> Option<Hit> {
+        let direction = cosine_direction(at.normal, sample.pair(dimension::onwards(0)));
+        if direction.dot(at.face_normal) <= 0.0 {
+            return None;
+        }
+        let hit = self.space.rays.nearest_wall(at.origin, direction, at.triangle)?;
+        (self.space.front(hit.triangle).dot(direction) < 0.0).then_some(hit)
+    }
+
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is called where the
     /// walk arrives at a surface; it returns true where it knows the light there, has added it, and the walk may end.
     ///

@@ -143,6 +143,19 @@ impl View {
         encode_png(&codes, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)
     }
 
+    /// The bytes of a PNG file of values that are colours already, such as of errors, and no light: they are shown as they are.
+    pub fn to_map(&self, values: &Light) -> Vec<u8> {
+        const NOTHING: Vec3 = Vec3::splat(0.1);
+        let of = |i: usize| match self.samples[i].1 {
+            Shown::Texel { .. } => values.irradiance[i],
+            Shown::Plain(_) => NOTHING,
+            Shown::Sky => SKY,
+        };
+        let codes: Vec<u8> =
+            self.means(of).into_iter().flat_map(|pixel| pixel.to_array().map(tone::code)).collect();
+        encode_png(&codes, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)
+    }
+
     /// Of each pixel, the mean radiance, by that of the sky.
     fn radiance(&self, light: &Light, sky: Vec3) -> Vec<Vec3> {
         let of = |i: usize| match self.samples[i] {

@@ -23,6 +23,8 @@ mod yard;
 pub const SCENES: [&str; 5] = ["city", "extremes", "farmland", "room", "yard"];
 /// Names of the stress scenes, which tests generate where they need them.
 pub const STRESS: [&str; 5] = ["slivers", "charts", "packed", "glass", "glow"];
+/// Names of the scenes whose GLB files stand in `tests/fixtures`: a house, and a field around it.
+pub const FIXTURES: [&str; 2] = ["house", "field"];
 
 /// What a scene's generator makes.
 #[derive(Clone, Debug)]
@@ -33,7 +35,7 @@ pub struct Generated {
     pub table: String,
 }
 
-/// Generates a scene of [`SCENES`] or [`STRESS`] by its name; `None` for another name.
+/// Generates a scene of [`SCENES`], [`STRESS`] or [`FIXTURES`] by its name; `None` for another name.
 pub fn generate(name: &str) -> Option<Generated> {
     let model = match name {
         "city" => city::model(),
@@ -41,6 +43,8 @@ pub fn generate(name: &str) -> Option<Generated> {
         "farmland" => farmland::model(),
         "room" => room::model(),
         "yard" => yard::model(),
+        "house" => stress::house::house(),
+        "field" => stress::house::field(),
         "slivers" => stress::slivers(),
         "charts" => stress::charts(),
         "packed" => {

@@ -3,6 +3,7 @@
 pub mod big;
 pub mod glass;
 pub mod glow;
+pub mod house;
 pub mod packed;
 #[cfg(test)]
 mod tests;

@@ -1,0 +1,379 @@
+//! The error that is seen: of cells of 16×16 texels, relative to the light where they are.
+//!
+//! Relative to the page's mean, a dark room beside a sunny field has no error at all, however it looks. Here every texel's error is
+//! taken relative to the mean light of its *piece*, the texels of its cell that belong to its chart, and a cell's error is the root mean
+//! square of those. What is too dark to be seen is not asked for more: nothing is judged as if it were darker than
+//! [`VISIBLE`] of what is seen from there, nor than [`LEAST`].
+
+use super::block::{Stream, Worker};
+use super::errors::{Parts, Sums, cell_of};
+use super::state::{BlockState, CELL, CELLS};
+use crate::Rgb;
+use crate::atlas::Atlas;
+use crate::atlas::owners::Owners;
+use crate::surface::{BLOCK, BlockSurface};
+use crate::trace::counts::RayCounts;
+use crate::trace::lights::Lights;
+use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::walk::point_pair;
+use dataset::console::{Console, stop_if_interrupted};
+use dataset::image::encode_png;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Of the light that an eye at a place is adapted to: what is darker is judged as if it were as bright as this. There, 5 % are about one
+/// step of an 8-bit sRGB picture that shows the light around as white.
+pub const VISIBLE: f64 = 1.0 / 30.0;
+/// Irradiance in klx that is judged as if nothing were darker: a tenth of a millilux, by which no eye sees edges.
+pub const LEAST: f64 = 1e-7;
+/// The errors above which cells are counted.
+pub const OVER: [f64; 3] = [0.05, 0.1, 0.2];
+/// A step of grey in a picture of errors.
+pub const PICTURE_STEP: f64 = 0.002;
+/// Rays that look around from a cell.
+const LOOKS: usize = 16;
+/// No cell.
+const NONE: u32 = u32::MAX;
+
+/// Where the cells of a page are: their charts, and which other cells are seen from each.
+pub struct Places {
+    grid: Grid,
+    owners: Owners,
+    /// Per cell.
+    seen: Vec<[u32; LOOKS]>,
+}
+
+/// The cells of a page, row by row; blocks at its edges are whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Cells across.
+    pub columns: usize,
+    /// Cells down.
+    pub rows: usize,
+}
+
+impl Grid {
+    /// Those of a page of so many texels.
+    pub fn new(width: usize, height: usize) -> Self {
+        const ALONG: usize = BLOCK / CELL;
+        Grid { columns: width.div_ceil(BLOCK) * ALONG, rows: height.div_ceil(BLOCK) * ALONG }
+    }
+
+    /// How many.
+    pub fn cells(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// The cell of a texel.
+    pub fn at(&self, x: usize, y: usize) -> usize {
+        y / CELL * self.columns + x / CELL
+    }
+
+    /// A grey PNG file with a pixel per cell, its error in steps of [`PICTURE_STEP`], 255 also where it is more; black where there is no light.
+    pub fn picture(&self, errors: Option<&[f64]>) -> Vec<u8> {
+        let code =
+            |error: f64| if error > 0.0 { (error / PICTURE_STEP).round().clamp(1.0, 255.0) as u8 } else { 0 };
+        let codes = match errors {
+            Some(errors) => errors.iter().map(|error| code(*error)).collect(),
+            None => vec![0; self.cells()],
+        };
+        encode_png(&codes, self.columns, self.rows, image::ExtendedColorType::L8)
+    }
+
+    /// The cell of this number within the block whose top left texel is (x0, y0).
+    pub fn of_block(&self, x0: usize, y0: usize, cell: usize) -> usize {
+        const ALONG: usize = BLOCK / CELL;
+        self.at(x0 + cell % ALONG * CELL, y0 + cell / ALONG * CELL)
+    }
+}
+
+/// Texels by the piece they belong to: those of one cell and one chart.
+pub struct Pieces {
+    of: Vec<u32>,
+    cells: Vec<u32>,
+}
+
+impl Pieces {
+    /// Of texels, each with its cell and its chart if it is of one alone.
+    pub fn new(texels: impl Iterator<Item = (usize, Option<u32>)>) -> Self {
+        let mut known = HashMap::new();
+        let mut pieces = Pieces { of: Vec::new(), cells: Vec::new() };
+        for (cell, chart) in texels {
+            let piece = *known.entry((cell, chart)).or_insert(pieces.cells.len() as u32);
+            if piece as usize == pieces.cells.len() {
+                pieces.cells.push(cell as u32);
+            }
+            pieces.of.push(piece);
+        }
+        pieces
+    }
+
+    /// Of texels of a page of this width, by their indices.
+    pub fn of_texels(places: &Places, width: usize, texels: impl Iterator<Item = usize>) -> Self {
+        let place = |index: usize| (index % width, index / width);
+        Pieces::new(texels.map(place).map(|(x, y)| (places.grid.at(x, y), places.chart_of(x, y))))
+    }
+
+    /// Adds the texels, each with its light and standard error, to the sums of their cells.
+    pub fn add(&self, light: &[(Rgb, Rgb)], cells: &mut [Sums]) {
+        self.add_some(|texel| Some(light[texel]), cells);
+    }
+
+    /// The same where only some texels count.
+    pub fn add_some(&self, light: impl Fn(usize) -> Option<(Rgb, Rgb)>, cells: &mut [Sums]) {
+        let mut pieces = vec![Sums::default(); self.cells.len()];
+        let texels =
+            || self.of.iter().enumerate().filter_map(|(t, &piece)| Some((piece as usize, light(t)?)));
+        texels().for_each(|(piece, (mean, error))| pieces[piece].add_texel(mean, error));
+        for (sums, &cell) in pieces.iter().zip(&self.cells) {
+            let mean = sums.mean();
+            let local = if mean > 0.0 { sums.squared_error / (mean * mean) } else { 0.0 };
+            cells[cell as usize].add(&Sums { local, ..*sums });
+        }
+    }
+}
+
+/// Local errors of many cells, in words of numbers: each cell counts by its texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Local {
+    /// Half of the texels lie in cells with less.
+    pub median: f64,
+    /// 95 % of the texels lie in cells with no more.
+    pub p95: f64,
+    /// The greatest.
+    pub worst: f64,
+    /// Shares of the texels in cells with more than [`OVER`].
+    pub over: [f64; 3],
+}
+
+impl Local {
+    /// Of errors with their weights; `None` of none.
+    pub fn of(errors: impl Iterator<Item = (f64, u64)>) -> Option<Self> {
+        let mut errors: Vec<(f64, u64)> = errors.filter(|(_, weight)| *weight > 0).collect();
+        errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let all: u64 = errors.iter().map(|(_, weight)| weight).sum();
+        let at = |share: f64| {
+            let mut below = 0;
+            let reached = |&&(_, weight): &&(f64, u64)| {
+                below += weight;
+                below as f64 >= share * all as f64
+            };
+            errors.iter().find(reached).map_or(0.0, |(error, _)| *error)
+        };
+        let over = OVER.map(|least| {
+            let above = errors.iter().filter(|(error, _)| *error > least);
+            above.map(|(_, weight)| weight).sum::<u64>() as f64 / all as f64
+        });
+        Some(Local { median: at(0.5), p95: at(0.95), worst: errors.last()?.0, over })
+    }
+}
+
+impl Places {
+    /// Looks around from the middle of every cell.
+    pub fn find(worker: &Worker, console: &Console) -> crate::Result<(Self, RayCounts)> {
+        let atlas = worker.atlas;
+        let mut places = Places::without_looks(atlas);
+        let mut face_of = vec![NONE; worker.transport.space.geometry.triangles.len()];
+        for (i, face) in atlas.faces.iter().enumerate() {
+            face_of[face.triangle as usize] = i as u32;
+        }
+        let blocks = worker.blocks();
+        let progress = console.progress("looking around", blocks.len() as u64);
+        let of_block = |&block: &usize| -> crate::Result<_> {
+            stop_if_interrupted()?;
+            let surface = worker.surface(block);
+            let mut texels = vec![Vec::new(); CELLS];
+            surface.covered().for_each(|t| texels[cell_of(&surface, t)].push(t));
+            let (mut seen, mut rays) = ([[NONE; LOOKS]; CELLS], RayCounts::default());
+            for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
+                for (look, seen) in seen[cell].iter_mut().enumerate() {
+                    let texel = texels[look * texels.len() / LOOKS];
+                    *seen = places.look(worker, &face_of, &surface, texel, &mut rays).unwrap_or(NONE);
+                }
+            }
+            progress.advance(1);
+            Ok((surface.x0, surface.y0, seen, rays))
+        };
+        let found = blocks.par_iter().map(of_block).collect::<crate::Result<Vec<_>>>()?;
+        let mut rays = RayCounts::default();
+        for (x0, y0, seen, of_block) in found {
+            seen.iter()
+                .enumerate()
+                .for_each(|(c, seen)| places.seen[places.grid.of_block(x0, y0, c)] = *seen);
+            rays += of_block;
+        }
+        Ok((places, rays))
+    }
+
+    /// Cells that see nothing: each is judged by its own light.
+    pub fn without_looks(atlas: &Atlas) -> Self {
+        let grid = Grid::new(atlas.width as usize, atlas.height as usize);
+        Places { grid, owners: Owners::new(atlas), seen: vec![[NONE; LOOKS]; grid.cells()] }
+    }
+
+    /// Cells of a page without charts, each of which sees those that `seen` says.
+    #[cfg(test)]
+    pub fn for_tests(width: usize, height: usize, seen: impl Fn(usize) -> Option<u32>) -> Self {
+        let mut places = Places::without_looks(&Atlas::for_tests(width as u32, height as u32, Vec::new()));
+        for (cell, all) in places.seen.iter_mut().enumerate() {
+            *all = [seen(cell).unwrap_or(NONE); LOOKS];
+        }
+        places
+    }
+
+    /// The cell that a ray from a texel meets.
+    fn look(
+        &self,
+        worker: &Worker,
+        face_of: &[u32],
+        surface: &BlockSurface,
+        texel: usize,
+        rays: &mut RayCounts,
+    ) -> Option<u32> {
+        // (Whatever the seed of the bake: what is judged does not hang on it.)
+        let index = surface.page_index(worker.atlas, texel) as u32;
+        let sample = Sequence::new(0, Kind::Texel, index, Stream::Look as u32).sample(0);
+        let space = &worker.transport.space;
+        let at = space.receiver(&surface.sample(worker.atlas, texel, point_pair(sample)))?;
+        rays.inside += 1;
+        let hit = worker.transport.look(&at, sample)?;
+        let face = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
+        let [a, b, c] = face.corners;
+        let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
+        let place = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
+        Some(self.grid.at(place(at.x, worker.atlas.width), place(at.y, worker.atlas.height)) as u32)
+    }
+
+    /// The grid of the cells.
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// The chart of a texel, if it is of one alone.
+    pub fn chart_of(&self, x: usize, y: usize) -> Option<u32> {
+        self.owners.of(x, y)
+    }
+
+    /// Per cell of a set, the light below which nothing is judged: by the median of its own light and that of the cells seen from it.
+    pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
+        let floor = |place: usize| {
+            let looks = self.seen[place].iter().filter(|seen| **seen != NONE).map(|seen| *seen as usize);
+            let lit =
+                std::iter::once(place).chain(looks).map(|cell| &cells[cell]).filter(|sums| sums.values > 0);
+            let mut lights: Vec<f64> = lit.map(Sums::mean).collect();
+            lights.sort_by(f64::total_cmp);
+            // Of two in the middle the lesser: it asks for more.
+            let adapted = lights.get(lights.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
+            (VISIBLE * adapted).max(LEAST)
+        };
+        (0..cells.len()).map(floor).collect()
+    }
+
+    /// Per cell of a set, its local error; 0 of one without light.
+    pub fn errors(&self, cells: &[Sums]) -> Vec<f64> {
+        cells.iter().zip(self.floors(cells)).map(|(sums, floor)| error(sums, floor)).collect()
+    }
+
+    /// The errors of a set, and what they sum up to.
+    pub fn judge(&self, cells: &[Sums]) -> (Vec<f64>, Option<Local>) {
+        let errors = self.errors(cells);
+        let local = Local::of(errors.iter().zip(cells).map(|(error, sums)| (*error, sums.values / 3)));
+        (errors, local)
+    }
+}
+
+/// The local error of a cell: every texel's ÷ the light of its piece or ÷ the floor, whichever is more. (Per texel: of the sums the lesser
+/// error is taken, which is no less.)
+pub fn error(sums: &Sums, floor: f64) -> f64 {
+    if sums.values == 0 {
+        return 0.0;
+    }
+    (sums.local / sums.values as f64).sqrt().min(sums.mse().sqrt() / floor)
+}
+
+/// Per set, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
+pub fn of_block(
+    sets: &[Parts],
+    lights: &Lights,
+    surface: &BlockSurface,
+    state: &BlockState,
+    places: &Places,
+) -> Vec<[Sums; CELLS]> {
+    let layers = lights.layers();
+    let (mut a, mut b) = (vec![Rgb::ZERO; layers], vec![Rgb::ZERO; layers]);
+    // Of the texels that count: where they are, and per set their light and its standard error.
+    let mut counted = Vec::new();
+    let mut light: Vec<Vec<(Rgb, Rgb)>> = vec![Vec::new(); sets.len()];
+    for (texel, place) in surface.covered().enumerate() {
+        if !state.is_exposed(texel) {
+            continue;
+        }
+        state.means(texel, 0, lights, &mut a);
+        state.means(texel, 1, lights, &mut b);
+        if a.iter().chain(&b).all(|v| *v == Rgb::ZERO) {
+            continue;
+        }
+        let (x, y) = (surface.x0 + place % surface.width, surface.y0 + place / surface.width);
+        counted.push((cell_of(surface, place), places.chart_of(x, y)));
+        for (parts, light) in sets.iter().zip(&mut light) {
+            let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
+            let (a, b) = (sum(&a), sum(&b));
+            light.push(((a + b) * 0.5, (a - b) * 0.5));
+        }
+    }
+    let pieces = Pieces::new(counted.into_iter());
+    let cells = |light: Vec<(Rgb, Rgb)>| {
+        let mut cells = [Sums::default(); CELLS];
+        pieces.add(&light, &mut cells);
+        cells
+    };
+    light.into_iter().map(cells).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_are_judged_by_the_light_of_their_chart() {
+        // In one cell, a chart of light 100 known to 1 % and one of light 1 known to 50 %.
+        let texels = |n: usize| (0..n).map(|i| (0, Some((i % 2) as u32)));
+        let pieces = Pieces::new(texels(256));
+        let light: Vec<(Rgb, Rgb)> = (0..256)
+            .map(|i| [(100.0, 1.0), (1.0, 0.5)][i % 2])
+            .map(|(m, e)| (Rgb::splat(m), Rgb::splat(e)))
+            .collect();
+        let mut cells = vec![Sums::default()];
+        pieces.add(&light, &mut cells);
+        let expected = ((0.01f64.powi(2) + 0.5f64.powi(2)) / 2.0).sqrt();
+        assert!((error(&cells[0], 1e-9) - expected).abs() < 1e-6);
+        // By the cell's own mean it would be 1.6 %.
+        assert!((cells[0].mse().sqrt() / cells[0].mean() - 0.0157).abs() < 1e-3);
+        // Texels that do not count leave no trace.
+        let mut some = vec![Sums::default()];
+        pieces.add_some(|texel| (texel % 2 == 0).then(|| light[texel]), &mut some);
+        assert_eq!((some[0].values, some[0].mean()), (384, 100.0));
+    }
+
+    #[test]
+    fn cells_count_by_their_texels() {
+        let local = Local::of([(0.5, 4), (0.01, 90), (0.07, 6), (9.0, 0)].into_iter());
+        assert_eq!(local, Some(Local { median: 0.01, p95: 0.07, worst: 0.5, over: [0.1, 0.04, 0.04] }));
+        assert_eq!(Local::of([(1.0, 0)].into_iter()), None);
+    }
+
+    #[test]
+    fn the_dark_of_nights_without_light_is_no_error() {
+        let places = Places::for_tests(BLOCK, BLOCK, |_| None);
+        let cells = vec![Sums::default(); places.grid().cells()];
+        assert_eq!(places.judge(&cells).1, None);
+        let mut cells = cells;
+        cells[3].add_texel(Rgb::splat(1e-12), Rgb::splat(1e-12));
+        cells[3].local = 3.0;
+        let (errors, local) = places.judge(&cells);
+        assert!((errors[3] - 1e-5).abs() < 1e-9 && local.is_some_and(|local| local.worst == errors[3]));
+        let picture = places.grid().picture(Some(&errors));
+        assert!(picture.starts_with(b"\x89PNG"));
+    }
+}
