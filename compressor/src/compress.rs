@@ -20,7 +20,7 @@ use crate::model::{PROFILES, Profile};
 use crate::sunlight::Sunlight;
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
-use crate::{Error, Result, of_bundle};
+use crate::{Error, Result, of_bundle, printable};
 use dataset::config::{Layer, Light, PageKind};
 use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::files::{expect_writable, write_atomically};
@@ -257,7 +257,7 @@ enum Standing {
     /// What a run without `--force` does not replace, in words: no bundle at all, one of another scene, or one of the same light that
     /// was trained for more steps.
     Kept(String),
-    /// One of other light or other settings, or a broken one, in words.
+    /// One of another bake or other settings, or a broken one, in words.
     Other(String),
     /// None.
     None,
@@ -277,7 +277,8 @@ fn standing(out: &Path, header: &Header) -> Standing {
     if there.header.scene != header.scene {
         return Standing::Kept(format!(
             "is a bundle of the scene {}, not of {}",
-            there.header.scene, header.scene
+            printable(&there.header.scene),
+            header.scene
         ));
     }
     let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
@@ -303,9 +304,11 @@ fn standing(out: &Path, header: &Header) -> Standing {
     }
     let what = match () {
         () if is_same => "whose record of training (.run.json) is not there, or of another bundle".to_owned(),
-        () if differs("inputs") => "made from other light".to_owned(),
+        () if differs("inputs") => "compressed from a different bake".to_owned(),
         () if differs("trained_on") => "made where other layers told which lamps light a tile".to_owned(),
-        () if differs("iterations") => format!("trained for {} steps", old["iterations"]),
+        () if differs("iterations") => {
+            format!("trained for {} steps", printable(&old["iterations"].to_string()))
+        }
         () if there.header == *header => "of an earlier run under a time limit".to_owned(),
         () => "made with other settings".to_owned(),
     };

@@ -28,7 +28,7 @@ pub(crate) use table::{aligned, cell};
 use crate::decode::{Decoder, Lights};
 use crate::law::Law;
 use crate::mean::mean;
-use crate::{Error, Result};
+use crate::{Error, Result, printable};
 use dataset::config::Noise;
 use dataset::console::{Console, Progress, stop_if_interrupted};
 use dataset::image::{Image, Mask};
@@ -402,7 +402,7 @@ pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
     ];
     for (what, bundle, of_dataset) in kinds {
         if bundle != of_dataset {
-            let (scene, root) = (&header.scene, dataset.root.display());
+            let (scene, root) = (printable(&header.scene), dataset.root.display());
             let what = format!("has {what} {bundle}; expected those of the dataset {root}, {of_dataset}");
             return Err(Error::invalid(format!("bundle of scene {scene}"), what));
         }

@@ -7,6 +7,7 @@
 pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 
 mod error;
+mod printable;
 mod clock;
 mod mean;
 pub mod law;
@@ -23,3 +24,4 @@ pub mod view;
 
 pub use dataset::{Error, Result};
 pub use error::of_bundle;
+pub use printable::printable;

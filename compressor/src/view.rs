@@ -1,6 +1,7 @@
 //! A page for the browser that plays a bundle: [`Source`] finds what belongs to it, [`page()`] puts all in one file, [`serve()`] hands it out
 //! piece by piece. The page's own sources stand in `compressor/view/`.
 
+mod glb;
 mod serve;
 mod source;
 
@@ -11,7 +12,10 @@ use crate::{Error, Result};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dataset::files::write_atomically;
+use dataset::store::MANIFEST;
 use serde_json::{Value, json};
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// What one page holds at most, in bytes before base64; `--serve` has no such bound.
@@ -20,6 +24,12 @@ pub const MOST_BYTES: u64 = 128 << 20;
 const REFERENCE_BYTES: u64 = 4 << 20;
 /// The hours whose references are wanted first.
 const WANTED: [f64; 8] = [12.0, 18.5, 21.0, 7.0, 15.0, 9.5, 0.0, 4.0];
+
+/// By this a page is known among other HTML files; it stands in `shell.html`, within so many bytes.
+const MARK: &str = "<meta name=\"generator\" content=\"compress view\">";
+const MARK_WITHIN: u64 = 512;
+/// A dataset's report, by its name.
+const REPORT: &str = "report.html";
 
 const SHELL: &str = include_str!("../view/shell.html");
 const STYLE: &str = include_str!("../view/style.css");
@@ -67,6 +77,32 @@ pub fn write_beside(dataset: &Path) -> Result<Option<PathBuf>> {
     let path = source.page_path();
     write_atomically(&path, html.as_bytes())?;
     Ok(Some(path))
+}
+
+/// Refuses a path where another HTML file stands than a page of this kind. `force` replaces all but a dataset's report.
+///
+/// # Errors
+/// Such a file.
+pub fn expect_replaceable(path: &Path, force: bool) -> Result<()> {
+    let is_report = path.file_name().is_some_and(|name| name.eq_ignore_ascii_case(REPORT));
+    if is_report && path.with_file_name(MANIFEST).exists() {
+        return Err(Error::invalid(
+            path.display(),
+            "is the report of a dataset; expected another --out FILE",
+        ));
+    }
+    if force || !path.exists() || is_page(path) {
+        return Ok(());
+    }
+    let what = "is no page of `compress view`; expected another --out FILE, or --force to replace it";
+    Err(Error::invalid(path.display(), what))
+}
+
+/// Whether a file is a page, or empty, so that nothing else is lost with it.
+fn is_page(path: &Path) -> bool {
+    let mut first = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MARK_WITHIN).read_to_end(&mut first));
+    read.is_ok() && (first.is_empty() || first.windows(MARK.len()).any(|bytes| bytes == MARK.as_bytes()))
 }
 
 /// The page that fetches its data from where it came from.
@@ -121,4 +157,25 @@ fn meta(source: &Source, sets: &[usize]) -> Value {
 
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_replaces_pages_alone() {
+        assert!(SHELL.find(MARK).is_some_and(|at| at + MARK.len() < MARK_WITHIN as usize));
+        let folder = tempfile::tempdir().unwrap();
+        let [page, report] = ["day.html", REPORT].map(|name| folder.path().join(name));
+        assert!(expect_replaceable(&page, false).is_ok());
+        for (text, is_free) in [(SHELL, true), ("", true), ("<!doctype html><p>A diary", false)] {
+            std::fs::write(&page, text).unwrap();
+            assert_eq!(expect_replaceable(&page, false).is_ok(), is_free, "{text}");
+            assert!(expect_replaceable(&page, true).is_ok());
+        }
+        assert!(expect_replaceable(&report, true).is_ok());
+        std::fs::write(folder.path().join(MANIFEST), "{}").unwrap();
+        assert!(expect_replaceable(&report, true).unwrap_err().to_string().contains("report of a dataset"));
+    }
 }

@@ -664,6 +664,15 @@ fn the_command_line_answers_and_refuses() {
     }
     assert!(!folder.path().join("y.exr").exists());
 
+    // What was baked differently is judged, with a warning.
+    let light: fn(usize, usize, f64, bool) -> [f32; 3] =
+        |x, y, h, on| (islands().light)(x, y, h, on).map(|e| 2.0 * e);
+    Scene { light, ..islands() }.write(&folder.path().join("isles"));
+    let output = run(&["evaluate", "isles"], folder.path());
+    let message = String::from_utf8_lossy(&output.stderr);
+    let expected = "the bundle was compressed from a different bake; run `compress` again";
+    assert!(output.status.success() && message.contains(expected), "{message}");
+
     // A bundle of other hours is not judged against this dataset.
     let other = Scene { hours: vec![0.0, 12.0], ..islands() };
     other.write(&folder.path().join("isles"));

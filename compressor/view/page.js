@@ -7,6 +7,11 @@ const NAMES = { decoded: 'decoded', reference: 'reference', difference: '×8 dif
 const DAY_SECONDS = 48;
 const clock = hour => { const minutes = Math.round(60 * hour) % 1440; return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, '0')}`; };
 const digits = x => x === 0 ? '0' : Math.abs(x) >= 1000 || Math.abs(x) < 0.001 ? x.toExponential(2) : x.toPrecision(3);
+// The hour that an address asks for, as `hour=18.5` or `hour=18:30`, if it does.
+function hourOf(hash) {
+  const found = hash.replace(/%3a/i, ':').match(/\bhour=(\d+)(?::([0-5]?\d)|(\.\d*))?(?=&|$)/);
+  return found && mod(Number(found[1] + (found[3] ?? '')) + Number(found[2] ?? 0) / 60, 24);
+}
 const luminance = ([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
 // Bytes by name: of the page itself, or of the server it came from.
@@ -37,9 +42,8 @@ class Viewer {
     const bundle = this.bundle = openBundle(await dataOf('bundle'));
     if (bundle.tiles.some(tile => tile.shadows)) codebook = await dataOf('words');
     this.decoder = new Decoder(gl, bundle, { unpack: location.hash.includes('unpack') });
-    const hour = Number(location.hash.match(/hour=([\d.]+)/)?.[1] ?? 12);
     // `hour` is what is shown; `clock`, by which the day plays, goes on between the hours of references.
-    this.state = { hour: Number.isFinite(hour) ? mod(hour, 24) : 12, clock: 0, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, exposure: 0 };
+    this.state = { hour: hourOf(location.hash) ?? 12, clock: 0, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, exposure: 0 };
     this.scene = this.meta.scene_file ? await Scene.open(gl, await dataOf('scene'), bundle.pages.length) : null;
     if (this.scene?.draws.length) this.state.space = 'scene';
     this.pages = this.decoder.pages.map((page, i) => ({ ...page, bits: this.bitsOf(i) }));
@@ -118,8 +122,8 @@ class Viewer {
     const { state, bundle, meta } = this;
     document.title = `${bundle.scene}: the day`;
     $('title').textContent = bundle.scene;
-    const spaces = this.scene?.draws.length ? [['scene', 'scene', 'Tab']] : [];
-    bundle.pages.forEach((_, i) => spaces.push([`atlas ${i}`, bundle.pages.length > 1 ? `page ${i + 1}` : 'atlas', 'Tab']));
+    const spaces = this.scene?.draws.length ? [['scene', 'scene', 'M']] : [];
+    bundle.pages.forEach((_, i) => spaces.push([`atlas ${i}`, bundle.pages.length > 1 ? `page ${i + 1}` : 'atlas', 'M']));
     this.choice('spaces', spaces, key => { [state.space, state.page] = [key.split(' ')[0], Number(key.split(' ')[1] ?? state.page)]; this.fit(); }, () => state.space === 'scene' ? 'scene' : `atlas ${state.page}`);
     this.shown = VIEWS.filter(view => meta.reference.hours.length || view === 'decoded' || view === 'bits');
     this.choice('views', this.shown.map(view => [view, NAMES[view], 'V']), view => this.setView(view), () => state.view);
@@ -131,7 +135,7 @@ class Viewer {
     const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
     const facts = [
       `${meta.title}: bundle version ${bundle.version}, ${length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(8 * length / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
-      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. Checksums are not verified here: \`compress info\` does that.`,
+      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. \`compress view\` looked at its checksums; this page does not.`,
       this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. No sky, gloss or visible emission.` : 'No scene.glb lay beside the bundle: the atlas alone.',
       meta.reference.note,
       bundle.sun ? "The sun's direct light is a stream of its own: it moves between the sets." : "The sun's direct light is in the maps, or left out.",
@@ -144,19 +148,21 @@ class Viewer {
     const marks = [], mark = (kind, hour, text) => {
       const element = document.createElement(kind);
       element.style.left = `${hour / 24 * 100}%`;
-      if (text) element.textContent = text;
+      if (text !== undefined) element.textContent = text;
       marks.push(element);
       return element;
     };
     for (const hour of this.bundle.hours) mark('i', hour).className = 'set';
     for (let hour = 0; hour <= 24; hour += 3) { mark('i', hour); mark('span', hour, hour); }
+    const switches = new Map(), note = (hour, text) => switches.set(hour, [...switches.get(hour) ?? [], text]);
     for (const { name, on } of this.bundle.groups) {
       for (const [from, to] of on) {
         if (from === 0 && to === 24) continue;
-        mark('b', from).title = `${name} on at ${clock(from)}`;
-        mark('b', to).title = `${name} off at ${clock(to)}`;
+        note(from, `${name} on at ${clock(from)}`);
+        note(to, `${name} off at ${clock(to)}`);
       }
     }
+    for (const [hour, texts] of switches) mark('b', hour).title = texts.join('\n');
     $('marks').replaceChildren(...marks);
   }
 
@@ -169,8 +175,18 @@ class Viewer {
     const { state } = this, before = state.hour;
     state.clock = mod(hour, 24);
     state.hour = this.refers() ? nearestOf(this.meta.reference.hours, state.clock) : state.clock;
-    if (state.hour !== before) this.decode();
-    if (this.refers()) this.loadReference().catch(problem => this.stop(problem));
+    if (state.hour !== before) {
+      this.decode();
+      this.missing = null;
+    }
+    if (this.refers() && !this.missing) this.loadReference(state.hour).catch(problem => this.miss(state.hour, problem));
+    this.redraw();
+  }
+
+  // A reference that does not come is told; the rest goes on. It is asked for again when its hour or view is chosen again.
+  miss(hour, problem) {
+    if (hour !== this.state.hour) return;
+    this.missing = `did not come: ${problem.message}`;
     this.redraw();
   }
 
@@ -192,12 +208,13 @@ class Viewer {
   setView(view) {
     const { state } = this;
     state.view = view;
+    this.missing = null;
     this.setHour(state.playing ? state.clock : state.hour);
   }
 
   // Brings the reference of the hour shown to the GPU. One that comes when another hour is shown is left.
-  async loadReference() {
-    const { gl, state, pages } = this, { hour } = state;
+  async loadReference(hour = this.state.hour) {
+    const { gl, state, pages } = this;
     if (this.referenceShown === hour) return;
     const all = await Promise.all(pages.map((_, i) => this.reference(hour, i)));
     if (state.hour !== hour) return;
@@ -218,7 +235,9 @@ class Viewer {
     if (!references.has(key)) {
       // What came with the page cannot be had again.
       if (!this.whole && references.size >= 64) references.delete(references.keys().next().value);
-      references.set(key, this.readReference(key, this.bundle.pages[page]));
+      const read = this.readReference(key, this.bundle.pages[page]);
+      references.set(key, read);
+      read.catch(() => { if (references.get(key) === read) references.delete(key); });
     }
     return references.get(key);
   }
@@ -312,6 +331,7 @@ class Viewer {
       this.drawTo(null, this.canvas.width, this.canvas.height);
     }
     this.tell();
+    this.follow();
   }
 
   drawTo(frame, width, height) {
@@ -347,7 +367,7 @@ class Viewer {
     for (const choice of this.choices) choice();
     const on = this.bundle.groups.filter(group => isOn(group.on, mod(state.hour, 24))).map(group => group.name);
     const parts = [on.length ? `on: ${on.join(', ')}` : 'no lamps on'];
-    if (this.refers()) parts.push(`reference of ${clock(state.hour)}, ${this.referenceShown === state.hour ? meta.reference.precision : 'which is on its way'}`);
+    if (this.refers()) parts.push(`reference of ${clock(state.hour)}, ${this.referenceShown === state.hour ? meta.reference.precision : this.missing ?? 'which is on its way'}`);
     if (state.view === 'bits') parts.push(`blue: no bits, yellow: ${this.mostBits.toFixed(2)} bits per texel and set, or more`);
     if (state.space === 'scene' && this.scene.unmapped > 0) parts.push('what has no texels is lit by an ambient term');
     $('state').textContent = parts.join(' · ');
@@ -355,7 +375,7 @@ class Viewer {
 
   // ---- One texel ----
 
-  // What of the page lies under a place of the window, in CSS pixels.
+  // What of the page lies under a place of the window, in CSS pixels; `bare` is a surface without texels.
   pick(x, y) {
     const { gl, state } = this;
     if (state.space === 'atlas') {
@@ -370,35 +390,90 @@ class Viewer {
     this.scene.draw(this.camera, this.canvas.width, this.canvas.height, 2, this.drawn());
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.FLOAT, out);
     const page = Math.round(out[0]) - 1;
-    return page < 0 ? null : { page, x: Math.floor(out[1] * this.pages[page].width), y: Math.floor(out[2] * this.pages[page].height) };
+    if (page < 0) return out[3] > 0.5 ? { bare: true } : null;
+    return { page, x: Math.floor(out[1] * this.pages[page].width), y: Math.floor(out[2] * this.pages[page].height) };
   }
 
   async inspect(place) {
     const { bundle, meta } = this, page = place && bundle.pages[place.page];
-    $('inspect').hidden = !place;
-    if (!place || place.x < 0 || place.y < 0 || place.x >= page.width || place.y >= page.height) { $('inspect').hidden = true; return; }
+    this.closePanel();
+    if (place?.bare) {
+      $('texel').textContent = 'no texels here';
+      $('curve').hidden = true;
+      $('inspect').hidden = false;
+      return;
+    }
+    if (!place || place.x < 0 || place.y < 0 || place.x >= page.width || place.y >= page.height) return;
     const [column, row] = [place.x, place.y].map(at => Math.floor(at / PAYLOAD));
     const tile = bundle.tiles.find(tile => tile.page === place.page && tile.column === column && tile.row === row);
     const [x, y] = [place.x - PAYLOAD * column + 1, place.y - PAYLOAD * row + 1];
     const hours = [...new Set([...bundle.knots, ...Array.from({ length: 97 }, (_, i) => Math.min(i / 4, 23.999))])].sort((a, b) => a - b);
-    const light = hours.map(hour => decodeTexel(bundle, tile, hour, x, y)), now = decodeTexel(bundle, tile, this.state.hour, x, y), points = [];
+    const light = hours.map(hour => decodeTexel(bundle, tile, hour, x, y));
+    const panel = this.panel = { place, tile, x, y, hours, light, points: [], hour: null, whole: false, quality: '', of: null };
+    $('curve').hidden = $('inspect').hidden = false;
+    this.follow();
     for (const hour of meta.reference.hours) {
-      points.push([hour, lightOf(await this.reference(hour, place.page), place.y * page.width + place.x)]);
+      try {
+        const reference = await this.reference(hour, place.page);
+        panel.points.push([hour, lightOf(reference, place.y * page.width + place.x)]);
+      } catch (problem) {
+        panel.problem = `the reference of ${clock(hour)} did not come: ${problem.message}`;
+      }
+      if (this.panel !== panel) return;
     }
-    this.plot(hours, light, points);
-    const lines = [`texel ${place.x}, ${place.y} of page ${place.page}, tile ${column}, ${row}`, `${clock(this.state.hour)}: E = ${now.map(digits).join(', ')} (R, G, B; unit of the lightmaps)`,
-      `${this.bytesOfTile(tile).toLocaleString('en')} bytes, ${this.bitsOfTile(tile).toFixed(3)} bits per texel and set`];
-    if (meta.reference.hours.length) lines.push(await this.quality(tile));
-    else lines.push('no reference at hand');
-    lines.push(...(points.length ? [`lines: decoded; circles: reference at ${meta.reference.hours.map(clock).join(', ')}`] : []));
-    $('texel').textContent = lines.join('\n');
-    forgetTexels(tile);
+    panel.hour = null;
+    await this.judge(panel);
+    panel.whole = true;
+    this.follow();
   }
 
-  // The tile's PSNR at the reference nearest in time, over its valid texels, peak = the largest value there.
-  async quality(tile) {
-    const { meta, bundle } = this, hour = nearestOf(meta.reference.hours, this.state.hour), reference = await this.reference(hour, tile.page), page = bundle.pages[tile.page];
-    const mask = await (this.masks[tile.page] ??= dataOf(`mask-${tile.page}`)), decoded = decodeTile(bundle, tile, hour);
+  // The panel shows the texel at the time shown.
+  follow() {
+    const { panel, bundle, meta, state } = this;
+    if (!panel || panel.hour === state.hour) return;
+    panel.hour = state.hour;
+    const { place, tile, x, y, points } = panel, now = decodeTexel(bundle, tile, state.hour, x, y);
+    this.plot(panel.hours, panel.light, points);
+    const lines = [`texel ${place.x}, ${place.y} of page ${place.page}, tile ${tile.column}, ${tile.row}`, `${clock(state.hour)}: E = ${now.map(digits).join(', ')} (R, G, B; unit of the lightmaps)`,
+      `${this.bytesOfTile(tile).toLocaleString('en')} bytes, ${this.bitsOfTile(tile).toFixed(3)} bits per texel and set`];
+    if (!meta.reference.hours.length) lines.push('no reference at hand');
+    if (panel.quality) lines.push(panel.quality);
+    if (panel.problem) lines.push(panel.problem);
+    if (points.length) lines.push(`lines: decoded; circles: reference at ${points.map(([hour]) => clock(hour)).join(', ')}`);
+    $('texel').textContent = lines.join('\n');
+    // A whole tile takes long: once time stands still.
+    clearTimeout(panel.timer);
+    if (panel.whole) panel.timer = setTimeout(() => this.judge(panel), 300);
+  }
+
+  async judge(panel) {
+    const { meta, state } = this;
+    if (!meta.reference.hours.length || this.panel !== panel || state.playing) return;
+    const hour = nearestOf(meta.reference.hours, state.hour);
+    if (panel.of === hour) return;
+    panel.of = hour;
+    panel.quality = await this.quality(panel.tile, hour).catch(problem => `the tile at ${clock(hour)} cannot be judged: ${problem.message}`);
+    panel.hour = null;
+    this.redraw();
+  }
+
+  closePanel() {
+    if (this.panel) {
+      clearTimeout(this.panel.timer);
+      forgetTexels(this.panel.tile);
+    }
+    this.panel = null;
+    $('inspect').hidden = true;
+  }
+
+  // The tile's PSNR at an hour of the references, over its valid texels, peak = the largest value there.
+  async quality(tile, hour) {
+    const { meta, bundle } = this, reference = await this.reference(hour, tile.page), page = bundle.pages[tile.page];
+    const asked = this.masks[tile.page] ??= dataOf(`mask-${tile.page}`).catch(problem => {
+      this.masks[tile.page] = null;
+      throw problem;
+    });
+    const mask = await asked, decoded = decodeTile(bundle, tile, hour);
     let squares = 0, count = 0, peak = 0;
     for (let y = 0; y < tile.ownHeight; y++) {
       for (let x = 0; x < tile.ownWidth; x++) {
@@ -487,12 +562,17 @@ class Viewer {
     $('exposure').oninput = () => { state.exposure = Number($('exposure').value); state.pinned = true; this.redraw(); };
     $('pin').onclick = () => this.pin();
     $('more').onclick = () => this.about();
-    for (const button of document.querySelectorAll('.close')) button.onclick = () => { button.parentElement.hidden = true; };
+    addEventListener('hashchange', () => {
+      const hour = hourOf(location.hash);
+      if (hour !== null) this.setHour(hour);
+    });
+    for (const button of document.querySelectorAll('.close')) button.onclick = () => button.parentElement.id === 'inspect' ? this.closePanel() : this.about();
   }
 
   play() {
     this.state.playing = !this.state.playing;
     this.state.clock = this.state.hour;
+    if (this.panel) this.panel.hour = null;
     this.redraw();
   }
 
@@ -545,12 +625,15 @@ class Viewer {
     const steps = {
       ' ': () => this.play(), arrowleft: () => this.setHour(next(-1)), arrowright: () => this.setHour(next(1)),
       v: () => this.setView(this.shown[(this.shown.indexOf(state.view) + 1) % this.shown.length]), o: () => { state.walks = !state.walks; }, p: () => this.pin(), i: () => this.about(),
-      tab: () => this.turnPage(), '+': () => this.brighten(0.5), '=': () => this.brighten(0.5), '-': () => this.brighten(-0.5),
-      escape: () => { $('inspect').hidden = $('about').hidden = true; },
+      m: () => this.turnPage(), '+': () => this.brighten(0.5), '=': () => this.brighten(0.5), '-': () => this.brighten(-0.5),
+      escape: () => {
+        this.closePanel();
+        if (!$('about').hidden) this.about();
+      },
     };
     if ('wasdqe'.includes(key) || key === 'shift') this.keys.add(key);
     else if (key >= '1' && key <= '9') this.setCamera(Number(key) - 1);
-    else if (steps[key] && !(key === 'tab' && (event.shiftKey || event.target !== this.canvas && event.target !== document.body))) { steps[key](); event.preventDefault(); }
+    else if (steps[key]) { steps[key](); event.preventDefault(); }
     this.redraw();
   }
 

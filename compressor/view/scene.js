@@ -36,7 +36,7 @@ void main() {
   vec4 a = base * colour * texture(albedo, uvPlace.xy * uv + uvPlace.zw);
   if (a.a < cutoff) discard;
   bool lit = mapped && gl_FrontFacing;
-  if (mode == 2) { color = lit ? vec4(page + 1., lm, 1) : vec4(0); return; }
+  if (mode == 2) { color = lit ? vec4(page + 1., lm, 1) : vec4(0, 0, 0, 1); return; }
   vec3 e = lit ? irradiance(lm) : ambient * (.75 + .25 * normalize(gl_FrontFacing ? n : -n).y);
   if (!lit && view == 2) e = vec3(0);
   if (view == 3) {
@@ -278,7 +278,7 @@ class Scene {
     return new Camera('overview', add(this.middle, way, d), this.middle, 60);
   }
 
-  // Draws into the bound framebuffer. `mode` 0: as a screen shows it; 1: radiance × the pages' scale; 2: page, u and v. `state` has what to show, and where.
+  // Draws into the bound framebuffer. `mode` 0: as a screen shows it; 1: radiance × the pages' scale; 2: page, u and v, with no page where a surface has no texels. `state` has what to show, and where.
   draw(camera, width, height, mode, state) {
     const { gl } = this, { program, at } = this.program, clip = camera.matrix(width, height, Math.max(this.radius, 1e-3));
     gl.useProgram(program);

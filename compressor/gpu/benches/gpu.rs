@@ -150,7 +150,7 @@ fn main() {
             let options = Options { precision, ..Options::default() };
             let mut decoder = Decoder::new(&gpu.device, &gpu.queue, bundle, options).unwrap();
             let mut page = decoder.page(0, Output::Rgba16Float).unwrap();
-            let moment = Moment { lights, exposure: 1000.0, ..Moment::at(12.3) };
+            let moment = Moment { lights, exposure: 256.0, ..Moment::at(12.3) };
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let work = decoder.decode_page(&mut encoder, &mut page, &moment).unwrap();
             let start = Instant::now();

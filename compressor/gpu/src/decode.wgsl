@@ -50,7 +50,7 @@ struct Job {
 @group(0) @binding(2) var<storage, read> interval: array<u32>;
 // F_uv and the slices of F_uvt of all tiles.
 @group(0) @binding(3) var maps: texture_2d_array<f32>;
-@group(0) @binding(4) var destination: texture_storage_2d<FORMAT, write>;
+@group(0) @binding(4) var destination: texture_storage_2d<$FORMAT, write>;
 
 $SHARED
 var<workgroup> biases: array<Vec, BIASES>;      // of the second layer and the third
@@ -221,6 +221,8 @@ fn decode(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         if ((has & HAS_UVT) != 0u) {
             top = u32(place(start, size.y, uvt.y));
             bottom = min(u32(place(end - 1u, size.y, uvt.y)) + 1u, uvt.y - 1u);
+            // Where a place is an integer, rounding may put it into the row above, which then weighs next to nothing and is one too many.
+            top = max(top, bottom + 1u - min(COARSE / uvt.x, bottom + 1u));
             let first = jobs[j].first;
             let second = jobs[j].second;
             for (var i = x; i < (bottom - top + 1u) * uvt.x; i += 128u) {

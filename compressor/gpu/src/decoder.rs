@@ -84,7 +84,7 @@ pub struct Work {
 /// Maximum jobs per dispatch: WebGPU's limit of workgroups per axis.
 const MOST_JOBS: usize = 65_535;
 
-/// A page's texture, and which tiles of it hold light.
+/// A page's texture, and what is known to be on it.
 #[derive(Debug)]
 pub struct Page {
     /// The texture: the page's size.
@@ -92,7 +92,10 @@ pub struct Page {
     view: wgpu::TextureView,
     output: Output,
     page: usize,
-    is_lit: Vec<bool>,
+    /// Per tile, whether black was written to it last.
+    is_black: Vec<bool>,
+    /// [`Decoder::forgotten`] when it was written last.
+    forgotten: Option<u64>,
 }
 
 impl Page {
@@ -125,6 +128,8 @@ pub struct Decoder {
     interval: wgpu::Buffer,
     coarse: usize,
     bytes: u64,
+    /// How often [`Decoder::forget`] was called.
+    forgotten: u64,
 }
 
 impl Decoder {
@@ -209,6 +214,7 @@ impl Decoder {
             interval,
             coarse,
             bytes,
+            forgotten: 0,
         })
     }
 
@@ -222,7 +228,7 @@ impl Decoder {
         self.bytes
     }
 
-    /// A texture of a page, all black, which [`Decoder::decode_page`] fills.
+    /// A texture of a page, which [`Decoder::decode_page`] fills. Its first call writes every texel; until then all is 0, alpha too.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a page that the bundle does not have; [`Error::Device`] for one larger than a texture may be.
@@ -258,7 +264,7 @@ impl Decoder {
             view_formats: &[],
         });
         let view = texture.create_view(&Default::default());
-        Ok(Page { texture, view, output, page, is_lit: vec![false; grid.tiles()] })
+        Ok(Page { texture, view, output, page, is_black: vec![false; grid.tiles()], forgotten: None })
     }
 
     /// Records the decoding of a whole page. Tiles that are black, and were before, are left out.
@@ -281,10 +287,11 @@ impl Decoder {
         let target = Target { view: &page.view, output: page.output };
         let mut work = self.decode(encoder, &requests, target, moment)?;
         let index = |request: &Request| request.place.row * grid.columns() + request.place.column;
-        let before = std::mem::replace(&mut page.is_lit, vec![true; grid.tiles()]);
-        work.black.iter().for_each(|request| page.is_lit[index(request)] = false);
-        let stale: Vec<Request> =
-            work.black.iter().filter(|request| before[index(request)]).copied().collect();
+        let is_known = page.forgotten.replace(self.forgotten) == Some(self.forgotten);
+        let was_black = std::mem::replace(&mut page.is_black, vec![false; grid.tiles()]);
+        work.black.iter().for_each(|request| page.is_black[index(request)] = true);
+        let is_stale = |request: &&Request| !(is_known && was_black[index(request)]);
+        let stale: Vec<Request> = work.black.iter().filter(is_stale).copied().collect();
         if !stale.is_empty() {
             let cleared = self.clear(encoder, &stale, target)?;
             work.bytes += cleared.bytes;
@@ -293,11 +300,12 @@ impl Decoder {
     }
 
     /// Records the decoding of tiles at a moment: one dispatch for each width of hidden layers and precision that is among them, nearly always
-    /// one in all. Command buffers have to be submitted in the order in which they were recorded.
+    /// one in all. Command buffers have to be submitted in the order in which they were recorded; after one was dropped instead, call
+    /// [`Decoder::forget`].
     ///
     /// # Errors
     /// [`Error::Invalid`] for an hour or exposure that is not a finite number; [`Error::Bundle`] for a place that the bundle does not have, or a
-    /// damaged one.
+    /// damaged one. Nothing is recorded then.
     pub fn decode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -313,24 +321,13 @@ impl Decoder {
         }
         let bundle = Arc::clone(&self.bundle);
         let at = bundle.at(moment.hour)?.only(moment.lights);
-        let mut work = Work::default();
-        let mut uploads: Vec<Upload> = Vec::new();
-        let mut dispatches: Vec<Dispatch> = Vec::new();
-        for request in requests {
-            let Some((job, upload)) = self.job(&at, request, moment)? else {
-                work.black.push(*request);
-                continue;
-            };
-            uploads.extend(upload);
-            work.tiles += 1;
-            work.networks += usize::from(job.hidden > 0);
-            let shader = self.shader(job.hidden, job.fits_half, target.output);
-            match dispatches.iter_mut().find(|(of, _)| *of == shader) {
-                Some((_, jobs)) => jobs.push(job),
-                None => dispatches.push((shader, vec![job])),
-            }
+        let mut uploads = Vec::new();
+        let planned = self.plan(&at, requests, target.output, moment, &mut uploads);
+        if planned.is_err() {
+            // They are not recorded.
+            uploads.iter().for_each(|upload| self.tiles[upload.tile].forget());
         }
-        join(&mut dispatches);
+        let (mut work, dispatches) = planned?;
         work.bytes += self.upload(encoder, &uploads);
         for (shader, jobs) in &dispatches {
             work.bytes += self.dispatch(encoder, *shader, jobs, target.view);
@@ -338,25 +335,67 @@ impl Decoder {
         Ok(work)
     }
 
-    /// A tile's job at a moment, and what is to be uploaded for it; `None` where it is black.
-    fn job(&mut self, at: &At, request: &Request, moment: &Moment) -> Result<Option<(Full, Option<Upload>)>> {
+    /// Forgets what of the sun's visibility is on the device, and what is known of pages: the next calls upload it again and write whole pages. To be
+    /// called after an encoder with decoding on it was dropped instead of submitted.
+    pub fn forget(&mut self) {
+        self.forgotten += 1;
+        self.tiles.iter_mut().for_each(Tile::forget);
+    }
+
+    /// What is to be dispatched. What is to be uploaded before comes to `uploads`, and counts as uploaded.
+    fn plan(
+        &mut self,
+        at: &At,
+        requests: &[Request],
+        output: Output,
+        moment: &Moment,
+        uploads: &mut Vec<Upload>,
+    ) -> Result<(Work, Vec<Dispatch>)> {
+        let mut work = Work::default();
+        let mut dispatches: Vec<Dispatch> = Vec::new();
+        for request in requests {
+            let Some(job) = self.job(at, request, moment, uploads)? else {
+                work.black.push(*request);
+                continue;
+            };
+            work.tiles += 1;
+            work.networks += usize::from(job.hidden > 0);
+            let shader = self.shader(job.hidden, job.fits_half, output);
+            match dispatches.iter_mut().find(|(of, _)| *of == shader) {
+                Some((_, jobs)) => jobs.push(job),
+                None => dispatches.push((shader, vec![job])),
+            }
+        }
+        join(&mut dispatches);
+        Ok((work, dispatches))
+    }
+
+    /// A tile's job at a moment; `None` where it is black.
+    fn job(
+        &mut self,
+        at: &At,
+        request: &Request,
+        moment: &Moment,
+        uploads: &mut Vec<Upload>,
+    ) -> Result<Option<Full>> {
         let place = request.place;
-        let position = self.bundle.header.position(place);
         // A place that the bundle does not have is refused here.
         self.bundle.knots(place)?;
-        let (tile, grid) =
-            (&mut self.tiles[position.unwrap_or_default()], &self.bundle.header.pages[place.page]);
+        let position = self.bundle.header.position(place).unwrap_or_default();
+        let (tile, grid) = (&mut self.tiles[position], &self.bundle.header.pages[place.page]);
         let mut job =
             tile::blank(grid, [place.column, place.row], request.to, request.with_border, moment.exposure);
         let maps = tile.maps.as_ref().filter(|_| moment.lights != Lights::Sun);
         let bias = maps.and_then(|maps| maps.job(&self.bundle.header.timeline, at.moment(), &mut job));
-        let (mut is_sunlit, mut upload) = (false, None);
+        let mut is_sunlit = false;
         if let Some((seen, sun)) = tile.seen.as_mut().zip(at.sun()) {
             if seen.held.is_none_or(|(times, _)| times != sun.times) {
                 let part = at.sun_of(place)?.map(|tile| seen.part(&tile, sun.times));
                 let (held, words) = part.unwrap_or((Held::Dark, Vec::new()));
                 debug_assert!(words.len() <= seen.region.1);
-                upload = (held != Held::Dark).then_some((seen.region.0, words));
+                if held != Held::Dark {
+                    uploads.push(Upload { tile: position, to: seen.region.0, words });
+                }
                 seen.held = Some((sun.times, held));
             }
             is_sunlit = seen.job(&sun, &mut job);
@@ -366,7 +405,7 @@ impl Decoder {
         }
         let (hidden, fits_half) =
             maps.filter(|_| bias.is_some()).map_or((0, true), |maps| (maps.hidden(), maps.fits_half));
-        Ok(Some((Full { job, bias: bias.unwrap_or_default(), hidden, fits_half }, upload)))
+        Ok(Some(Full { job, bias: bias.unwrap_or_default(), hidden, fits_half }))
     }
 
     /// Records that tiles' places on a target become black.
@@ -402,7 +441,7 @@ impl Decoder {
     }
 
     fn upload(&self, encoder: &mut wgpu::CommandEncoder, uploads: &[Upload]) -> u64 {
-        let words: Vec<u32> = uploads.iter().flat_map(|(_, words)| words).copied().collect();
+        let words: Vec<u32> = uploads.iter().flat_map(|upload| &upload.words).copied().collect();
         if words.is_empty() {
             return 0;
         }
@@ -412,7 +451,7 @@ impl Decoder {
             usage: wgpu::BufferUsages::COPY_SRC,
         });
         let mut from = 0;
-        for (to, words) in uploads {
+        for Upload { to, words, .. } in uploads {
             let length = 4 * words.len() as u64;
             encoder.copy_buffer_to_buffer(&staging, from, &self.interval, 4 * u64::from(*to), length);
             from += length;
@@ -485,8 +524,15 @@ struct Full {
 }
 
 type Dispatch = (Shader, Vec<Full>);
-/// Words for a part of the interval's buffer, from the first number on.
-type Upload = (u32, Vec<u32>);
+
+/// A tile's part of the interval's buffer.
+struct Upload {
+    /// The tile's number in the index.
+    tile: usize,
+    /// Where the part begins, in words.
+    to: u32,
+    words: Vec<u32>,
+}
 
 /// Merges sun-only jobs into a dispatch that has a network, if there is one.
 fn join(dispatches: &mut Vec<Dispatch>) {

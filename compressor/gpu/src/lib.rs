@@ -9,7 +9,7 @@
 //! let mut decoder = Decoder::new(&device, &queue, bundle, Options::default())?;
 //! let mut page = decoder.page(0, Output::Rgba16Float)?; // a texture of the page
 //! let mut encoder = device.create_command_encoder(&Default::default());
-//! decoder.decode_page(&mut encoder, &mut page, &Moment { exposure: 1000.0, ..Moment::at(18.05) })?;
+//! decoder.decode_page(&mut encoder, &mut page, &Moment { exposure: 256.0, ..Moment::at(18.05) })?;
 //! queue.submit([encoder.finish()]);
 //! # Ok(())
 //! # }

@@ -25,7 +25,8 @@ pub enum Precision {
 /// What is written to the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Output {
-    /// E × exposure, as 16-bit floats, at most 65504. Kilolux at night are below what 16 bits hold well: an exposure of 1000 gives lux.
+    /// E × exposure, as 16-bit floats; what is above 65504 is cut. An exposure of 256, which the material divides by, reaches 255 kilolux (twice full
+    /// daylight) and holds 11 bits down to a quarter of a millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux (1) lose bits below 61 millilux.
     Rgba16Float,
     /// E × exposure, as 32-bit floats.
     Rgba32Float,
@@ -69,7 +70,7 @@ pub struct Shader {
 }
 
 /// Most texels of an F_uvt slice that a strip reads, rounded up to a power of two (at least 64, and at most the 640 that there can be). `uvt`: the
-/// slice's size; `height`: the tile's stored height.
+/// slice's size; `height`: the tile's stored height. The shader reads no more rows than fit, whatever rounding says.
 pub fn coarse(uvt: [usize; 2], height: usize) -> usize {
     // From the row above the first texel to that below the last.
     let rows = (STRIP - 1) as f64 * uvt[1] as f64 / height.max(1) as f64;
@@ -148,7 +149,7 @@ impl Shader {
                 }
                 _ => {
                     text +=
-                        &line.replace("$STORED", self.output.stored()).replace("FORMAT", self.output.name());
+                        &line.replace("$STORED", self.output.stored()).replace("$FORMAT", self.output.name());
                 }
             }
             text.push('\n');
@@ -201,5 +202,43 @@ impl Shader {
         lines.push("}".to_owned());
         lines.extend((0..texels).map(|t| format!("e[{t}] = light(j, o{t});")));
         lines.join("\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `place` of the shader, in its precision.
+    fn place(i: usize, side: usize, n: usize) -> f32 {
+        ((i as f32 + 0.5) / side as f32 * n as f32 - 0.5).clamp(0.0, (n - 1) as f32)
+    }
+
+    #[test]
+    fn the_rows_of_every_map_fit_and_none_that_counts_is_left_out() {
+        let mut too_many = 0;
+        for side in [4, 8, 16, 32, 64, 128] {
+            let stored = |a: usize| 4 * (a * side).div_ceil(128).div_ceil(4);
+            for (width, height) in
+                (4..=128).step_by(4).flat_map(|w| (4..=128).step_by(4).map(move |h| (w, h)))
+            {
+                let uvt = [stored(width), stored(height)];
+                let rows = coarse(uvt, height) / uvt[0];
+                for start in (0..height).step_by(STRIP) {
+                    let places = [start, (start + STRIP).min(height) - 1].map(|y| place(y, height, uvt[1]));
+                    let bottom = (places[1] as usize + 1).min(uvt[1] - 1);
+                    let top = places[0] as usize;
+                    if bottom + 1 - top > rows {
+                        // All of the first texel is in the row below.
+                        assert!(
+                            bottom - top == rows && 1.0 - places[0].fract() < 2e-5,
+                            "{uvt:?} of {height}"
+                        );
+                        too_many += 1;
+                    }
+                }
+            }
+        }
+        assert!(too_many > 0);
     }
 }

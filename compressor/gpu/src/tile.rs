@@ -94,6 +94,15 @@ pub(crate) struct Tile {
     pub seen: Option<Seen>,
 }
 
+impl Tile {
+    /// Its part of the interval's buffer counts as never written.
+    pub fn forget(&mut self) {
+        if let Some(seen) = &mut self.seen {
+            seen.held = None;
+        }
+    }
+}
+
 /// 16-bit floats, two a word.
 fn halves(values: [u16; 4]) -> [u32; 2] {
     let [a, b, c, d] = values.map(u32::from);

@@ -16,8 +16,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let tile = now.tile(place)?;
         let mut texels = vec![[0; 4]; tile.width() * tile.height()];
-        // Kilolux to lux, which half floats hold better by night.
-        tile.decode_rgba16f(1000.0, &mut texels);
+        // Half floats hold 256 times kilolux from starlight to 255 kilolux; the material divides by 256.
+        tile.decode_rgba16f(256.0, &mut texels);
         println!(
             "page {}, tile ({}, {}): {} texels, {peak} at its brightest",
             place.page,

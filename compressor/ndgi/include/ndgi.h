@@ -49,7 +49,7 @@ void ndgi_tile_sample(const ndgi_tile_at *tile, float x, float y, float rgb[3]);
 
 /* All texels, row by row. `count` is the number of texels that there is room for, and must be the tile's. */
 bool ndgi_tile_decode(const ndgi_tile_at *tile, float (*rgb)[3], size_t count);
-/* Half floats, by their bits: light times an exposure, and 1. */
+/* Half floats, by their bits: light times an exposure, and 1; what is above 65504 is cut. 256 suits: the shader divides by it. */
 bool ndgi_tile_decode_rgba16f(const ndgi_tile_at *tile, float exposure, uint16_t (*rgba)[4], size_t count);
 
 #ifdef __cplusplus

@@ -275,14 +275,16 @@ impl Tile {
         self.decode_as(out, |light| light);
     }
 
-    /// All texels as RGBA of 16-bit floats: light times `exposure`, at most 65504, and 1. Kilolux at night are below what 16 bits hold well: an
-    /// exposure of 1000 gives lux.
+    /// All texels as RGBA of 16-bit floats: light times `exposure`, and 1; what is above 65504 is cut. An exposure of 256, which the material divides
+    /// by, reaches 255 kilolux (twice full daylight) and holds 11 bits down to a quarter of a millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux
+    /// (1) lose bits below 61 millilux.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
     /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
-    /// let mut lux = vec![[0u16; 4]; tile.width() * tile.height()];
-    /// tile.decode_rgba16f(1000.0, &mut lux);
+    /// let mut halves = vec![[0u16; 4]; tile.width() * tile.height()];
+    /// tile.decode_rgba16f(256.0, &mut halves);
+    /// // In a shader: E = texel / 256.
     /// # Ok::<(), ndgi::Error>(())
     /// ```
     ///

@@ -63,6 +63,9 @@ mod tests {
     fn halves_and_bytes_are_cut_and_never_wrap() {
         assert_eq!(rgba16f([1.0, 1e9, 0.0], 1.0), [0x3c00, 0x7bff, 0, 0x3c00]);
         assert_eq!(rgba16f([0.001, 0.0, 0.0], 1000.0), [0x3c00, 0, 0, 0x3c00]);
+        // Daylight is not cut at 256, and starlight is a normal number.
+        let [day, night, ..] = rgba16f([255.0, 1e-6, 0.0], 256.0);
+        assert!(day < 0x7bff && night >= 0x0400, "{day:x} {night:x}");
         assert_eq!(rgba8([2.0, 0.5, 0.0], 2.0), [255, 128, 0, 255]);
         assert_eq!(rgba8([2.0, f32::MAX, 0.0], 0.0), [255, 255, 0, 255]);
     }

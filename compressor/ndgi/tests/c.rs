@@ -3,6 +3,7 @@
 use ndgi::Bundle;
 use ndgi::bundle::{self, Payload};
 use ndgi::grid::Place;
+use ndgi::half::F16;
 use ndgi::testing::{self, Random};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -94,7 +95,7 @@ fn the_page_decoder_of_the_integration_guide_is_that_of_rust() {
     let source = folder.path().join("page.cpp");
     let main = "\n#include <cstdio>\nint main(int, char **arguments)\n{\n\
         ndgi_bundle *bundle = ndgi_open(arguments[1]);\n\
-        Page page = decode_page(bundle, 0, 12.3, 1000.0f);\n\
+        Page page = decode_page(bundle, 0, 10.0, EXPOSURE);\n\
         fwrite(page.rgba.data(), 2, page.rgba.size(), stdout);\n\
         ndgi_close(bundle);\n}\n";
     std::fs::write(&source, format!("{code}{main}")).unwrap();
@@ -108,16 +109,21 @@ fn the_page_decoder_of_the_integration_guide_is_that_of_rust() {
     let found: Vec<u16> =
         output.stdout.as_chunks::<2>().0.iter().map(|two| u16::from_le_bytes(*two)).collect();
     assert_eq!(found.len(), 4 * grid.width * grid.height);
-    let at = bundle.at(12.3).unwrap();
+    // The sun has 90 kilolux then.
+    let at = bundle.at(10.0).unwrap();
+    let mut largest = 0.0f32;
     for place in grid.places(0) {
         let tile = at.tile(place).unwrap();
         let mut texels = vec![[0; 4]; tile.width() * tile.height()];
-        tile.decode_rgba16f(1000.0, &mut texels);
+        tile.decode_rgba16f(256.0, &mut texels);
         for (i, texel) in texels.iter().enumerate() {
             let (x, y) = (place.column * 126 + i % tile.width(), place.row * 126 + i / tile.width());
             assert_eq!(&found[4 * (y * grid.width + x)..][..4], texel, "{place:?} {i}");
+            texel[..3].iter().for_each(|e| largest = largest.max(F16(*e).to_f32()));
         }
     }
+    // Nothing of it is cut, which as lux it would be.
+    assert!((65.504 * 256.0..65504.0).contains(&largest), "{largest}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::{Source, shell_of_server};
 use crate::{Error, Result};
-use dataset::console::stop_if_interrupted;
+use dataset::console::interrupted;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -44,15 +44,14 @@ impl Server {
     }
 }
 
-/// Answers requests until the process is interrupted.
+/// Answers requests until the process is interrupted, which is how it is to end.
 ///
 /// # Errors
-/// The interrupt.
+/// A port that cannot be used.
 pub fn serve(server: &Server, source: Source) -> Result<()> {
     let source = Arc::new(source);
     server.listener.set_nonblocking(true).map_err(Error::io("--serve".as_ref()))?;
-    loop {
-        stop_if_interrupted()?;
+    while !interrupted() {
         match server.listener.accept() {
             // What a browser breaks off is no fault of this program.
             Ok((stream, _)) => {
@@ -62,6 +61,7 @@ pub fn serve(server: &Server, source: Source) -> Result<()> {
             Err(_) => std::thread::sleep(PAUSE),
         }
     }
+    Ok(())
 }
 
 /// A request: its method, path, and the range of bytes that it wants.
@@ -109,6 +109,8 @@ fn read_request(from: &mut impl BufRead) -> io::Result<Option<Request>> {
     let first = line()?;
     let mut words = first.split(' ');
     let (Some(method), Some(path)) = (words.next(), words.next()) else { return Ok(None) };
+    // What is asked of a page changes nothing here.
+    let path = path.split_once('?').map_or(path, |(path, _)| path);
     let mut request =
         Request { method: method.to_owned(), path: path.to_owned(), range: None, host: String::new() };
     for _ in 0..MOST_LINES {
@@ -197,7 +199,7 @@ mod tests {
 
     #[test]
     fn requests_are_read_to_the_empty_line() {
-        let text = b"GET /data/bundle HTTP/1.1\r\nHost: localhost:80\r\nRange: bytes=1-2\r\n\r\n";
+        let text = b"GET /data/bundle?hour=12 HTTP/1.1\r\nHost: localhost:80\r\nRange: bytes=1-2\r\n\r\n";
         let request = read_request(&mut &text[..]).unwrap().unwrap();
         assert_eq!(
             (&*request.method, &*request.path, &*request.host),

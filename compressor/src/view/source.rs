@@ -1,9 +1,10 @@
 //! What belongs to a bundle: the scene's geometry and cameras, and the dataset that it was made from.
 
-use super::WANTED;
+use super::{WANTED, glb};
 use crate::bundle::{Bundle, Header};
 use crate::compress::{default_bundle, light_of};
 use crate::{Error, Result, of_bundle};
+use dataset::config::Config;
 use dataset::store::Dataset;
 use dataset::view::Camera;
 use ndgi::pack::rgb9e5;
@@ -35,6 +36,8 @@ pub struct Source {
     pub cameras: Vec<Camera>,
     /// Why a dataset at hand is no reference.
     pub left_out: Option<String>,
+    /// Why the geometry that was named may be that of another scene.
+    pub doubts: Vec<String>,
     header: Header,
     reference: Option<Dataset>,
     needs_words: bool,
@@ -44,7 +47,7 @@ impl Source {
     /// Finds what belongs to a dataset's folder or a bundle.
     ///
     /// # Errors
-    /// A bundle that is not there or damaged; files that are named and cannot be read.
+    /// A bundle that is not there or damaged, or is not of the dataset; files that are named and cannot be read, or are of another kind.
     pub fn open(input: &Path, options: &Options) -> Result<Self> {
         let is_folder = input.is_dir();
         let folder = if is_folder { input } else { input.parent().unwrap_or(Path::new("")) };
@@ -59,18 +62,47 @@ impl Source {
             _ => input.to_owned(),
         };
         if !bundle.is_file() {
-            let what = format!("no such bundle; `compress {}` writes one", folder.display());
-            return Err(Error::invalid(bundle.display(), what));
+            let of = match is_folder && options.bundle.is_none() {
+                true => folder.display().to_string(),
+                false => "<dataset>".to_owned(),
+            };
+            return Err(Error::invalid(
+                bundle.display(),
+                format!("no such bundle; `compress {of}` writes one"),
+            ));
         }
         let opened = Bundle::open(&bundle).map_err(of_bundle)?;
+        // All tiles are read, for what is damaged to be told: the page looks at no checksum.
+        opened.header.places().try_for_each(|place| opened.tile(place).map(drop)).map_err(of_bundle)?;
         let needs_words = opened.index.iter().any(|entry| entry.shadows.length > 0);
         let header = opened.header;
-        let dataset = dataset.filter(|dataset| is_folder || dataset.config.scene == header.scene);
+        let other = dataset.as_ref().and_then(|dataset| difference(&header, &dataset.config));
+        let how = match (is_folder, &options.scene) {
+            (true, _) => Some(format!("`compress {}` makes one of this dataset", folder.display())),
+            (false, None) => Some("--scene names the geometry of a bundle beside another dataset".to_owned()),
+            (false, Some(_)) => None,
+        };
+        if let Some((what, how)) = other.as_ref().zip(how) {
+            return Err(Error::invalid(bundle.display(), format!("{what}; {how}")));
+        }
+        let dataset = dataset.filter(|_| other.is_none());
         let scene = scene_of(options, dataset.as_ref(), folder)?;
+        let (mut placed, mut doubts) = (Vec::new(), Vec::new());
+        if let Some(path) = &scene {
+            placed = glb::pages(path)?;
+        }
+        if let Some(path) = &options.scene {
+            doubts = doubts_of(path, &header, &placed);
+        }
         let cameras = dataset.iter().flat_map(|dataset| Camera::of_manifest(&dataset.config)).collect();
-        let (reference, left_out) = reference_of(dataset, &header, options.no_reference);
+        let (reference, left_out) = match other {
+            Some(_) if !options.no_reference => {
+                (None, Some("the dataset beside the bundle is of another scene".to_owned()))
+            }
+            _ => reference_of(dataset, &header, options.no_reference),
+        };
         let scene_name = header.scene.clone();
-        Ok(Source { bundle, scene, scene_name, cameras, left_out, header, reference, needs_words })
+        Ok(Source { bundle, scene, scene_name, cameras, left_out, doubts, header, reference, needs_words })
     }
 
     /// The bundle's file name.
@@ -204,6 +236,42 @@ fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Resu
     Ok(of_dataset.filter(|path| path.is_file()).or_else(beside).filter(|path| path.is_file()))
 }
 
+/// What tells that a bundle is not of a dataset: its scene, or the sizes of its pages.
+fn difference(header: &Header, config: &Config) -> Option<String> {
+    let (found, expected) = (&header.scene, &config.scene);
+    if found != expected {
+        return Some(format!("is a bundle of the scene {found:?}; expected one of {expected:?}"));
+    }
+    let text = |sizes: Vec<(usize, usize)>| {
+        let of = |(width, height): &(usize, usize)| format!("{width} × {height}");
+        sizes.iter().map(of).collect::<Vec<_>>().join(", ")
+    };
+    let found = text(header.pages.iter().map(|page| (page.width, page.height)).collect());
+    let expected = text(config.pages.iter().map(|p| (p.width as usize, p.height as usize)).collect());
+    (found != expected)
+        .then(|| format!("has pages of {found} texels; expected those of the dataset, {expected}"))
+}
+
+/// Why geometry that was named may be that of another scene. `placed`: the pages on which it has meshes.
+fn doubts_of(path: &Path, header: &Header, placed: &[u64]) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let mut doubt = |what: String| doubts.push(format!("--scene {}: {what}", path.display()));
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let dataset = Dataset::open_manifest(folder).ok();
+    if let Some(what) = dataset.and_then(|dataset| difference(header, &dataset.config)) {
+        doubt(format!("it lies in a dataset of which the bundle is none, for that {what}"));
+    }
+    let pages = header.pages.len() as u64;
+    match placed.iter().max() {
+        None => doubt("no mesh has a place on a lightmap (extras lightmapPage)".to_owned()),
+        Some(&page) if page >= pages => {
+            doubt(format!("it has meshes on page {page}; the bundle's {pages} are numbered from 0"));
+        }
+        Some(_) => {}
+    }
+    doubts
+}
+
 /// The dataset as a reference, or why it is none.
 fn reference_of(
     dataset: Option<Dataset>,
@@ -211,14 +279,7 @@ fn reference_of(
     is_unwanted: bool,
 ) -> (Option<Dataset>, Option<String>) {
     let Some(dataset) = dataset.filter(|_| !is_unwanted) else { return (None, None) };
-    let size = |(page, of): (&dataset::config::Page, &crate::grid::Grid)| {
-        (page.width as usize, page.height as usize) == (of.width, of.height)
-    };
-    let config = &dataset.config;
-    if config.pages.len() != header.pages.len() || !config.pages.iter().zip(&header.pages).all(size) {
-        return (None, Some("the dataset's pages have other sizes than the bundle's".to_owned()));
-    }
-    if light_of(header) != Some(config.digest_of_light()) {
+    if light_of(header) != Some(dataset.config.digest_of_light()) {
         return (
             None,
             Some("the bundle was compressed from a different bake; run `compress` again".to_owned()),

@@ -128,8 +128,40 @@ fn the_page_shows_the_light_of_the_dataset() {
     let source = Source::open(&root, &view::Options::default()).unwrap();
     let html = view::page(&source).unwrap();
     assert!(html.len() < 1 << 20 && !html.contains("https://"), "{}", html.len());
+    no_other_scene_is_taken_for_it(&root);
     looks_like_its_preview(&browser, &html, &scene, &root);
     works(&browser, &html, &root, &source.bundle);
+}
+
+fn no_other_scene_is_taken_for_it(root: &Path) {
+    let other = root.join("other.ndgi");
+    std::fs::write(&other, bundles::all().swap_remove(0).1).unwrap();
+    let open = |input: &Path, options: view::Options| Source::open(input, &options);
+    let beside = open(&other, view::Options::default());
+    let named = open(root, view::Options { bundle: Some(other.clone()), ..view::Options::default() });
+    for refused in [beside, named] {
+        let error = refused.unwrap_err().to_string();
+        assert!(
+            error.contains("is a bundle of the scene") && error.contains("expected one of \"court\""),
+            "{error}"
+        );
+    }
+    let scene = Some(root.join("scene.glb"));
+    let source = open(&other, view::Options { scene, ..view::Options::default() }).unwrap();
+    assert!(source.doubts[0].contains("a dataset of which the bundle is none"), "{:?}", source.doubts);
+    assert!(source.cameras.is_empty() && source.sets() == 0 && source.left_out.is_some());
+    std::fs::remove_file(other).unwrap();
+}
+
+#[test]
+fn a_damaged_bundle_becomes_no_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.ndgi");
+    let (_, mut bytes) = bundles::all().into_iter().find(|(name, _)| name == "lamps").unwrap();
+    let at = bytes.len() - 5;
+    bytes[at] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    Source::open(&path, &view::Options::default()).unwrap_err();
 }
 
 fn looks_like_its_preview(browser: &str, html: &str, scene: &Path, root: &Path) {
@@ -189,6 +221,12 @@ fn works(browser: &str, html: &str, root: &Path, bundle: &Path) {
         "pauses",
         "atlas",
         "picks",
+        "hashes",
+        "follows",
+        "bare",
+        "closes",
+        "tabs",
+        "misses",
         "pins",
         "fits_a_phone",
     ] {
@@ -269,6 +307,8 @@ fn the_server_gives_the_page_and_ranges_to_this_machine_alone() {
     std::thread::spawn(move || view::serve(&server, source));
     let (status, page) = ask(&address, "GET /", &address, "");
     assert!(status.contains("200 OK") && String::from_utf8_lossy(&page).contains("<canvas"), "{status}");
+    let (status, _) = ask(&address, "GET /?hour=12", &address, "");
+    assert!(status.contains("200 OK"), "{status}");
     let (_, body) = ask(&address, "GET /data/bundle", "localhost", "");
     assert_eq!(body, bytes);
     let (status, body) = ask(&address, "GET /data/bundle", "localhost", "Range: bytes=8-11\r\n");

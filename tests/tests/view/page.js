@@ -109,6 +109,36 @@
   found.picks = state.space === 'scene' && seen?.page === 0 && seen.x >= 0 && seen.x < width && seen.y >= 0 && seen.y < height;
   await viewer.inspect(seen);
   found.texel = $('texel').textContent;
+  // The panel follows the time; addresses take hours of a clock, and later ones too.
+  found.hashes = [['#hour=18:30', 18.5], ['#unpack&hour=18%3A06', 18.1], ['#hour=9.25', 9.25], ['#hour=25', 1], ['#hour=noon', null], ['', null]].every(([hash, hour]) => hour === null ? hourOf(hash) === null : Math.abs(hourOf(hash) - hour) < 1e-9);
+  location.hash = '#hour=18:30';
+  for (let i = 0; i < 100 && state.hour !== 18.5; i++) await frames(1);
+  await frames(2);
+  found.follows = state.hour === 18.5 && $('texel').textContent.includes('18:30: E = ') && $('time').textContent === '18:30';
+  await viewer.inspect({ bare: true });
+  found.bare = $('texel').textContent === 'no texels here' && !$('inspect').hidden && !viewer.panel;
+  press('Escape');
+  found.closes = $('inspect').hidden;
+  // Tab is the browser's; M turns the page.
+  const tab = press('Tab');
+  found.tabs = !tab.defaultPrevented && state.space === 'scene' && press('m').defaultPrevented && state.space === 'atlas';
+  // A reference that does not come is told, and asked for again.
+  const { references: there } = viewer;
+  viewer.references = new Map();
+  viewer.referenceShown = null;
+  viewer.readReference = async () => { throw Error('gone'); };
+  button('views', 'reference').click();
+  await frames(3);
+  found.misses = !viewer.stopped && $('state').textContent.includes('did not come: gone') && viewer.references.size === 0;
+  await viewer.inspect(seen);
+  found.misses &&= $('texel').textContent.includes('did not come: gone') && $('message').textContent === '';
+  viewer.closePanel();
+  delete viewer.readReference;
+  viewer.references = there;
+  button('views', 'reference').click();
+  await frames(3);
+  found.misses &&= viewer.referenceShown === state.hour;
+  button('views', 'decoded').click();
   const { pinned } = state;
   press('p');
   found.pins = state.pinned === !pinned;

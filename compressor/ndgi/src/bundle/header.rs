@@ -429,7 +429,7 @@ impl<'a> Cursor<'a> {
             let [kind, light, flags] = [self.u32("stream")?, self.u32("light")?, self.u32("flags")?];
             let is_known = [NDGI, SUN, SHADOWS].contains(&kind);
             if !is_known && flags & REQUIRED != 0 {
-                let what = format!("a stream of kind {kind}, which this program does not know and must");
+                let what = format!("required stream of unknown kind {kind}");
                 return Err(Error::unsupported(self.name, what));
             }
             let is_wrong = is_known && (light != 0 || flags != if kind == NDGI { REQUIRED } else { 0 });

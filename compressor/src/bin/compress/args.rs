@@ -91,7 +91,7 @@ Examples:
   compress view dataset/yard                       writes dataset/yard/yard.view.html; open it in a browser
   compress view dataset/yard/yard.ndgi --out day.html --no-reference
   compress view other.ndgi --scene dataset/yard/scene.glb
-  compress view dataset/city --serve               at http://127.0.0.1:8017/, until it is interrupted
+  compress view --serve dataset/city               at http://127.0.0.1:8017/, until it is interrupted; --serve=8080 at that port
 
 The page needs WebGL 2 and no network. One file holds 128 MiB at most (bundle, geometry and reference, before base64); past that use --serve.
 A written page includes reference lightmaps up to 4 MiB; --serve offers all of them. With --json: scene, bundle, geometry (null without one),
@@ -189,11 +189,14 @@ pub struct View {
     /// shows the atlas alone].
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
+    /// Replace an HTML file that is no page of this command; never a dataset's report.
+    #[arg(long, conflicts_with = "serve")]
+    pub force: bool,
     /// Omit the dataset's lightmaps, to which the page can compare.
     #[arg(long)]
     pub no_reference: bool,
     /// Serve the page on this machine instead of writing it, at this port [port if none is given: 8017; 0: any free one].
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8017", conflicts_with = "out")]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8017", conflicts_with = "out")]
     pub serve: Option<u16>,
 }
 

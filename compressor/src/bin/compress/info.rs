@@ -4,7 +4,7 @@ use super::open;
 
 use compressor::bundle::Bundle;
 use compressor::model::Contents;
-use compressor::{Result, of_bundle};
+use compressor::{Result, of_bundle, printable};
 use dataset::console::Console;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -74,7 +74,7 @@ fn clock(hour: f64) -> String {
     format!("{:02}:{:02}", minutes / 60, minutes % 60)
 }
 
-/// What a bundle says of itself, for people.
+/// What a bundle says of itself, for people, fit for a terminal.
 fn in_words(
     bundle: &Bundle,
     written: &serde_json::Value,
@@ -143,5 +143,26 @@ fn in_words(
         let steps = format!("{} steps{limit}, seed {}", written["iterations"], written["seed"]);
         lines.push(("written", format!("by {by}, {steps}")));
     }
-    lines
+    // Names come from the file.
+    lines.into_iter().map(|(name, text)| (name, printable(&text))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_name_of_a_bundle_steers_the_terminal() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let mut bundle = open(&root.join("../tests/fuzz/corpus/bundle/lamps.ndgi")).unwrap();
+        bundle.header.scene = "yard\u{1b}[2J\nsets".to_owned();
+        bundle.header.groups.iter_mut().for_each(|name| *name = "\u{9b}31mporch\u{7}".to_owned());
+        let written = json!({ "generator": "\u{1b}]0;title\u{7}", "profile": "\u{1b}c", "iterations": "\u{9b}", "seed": 1 });
+        let lines = in_words(&bundle, &written, 1.0, 0);
+        assert!(lines.iter().all(|(_, text)| !text.contains(char::is_control)), "{lines:?}");
+        assert_eq!(lines[0], ("scene", "yard\\u{1b}[2J\\nsets".to_owned()));
+        let groups = lines.iter().filter(|(name, _)| *name == "group");
+        assert!(groups.clone().count() > 0);
+        assert!(groups.into_iter().all(|(_, text)| text.starts_with("\\u{9b}31mporch\\u{7}, ")), "{lines:?}");
+    }
 }

@@ -116,10 +116,7 @@ fn judge(
     if of != scene {
         console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
     } else if !matches {
-        console.warn(format!(
-            "the bundle was made from other light than {} holds now: another dataset, or one baked again since (then compress it again)",
-            root.display()
-        ));
+        console.warn("the bundle was compressed from a different bake; run `compress` again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
     let lpips = looks.lpips.map(|path| Lpips::load(&path)).transpose()?;

@@ -2,15 +2,16 @@
 
 use super::args::View;
 use compressor::Result;
-use compressor::view::{Options, Server, Source, page, serve};
+use compressor::view::{Options, Server, Source, expect_replaceable, page, serve};
 use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
 use serde_json::json;
 
 pub fn view(args: View, console: &Console) -> Result<()> {
-    let View { input, bundle, out, scene, no_reference, serve: port } = args;
+    let View { input, bundle, out, scene, no_reference, force, serve: port } = args;
     let options = Options { bundle, scene, no_reference };
     let source = Source::open(&input, &options)?;
+    source.doubts.iter().for_each(|doubt| console.warn(doubt));
     if let Some(why) = &source.left_out {
         console.warn(format!("the page has no reference: {why}"));
     }
@@ -23,13 +24,15 @@ pub fn view(args: View, console: &Console) -> Result<()> {
     });
     if let Some(port) = port {
         let server = Server::bind(port)?;
-        console.say(format!("{} until interrupted", server.url()));
+        console.print(server.url());
+        console.say("there until it is interrupted");
         object["url"] = json!(server.url());
         console.result(&object)?;
         return serve(&server, source);
     }
     let path = out.unwrap_or_else(|| source.page_path());
     expect_output(&path, "html", "--out")?;
+    expect_replaceable(&path, force)?;
     let html = page(&source)?;
     write_atomically(&path, html.as_bytes())?;
     console.say(format!("page: {}", path.display()));
