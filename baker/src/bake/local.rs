@@ -134,7 +134,7 @@ impl Pieces {
     }
 }
 
-/// Local errors of many cells, in words of numbers: each cell counts by its texels.
+/// What the local errors of many cells sum up to: each cell counts by its texels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Local {
     /// Half of the texels lie in cells with less.

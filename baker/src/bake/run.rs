@@ -182,7 +182,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         local,
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
-        rays: sun.rays + looks + if origin.traced > 0 { traced.rays + looking } else { traced.rays },
+        rays: sun.rays + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
         facts,
         rounds: traced.rounds,
         check,

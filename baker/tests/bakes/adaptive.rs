@@ -16,11 +16,13 @@ fn adaptive(case: &Case, name: &str) {
     });
     adaptive.expect_texels_of(&reference, name);
     adaptive.expect_mean_of(&reference, name);
-    // Samples went where they were wanted, and no cell was left above the target.
+    // Samples went where they were wanted, and the target is met at 95 % of the texels. (What is kept of errors is rounded.)
     for outcome in &adaptive.outcomes {
         let last = outcome.rounds.last().expect("a round");
-        assert_eq!(last.open_cells, 0);
-        assert!(outcome.relative_error <= TARGET, "{}", outcome.relative_error);
+        assert!(!last.is_missed, "{name}: {} cells", last.open_cells);
+        for local in [last.local, outcome.local.all].map(|local| local.expect("light")) {
+            assert!(local.p95 <= 1.02 * TARGET, "{name}: {local:?}");
+        }
         assert!(!outcome.out_of_time);
     }
     let spread = |o: &&baker::bake::run::Outcome| o.mean_samples < f64::from(o.samples);
