@@ -20,7 +20,7 @@ use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::encode_png;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// Of the light that an eye at a place is adapted to: what is darker is judged as if it were as bright as this. There, 5 % are about one
 /// step of an 8-bit sRGB picture that shows the light around as white.
@@ -97,7 +97,7 @@ pub struct Pieces {
 impl Pieces {
     /// Of texels, each with its cell and its chart if it is of one alone.
     pub fn new(texels: impl Iterator<Item = (usize, Option<u32>)>) -> Self {
-        let mut known = HashMap::new();
+        let mut known = BTreeMap::new();
         let mut pieces = Pieces { of: Vec::new(), cells: Vec::new() };
         for (cell, chart) in texels {
             let piece = *known.entry((cell, chart)).or_insert(pieces.cells.len() as u32);

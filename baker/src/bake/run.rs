@@ -109,7 +109,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     };
 
     let padding = scene.lightmap.padding;
-    let assembler = Assembler::new(plan, geometry, &atlas, &layers, digests, texels, &places, padding)?;
+    let assembler = Assembler::new(plan, geometry, &atlas, (&layers, digests), texels, &places, padding)?;
     let check = options.check.map(|samples| {
         let chosen = choose(assembler.valid_texels(), scene.bake.seed);
         check_layers(&prepared, &atlas, &layers, &chosen, samples, console)
