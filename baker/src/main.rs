@@ -5,7 +5,7 @@ use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
 use baker::bake::local::Local;
 use baker::bake::plan::hour;
-use baker::bake::run::{Integrator, Options, Outcome, Preset, bake, prepare};
+use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::standing::{REPORT, foretold};
 use baker::bake::views;
 use baker::light::extra_times::{self, percent};
@@ -107,6 +107,16 @@ struct Args {
     /// What finds the hits of rays: obvhs, or embree in builds with that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     backend: Backend,
+    /// Whether noise is taken out of indirect light, by filters whose error is estimated (auto: in all bakes but transfers). What was traced
+    /// is kept beside it, so that this can be changed without rays.
+    #[arg(
+        long,
+        value_enum,
+        default_value = "auto",
+        value_name = "auto|off|own",
+        hide_possible_values = true
+    )]
+    denoise: Denoise,
     /// Trace 512 texels again, by so many walks each that are followed to their end, and report the true error.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
     check: Option<u32>,
@@ -138,7 +148,7 @@ Examples:
   bake new models/house.glb                        a scene file for a model (bake new --help)
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
-mean_samples, layers (traced, reused), relative_error (median over tile and set), local (error of cells of 16×16 texels relative to the light there:
+mean_samples, layers (traced, reused), denoised (method, layers, now: those of this run, seconds; null where nothing was), relative_error (median over tile and set), local (error of cells of 16×16 texels relative to the light there:
 all, sets, worst_set, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
@@ -200,6 +210,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         time_limit: args.time_limit,
         integrator: args.integrator,
         backend: args.backend,
+        denoise: args.denoise,
         check: args.check,
         preset,
         out: args.out.clone(),
@@ -420,6 +431,7 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
     if let Some((hour, local)) = outcome.worst_hour() {
         console.say(format!("  worst at {hour:.2} h: {}", in_words(&local)));
     }
+    outcome.denoised_in_words().into_iter().for_each(|what| console.say(format!("  {what}")));
     outcome.local.advice.iter().for_each(|what| console.say(format!("  {what}")));
     if let Some(check) = &outcome.check {
         let known = check.sets.iter().filter_map(|set| Some((set.true_error?, set)));

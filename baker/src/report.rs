@@ -52,6 +52,12 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
         );
     }
     section.plot(&error_plot(outcome));
+    outcome.denoised_in_words().into_iter().for_each(|what| {
+        section.paragraph(&format!(
+            "{}. The curve is of the light as traced; the table is of the light as it is.",
+            capitalised(&what)
+        ));
+    });
     outcome.local.advice.iter().for_each(|what| {
         section.paragraph(&format!("{}.", capitalised(what)));
     });

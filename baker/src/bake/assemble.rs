@@ -3,7 +3,7 @@
 use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
-use super::layers::{Layers, Part, Texel};
+use super::layers::{FilteredLayer, Layers, Part, Texel, Value};
 use super::local::{Local, OVER, Pieces, Places};
 use super::plan::Plan;
 use super::post::Dilation;
@@ -29,6 +29,8 @@ pub struct Assembler<'a> {
     layers: &'a Layers,
     /// Per layer of the plan, its digest.
     digests: &'a [String],
+    /// Per layer, where it was filtered.
+    filtered: Vec<Option<FilteredLayer>>,
     texels: Vec<Texel>,
     /// Per texel, the sum of all layers.
     light: Vec<f32>,
@@ -125,8 +127,8 @@ impl<'a> Assembler<'a> {
         let mut light = vec![0.0f32; texels.len()];
         // (By all that is kept, so that the mask does not hang on which part of a light lightmaps hold.)
         for (layer, digest) in digests.iter().enumerate() {
-            for (light, value) in light.iter_mut().zip(layers.read_sum(digest, plan.parts_of(layer))?) {
-                *light += value.mean.element_sum();
+            for &part in plan.parts_of(layer) {
+                layers.each(digest, part, |i, value| light[i] += value.mean.element_sum())?;
             }
         }
         let exposed: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].exposed == 1).collect();
@@ -148,6 +150,7 @@ impl<'a> Assembler<'a> {
             atlas,
             layers,
             digests,
+            filtered: vec![None; digests.len()],
             texels,
             light,
             places,
@@ -158,6 +161,42 @@ impl<'a> Assembler<'a> {
             buried_texels,
             unlit_texels,
         })
+    }
+
+    /// The covered texels of the page.
+    pub fn texels(&self) -> &[Texel] {
+        &self.texels
+    }
+
+    /// Whether a covered texel is valid.
+    pub fn is_valid(&self, place: usize) -> bool {
+        self.mask.valid[self.texels[place].index as usize]
+    }
+
+    /// With some layers as a filter left them.
+    pub fn with_filtered(self, filtered: Vec<Option<FilteredLayer>>) -> Self {
+        Assembler { filtered, ..self }
+    }
+
+    /// Goes through a part of a layer, as a filter left it where there is one.
+    fn each(&self, layer: usize, part: Part, value: impl FnMut(usize, Value)) -> Result<()> {
+        match (&self.filtered[layer], part) {
+            (Some(filtered), Part::Rest) => self.layers.each_filtered(filtered, value),
+            _ => self.layers.each(&self.digests[layer], part, value),
+        }
+    }
+
+    /// What lightmaps hold of a layer at some of the covered texels.
+    pub fn held_at(&self, layer: usize, places: &[usize]) -> Result<Vec<Value>> {
+        let mut sums = vec![Value::default(); places.len()];
+        for &part in self.plan.held_parts_of(layer) {
+            let values = match (&self.filtered[layer], part) {
+                (Some(filtered), Part::Rest) => self.layers.read_filtered_at(filtered, places),
+                _ => self.layers.read_at(&self.digests[layer], part, places),
+            };
+            sums.iter_mut().zip(values?).for_each(|(sum, value)| *sum = sum.plus(value));
+        }
+        Ok(sums)
     }
 
     /// The valid texels, by their places among the covered ones, which is where layers hold them, each with its index on the page and the
@@ -171,11 +210,11 @@ impl<'a> Assembler<'a> {
     fn part(&self, layer: usize, part: Part, stitched: bool) -> Result<Image> {
         let mut image = Image::black(self.mask.width, self.mask.height);
         let scale = self.plan.scale_of(layer);
-        for (texel, value) in self.texels.iter().zip(self.layers.read(&self.digests[layer], part)?) {
-            if self.mask.valid[texel.index as usize] {
-                image.texels[texel.index as usize] = (value.mean * scale).to_array();
+        self.each(layer, part, |place, value| {
+            if self.is_valid(place) {
+                image.texels[self.texels[place].index as usize] = (value.mean * scale).to_array();
             }
-        }
+        })?;
         self.dilation.apply(&mut image);
         if stitched {
             self.seams.stitch(&mut image);
@@ -218,8 +257,11 @@ impl<'a> Assembler<'a> {
 
     /// Whether no part of a layer holds any light.
     fn is_dark(&self, layer: usize) -> Result<bool> {
-        let values = self.layers.read_sum(&self.digests[layer], self.plan.parts_of(layer))?;
-        Ok(values.iter().all(|value| value.mean == Rgb::ZERO))
+        let mut is_dark = true;
+        for &part in self.plan.parts_of(layer) {
+            self.layers.each(&self.digests[layer], part, |_, value| is_dark &= value.mean == Rgb::ZERO)?;
+        }
+        Ok(is_dark)
     }
 
     /// A page cut out of the virtual page.
@@ -364,45 +406,43 @@ impl<'a> Assembler<'a> {
 
     /// Adds the errors of a moment, tile by tile, from those of its layers; its sums cell by cell.
     fn add_errors(&self, moment: usize, errors: &mut Errors) -> Result<Vec<Sums>> {
-        let mut sum = vec![(Rgb::ZERO, Rgb::ZERO); self.texels.len()];
+        let mut sum = vec![Value::default(); self.texels.len()];
         for layer in self.plan.layers_of(moment) {
             self.add_values(layer, &mut sum)?;
         }
-        let is_valid = |texel: usize| self.mask.valid[self.texels[texel].index as usize];
-        for texel in (0..sum.len()).filter(|&texel| is_valid(texel)) {
+        for texel in (0..sum.len()).filter(|&texel| self.is_valid(texel)) {
             let index = self.texels[texel].index as usize;
             let mut sums = Sums::default();
-            sums.add_texel(sum[texel].0, sum[texel].1);
+            sums.add_texel(&sum[texel]);
             errors.add(moment, index % self.mask.width, index / self.mask.width, &sums);
         }
         let mut cells = vec![Sums::default(); self.places.grid().cells()];
-        self.pieces.add_some(|texel| is_valid(texel).then_some(sum[texel]), &mut cells);
+        self.pieces.add_some(|texel| self.is_valid(texel).then_some(sum[texel]), &mut cells);
         Ok(cells)
     }
 
     /// Adds what lightmaps hold of a layer, and its error.
-    fn add_values(&self, layer: usize, sum: &mut [(Rgb, Rgb)]) -> Result<()> {
+    fn add_values(&self, layer: usize, sum: &mut [Value]) -> Result<()> {
         let (scale, parts) = (self.plan.scale_of(layer), self.plan.held_parts_of(layer));
-        for (sum, value) in sum.iter_mut().zip(self.layers.read_sum(&self.digests[layer], parts)?) {
-            sum.0 += value.mean * scale;
-            sum.1 += value.error * scale;
-        }
-        Ok(())
+        let mut add = |place: usize, value: Value| sum[place] = sum[place].plus(value.times(scale));
+        parts.iter().try_for_each(|&part| self.each(layer, part, &mut add))
     }
 
     /// What the errors of a set come from.
     fn worst(&self, set: usize, errors: Vec<f64>) -> Result<WorstSet> {
         let mut causes = Vec::new();
         for layer in self.plan.layers_of(set) {
-            let mut light = vec![(Rgb::ZERO, Rgb::ZERO); self.texels.len()];
+            let mut light = vec![Value::default(); self.texels.len()];
             self.add_values(layer, &mut light)?;
             let is_missed = |index: usize| {
                 let cell = self.places.grid().at(index % self.mask.width, index / self.mask.width);
                 self.mask.valid[index] && errors[cell] > OVER[0]
             };
             let missed = self.texels.iter().zip(&light).filter(|(texel, _)| is_missed(texel.index as usize));
-            causes
-                .push((layer, missed.map(|(_, (_, error))| error.as_dvec3().length_squared()).sum::<f64>()));
+            causes.push((
+                layer,
+                missed.map(|(_, value)| value.variance() + value.squared_bias()).sum::<f64>().max(0.0),
+            ));
         }
         let all: f64 = causes.iter().map(|(_, squared)| squared).sum();
         causes.iter_mut().for_each(|(_, squared)| *squared /= all.max(f64::MIN_POSITIVE));

@@ -138,8 +138,8 @@ fn beyond_chance(eighth: &Eighth, all: &[Eighth]) -> f64 {
 struct Checked {
     /// Its light as baked.
     baked: DVec3,
-    /// The error that the bake estimates for it.
-    estimated: DVec3,
+    /// The squared error that the bake estimates for it, summed over the channels.
+    estimated: f64,
     /// Both halves of the reference, independent of each other.
     halves: [DVec3; 2],
 }
@@ -228,9 +228,11 @@ pub fn check(
                 let sum = |value: &dyn Fn(usize) -> Rgb| {
                     parts.iter().map(|&(l, s)| value(l) * s).sum::<Rgb>().as_dvec3()
                 };
+                let baked =
+                    parts.iter().fold(Value::default(), |sum, &(l, s)| sum.plus(layers[l][i].times(s)));
                 Checked {
-                    baked: sum(&|l| layers[l][i].mean),
-                    estimated: sum(&|l| layers[l][i].error),
+                    baked: baked.mean.as_dvec3(),
+                    estimated: baked.variance() + baked.squared_bias(),
                     halves: [sum(&|l| a[l]), sum(&|l| b[l])],
                 }
             };
@@ -257,7 +259,7 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
     }
     let reference2 = total(&|t| noise(t).length_squared());
     let true2 = total(&|t| difference(t).length_squared()) - reference2;
-    let estimated2 = total(&|t| t.estimated.length_squared());
+    let estimated2 = total(&|t| t.estimated).max(0.0);
     // (Where the reference is black, anything else is wrong by the whole.)
     let own = |f: &dyn Fn(&Checked) -> DVec3| {
         let ratio = |t: &Checked| match (f(t).length(), light(t).length()) {
@@ -302,7 +304,7 @@ fn told(texels: &[Checked]) -> Vec<Told> {
         if texels.len() < 4 || light <= 0.0 {
             return None;
         }
-        let (estimated, estimated_error) = moments(&|t, _| t.estimated.length_squared() / 3.0);
+        let (estimated, estimated_error) = moments(&|t, _| t.estimated / 3.0);
         let noise = |t: &Checked| (t.halves[0] - t.halves[1]).length_squared() / 2.0;
         let (measured, measured_error) =
             moments(&|t, half| ((t.baked - t.halves[half]).length_squared() - noise(t)) / 3.0);
@@ -312,7 +314,7 @@ fn told(texels: &[Checked]) -> Vec<Told> {
         Some(Told {
             place,
             light,
-            estimated: estimated.sqrt() / light,
+            estimated: estimated.max(0.0).sqrt() / light,
             measured: is_known.then(|| measured.sqrt() / light),
             standard_error: is_known
                 .then(|| part(estimated, estimated_error).hypot(part(measured, measured_error))),
@@ -435,7 +437,7 @@ mod tests {
             let half = |n: f64| DVec3::splat(light * (1.0 + reference * n));
             Checked {
                 baked: DVec3::splat(light * kept * (1.0 + 0.1 * noise.next())),
-                estimated: DVec3::splat(light * kept * 0.1),
+                estimated: 3.0 * (light * kept * 0.1).powi(2),
                 halves: [half(noise.next()), half(noise.next())],
             }
         };
@@ -536,7 +538,7 @@ mod tests {
     #[test]
     fn without_light_or_texels_there_is_nothing_to_sum_up() {
         assert!(summary(0, &[]).is_none());
-        let black = Checked { baked: DVec3::ONE, estimated: DVec3::ZERO, halves: [DVec3::ZERO; 2] };
+        let black = Checked { baked: DVec3::ONE, estimated: 0.0, halves: [DVec3::ZERO; 2] };
         assert!(summary(0, &[black; 16]).is_none());
         // Three texels of sixteen have light: eighths without are left out, and every number is finite.
         let mut texels = [black; 16];

@@ -3,6 +3,7 @@
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by ((A − B)/2)².
 //! (A running variance of low-discrepancy points would overestimate it.)
 
+use super::layers::Value;
 use super::state::CELL;
 use crate::Rgb;
 use crate::surface::{BLOCK, BlockSurface};
@@ -16,10 +17,15 @@ pub struct Sums {
     pub values: u64,
     /// Sum of squared standard errors.
     pub squared_error: f64,
+    /// Sum of what a filter adds to the squared errors by carrying light to where it does not belong, as estimated: unbiased, so that it may
+    /// be negative.
+    pub bias: f64,
     /// Sum of values.
     pub light: f64,
     /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece ([`super::local`]); 0 where nobody asks for it.
     pub local: f64,
+    /// Of `bias` the same.
+    pub local_bias: f64,
 }
 
 impl Sums {
@@ -27,20 +33,23 @@ impl Sums {
     pub fn add(&mut self, other: &Sums) {
         self.values += other.values;
         self.squared_error += other.squared_error;
+        self.bias += other.bias;
         self.light += other.light;
         self.local += other.local;
+        self.local_bias += other.local_bias;
     }
 
-    /// Adds a texel by its mean and its standard error.
-    pub fn add_texel(&mut self, mean: Rgb, error: Rgb) {
+    /// Adds a texel.
+    pub fn add_texel(&mut self, value: &Value) {
         self.values += 3;
-        self.squared_error += error.as_dvec3().length_squared();
-        self.light += mean.as_dvec3().element_sum();
+        self.squared_error += value.variance();
+        self.bias += value.squared_bias();
+        self.light += value.mean.as_dvec3().element_sum();
     }
 
-    /// Mean squared standard error.
+    /// Mean squared error.
     pub fn mse(&self) -> f64 {
-        if self.values == 0 { 0.0 } else { self.squared_error / self.values as f64 }
+        if self.values == 0 { 0.0 } else { (self.squared_error + self.bias.max(0.0)) / self.values as f64 }
     }
 
     /// Mean value.

@@ -53,8 +53,15 @@ pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> 
     })
 }
 
-/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do. `samples`: those of the bake.
-pub fn advice(scene: &Scene, plan: &Plan, stored: &Stored, samples: u32) -> Option<String> {
+/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do. `samples`: those of the bake, which is
+/// denoised or not.
+pub fn advice(
+    scene: &Scene,
+    plan: &Plan,
+    stored: &Stored,
+    samples: u32,
+    is_denoised: bool,
+) -> Option<String> {
     let worst = stored.worst.as_ref()?;
     let local = stored.local.1[worst.set].filter(|local| local.p95 > OVER[0])?;
     let (layer, share) = *worst.causes.first()?;
@@ -75,15 +82,17 @@ pub fn advice(scene: &Scene, plan: &Plan, stored: &Stored, samples: u32) -> Opti
         }
         _ => "",
     };
-    // Errors fall with the square root of the samples.
-    let needed = f64::from(samples) * (local.p95 / OVER[0]).powi(2);
+    // Errors fall with the square root of the samples; of denoised light a little slower (NUMERICS, "Denoising").
+    let power = if is_denoised { 2.4 } else { 2.0 };
+    let needed = f64::from(samples) * (local.p95 / OVER[0]).powf(power);
     let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
     Some(format!(
-        "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; --samples {needed} or --target-error 5% brings 95 % of the \
+        "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {}--samples {needed} or --target-error 5% brings 95 % of the \
          cells below 5 %",
         hour(plan.moments[worst.set].hour),
         percent(local.p95),
-        percent(share)
+        percent(share),
+        if is_denoised { "" } else { "--denoise auto makes it less; " }
     ))
 }
 

@@ -86,14 +86,15 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
     // The parts in which layers are kept, and the lights that walks can meet, which have a sum of their own.
     let parts = (0..plan.layers()).map(|layer| plan.parts_of(layer).len() as u64).sum::<u64>();
+    let denoised = if prepared.denoise.is_some() { layers } else { 0 };
     let shining = plan.groups.iter().filter(|group| group.emission.iter().any(|e| *e != Rgb::ZERO)).count();
     let is_sky_apart = prepared.scene.sky_baked == Baked::Indirect;
     let met = (shining + if is_sky_apart { plan.sky_hours.len() } else { 0 }) as u64;
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
     let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
     let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
-    // While sets are put together: five images, a layer as it is read, the sums of light and error.
-    let assembling = 5 * IMAGE * virtual_page + 2 * 20 * n + 24 * n + 32 * n;
+    // While sets are put together: five images, the sums of light and error; or the places of texels while they are denoised.
+    let assembling = 5 * IMAGE * virtual_page + 48 * n + 32 * n;
     let entries = match prepared.integrator {
         Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
         Integrator::Path => 0,
@@ -113,7 +114,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         texels_per_metre: atlas.texels_per_metre,
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
-        layers_bytes: n * (8 + 20 * parts) + CHECKSUM as u64 * (parts + 1),
+        layers_bytes: n * (8 + 20 * parts + 24 * denoised) + CHECKSUM as u64 * (parts + denoised + 1),
         work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled)
             + stored_cache,
         memory_bytes: memory(triangles, assembling.max(cache)),

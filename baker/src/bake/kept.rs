@@ -35,8 +35,9 @@ pub fn missing_target(
     }
     let mut is_lit = vec![false; texels.len()];
     for (layer, digest) in digests.iter().enumerate() {
-        let values = layers.read_sum(digest, plan.held_parts_of(layer))?;
-        is_lit.iter_mut().zip(values).for_each(|(lit, value)| *lit |= value.mean != Rgb::ZERO);
+        for &part in plan.held_parts_of(layer) {
+            layers.each(digest, part, |i, value| is_lit[i] |= value.mean != Rgb::ZERO)?;
+        }
     }
     let pieces = Pieces::of_texels(places, width, texels.iter().map(|texel| texel.index as usize));
     let mut exposed = vec![0; places.grid().cells()];
@@ -49,17 +50,14 @@ pub fn missing_target(
         if of_moment.iter().all(|layer| found.contains(layer)) {
             continue;
         }
-        let mut sum = vec![Value { mean: Rgb::ZERO, error: Rgb::ZERO }; texels.len()];
+        let mut sum = vec![Value::default(); texels.len()];
         for &layer in &of_moment {
             let scale = plan.scale_of(layer);
-            for (sum, value) in
-                sum.iter_mut().zip(layers.read_sum(&digests[layer], plan.held_parts_of(layer))?)
-            {
-                sum.mean += value.mean * scale;
-                sum.error += value.error * scale;
+            for &part in plan.held_parts_of(layer) {
+                layers.each(&digests[layer], part, |i, value| sum[i] = sum[i].plus(value.times(scale)))?;
             }
         }
-        let counted = |i: usize| (is_lit[i] && texels[i].exposed == 1).then_some((sum[i].mean, sum[i].error));
+        let counted = |i: usize| (is_lit[i] && texels[i].exposed == 1).then_some(sum[i]);
         let mut cells = vec![Sums::default(); places.grid().cells()];
         pieces.add_some(counted, &mut cells);
         let mut open = OpenCells::none(places.grid());

@@ -3,8 +3,9 @@
 //!
 //! One file per layer, named by its digest, and for suns and light groups a second one of the light that comes straight from them: per
 //! covered texel, in the order of the blocks, the mean irradiance (3 × f32) and half the difference of the two halves (3 × bf16), which is
-//! an independent estimate of the standard error; both ÷ the scale of the layer's group. One file per page layout says which texels these
-//! are. Byte order: the machine's. All end in a checksum: 32 bytes of BLAKE3 of the file's name and of all before. What does not fit it is
+//! an independent estimate of the standard error; both ÷ the scale of the layer's group. Beside them stands what a filter made of layers
+//! ([`super::denoise`]): the mean (3 × f32), what was added (3 × bf16) and half the difference that is left (3 × bf16). One file per page
+//! layout says which texels these are. Byte order: the machine's. All end in a checksum: 32 bytes of BLAKE3 of the file's name and of all before. What does not fit it is
 //! not there, and traced again.
 
 use super::json;
@@ -46,19 +47,55 @@ pub struct Texel {
     pub probes: u16,
 }
 
-/// A layer at one texel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A layer at one texel, or a sum of layers: all of it adds up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Value {
     /// Mean irradiance.
     pub mean: Rgb,
-    /// An estimate of its standard error, with a sign.
-    pub error: Rgb,
+    /// Half the difference of the halves as they were traced: an estimate of the standard error of what was traced, with a sign.
+    pub noise: Rgb,
+    /// What a filter has added.
+    pub shift: Rgb,
+    /// Half the difference of the halves as they are now: an estimate of the standard error that is left, but for what a filter has
+    /// carried to where it does not belong.
+    pub kept: Rgb,
 }
 
 impl Value {
-    /// The sum of independent ones.
-    fn plus(self, other: Value) -> Value {
-        Value { mean: self.mean + other.mean, error: self.error + other.error }
+    /// As traced, by half the difference of the halves.
+    pub fn traced(mean: Rgb, noise: Rgb) -> Value {
+        Value { mean, noise, shift: Rgb::ZERO, kept: noise }
+    }
+
+    /// The sum.
+    pub fn plus(self, other: Value) -> Value {
+        Value {
+            mean: self.mean + other.mean,
+            noise: self.noise + other.noise,
+            shift: self.shift + other.shift,
+            kept: self.kept + other.kept,
+        }
+    }
+
+    /// Times a colour.
+    pub fn times(self, scale: Rgb) -> Value {
+        Value {
+            mean: self.mean * scale,
+            noise: self.noise * scale,
+            shift: self.shift * scale,
+            kept: self.kept * scale,
+        }
+    }
+
+    /// Of the squared error, summed over the channels, an unbiased estimate of the part that is chance.
+    pub fn variance(&self) -> f64 {
+        self.kept.as_dvec3().length_squared()
+    }
+
+    /// The rest, that a filter is to blame for; unbiased too, so that it may be negative at a texel. 0 where nothing was filtered.
+    pub fn squared_bias(&self) -> f64 {
+        let lost = (self.noise - self.kept).as_dvec3();
+        self.shift.as_dvec3().length_squared() - lost.length_squared()
     }
 }
 
@@ -87,8 +124,108 @@ impl Stored {
         Stored { mean: ((a + b) * 0.5).to_array(), error, zero: 0 }
     }
 
-    fn value(self) -> Value {
-        Value { mean: Rgb::from_array(self.mean), error: Rgb::from_array(self.error.map(bf16::to_f32)) }
+    fn value(&self) -> Value {
+        Value::traced(Rgb::from_array(self.mean), Rgb::from_array(self.error.map(bf16::to_f32)))
+    }
+}
+
+/// A part of a layer after a filter, as stored. What was traced stands in the layer's own file.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Filtered {
+    mean: [f32; 3],
+    shift: [bf16; 3],
+    kept: [bf16; 3],
+}
+
+impl Filtered {
+    /// Of a value.
+    pub fn new(value: &Value) -> Self {
+        let small = |v: Rgb| v.to_array().map(bf16::from_f32);
+        Filtered { mean: value.mean.to_array(), shift: small(value.shift), kept: small(value.kept) }
+    }
+
+    /// With what was traced there.
+    pub fn value(&self, traced: &Value) -> Value {
+        let wide = |v: [bf16; 3]| Rgb::from_array(v.map(bf16::to_f32));
+        Value {
+            mean: Rgb::from_array(self.mean),
+            noise: traced.noise,
+            shift: wide(self.shift),
+            kept: wide(self.kept),
+        }
+    }
+}
+
+/// The layer of this digest after a filter, under a name that tells what it was made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FilteredLayer {
+    /// The digest of the layer.
+    pub digest: String,
+    /// That of the filter, of what was traced, and of the texels that count.
+    pub name: String,
+}
+
+/// A layer's file, opened for reading some of its texels.
+pub struct Source {
+    path: PathBuf,
+    file: File,
+    texels: usize,
+}
+
+impl Source {
+    /// The values at some of the texels, by their places among all; no others are read.
+    pub fn read_at(&self, places: &[usize]) -> Result<Vec<Value>> {
+        Ok(self.records::<Stored>(places)?.iter().map(Stored::value).collect())
+    }
+
+    fn open<T>(path: PathBuf) -> Result<Self> {
+        let file = File::open(&path).map_err(Error::io(&path))?;
+        let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
+        let values = length.saturating_sub(CHECKSUM);
+        if !values.is_multiple_of(size_of::<T>()) {
+            return Err(Error::invalid(
+                path.display(),
+                "cut short: expected whole texels (--force bakes anew)",
+            ));
+        }
+        let texels = values / size_of::<T>();
+        Ok(Source { path, file, texels })
+    }
+
+    /// Goes through all records, some at a time.
+    fn each<T: Pod>(&self, mut some: impl FnMut(usize, &[T]) -> Result<()>) -> Result<()> {
+        /// Records at a time.
+        const AT_ONCE: usize = 1 << 14;
+        let mut records = vec![T::zeroed(); AT_ONCE.min(self.texels)];
+        for first in (0..self.texels).step_by(AT_ONCE) {
+            let records = &mut records[..AT_ONCE.min(self.texels - first)];
+            let at = (first * size_of::<T>()) as u64;
+            let bytes = bytemuck::cast_slice_mut(records);
+            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
+            some(first, records)?;
+        }
+        Ok(())
+    }
+
+    fn records<T: Pod>(&self, places: &[usize]) -> Result<Vec<T>> {
+        let mut records = vec![T::zeroed(); places.len()];
+        let mut done = 0;
+        // (What stands together is read at once.)
+        for run in places.chunk_by(|a, b| *b == *a + 1) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            if last >= self.texels {
+                return Err(Error::invalid(
+                    self.path.display(),
+                    format!("holds {} texels, not number {last}", self.texels),
+                ));
+            }
+            let bytes = bytemuck::cast_slice_mut(&mut records[done..done + run.len()]);
+            let at = (first * size_of::<T>()) as u64;
+            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
+            done += run.len();
+        }
+        Ok(records)
     }
 }
 
@@ -164,64 +301,96 @@ impl Layers {
         bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
     }
 
-    /// The sums of some parts of a layer, in the order of the texels.
-    pub fn read_sum(&self, digest: &str, parts: &[Part]) -> Result<Vec<Value>> {
-        let mut parts = parts.iter();
-        let first = parts.next().map_or(Ok(Vec::new()), |&part| self.read(digest, part))?;
-        parts.try_fold(first, |mut sum, &part| {
-            let values = self.read(digest, part)?;
-            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum = sum.plus(value));
-            Ok(sum)
+    /// Goes through a part of a layer as traced, in the order of the texels.
+    pub fn each(&self, digest: &str, part: Part, mut value: impl FnMut(usize, Value)) -> Result<()> {
+        let source = Source::open::<Stored>(self.path(digest, part))?;
+        source.each(|first, stored: &[Stored]| {
+            stored.iter().enumerate().for_each(|(i, stored)| value(first + i, stored.value()));
+            Ok(())
         })
     }
 
-    /// A part of a layer, in the order of the texels.
-    pub fn read(&self, digest: &str, part: Part) -> Result<Vec<Value>> {
-        let path = self.path(digest, part);
-        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
-        let values = &bytes[..bytes.len().saturating_sub(CHECKSUM)];
-        if !values.len().is_multiple_of(size_of::<Stored>()) {
-            return Err(Error::invalid(
-                path.display(),
-                "cut short: expected whole texels (--force bakes anew)",
-            ));
-        }
-        let stored: Vec<Stored> = bytemuck::pod_collect_to_vec(values);
-        Ok(stored.into_iter().map(Stored::value).collect())
-    }
-
-    /// The sums of some parts of a layer at some of the texels, by their places among all; no others are read.
-    pub fn read_sum_at(&self, digest: &str, parts: &[Part], places: &[usize]) -> Result<Vec<Value>> {
-        let mut sums = vec![Value { mean: Rgb::ZERO, error: Rgb::ZERO }; places.len()];
-        for &part in parts {
-            let values = self.read_at(digest, part, places)?;
-            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum = sum.plus(value));
-        }
-        Ok(sums)
-    }
-
-    /// A part of a layer at some of the texels, by their places among all; no others are read.
-    pub fn read_at(&self, digest: &str, part: Part, places: &[usize]) -> Result<Vec<Value>> {
-        let path = self.path(digest, part);
-        let file = File::open(&path).map_err(Error::io(&path))?;
-        let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
-        let texels = length.saturating_sub(CHECKSUM) / size_of::<Stored>();
-        let mut values = Vec::with_capacity(places.len());
-        // (What stands together is read at once.)
-        for run in places.chunk_by(|a, b| *b == *a + 1) {
-            let (first, last) = (run[0], run[run.len() - 1]);
-            if last >= texels {
-                return Err(Error::invalid(
-                    path.display(),
-                    format!("holds {texels} texels, not number {last}"),
-                ));
+    /// Goes through a layer after a filter, in the order of the texels.
+    pub fn each_filtered(&self, layer: &FilteredLayer, mut value: impl FnMut(usize, Value)) -> Result<()> {
+        let traced = self.open(layer)?;
+        let filtered = Source::open::<Filtered>(self.filtered_path(&layer.name))?;
+        traced.each(|first, stored: &[Stored]| {
+            let range: Vec<usize> = (first..first + stored.len()).collect();
+            for ((i, stored), filtered) in
+                stored.iter().enumerate().zip(filtered.records::<Filtered>(&range)?)
+            {
+                value(first + i, filtered.value(&stored.value()));
             }
-            let mut stored = vec![Stored::zeroed(); run.len()];
-            let bytes = bytemuck::cast_slice_mut(&mut stored);
-            file.read_exact_at(bytes, (first * size_of::<Stored>()) as u64).map_err(Error::io(&path))?;
-            values.extend(stored.into_iter().map(Stored::value));
-        }
+            Ok(())
+        })
+    }
+
+    /// A part of a layer as traced, in the order of the texels.
+    pub fn read(&self, digest: &str, part: Part) -> Result<Vec<Value>> {
+        let mut values = Vec::new();
+        self.each(digest, part, |_, value| values.push(value))?;
         Ok(values)
+    }
+
+    /// A layer after a filter, in the order of the texels.
+    pub fn read_filtered(&self, layer: &FilteredLayer) -> Result<Vec<Value>> {
+        let mut values = Vec::new();
+        self.each_filtered(layer, |_, value| values.push(value))?;
+        Ok(values)
+    }
+
+    /// A part of a layer as traced at some of the texels, by their places among all; no others are read.
+    pub fn read_at(&self, digest: &str, part: Part, places: &[usize]) -> Result<Vec<Value>> {
+        Source::open::<Stored>(self.path(digest, part))?.read_at(places)
+    }
+
+    /// A layer after a filter at some of the texels.
+    pub fn read_filtered_at(&self, layer: &FilteredLayer, places: &[usize]) -> Result<Vec<Value>> {
+        let mut values = self.read_at(&layer.digest, Part::Rest, places)?;
+        let filtered = Source::open::<Filtered>(self.filtered_path(&layer.name))?;
+        let filtered = filtered.records::<Filtered>(places)?;
+        values.iter_mut().zip(filtered).for_each(|(value, filtered)| *value = filtered.value(value));
+        Ok(values)
+    }
+
+    /// Opens what was traced of a layer that is to be filtered.
+    pub fn open(&self, layer: &FilteredLayer) -> Result<Source> {
+        Source::open::<Stored>(self.path(&layer.digest, Part::Rest))
+    }
+
+    fn filtered_path(&self, name: &str) -> PathBuf {
+        self.root.join(format!("{name}.filtered"))
+    }
+
+    /// What a layer is called after a filter: by the filter, the texels that count, and what was traced.
+    pub fn filtered(&self, digest: &str, method: &str, valid: &[u8; 32]) -> Result<FilteredLayer> {
+        let path = self.path(digest, Part::Rest);
+        let file = File::open(&path).map_err(Error::io(&path))?;
+        let length = file.metadata().map_err(Error::io(&path))?.len();
+        let mut checksum = [0; CHECKSUM];
+        let at = length.saturating_sub(CHECKSUM as u64);
+        file.read_exact_at(&mut checksum, at).map_err(Error::io(&path))?;
+        let mut hash = blake3::Hasher::new();
+        hash.update(method.as_bytes()).update(valid).update(digest.as_bytes()).update(&checksum);
+        Ok(FilteredLayer { digest: digest.to_owned(), name: hash.finalize().to_hex()[..32].to_owned() })
+    }
+
+    /// Whether a layer after a filter is there, whole, for `texels` texels.
+    pub fn has_filtered(&self, layer: &FilteredLayer, texels: usize) -> bool {
+        let path = self.filtered_path(&layer.name);
+        let length = (texels * size_of::<Filtered>() + CHECKSUM) as u64;
+        std::fs::metadata(&path).is_ok_and(|m| m.len() == length) && content(&path, &path).is_some()
+    }
+
+    /// Begins the file of a layer after a filter.
+    pub fn create_filtered(&self, layer: &FilteredLayer) -> Result<Partial> {
+        Partial::create(self.filtered_path(&layer.name))
+    }
+
+    /// Ends such files, and gives them their names.
+    pub fn keep_filtered(&self, files: Vec<Partial>) -> Result<()> {
+        let files = files.into_iter().map(|file| file.seal()?.finish()).collect::<Result<Vec<_>>>()?;
+        self.change(&Changes { name: files, ..Changes::default() })
     }
 
     /// Writes the layers that were traced, `digests` in their order, and the page's texels. Gives the rays of blocks that had to be
@@ -331,12 +500,20 @@ impl Layers {
         fine_if_gone(&journal, std::fs::remove_file(&journal))
     }
 
-    /// Removes all files but those of these layers, of this page and of the charts, and tells how many layers that were. `visibility`: the
-    /// folder of the tiles of the sun's visibility to keep; a bake that needs none keeps those of another for a later one.
-    pub fn keep_only(&self, base: &str, digests: &[String], visibility: Option<&Path>) -> usize {
+    /// Removes all files but those of these layers, before and after a filter, of this page and of the charts, and tells how many layers
+    /// that were. `visibility`: the folder of the tiles of the sun's visibility to keep; a bake that needs none keeps those of another for
+    /// a later one.
+    pub fn keep_only(
+        &self,
+        base: &str,
+        digests: &[String],
+        filtered: &[Option<FilteredLayer>],
+        visibility: Option<&Path>,
+    ) -> usize {
         let paths = |digest: &String| [Part::Direct, Part::Rest].map(|part| self.path(digest, part));
         let mut keep: BTreeSet<PathBuf> = digests.iter().flat_map(paths).collect();
         keep.extend([self.texels_path(base), self.rounds_path(base), self.root.join(CHARTS)]);
+        keep.extend(filtered.iter().flatten().map(|layer| self.filtered_path(&layer.name)));
         keep.extend(visibility.map(Path::to_owned));
         let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
         let is_kept = |path: &PathBuf| {
@@ -387,7 +564,7 @@ fn file_name(path: &Path) -> String {
 }
 
 /// A file that is written under a temporary name.
-struct Partial {
+pub struct Partial {
     path: PathBuf,
     temporary: PathBuf,
     file: std::io::BufWriter<File>,
@@ -402,7 +579,8 @@ impl Partial {
         Ok(Partial { path, temporary, file: std::io::BufWriter::new(file), hash })
     }
 
-    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+    /// Appends bytes.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.hash.update(bytes);
         self.file.write_all(bytes).map_err(Error::io(&self.path))
     }

@@ -7,6 +7,7 @@
 
 use super::block::{Stream, Worker};
 use super::errors::{Parts, Sums, cell_of};
+use super::layers::Value;
 use super::state::{BlockState, CELL, CELLS};
 use crate::Rgb;
 use crate::atlas::Atlas;
@@ -70,6 +71,29 @@ impl Grid {
         y / CELL * self.columns + x / CELL
     }
 
+    /// Per cell, the part of the squared relative error that a filter is to blame for, averaged over the cells around: of one alone the
+    /// estimate scatters by as much as it says. 0 where less than nothing comes of it.
+    pub fn biases(&self, cells: &[Sums]) -> Vec<f64> {
+        /// Cells to each side.
+        const AROUND: usize = 2;
+        if cells.iter().all(|sums| sums.local_bias == 0.0) {
+            return vec![0.0; cells.len()];
+        }
+        let around =
+            |place: usize, count: usize| place.saturating_sub(AROUND)..(place + AROUND + 1).min(count);
+        let bias = |cell: usize| {
+            let (mut sum, mut values) = (0.0, 0);
+            for row in around(cell / self.columns, self.rows) {
+                for sums in &cells[row * self.columns..][around(cell % self.columns, self.columns)] {
+                    sum += sums.local_bias;
+                    values += sums.values;
+                }
+            }
+            if values == 0 { 0.0 } else { (sum / values as f64).max(0.0) }
+        };
+        (0..cells.len()).map(bias).collect()
+    }
+
     /// A grey PNG file with a pixel per cell, its error in steps of [`PICTURE_STEP`], 255 also where it is more; black where there is no light.
     pub fn picture(&self, errors: Option<&[f64]>) -> Vec<u8> {
         let code =
@@ -115,21 +139,22 @@ impl Pieces {
         Pieces::new(texels.map(place).map(|(x, y)| (places.grid.at(x, y), places.chart_of(x, y))))
     }
 
-    /// Adds the texels, each with its light and standard error, to the sums of their cells.
-    pub fn add(&self, light: &[(Rgb, Rgb)], cells: &mut [Sums]) {
+    /// Adds the texels to the sums of their cells.
+    pub fn add(&self, light: &[Value], cells: &mut [Sums]) {
         self.add_some(|texel| Some(light[texel]), cells);
     }
 
     /// The same where only some texels count.
-    pub fn add_some(&self, light: impl Fn(usize) -> Option<(Rgb, Rgb)>, cells: &mut [Sums]) {
+    pub fn add_some(&self, light: impl Fn(usize) -> Option<Value>, cells: &mut [Sums]) {
         let mut pieces = vec![Sums::default(); self.cells.len()];
         let texels =
             || self.of.iter().enumerate().filter_map(|(t, &piece)| Some((piece as usize, light(t)?)));
-        texels().for_each(|(piece, (mean, error))| pieces[piece].add_texel(mean, error));
+        texels().for_each(|(piece, value)| pieces[piece].add_texel(&value));
         for (sums, &cell) in pieces.iter().zip(&self.cells) {
             let mean = sums.mean();
-            let local = if mean > 0.0 { sums.squared_error / (mean * mean) } else { 0.0 };
-            cells[cell as usize].add(&Sums { local, ..*sums });
+            let relative = |squared: f64| if mean > 0.0 { squared / (mean * mean) } else { 0.0 };
+            let (local, local_bias) = (relative(sums.squared_error), relative(sums.bias));
+            cells[cell as usize].add(&Sums { local, local_bias, ..*sums });
         }
     }
 }
@@ -272,7 +297,8 @@ impl Places {
 
     /// Per cell of a set, its local error; 0 of one without light.
     pub fn errors(&self, cells: &[Sums]) -> Vec<f64> {
-        cells.iter().zip(self.floors(cells)).map(|(sums, floor)| error(sums, floor)).collect()
+        let floors = self.floors(cells).into_iter().zip(self.grid.biases(cells));
+        cells.iter().zip(floors).map(|(sums, (floor, bias))| error(sums, floor, bias)).collect()
     }
 
     /// The errors of a set, and what they sum up to.
@@ -284,12 +310,13 @@ impl Places {
 }
 
 /// The local error of a cell: every texel's ÷ the light of its piece or ÷ the floor, whichever is more. (Per texel: of the sums the lesser
-/// error is taken, which is no less.)
-pub fn error(sums: &Sums, floor: f64) -> f64 {
+/// error is taken, which is no less.) `bias` is a filter's share of the square, as [`Grid::biases`] gives it.
+pub fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
     if sums.values == 0 {
         return 0.0;
     }
-    (sums.local / sums.values as f64).sqrt().min(sums.mse().sqrt() / floor)
+    let (by_light, by_floor) = (sums.local / sums.values as f64, sums.squared_error / sums.values as f64);
+    (by_light + bias).sqrt().min((by_floor + bias * sums.mean() * sums.mean()).sqrt() / floor)
 }
 
 /// Per set, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
@@ -304,7 +331,7 @@ pub fn of_block(
     let (mut a, mut b) = (vec![Rgb::ZERO; layers], vec![Rgb::ZERO; layers]);
     // Of the texels that count: where they are, and per set their light and its standard error.
     let mut counted = Vec::new();
-    let mut light: Vec<Vec<(Rgb, Rgb)>> = vec![Vec::new(); sets.len()];
+    let mut light: Vec<Vec<Value>> = vec![Vec::new(); sets.len()];
     for (texel, place) in surface.covered().enumerate() {
         if !state.is_exposed(texel) {
             continue;
@@ -319,11 +346,11 @@ pub fn of_block(
         for (parts, light) in sets.iter().zip(&mut light) {
             let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
             let (a, b) = (sum(&a), sum(&b));
-            light.push(((a + b) * 0.5, (a - b) * 0.5));
+            light.push(Value::traced((a + b) * 0.5, (a - b) * 0.5));
         }
     }
     let pieces = Pieces::new(counted.into_iter());
-    let cells = |light: Vec<(Rgb, Rgb)>| {
+    let cells = |light: Vec<Value>| {
         let mut cells = [Sums::default(); CELLS];
         pieces.add(&light, &mut cells);
         cells
@@ -340,14 +367,14 @@ mod tests {
         // In one cell, a chart of light 100 known to 1 % and one of light 1 known to 50 %.
         let texels = |n: usize| (0..n).map(|i| (0, Some((i % 2) as u32)));
         let pieces = Pieces::new(texels(256));
-        let light: Vec<(Rgb, Rgb)> = (0..256)
+        let light: Vec<Value> = (0..256)
             .map(|i| [(100.0, 1.0), (1.0, 0.5)][i % 2])
-            .map(|(m, e)| (Rgb::splat(m), Rgb::splat(e)))
+            .map(|(m, e)| Value::traced(Rgb::splat(m), Rgb::splat(e)))
             .collect();
         let mut cells = vec![Sums::default()];
         pieces.add(&light, &mut cells);
         let expected = ((0.01f64.powi(2) + 0.5f64.powi(2)) / 2.0).sqrt();
-        assert!((error(&cells[0], 1e-9) - expected).abs() < 1e-6);
+        assert!((error(&cells[0], 1e-9, 0.0) - expected).abs() < 1e-6);
         // By the cell's own mean it would be 1.6 %.
         assert!((cells[0].mse().sqrt() / cells[0].mean() - 0.0157).abs() < 1e-3);
         // Texels that do not count leave no trace.
@@ -369,7 +396,7 @@ mod tests {
         let cells = vec![Sums::default(); places.grid().cells()];
         assert_eq!(places.judge(&cells).1, None);
         let mut cells = cells;
-        cells[3].add_texel(Rgb::splat(1e-12), Rgb::splat(1e-12));
+        cells[3].add_texel(&Value::traced(Rgb::splat(1e-12), Rgb::splat(1e-12)));
         cells[3].local = 3.0;
         let (errors, local) = places.judge(&cells);
         assert!((errors[3] - 1e-5).abs() < 1e-9 && local.is_some_and(|local| local.worst == errors[3]));

@@ -21,6 +21,7 @@ pub mod rounds;
 pub mod step;
 pub mod tracer;
 pub mod layers;
+pub mod denoise;
 pub mod kept;
 pub mod charts;
 pub mod check;

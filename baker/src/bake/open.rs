@@ -95,7 +95,7 @@ impl OpenCells {
                 errors += cells[near].squared_error / of_cell(near).max(of_cell(place)).powi(2);
                 all += values[near];
             }
-            let is_open = error(&cells[place], floors[place]) > target || errors > all as f64;
+            let is_open = error(&cells[place], floors[place], 0.0) > target || errors > all as f64;
             self.open[place] |= is_open;
             all_texels += exposed[place];
             missed += if is_open { exposed[place] } else { 0 };
@@ -146,6 +146,7 @@ impl OpenCells {
 mod tests {
     use super::*;
     use crate::Rgb;
+    use crate::bake::layers::Value;
     use crate::bake::state::CELL;
     use crate::surface::BLOCK;
 
@@ -167,7 +168,9 @@ mod tests {
                     let mut sums = Sums::default();
                     // (Texels that have seen no light do not count.)
                     if let Some((mean, error)) = of_cell(block, cell).filter(|(mean, _)| *mean > 0.0) {
-                        (0..256).for_each(|_| sums.add_texel(Rgb::splat(mean), Rgb::splat(error)));
+                        (0..256).for_each(|_| {
+                            sums.add_texel(&Value::traced(Rgb::splat(mean), Rgb::splat(error)))
+                        });
                         sums.local = sums.squared_error / f64::from(mean).powi(2);
                     }
                     sums
@@ -256,7 +259,10 @@ mod tests {
             let mut cells = vec![Sums::default(); places.grid().cells()];
             for (cell, sums) in cells.iter_mut().enumerate() {
                 let light = if cell == 0 { 1.0 } else { light };
-                sums.add_texel(Rgb::splat(light), Rgb::splat(if cell == 0 { 0.0 } else { 0.1 * light }));
+                sums.add_texel(&Value::traced(
+                    Rgb::splat(light),
+                    Rgb::splat(if cell == 0 { 0.0 } else { 0.1 * light }),
+                ));
                 sums.local = if cell == 0 { 0.0 } else { 3.0 * 0.01 };
             }
             let mut open = OpenCells::none(places.grid());

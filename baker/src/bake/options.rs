@@ -1,12 +1,14 @@
 //! What a bake is asked for, and what it tells when done.
 
 use super::check::Check;
+use super::denoise;
 use super::local::Local;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
 use crate::trace::backend::Backend;
 use crate::trace::counts::RayCounts;
+use dataset::console::count;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -32,6 +34,8 @@ pub struct Options {
     pub integrator: Integrator,
     /// What finds the hits of rays.
     pub backend: Backend,
+    /// Whether noise is taken out of indirect light.
+    pub denoise: Denoise,
     /// Check some texels against so many walks each that are followed to their end.
     pub check: Option<u32>,
     /// How large and how good.
@@ -55,6 +59,7 @@ impl Options {
             time_limit: None,
             integrator: Integrator::Cached,
             backend: Backend::default(),
+            denoise: Denoise::Auto,
             check: None,
             preset: Preset::Default,
             out: None,
@@ -73,6 +78,25 @@ pub enum Preset {
     Default,
     /// Twice the lightmap's side and twice the samples: what a game ships.
     Final,
+}
+
+/// Whether noise is taken out of indirect light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Denoise {
+    /// Where it pays: in all bakes but transfers.
+    #[default]
+    Auto,
+    /// Not at all.
+    Off,
+    /// By the baker's own filters. (Not what a transfer holds: that may be negative.)
+    Own,
+}
+
+impl Denoise {
+    /// The method, where there is one.
+    pub fn method(self, is_transfer: bool) -> Option<&'static str> {
+        (self != Denoise::Off && !is_transfer).then_some(denoise::METHOD)
+    }
 }
 
 /// How light is followed past the first surface.
@@ -122,6 +146,9 @@ pub struct Outcome {
     /// Local errors: of cells of 16×16 texels, relative to the light where they are.
     #[serde(default)]
     pub local: LocalErrors,
+    /// What was denoised; `None` where nothing was.
+    #[serde(default)]
+    pub denoised: Option<Denoised>,
     /// Whether a time limit ended the tracing.
     pub out_of_time: bool,
     /// Wall-clock seconds of this run, from scene file to dataset.
@@ -141,11 +168,42 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// What denoising did, in words.
+    pub fn denoised_in_words(&self) -> Option<String> {
+        let denoised = self.denoised.as_ref()?;
+        let before = self.rounds.last().and_then(|round| round.local).map_or(String::new(), |local| {
+            let percent = |share: f64| format!("{:.1} %", share * 100.0);
+            format!(
+                ": as traced, the local error was {} in the median cell, {} in 95 of 100",
+                percent(local.median),
+                percent(local.p95)
+            )
+        });
+        let how = match denoised.now {
+            0 => ", kept from an earlier bake".to_owned(),
+            _ => format!(" in {:.1} s", denoised.seconds),
+        };
+        Some(format!("denoised {}{how}{before}", count(denoised.layers, "layer")))
+    }
+
     /// The hour with the greatest local errors, and those.
     pub fn worst_hour(&self) -> Option<(f64, Local)> {
         let set = self.local.worst_set?;
         Some((*self.hours.get(set)?, (*self.local.sets.get(set)?)?))
     }
+}
+
+/// What came of denoising.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Denoised {
+    /// The method.
+    pub method: String,
+    /// Layers from which noise was taken.
+    pub layers: usize,
+    /// Those of them for which this run did it.
+    pub now: usize,
+    /// Seconds that it took this run.
+    pub seconds: f64,
 }
 
 /// The local errors of a bake ([`super::local`]).

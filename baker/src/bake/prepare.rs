@@ -54,6 +54,8 @@ pub struct Prepared {
     pub integrator: Integrator,
     /// What will find the hits of rays.
     pub backend: Backend,
+    /// How noise will be taken out of indirect light, where it will be.
+    pub denoise: Option<&'static str>,
     /// When to stop.
     pub limits: Limits,
     /// What the user should know.
@@ -243,6 +245,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         course,
         integrator,
         backend,
+        denoise: options.denoise.method(options.transfer),
         limits,
         warnings,
         base,
@@ -400,6 +403,7 @@ fn settings(
         "method": METHOD,
         "integrator": integrator,
         "backend": options.backend.to_string(),
+        "denoise": options.denoise.method(options.transfer),
         "target_error": options.target_error,
         "time_limit_secs": options.time_limit.map(|limit| limit.as_secs_f64()),
     });

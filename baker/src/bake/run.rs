@@ -4,6 +4,7 @@ use super::assemble::{Assembler, BakedParts, Stored};
 use super::block::Worker;
 use super::charts::Charts;
 use super::check::{Check, Chosen, check, choose};
+use super::denoise;
 use super::endless;
 use super::errors::median;
 use super::facts;
@@ -11,7 +12,7 @@ use super::folder;
 use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
-use super::layers::Layers;
+use super::layers::{FilteredLayer, Layers, Part};
 use super::local::Places;
 use super::rounds::{Traced, certain};
 use super::standing::{self, ERRORS, RUN};
@@ -26,7 +27,7 @@ use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
 use crate::trace::walk::Transport;
-use crate::{Error, Result};
+use crate::{Error, Result, Rgb};
 use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
@@ -38,7 +39,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub use super::options::{Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
+pub use super::options::{Denoise, Denoised, Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
 pub use super::prepare::{Prepared, prepare};
 
 /// Bakes a scene into a dataset.
@@ -110,9 +111,14 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 
     let padding = scene.lightmap.padding;
     let assembler = Assembler::new(plan, geometry, &atlas, (&layers, digests), texels, &places, padding)?;
+    let (filtered, denoised, looked) = match prepared.denoise {
+        Some(method) => denoise_layers(&prepared, &atlas, &layers, &assembler, method, console)?,
+        None => (vec![None; digests.len()], None, RayCounts::default()),
+    };
+    let assembler = assembler.with_filtered(filtered.clone());
     let check = options.check.map(|samples| {
         let chosen = choose(assembler.valid_texels(), scene.bake.seed);
-        check_layers(&prepared, &atlas, &layers, &chosen, samples, console)
+        check_layers(&prepared, &atlas, &assembler, &chosen, samples, console)
     });
     let check = check.transpose()?;
     let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
@@ -144,7 +150,13 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         all: stored.local.0,
         sets: stored.local.1.clone(),
         worst_set: stored.worst.as_ref().map(|worst| worst.set),
-        advice: facts::advice(scene, plan, &stored, traced.samples().unwrap_or(limits.samples)),
+        advice: facts::advice(
+            scene,
+            plan,
+            &stored,
+            traced.samples().unwrap_or(limits.samples),
+            denoised.is_some(),
+        ),
     };
     write_atomically(
         &out.join(ERRORS),
@@ -156,7 +168,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let mut config = manifest(&prepared, written.places, &traced, stored, glb, &inputs, settings);
     (config.sun_path, config.visibility) = (sun.path, sun.visibility);
     writer.commit(&config)?;
-    let forgotten = layers.keep_only(&base, digests, sun.kept.as_deref());
+    let forgotten = layers.keep_only(&base, digests, &filtered, sun.kept.as_deref());
     if forgotten > 0 {
         console.say(format!("no longer kept, as this bake does not use them: {}", count(forgotten, "layer")));
     }
@@ -180,9 +192,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         layers: origin,
         relative_error: median(&relative),
         local,
+        denoised,
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
-        rays: sun.rays + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
+        rays: sun.rays + looked + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
         facts,
         rounds: traced.rounds,
         check,
@@ -419,11 +432,50 @@ fn trace(
     Ok((traced, warnings))
 }
 
+/// Takes noise out of the layers, as far as that was not done before: per layer what came of it, and the rays that it took.
+pub fn denoise_layers(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    layers: &Layers,
+    assembler: &Assembler,
+    method: &str,
+    console: &Console,
+) -> Result<(Vec<Option<FilteredLayer>>, Option<Denoised>, RayCounts)> {
+    let start = Instant::now();
+    let texels = assembler.texels();
+    let mut valid = blake3::Hasher::new();
+    let is_valid: Vec<u8> = (0..texels.len()).map(|place| u8::from(assembler.is_valid(place))).collect();
+    valid.update(&is_valid);
+    let valid = *valid.finalize().as_bytes();
+    let of_layer = |digest: &String| {
+        let mut is_noisy = false;
+        layers.each(digest, Part::Rest, |_, value| is_noisy |= value.noise != Rgb::ZERO)?;
+        is_noisy.then(|| layers.filtered(digest, method, &valid)).transpose()
+    };
+    let filtered = prepared.digests.iter().map(of_layer).collect::<Result<Vec<_>>>()?;
+    let all = filtered.iter().flatten();
+    let missing: Vec<FilteredLayer> =
+        all.clone().filter(|layer| !layers.has_filtered(layer, texels.len())).cloned().collect();
+    let mut rays = RayCounts::default();
+    if !missing.is_empty() {
+        rays = with_worker(prepared, atlas, &[], |worker| {
+            denoise::run(&worker, layers, texels, &|place| assembler.is_valid(place), &missing, console)
+        })?;
+    }
+    let denoised = Denoised {
+        method: method.to_owned(),
+        layers: all.count(),
+        now: missing.len(),
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    Ok((filtered, (denoised.layers > 0).then_some(denoised), rays))
+}
+
 /// Checks all layers at these texels, however they came to be.
 fn check_layers(
     prepared: &Prepared,
     atlas: &Atlas,
-    layers: &Layers,
+    assembler: &Assembler,
     chosen: &[Chosen],
     samples: u32,
     console: &Console,
@@ -431,9 +483,7 @@ fn check_layers(
     let all: Vec<usize> = (0..prepared.plan.layers()).collect();
     // Of every layer these texels alone: all of all layers may be more than memory holds.
     let places: Vec<usize> = chosen.iter().map(|texel| texel.place).collect();
-    let held = |&layer: &usize| {
-        layers.read_sum_at(&prepared.digests[layer], prepared.plan.held_parts_of(layer), &places)
-    };
+    let held = |&layer: &usize| assembler.held_at(layer, &places);
     let values = all.iter().map(held).collect::<Result<Vec<_>>>()?;
     with_worker(prepared, atlas, &all, |worker| {
         check(&worker, chosen, &values, &prepared.sets(&all), samples, console)

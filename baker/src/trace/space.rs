@@ -47,6 +47,16 @@ pub struct Receiver {
 }
 
 impl Receiver {
+    /// The point.
+    pub fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
+    /// The normal that cosines are measured against.
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
     /// Squared distance in m².
     pub fn distance_squared(&self, other: &Receiver) -> f32 {
         self.origin.distance_squared(other.origin)
@@ -240,6 +250,12 @@ impl<'a> Space<'a> {
         }
         counts.inside += 1;
         !self.rays.occluded(a.origin, direction, distance, a.triangle)
+    }
+
+    /// How far it is to what stands in the way within a distance along the unit `direction`; `None` where nothing does.
+    pub fn free_way(&self, at: &Receiver, direction: Vec3, distance: f32) -> Option<f32> {
+        let is_stopped = self.rays.occluded(at.origin, direction, distance, at.triangle);
+        is_stopped.then(|| self.rays.nearest_wall(at.origin, direction, at.triangle).map_or(0.0, |hit| hit.t))
     }
 
     /// Whether nothing stands between two points of a piece of surface. Where it bulges between them, the straight way leads through

@@ -2,7 +2,7 @@
 
 use crate::scenes::Obj;
 use crate::{Stage, data};
-use baker::bake::run::{Integrator, Options, Outcome};
+use baker::bake::run::{Denoise, Integrator, Options, Outcome};
 use dataset::image::Image;
 use dataset::store::Dataset;
 
@@ -77,7 +77,9 @@ fn maps(dataset: &Dataset) -> Vec<Image> {
 }
 
 fn bake(stage: &Stage, text: &str, set: &str, integrator: Integrator) -> (Outcome, Dataset) {
-    stage.bake(text, set, HOURS, |options: &mut Options| options.integrator = integrator)
+    stage.bake(text, set, HOURS, |options: &mut Options| {
+        (options.integrator, options.denoise) = (integrator, Denoise::Off);
+    })
 }
 
 const ALL: &[(&str, &str)] = &[];
@@ -151,6 +153,7 @@ fn the_option_is_the_key_of_the_sun() {
     let (_, key) = bake(&stage, &sun, "key", Integrator::Path);
     let (_, option) = stage.bake(&scene(ALL), "option", HOURS, |options: &mut Options| {
         (options.integrator, options.indirect) = (Integrator::Path, true);
+        options.denoise = Denoise::Off;
     });
     assert!(data(&key) == data(&option));
 }

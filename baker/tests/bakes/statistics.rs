@@ -1,7 +1,7 @@
 //! Bakes over many seeds: mean and variance of every texel, and tests of whether two ways to bake have the same mean.
 
 use crate::scenes::Case;
-use baker::bake::run::{Options, Outcome};
+use baker::bake::run::{Denoise, Options, Outcome};
 
 /// Independent seeds behind every σ.
 pub const SEEDS: u64 = 16;
@@ -24,7 +24,7 @@ pub struct Bakes {
     pub outcomes: Vec<Outcome>,
 }
 
-/// Bakes a case with [`SEEDS`] seeds from `first` on.
+/// Bakes a case with [`SEEDS`] seeds from `first` on; what is traced is left as it is, unless `change` says otherwise.
 #[track_caller]
 pub fn bakes(case: &Case, first: u64, samples: u32, change: impl Fn(&mut Options)) -> Bakes {
     let mut values: Vec<Vec<f64>> = Vec::new();
@@ -34,6 +34,7 @@ pub fn bakes(case: &Case, first: u64, samples: u32, change: impl Fn(&mut Options
         let text = format!("{}[bake]\nseed = {seed}\nsamples = {samples}\n", case.text);
         let (outcome, dataset) = case.stage.bake(&text, "seed", case.hours, |options| {
             options.force = true;
+            options.denoise = Denoise::Off;
             change(options);
         });
         let noise = dataset.noise().expect("readable").expect("a noise table");
@@ -166,6 +167,24 @@ impl Bakes {
         let exact = (expected, 0.0);
         let worst = texels.iter().map(|&i| deviations((self.mean[i], self.variance[i]), exact));
         expect_chance(worst.fold(0.0, f64::max), texels.len(), what);
+    }
+
+    /// Mean squared error of one bake against what others give on average, what chance adds to that taken out.
+    pub fn squared_error(&self, reference: &Self) -> f64 {
+        let valid: Vec<usize> =
+            (0..self.mean.len()).filter(|&i| self.valid[i] && reference.valid[i]).collect();
+        let square = |i: &usize| {
+            let off = self.mean[*i] - reference.mean[*i];
+            // (The mean of these bakes has an n-th of the variance, which is in the difference already.)
+            let chance = (self.variance[*i] + reference.variance[*i]) / SEEDS as f64;
+            self.variance[*i] + off * off - chance
+        };
+        valid.iter().map(square).sum::<f64>() / valid.len() as f64
+    }
+
+    /// Mean squared standard error the bakes told.
+    pub fn told(&self) -> f64 {
+        self.reported
     }
 
     /// Mean squared standard error the bakes told ÷ the variance they had.

@@ -4,7 +4,7 @@ pub mod closed;
 pub mod mesh;
 pub mod texels;
 
-use baker::bake::run::{Integrator, Options, Outcome, bake};
+use baker::bake::run::{Denoise, Integrator, Options, Outcome, bake};
 use baker::light::schedule::parse_hours;
 use dataset::config::{FileRef, Layer, Light};
 use dataset::console::Console;
@@ -78,6 +78,17 @@ impl Stage {
 
     /// Bakes `scene`, a scene file without seed and samples; if it has a `[bake]`, that is its last table.
     pub fn try_bake(&self, hours: &str, samples: u32, seed: u64, scene: &str) -> dataset::Result<Baked> {
+        self.try_bake_with(hours, samples, seed, scene, Denoise::Auto)
+    }
+
+    fn try_bake_with(
+        &self,
+        hours: &str,
+        samples: u32,
+        seed: u64,
+        scene: &str,
+        denoise: Denoise,
+    ) -> dataset::Result<Baked> {
         let heading = if scene.contains("[bake]") { "" } else { "[bake]" };
         let text = format!("{scene}\n{heading}\nsamples = {samples}\nseed = {seed}\n");
         self.write("case.toml", text.as_bytes());
@@ -87,6 +98,7 @@ impl Stage {
             // Not what these tests are about: `light::extra_times` has its own.
             extra_times: 0,
             integrator: self.integrator,
+            denoise,
             target_error: self.target_error,
             samples: self.target_error.map(|_| samples),
             out: Some(out.clone()),
@@ -121,11 +133,26 @@ impl Stage {
         }
     }
 
-    /// Mean and standard error, over [`SEEDS`] scrambles, of a number read from each bake.
+    /// Mean and standard error, over [`SEEDS`] scrambles, of a number read from each bake, which is left as it was traced.
     #[track_caller]
     pub fn measure(&self, hours: &str, samples: u32, scene: &str, read: impl Fn(&Baked) -> f64) -> Measured {
-        let bake =
-            |seed| self.try_bake(hours, samples, seed, scene).unwrap_or_else(|error| panic!("{error}"));
+        self.measure_with(hours, samples, scene, Denoise::Off, read)
+    }
+
+    /// The same of bakes that are denoised, or not.
+    #[track_caller]
+    pub fn measure_with(
+        &self,
+        hours: &str,
+        samples: u32,
+        scene: &str,
+        denoise: Denoise,
+        read: impl Fn(&Baked) -> f64,
+    ) -> Measured {
+        let bake = |seed| {
+            let baked = self.try_bake_with(hours, samples, seed, scene, denoise);
+            baked.unwrap_or_else(|error| panic!("{error}"))
+        };
         Measured::of(&(1..=SEEDS).map(|seed| read(&bake(seed))).collect::<Vec<_>>())
     }
 }

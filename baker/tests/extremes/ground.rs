@@ -3,6 +3,7 @@
 use crate::common::mesh::Obj;
 use crate::common::texels::Texel;
 use crate::common::{Baked, Stage, THREE_SIGMA};
+use baker::bake::run::Denoise;
 use baker::light::{sky, sun};
 use glam::{DVec3, Vec3, dvec3};
 use std::f64::consts::{PI, TAU};
@@ -117,6 +118,9 @@ fn a_floor_below_hides_the_ground() {
     let read = |b: &Baked| b.ratio(&b.first(), &b.on("down"), |t| sky.y * (1.0 - t.average(hidden)));
     let found = stage.measure("12", 64, &scene, read);
     assert!(found.sigma < 5e-3 && (found.mean - 1.0).abs() < GRIDS + THREE_SIGMA * found.sigma, "{found:?}");
+    // Denoised it is as right, to 1 %.
+    let denoised = stage.measure_with("12", 64, &scene, Denoise::Own, read);
+    assert!((denoised.mean - 1.0).abs() < 0.01, "{denoised:?}");
 }
 
 #[test]

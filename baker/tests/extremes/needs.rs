@@ -110,7 +110,8 @@ fn a_plan_tells_what_the_bake_will_take_and_whether_the_scene_is_open() {
             let files = files.filter(|f| f.path().extension().is_some_and(|e| e == extension));
             files.map(|f| f.metadata().expect("metadata").len()).sum()
         };
-        let kept: u64 = ["layer", "direct", "texels"].iter().map(|kind| bytes(".layers", kind)).sum();
+        let kinds = ["layer", "direct", "texels", "filtered"];
+        let kept: u64 = kinds.iter().map(|kind| bytes(".layers", kind)).sum();
         assert_eq!(forecast.layers_bytes, kept, "{forecast:?}");
         // Headers of small files are not counted.
         let images = bytes("data", "exr");

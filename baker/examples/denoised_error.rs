@@ -1,0 +1,153 @@
+//! What denoising is worth, and whether its error is told truly: two bakes of a scene that differ in seed and samples are compared, layer by
+//! layer, in their indirect light. `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET [bake's --hours] [--draft]`
+//!
+//! Of each layer with light: the error of cells of 16×16 texels relative to their own light, median and 95th percentile, before and after;
+//! cells that became worse by more than 5 % and by half; by eighths of the reference's brightness the error as told ÷ as it is, before and
+//! after; light gained in all. The reference's own noise is taken out of what is measured.
+
+use baker::atlas::owners::Owners;
+use baker::bake::assemble::Assembler;
+use baker::bake::layers::{Layers, Part, Value};
+use baker::bake::local::Places;
+use baker::bake::run::{Denoise, Options, Prepared, Preset, denoise_layers, prepare};
+use baker::light::schedule::parse_hours;
+use dataset::console::Console;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let mut args: Vec<String> = std::env::args().skip(1).collect();
+    let is_draft = args.iter().any(|arg| arg == "--draft");
+    args.retain(|arg| arg != "--draft");
+    let [scene, out, reference_scene, reference_out, hours] = &args[..] else {
+        panic!("expected SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft]")
+    };
+    let prepared = |scene: &str, out: &str| -> (Prepared, Layers) {
+        let options = Options {
+            extra_times: 0,
+            preset: if is_draft { Preset::Draft } else { Preset::Default },
+            out: Some(PathBuf::from(out)),
+            denoise: Denoise::Own,
+            samples: samples_of(out),
+            ..Options::new(parse_hours(hours).unwrap())
+        };
+        (prepare(Path::new(scene), &options, &Console::silent()).unwrap(), Layers::new(Path::new(out)))
+    };
+    let (ours, layers) = prepared(scene, out);
+    let (theirs, reference_layers) = prepared(reference_scene, reference_out);
+    let (atlas, _) = ours.atlas().unwrap();
+    let texels = layers.texels(&ours.base()).expect("the dataset's layers");
+    let places = Places::without_looks(&atlas);
+    let plan = &ours.plan;
+    let assembler =
+        Assembler::new(plan, &ours.geometry, &atlas, (&layers, &ours.digests), texels, &places, 4).unwrap();
+    let (filtered, denoised, _) =
+        denoise_layers(&ours, &atlas, &layers, &assembler, baker::bake::denoise::METHOD, &Console::silent())
+            .unwrap();
+    println!("{:?}", denoised);
+    println!(
+        "layer                    median before after | 95 % before after | worse 5 % 50 % | told before, after by eighths (darkest first) | light"
+    );
+    let width = atlas.width as usize;
+    let valid: Vec<usize> = (0..assembler.texels().len()).filter(|&i| assembler.is_valid(i)).collect();
+    let cell = |i: usize| {
+        let index = assembler.texels()[i].index as usize;
+        (index / width / 16, index % width / 16)
+    };
+    for layer in 0..plan.layers() {
+        let Some(filtered) = &filtered[layer] else { continue };
+        let before = layers.read(&ours.digests[layer], Part::Rest).unwrap();
+        let after = layers.read_filtered(filtered).unwrap();
+        let reference = reference_layers.read(&theirs.digests[layer], Part::Rest).unwrap();
+        assert_eq!(reference.len(), after.len(), "texels of the reference");
+        let truth = |i: usize| reference[i].mean.as_dvec3();
+        let measured = |values: &[Value], i: usize| {
+            (values[i].mean.as_dvec3() - truth(i)).length_squared()
+                - reference[i].noise.as_dvec3().length_squared()
+        };
+        let mut cells: BTreeMap<(usize, usize), [f64; 4]> = BTreeMap::new();
+        for &i in &valid {
+            let sums = cells.entry(cell(i)).or_default();
+            sums[0] += measured(&before, i);
+            sums[1] += measured(&after, i);
+            sums[2] += truth(i).element_sum();
+            sums[3] += 3.0;
+        }
+        let relative = |k: usize| {
+            let mut all: Vec<f64> = cells
+                .values()
+                .filter(|sums| sums[2] > 0.0)
+                .map(|sums| (sums[k].max(0.0) / sums[3]).sqrt() / (sums[2] / sums[3]))
+                .collect();
+            all.sort_by(f64::total_cmp);
+            if all.is_empty() { [0.0; 2] } else { [all[all.len() / 2], all[all.len() * 19 / 20]] }
+        };
+        let (b, a) = (relative(0), relative(1));
+        let worse = |by: f64| {
+            let count = cells.values().filter(|s| s[1].max(0.0).sqrt() > by * s[0].max(0.0).sqrt()).count();
+            100.0 * count as f64 / cells.len() as f64
+        };
+        if std::env::var("CELLS").is_ok() {
+            for (c, s) in &cells {
+                if s[1].max(0.0).sqrt() > 1.3 * s[0].max(0.0).sqrt() {
+                    let of = valid.iter().filter(|&&i| cell(i) == *c);
+                    let told: f64 = of.map(|&i| after[i].variance() + after[i].squared_bias()).sum();
+                    println!(
+                        "  {c:?} {} texels, light {:.3e}, before {:.1} % after {:.1} % told {:.1} %",
+                        s[3] / 3.0,
+                        s[2] / s[3],
+                        100.0 * (s[0].max(0.0) / s[3]).sqrt() / (s[2] / s[3]),
+                        100.0 * (s[1].max(0.0) / s[3]).sqrt() / (s[2] / s[3]),
+                        100.0 * (told.max(0.0) / s[3]).sqrt() / (s[2] / s[3])
+                    );
+                }
+            }
+        }
+        let mut sorted = valid.clone();
+        sorted.sort_by(|&a, &b| truth(a).element_sum().total_cmp(&truth(b).element_sum()));
+        let told = |values: &[Value]| -> String {
+            let eighth = |k: usize| {
+                let of = &sorted[k * sorted.len() / 8..(k + 1) * sorted.len() / 8];
+                let told: f64 = of.iter().map(|&i| values[i].variance() + values[i].squared_bias()).sum();
+                let is: f64 = of.iter().map(|&i| measured(values, i)).sum();
+                if is > 0.0 { format!("{:.2}", (told.max(0.0) / is).sqrt()) } else { "-".to_owned() }
+            };
+            (0..8).map(eighth).collect::<Vec<_>>().join(" ")
+        };
+        // Charts whose light changed by more than three standard errors.
+        let owners = Owners::new(&atlas);
+        let mut charts: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+        for &i in &valid {
+            let index = assembler.texels()[i].index as usize;
+            let Some(chart) = owners.of(index % width, index / width) else { continue };
+            let sums = charts.entry(chart).or_default();
+            sums[0] += after[i].shift.as_dvec3().element_sum();
+            sums[1] += after[i].noise.as_dvec3().element_sum().powi(2);
+        }
+        let off = charts.values().filter(|s| s[0].abs() > 3.0 * s[1].sqrt()).count();
+        let sum =
+            |values: &[Value]| valid.iter().map(|&i| values[i].mean.as_dvec3().element_sum()).sum::<f64>();
+        println!(
+            "{:24} {:6.2} {:6.2} | {:6.2} {:6.2} | {:5.1} {:5.1} | {} | {} | {:+.3} % {}/{}",
+            plan.name_of(layer),
+            100.0 * b[0],
+            100.0 * a[0],
+            100.0 * b[1],
+            100.0 * a[1],
+            worse(1.05),
+            worse(1.5),
+            told(&before),
+            told(&after),
+            100.0 * (sum(&after) / sum(&before) - 1.0),
+            off,
+            charts.len()
+        );
+    }
+}
+
+/// The samples of the bake, as its manifest tells them.
+fn samples_of(out: &str) -> Option<u32> {
+    let text = std::fs::read_to_string(Path::new(out).join("config.json")).expect("the dataset's manifest");
+    let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
+    manifest["samples"].as_u64().map(|samples| samples as u32)
+}

@@ -1,0 +1,266 @@
+//! How much of each candidate: the mixture with the least error, as estimated around a texel.
+//!
+//! Filters run on each half by itself. With F the mean of what they give, C that of the halves, and e and h half the differences of the
+//! halves before and after, the squared error of F is estimated without bias by (F − C)² − e² + 2eh, whatever the filter, as long as it
+//! gives of a half what hangs on that half alone. The same of two candidates i and j is (Fⁱ − C)(Fʲ − C) − e² + e(hⁱ + hʲ); a mixture's
+//! error is a quadratic form in it.
+//!
+//! What a texel's half was traced to be has no part in the choice of the other half's mixture. So what is estimated of the mixture is not
+//! the least of many guesses, and stays true. (The errors of the texels around are known from both halves; by its own half it is told alone
+//! how far that lies off what is around it: light that came by a rare path is spread, not kept and spread.)
+
+use super::kernels::FILTERS;
+use crate::Rgb;
+use crate::bake::layers::Value;
+
+/// Candidates: the unfiltered light first.
+pub const CANDIDATES: usize = FILTERS + 1;
+/// Entries of the triangle of a symmetric matrix.
+const ENTRIES: usize = CANDIDATES * (CANDIDATES + 1) / 2;
+
+/// Both halves of a texel's light, and a place for what else a vector holds: (A, B).
+pub type Halves = [f32; 8];
+
+/// The halves of a value.
+pub fn halves(value: &Value) -> Halves {
+    let (a, b) = (value.mean + value.noise, value.mean - value.noise);
+    [a.x, a.y, a.z, 0.0, b.x, b.y, b.z, 0.0]
+}
+
+/// Errors of all candidates at a texel, and its light.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub struct Judged {
+    matrix: [f32; ENTRIES],
+    /// Sum of the channels, smoothed.
+    light: f32,
+    zero: [f32; 3],
+}
+
+impl Judged {
+    /// Nothing known.
+    pub const NONE: Judged = Judged { matrix: [0.0; ENTRIES], light: 0.0, zero: [0.0; 3] };
+
+    /// Of a texel's light and what the filters made of it.
+    pub fn new(value: &Value, filtered: &[Halves; FILTERS]) -> Self {
+        let parts = filtered.map(|f| Filtered::new(value, &f));
+        let mut judged = Judged::NONE;
+        let e2 = value.noise * value.noise;
+        let mut entry = 0;
+        for j in 0..CANDIDATES {
+            for i in 0..=j {
+                let sum = match (i, j) {
+                    (0, 0) => e2,
+                    // (The unfiltered light: no shift, all of the noise.)
+                    (0, j) => value.noise * parts[j - 1].noise,
+                    (i, j) => {
+                        let (a, b) = (&parts[i - 1], &parts[j - 1]);
+                        a.shift * b.shift - e2 + value.noise * (a.noise + b.noise)
+                    }
+                };
+                judged.matrix[entry] = sum.element_sum();
+                entry += 1;
+            }
+        }
+        judged.light = (value.mean + parts[LIGHT].shift).element_sum();
+        judged
+    }
+
+    fn at(&self, i: usize, j: usize) -> f32 {
+        let (i, j) = if i < j { (i, j) } else { (j, i) };
+        self.matrix[j * (j + 1) / 2 + i]
+    }
+}
+
+/// The filter whose light says which texels are alike.
+const LIGHT: usize = 2;
+
+/// What a candidate gives at a texel.
+#[derive(Clone, Copy)]
+struct Filtered {
+    /// Beside the unfiltered light.
+    shift: Rgb,
+    /// Half the difference of its halves.
+    noise: Rgb,
+}
+
+impl Filtered {
+    fn new(value: &Value, f: &Halves) -> Self {
+        let (a, b) = (of_half(f, 0), of_half(f, 1));
+        Filtered { shift: (a + b) * 0.5 - value.mean, noise: (a - b) * 0.5 }
+    }
+}
+
+/// Errors around a texel.
+pub struct Around {
+    sums: Judged,
+    /// The light around it, without its own.
+    outside: Rgb,
+    light: f32,
+    weight: f32,
+}
+
+impl Around {
+    /// Around a texel, whose own weight among those of the filters is given.
+    pub fn new(value: &Value, filtered: &[Halves; FILTERS], own: &[f32; FILTERS]) -> Self {
+        let f = &filtered[LIGHT];
+        let all = Rgb::new(f[0] + f[4], f[1] + f[5], f[2] + f[6]) * 0.5;
+        let own = own[LIGHT];
+        // (A texel without neighbours is all there is.)
+        let outside = if own < 0.999 { (all - value.mean * own) / (1.0 - own) } else { value.mean };
+        Around { sums: Judged::NONE, outside, light: outside.element_sum(), weight: 0.0 }
+    }
+
+    /// Adds a neighbour, as far as its light is alike.
+    pub fn add(&mut self, other: &Judged, weight: f32) {
+        /// Difference of light, as a part of the greater, at which a neighbour counts half.
+        const UNLIKE: f32 = 0.25;
+        let difference = (self.light - other.light)
+            / (UNLIKE * self.light.abs().max(other.light.abs()).max(f32::MIN_POSITIVE));
+        let weight = weight / (1.0 + difference * difference).powi(2);
+        for (sum, entry) in self.sums.matrix.iter_mut().zip(&other.matrix) {
+            *sum += weight * entry;
+        }
+        self.weight += weight;
+    }
+
+    /// The mixtures of the candidates for both halves; each sums up to 1.
+    pub fn mixtures(&self, value: &Value, filtered: &[Halves; FILTERS]) -> [[f32; CANDIDATES]; 2] {
+        match [0, 1].map(|half| self.with_own(value, filtered, half)) {
+            [None, None] => [self.sums.mixture(); 2],
+            of_halves => of_halves.map(|m| m.unwrap_or(self.sums).mixture()),
+        }
+    }
+
+    /// The errors with what half of the texel tells, if it lies far off what is around.
+    fn with_own(&self, value: &Value, filtered: &[Halves; FILTERS], half: usize) -> Option<Judged> {
+        /// Squared distances from what is around, relative to what is expected, from which on the texel itself counts.
+        const FAR: f32 = 4.0;
+        /// How much it then counts beside the texels around: a half's squared error is twice that of the mean of both.
+        const OWN: f32 = 0.5;
+        let unfiltered = if half == 0 { value.mean + value.noise } else { value.mean - value.noise };
+        // Expected: twice the squared error of the mean of both, and that of the light around.
+        let errors = self.sums.at(0, 0) + self.sums.at(LIGHT + 1, LIGHT + 1);
+        let expected = 2.0 * errors.max(0.0) / self.weight.max(f32::MIN_POSITIVE);
+        let squared = (unfiltered - self.outside).length_squared();
+        let excess = squared / (FAR * expected).max(f32::MIN_POSITIVE);
+        if excess <= 1.0 {
+            return None;
+        }
+        let own = OWN * (1.0 - 1.0 / excess);
+        let off: [Rgb; CANDIDATES] = std::array::from_fn(|i| match i {
+            0 => unfiltered - self.outside,
+            i => of_half(&filtered[i - 1], half) - self.outside,
+        });
+        let mut sums = self.sums;
+        let mut entry = 0;
+        for j in 0..CANDIDATES {
+            for i in 0..=j {
+                sums.matrix[entry] += own * off[i].dot(off[j]);
+                entry += 1;
+            }
+        }
+        Some(sums)
+    }
+}
+
+impl Judged {
+    /// The mixture of the candidates with the least error, as far as pairs of them lead down to it.
+    fn mixture(&self) -> [f32; CANDIDATES] {
+        let m = self;
+        let raw = m.at(0, 0);
+        let mut mixture = [0.0; CANDIDATES];
+        let best = (0..CANDIDATES).min_by(|&i, &j| m.at(i, i).total_cmp(&m.at(j, j))).unwrap_or(0);
+        mixture[best] = 1.0;
+        if raw <= 0.0 || raw.is_nan() || best == 0 {
+            return UNFILTERED;
+        }
+        // Of two candidates at a time, from the one with the steepest ascent to that with the steepest descent.
+        let mut slopes: [f32; CANDIDATES] = std::array::from_fn(|i| m.at(i, best));
+        for _ in 0..2 * CANDIDATES {
+            let among = |of: &dyn Fn(usize) -> bool| (0..CANDIDATES).filter(|&i| of(i)).collect::<Few>();
+            let to = among(&|_| true).min_by(&slopes);
+            let from = among(&|i| mixture[i] > 0.0).max_by(&slopes);
+            let (Some(to), Some(from)) = (to, from) else { break };
+            let gain = slopes[from] - slopes[to];
+            if gain <= 1e-3 * raw {
+                break;
+            }
+            let curvature = m.at(from, from) + m.at(to, to) - 2.0 * m.at(from, to);
+            let step = if curvature > 0.0 { (gain / curvature).min(mixture[from]) } else { mixture[from] };
+            mixture[from] -= step;
+            mixture[to] += step;
+            (0..CANDIDATES).for_each(|i| slopes[i] += step * (m.at(i, to) - m.at(i, from)));
+        }
+        mixture
+    }
+}
+
+impl Around {
+    /// The filtered light, or the unfiltered one where both halves agree that it is far from that.
+    pub fn believed(&self, value: &Value, filtered: Value) -> Value {
+        /// Of the noise squared: what chance shifts no texel by.
+        const CERTAIN: f32 = 16.0;
+        let noise =
+            (self.sums.at(0, 0) / self.weight.max(f32::MIN_POSITIVE)).max(value.noise.length_squared());
+        if filtered.shift.length_squared() > CERTAIN * noise { *value } else { filtered }
+    }
+}
+
+/// Nothing but the unfiltered light.
+pub const UNFILTERED: [f32; CANDIDATES] = {
+    let mut mixture = [0.0; CANDIDATES];
+    mixture[0] = 1.0;
+    mixture
+};
+
+/// A few candidates.
+#[derive(Default)]
+struct Few {
+    which: [usize; CANDIDATES],
+    count: usize,
+}
+
+impl FromIterator<usize> for Few {
+    fn from_iter<I: IntoIterator<Item = usize>>(all: I) -> Self {
+        let mut few = Few::default();
+        for i in all {
+            few.which[few.count] = i;
+            few.count += 1;
+        }
+        few
+    }
+}
+
+impl Few {
+    fn min_by(&self, values: &[f32; CANDIDATES]) -> Option<usize> {
+        self.which[..self.count].iter().copied().min_by(|&i, &j| values[i].total_cmp(&values[j]))
+    }
+
+    fn max_by(&self, values: &[f32; CANDIDATES]) -> Option<usize> {
+        self.which[..self.count].iter().copied().max_by(|&i, &j| values[i].total_cmp(&values[j]))
+    }
+}
+
+/// One half of what a filter gave.
+fn of_half(f: &Halves, half: usize) -> Rgb {
+    let at = 4 * half;
+    Rgb::new(f[at], f[at + 1], f[at + 2])
+}
+
+/// The light that the mixtures of both halves give at a texel.
+pub fn mixed(value: &Value, filtered: &[Halves; FILTERS], mixtures: &[[f32; CANDIDATES]; 2]) -> Value {
+    if mixtures.iter().all(|mixture| mixture[0] >= 1.0) {
+        return *value;
+    }
+    // What they add to each half.
+    let [a, b] = [0, 1].map(|half| {
+        let unfiltered = if half == 0 { value.mean + value.noise } else { value.mean - value.noise };
+        let parts = filtered.iter().zip(&mixtures[half][1..]);
+        parts.map(|(f, weight)| (of_half(f, half) - unfiltered) * *weight).sum::<Rgb>()
+    });
+    let (shift, noise) = ((a + b) * 0.5, value.noise + (a - b) * 0.5);
+    // (Fits of first order may fall below zero.)
+    let mean = (value.mean + shift).max(Rgb::ZERO);
+    Value { mean, noise: value.noise, shift: mean - value.mean, kept: noise }
+}

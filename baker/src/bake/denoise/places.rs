@@ -1,0 +1,345 @@
+//! Where texels lie in space, and which of them are near enough to a texel, and like enough, to say something of its light.
+
+use crate::atlas::Atlas;
+use crate::bake::block::{Worker, indices};
+use crate::bake::layers::Texel;
+use crate::surface::BlockSurface;
+use crate::trace::counts::RayCounts;
+use crate::trace::space::Receiver;
+use glam::{IVec3, Vec2, Vec3};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// How far neighbours are looked for, in texels: some 200 on flat surfaces.
+pub const REACH: f32 = 8.0;
+/// Neighbours of a texel, itself among them; of more the nearest.
+pub const MOST: usize = 224;
+/// Texels that two unit normals lie apart per unit of their difference.
+const PER_NORMAL: f32 = 8.0;
+/// Neighbours lie no farther off the plane of a texel than this: in texels, and beside that per texel of their distance.
+const OFF_PLANE: [f32; 2] = [0.25, 0.125];
+/// Directions along the surface in which it is found out how far one can see.
+const SECTORS: usize = 16;
+/// Nothing in sight.
+const OPEN: [u8; SECTORS] = [u8::MAX; SECTORS];
+/// Elevation of that sight, as a part of its length: what is lower stands in nobody's light.
+const RISE: f32 = 1.0 / 32.0;
+/// Steps of a distance in texels as stored.
+const STEPS: f32 = 255.0 / REACH;
+
+/// A texel in space.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    position: Vec3,
+    normal: Vec3,
+    /// The length of a texel.
+    size: f32,
+    /// How far one sees along the surface, by sector.
+    sights: [u8; SECTORS],
+}
+
+/// The covered texels of a page in space. Those that do not count have no neighbours, and are nobody's.
+pub struct Places {
+    places: Vec<Place>,
+    /// Texels that count, by the key of the box of space that holds them.
+    sorted: Vec<(Key, u32)>,
+}
+
+/// A box of space: the octave of the texel's size, and the box among those of that octave, along z last. (Very far boxes share a key: what
+/// is in them is told apart by its distance.)
+type Key = u64;
+
+/// Texels near a place, kept for the next one beside it.
+#[derive(Default)]
+pub struct Nearby {
+    octave: i16,
+    middle: Vec3,
+    radius: f32,
+    texels: Vec<(Vec3, u32)>,
+}
+
+/// A neighbour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbour {
+    /// Its place among the covered texels.
+    pub texel: u32,
+    /// Squared distance in texels, by position and normal.
+    pub squared: f32,
+    /// Where it lies along the surface, in texels.
+    pub along: [f32; 2],
+}
+
+impl Places {
+    /// Finds the places of texels (in the order of the blocks) of which some are `valid`.
+    pub fn find(
+        worker: &Worker,
+        texels: &[Texel],
+        valid: impl Fn(usize) -> bool + Sync,
+    ) -> (Self, RayCounts) {
+        let mut starts = Vec::new();
+        let mut next = 0;
+        for block in worker.blocks() {
+            let (from, surface) = (next, worker.surface(block));
+            next += surface.covered().count();
+            starts.push((block, from..next));
+        }
+        let of_block = |(block, range): &(usize, Range<usize>)| {
+            let (surface, mut counts) = (worker.surface(*block), RayCounts::default());
+            let place = |(i, texel): (usize, usize)| match valid(i) {
+                true => place(worker, &surface, texel, texels[i].probes, &mut counts),
+                false => None,
+            };
+            let places: Vec<Option<Place>> = range.clone().zip(surface.covered()).map(place).collect();
+            (places, counts)
+        };
+        let found: Vec<_> = starts.par_iter().map(of_block).collect();
+        let mut counts = RayCounts::default();
+        let mut places = Vec::with_capacity(texels.len());
+        for (of_block, of_rays) in found {
+            places.extend(of_block);
+            counts += of_rays;
+        }
+        (Self::new(places), counts)
+    }
+
+    fn new(places: Vec<Option<Place>>) -> Self {
+        let keys = places.iter().enumerate();
+        let mut sorted: Vec<(Key, u32)> =
+            keys.filter_map(|(i, place)| Some((key(place.as_ref()?), i as u32))).collect();
+        sorted.par_sort_unstable();
+        let nowhere = Place { position: Vec3::ZERO, normal: Vec3::ZERO, size: 0.0, sights: [0; SECTORS] };
+        Places { places: places.into_iter().map(|place| place.unwrap_or(nowhere)).collect(), sorted }
+    }
+
+    /// The neighbours of a texel, itself first; none of one that does not count.
+    pub fn neighbours(&self, texel: u32, nearby: &mut Nearby, out: &mut Vec<Neighbour>) {
+        out.clear();
+        let place = &self.places[texel as usize];
+        if place.size <= 0.0 {
+            return;
+        }
+        let octave = octave(place);
+        let reach = REACH * place.size;
+        if nearby.octave != octave || place.position.distance(nearby.middle) + reach > nearby.radius {
+            self.gather(octave, place.position, 1.5 * reach, nearby);
+        }
+        let pair = place.normal.any_orthonormal_pair();
+        let near =
+            nearby.texels.iter().filter(|(at, _)| at.distance_squared(place.position) <= reach * reach);
+        out.extend(near.filter_map(|&(_, other)| self.neighbour(place, other, pair)));
+        if out.len() > MOST {
+            out.sort_unstable_by_key(|n| (n.texel != texel, n.squared.to_bits(), n.texel));
+            out.truncate(MOST);
+        }
+        if let Some(own) = out.iter().position(|n| n.texel == texel) {
+            out.swap(0, own);
+        }
+    }
+
+    /// Gathers the texels near a place of the octave, of like size.
+    fn gather(&self, octave: i16, middle: Vec3, radius: f32, nearby: &mut Nearby) {
+        (nearby.octave, nearby.middle, nearby.radius) = (octave, middle, radius);
+        nearby.texels.clear();
+        for octave in octave - 1..=octave + 1 {
+            let from = |octave| self.sorted.partition_point(|(key, _)| *key < first_key(octave));
+            let of_octave = &self.sorted[from(octave)..from(octave + 1)];
+            if of_octave.is_empty() {
+                continue;
+            }
+            let side = box_side(octave);
+            let low = ((middle - radius) / side).floor().as_ivec3();
+            let high = ((middle + radius) / side).floor().as_ivec3();
+            // (The last coordinate varies fastest: boxes along it stand together.)
+            for (x, y) in (low.x..=high.x).flat_map(|x| (low.y..=high.y).map(move |y| (x, y))) {
+                let [first, last] = [low.z, high.z].map(|z| pack(octave, IVec3::new(x, y, z)));
+                let from = of_octave.partition_point(|(key, _)| *key < first);
+                let boxes = of_octave[from..].iter().take_while(|(key, _)| *key <= last);
+                let place = |(_, texel): &(Key, u32)| (self.places[*texel as usize].position, *texel);
+                let is_near = |(at, _): &(Vec3, u32)| at.distance_squared(middle) <= radius * radius;
+                nearby.texels.extend(boxes.map(place).filter(is_near));
+            }
+        }
+    }
+
+    fn neighbour(&self, place: &Place, texel: u32, (tangent, bitangent): (Vec3, Vec3)) -> Option<Neighbour> {
+        let other = &self.places[texel as usize];
+        let way = (other.position - place.position) / place.size;
+        let distance2 = way.length_squared();
+        let squared = distance2 + PER_NORMAL * PER_NORMAL * other.normal.distance_squared(place.normal);
+        if squared > REACH * REACH {
+            return None;
+        }
+        let distance = distance2.sqrt();
+        let off = way.dot(place.normal).abs().max(way.dot(other.normal).abs());
+        let is_on_plane = off <= OFF_PLANE[0] + OFF_PLANE[1] * distance;
+        let along = [way.dot(tangent), way.dot(bitangent)];
+        let is_seen = || {
+            let sees_back = || {
+                let (tangent, bitangent) = other.normal.any_orthonormal_pair();
+                other.sees(-way.dot(tangent), -way.dot(bitangent), distance * place.size / other.size)
+            };
+            place.sees(along[0], along[1], distance) && (other.sights == OPEN || sees_back())
+        };
+        (is_on_plane && (distance2 == 0.0 || is_seen())).then_some(Neighbour { texel, squared, along })
+    }
+}
+
+impl Place {
+    /// Whether nothing stands between it and what lies in this direction, so many texels away.
+    fn sees(&self, along: f32, across: f32, distance: f32) -> bool {
+        if self.sights == OPEN {
+            return true;
+        }
+        let sector = (turn(along, across) * (SECTORS / 4) as f32) as usize % SECTORS;
+        let steps = distance * STEPS;
+        [sector, (sector + 1) % SECTORS].into_iter().all(|s| steps <= f32::from(self.sights[s]))
+    }
+}
+
+/// How far a direction is turned from the first axis to the second, in quarters: on a square, not a circle.
+fn turn(along: f32, across: f32) -> f32 {
+    let part = |a: f32, b: f32| b / (a + b);
+    match (along >= 0.0, across >= 0.0) {
+        _ if along == 0.0 && across == 0.0 => 0.0,
+        (true, true) => part(along, across),
+        (false, true) => 1.0 + part(across, -along),
+        (false, false) => 2.0 + part(-along, -across),
+        (true, false) => 3.0 + part(-across, along),
+    }
+}
+
+/// A direction of that turn, of no particular length.
+fn at_turn(turn: f32) -> Vec2 {
+    let t = turn.fract();
+    match turn as usize % 4 {
+        0 => Vec2::new(1.0 - t, t),
+        1 => Vec2::new(-t, 1.0 - t),
+        2 => Vec2::new(t - 1.0, -t),
+        _ => Vec2::new(t, t - 1.0),
+    }
+}
+
+/// The side of the boxes of an octave.
+fn box_side(octave: i16) -> f32 {
+    REACH * f32::from(octave).exp2()
+}
+
+/// The octave of a texel's size.
+fn octave(place: &Place) -> i16 {
+    place.size.log2().floor().clamp(-100.0, 100.0) as i16
+}
+
+/// The least key of an octave.
+fn first_key(octave: i16) -> Key {
+    ((octave + 128) as u64) << 56
+}
+
+fn pack(octave: i16, at: IVec3) -> Key {
+    const BITS: u32 = 18;
+    let bits = |v: i32| (v + (1 << (BITS - 1))) as u64 & ((1 << BITS) - 1);
+    first_key(octave) | bits(at.x) << (2 * BITS) | bits(at.y) << BITS | bits(at.z)
+}
+
+fn key(place: &Place) -> Key {
+    let octave = octave(place);
+    pack(octave, (place.position / box_side(octave)).floor().as_ivec3())
+}
+
+/// Where a texel lies: the mean of its probed points that are surface; none where that has no size.
+fn place(
+    worker: &Worker,
+    surface: &BlockSurface,
+    texel: usize,
+    probes: u16,
+    counts: &mut RayCounts,
+) -> Option<Place> {
+    let (atlas, space): (&Atlas, _) = (worker.atlas, &worker.transport.space);
+    let at = |probe| space.receiver(&worker.probe_point(surface, texel, probe));
+    let points: Vec<Receiver> = indices(probes).filter_map(at).collect();
+    let position = points.iter().map(Receiver::origin).sum::<Vec3>() / points.len() as f32;
+    let normal = points.iter().map(Receiver::normal).sum::<Vec3>().try_normalize()?;
+    let size = surface.along(atlas, space.geometry, texel).length();
+    if !(size > 0.0 && size.is_finite() && position.is_finite()) {
+        return None;
+    }
+    // One sees from the point in the middle.
+    let near = |r: &&Receiver| r.origin().distance_squared(position);
+    let from = points.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let mut sights = OPEN;
+    for (sector, sight) in sights.iter_mut().enumerate() {
+        let aside = at_turn(4.0 * sector as f32 / SECTORS as f32);
+        let direction = ((tangent * aside.x + bitangent * aside.y).normalize() + normal * RISE).normalize();
+        counts.inside += 1;
+        if let Some(free) = space.free_way(from, direction, REACH * size) {
+            *sight = (free / size * STEPS) as u8;
+        }
+    }
+    Some(Place { position, normal, size, sights })
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// A floor of n × n texels of a decimetre, around the origin, with a wall that stands on it along x = 0.05.
+    pub fn floor(n: i32, walled: bool) -> Places {
+        let sight = |x: i32, aside: Vec2| {
+            let distance = (0.5 - x as f32) / aside.normalize().x;
+            if walled && distance > 0.0 { (distance * STEPS).min(255.0) as u8 } else { u8::MAX }
+        };
+        let place = |i: i32| {
+            let (x, z) = (i % n - n / 2, i / n - n / 2);
+            let normal = Vec3::Y;
+            let (tangent, bitangent) = normal.any_orthonormal_pair();
+            let sights = std::array::from_fn(|s| {
+                let aside = at_turn(4.0 * s as f32 / SECTORS as f32);
+                let direction = tangent * aside.x + bitangent * aside.y;
+                sight(x, Vec2::new(direction.x, direction.z))
+            });
+            Some(Place { position: Vec3::new(x as f32, 0.0, z as f32) * 0.1, normal, size: 0.1, sights })
+        };
+        Places::new((0..n * n).map(place).collect())
+    }
+
+    #[test]
+    fn turns_go_all_around() {
+        for k in 0..64 {
+            let at = at_turn(k as f32 / 16.0);
+            assert!((turn(at.x, at.y) - k as f32 / 16.0).abs() < 1e-5, "{k}: {at}");
+        }
+    }
+
+    #[test]
+    fn neighbours_are_those_within_reach() {
+        let n = 33;
+        let places = floor(n, false);
+        let (mut nearby, mut found) = (Nearby::default(), Vec::new());
+        for texel in 0..(n * n) as u32 {
+            places.neighbours(texel, &mut nearby, &mut found);
+            let (x, z) = (texel as i32 % n, texel as i32 / n);
+            let near = |i: &i32| (i % n - x).pow(2) + (i / n - z).pow(2) <= 64;
+            let mut expected: Vec<u32> = (0..n * n).filter(near).map(|i| i as u32).collect();
+            assert_eq!(found[0].texel, texel);
+            // (At the very reach rounding decides.)
+            found.retain(|n| n.squared < 63.9);
+            expected.retain(|&i| (i as i32 % n - x).pow(2) + (i as i32 / n - z).pow(2) < 64);
+            let mut all: Vec<u32> = found.iter().map(|n| n.texel).collect();
+            all.sort_unstable();
+            assert_eq!(all, expected);
+        }
+    }
+
+    #[test]
+    fn nothing_is_seen_through_a_wall() {
+        let n = 33;
+        let places = floor(n, true);
+        let (mut nearby, mut found) = (Nearby::default(), Vec::new());
+        for texel in 0..(n * n) as u32 {
+            places.neighbours(texel, &mut nearby, &mut found);
+            let side = |i: u32| i as i32 % n - n / 2 > 0;
+            assert!(found.iter().all(|other| side(other.texel) == side(texel)));
+            assert!(found.len() > 20, "{}", found.len());
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Filters on floors whose light is known.
+
+use super::places::tests::floor;
+use super::*;
+use crate::Rgb;
+
+/// Texels along the floor.
+const SIDE: usize = 64;
+
+/// Light by column and row of a floor.
+type Light = Box<dyn Fn(usize, usize) -> f32>;
+
+/// A repeatable number in [0, 1).
+fn random(i: usize) -> f32 {
+    let mut x = (i as u32 ^ 0x9e37_79b9).wrapping_mul(0x85eb_ca6b);
+    x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
+    x = (x ^ x >> 16).wrapping_mul(0x27d4_eb2f);
+    ((x ^ x >> 15) >> 8) as f32 / (1 << 24) as f32
+}
+
+/// What is traced of some light where each half has noise of its own.
+fn traced(truth: impl Fn(usize, usize) -> f32, noise: impl Fn(usize, usize, usize) -> f32) -> Vec<Value> {
+    let value = |i: usize| {
+        let (x, z) = (i % SIDE, i / SIDE);
+        let half = |half: usize| Rgb::splat(truth(x, z)) + Rgb::new(1.0, 0.9, 0.8) * noise(x, z, half);
+        let (a, b) = (half(0), half(1));
+        Value::traced((a + b) * 0.5, (a - b) * 0.5)
+    };
+    (0..SIDE * SIDE).map(value).collect()
+}
+
+/// Noise of mean 0 that is mostly a little too dark and now and then much too bright.
+fn rare(deviation: f32, seed: usize) -> impl Fn(usize, usize, usize) -> f32 {
+    move |x, z, half| deviation * (-1.0 - (1.0 - random(seed + 2 * (z * SIDE + x) + half)).ln())
+}
+
+/// The floor filtered in three blocks.
+fn filtered(values: &[Value], walled: bool) -> Vec<Value> {
+    let places = floor(SIDE as i32, walled);
+    let read = |_: usize, wanted: &[usize]| Ok(wanted.iter().map(|&i| values[i]).collect());
+    let mut scratch = Scratch::new(values.len());
+    let blocks = [0..1000, 1000..2600, 2600..(SIDE * SIDE) as u32];
+    let of_block = |block: Range<u32>| of_block(&places, block, 1, read, &mut scratch).unwrap().remove(0);
+    let stored: Vec<Filtered> = blocks.into_iter().flat_map(of_block).collect();
+    stored.iter().zip(values).map(|(stored, traced)| stored.value(traced)).collect()
+}
+
+/// Mean squared error: as it is, and as it is told.
+fn errors(values: &[Value], truth: impl Fn(usize, usize) -> f32) -> [f64; 2] {
+    let is = |(i, v): (usize, &Value)| {
+        (v.mean - Rgb::splat(truth(i % SIDE, i / SIDE))).as_dvec3().length_squared()
+    };
+    let n = values.len() as f64;
+    let told = values.iter().map(|v| v.variance() + v.squared_bias()).sum::<f64>() / n;
+    [values.iter().enumerate().map(is).sum::<f64>() / n, told]
+}
+
+#[test]
+fn noise_goes_and_what_is_left_is_told() {
+    const SEEDS: usize = 24;
+    // Even light; a slope; the soft edge of a shadow; and a hard one, of 1 to 30.
+    let edge =
+        |at: f32, width: f32| move |x: usize, _: usize| 1.0 + 30.0 / (1.0 + ((x as f32 - at) / width).exp());
+    let lights: [(&str, Light, f64); 4] = [
+        ("even", Box::new(|_, _| 4.0), 0.05),
+        ("slope", Box::new(|x, z| 1.0 + (x + z) as f32 / 16.0), 0.07),
+        ("soft", Box::new(edge(30.0, 6.0)), 0.1),
+        ("hard", Box::new(edge(30.0, 0.05)), 0.25),
+    ];
+    for (name, truth, most) in &lights {
+        let mut sums = [[0.0; 2]; 2];
+        for seed in 0..SEEDS {
+            let values = traced(truth, rare(0.9, 100_000 * seed));
+            for (sums, values) in sums.iter_mut().zip([&values, &filtered(&values, false)]) {
+                sums.iter_mut().zip(errors(values, truth)).for_each(|(sum, error)| *sum += error);
+            }
+        }
+        let [[before, told_before], [after, told]] = sums;
+        assert!(after < most * before, "{name}: {:.3} of the squared error is left", after / before);
+        assert!((told_before / before - 1.0).abs() < 0.05, "{name}: {}", told_before / before);
+        // What noise there was says how well the rest can be told: by one part in √texels of it, four or so with rare paths.
+        let chance = 4.0 * before / ((SIDE * SIDE * SEEDS) as f64).sqrt();
+        assert!(
+            (told - after).abs() < 0.1 * after + 3.0 * chance,
+            "{name}: {:.4} of it left, {:.4} told",
+            after / before,
+            told / before
+        );
+    }
+}
+
+#[test]
+fn light_is_neither_lost_nor_gained() {
+    let truth = |x: usize, z: usize| if (x / 8 + z / 8).is_multiple_of(2) { 6.0 } else { 1.0 };
+    for seed in 0..8 {
+        let values = traced(truth, rare(0.9, 100_000 * seed));
+        let shift: f64 = filtered(&values, false).iter().map(|v| f64::from(v.shift.element_sum())).sum();
+        let error = values.iter().map(|v| f64::from(v.noise.element_sum()).powi(2)).sum::<f64>().sqrt();
+        assert!(shift.abs() < 3.0 * error, "{shift} ± {error}");
+    }
+}
+
+#[test]
+fn a_rare_path_is_spread_and_its_light_kept() {
+    // One texel in the middle met light a thousand times as bright as that around, in one half.
+    let at = SIDE / 2;
+    let values = traced(
+        |_, _| 1.0,
+        |x, z, half| {
+            if (x, z, half) == (at, at, 0) { 2000.0 } else { 0.2 * (random(2 * (z * SIDE + x) + half) - 0.5) }
+        },
+    );
+    let after = filtered(&values, false);
+    let middle = at * SIDE + at;
+    assert!(after[middle].mean.x < 0.1 * values[middle].mean.x, "{} left", after[middle].mean.x);
+    let light = |values: &[Value]| values.iter().map(|v| f64::from(v.mean.x)).sum::<f64>();
+    assert!((light(&after) - light(&values)).abs() < 0.5 * 1000.0, "{} of {}", light(&after), light(&values));
+}
+
+#[test]
+fn what_both_halves_agree_on_stays() {
+    // A line of light a texel wide, a single texel and a step of eight orders, none of them with noise to speak of.
+    let truth = |x: usize, z: usize| match (x, z) {
+        (20, _) => 50.0,
+        (40, 40) => 200.0,
+        (50.., _) => 1e8,
+        _ => 1.0,
+    };
+    let values = traced(truth, |x, z, half| 0.01 * truth(x, z) * (random(2 * (z * SIDE + x) + half) - 0.5));
+    for (i, value) in filtered(&values, false).iter().enumerate() {
+        let is = truth(i % SIDE, i / SIDE);
+        assert!((value.mean.x / is - 1.0).abs() < 0.02, "{} instead of {is} at {i}", value.mean.x);
+        assert!(value.mean.is_finite() && value.mean.min_element() >= 0.0);
+    }
+}
+
+#[test]
+fn without_noise_every_bit_stays() {
+    let truth = |x: usize, z: usize| (1.0 + x as f32 * 0.37).ln() * (1 + z % 3) as f32 * 1e-3;
+    let values = traced(truth, |_, _, _| 0.0);
+    assert_eq!(filtered(&values, false), values);
+    // Nights of zero, and texels that are nobody's neighbours.
+    let dark = vec![Value::default(); SIDE * SIDE];
+    assert_eq!(filtered(&dark, false), dark);
+}
+
+#[test]
+fn light_stays_on_its_side_of_a_wall() {
+    // Beyond the wall it is dark, but for noise as strong as on the lit side, where a blind filter would have reason to mix both.
+    let wall = SIDE / 2;
+    let values = traced(
+        |x, _| if x > wall { 0.0 } else { 10.0 },
+        |x, z, half| {
+            if x > wall { 0.0 } else { 9.0 * (2.0 * random(2 * (z * SIDE + x) + half) - 1.0) }
+        },
+    );
+    let after = filtered(&values, true);
+    assert!(after.iter().enumerate().all(|(i, v)| i % SIDE <= wall || v.mean == Rgb::ZERO));
+}
+
+#[test]
+fn blocks_do_not_matter() {
+    let values = traced(|x, _| 1.0 + x as f32, rare(0.9, 7));
+    let places = floor(SIDE as i32, false);
+    let read = |_: usize, wanted: &[usize]| Ok(wanted.iter().map(|&i| values[i]).collect());
+    let mut scratch = Scratch::new(values.len());
+    let whole = of_block(&places, 0..(SIDE * SIDE) as u32, 1, read, &mut scratch).unwrap().remove(0);
+    let close = |a: &Value, b: &Value| (a.mean - b.mean).abs().max_element() < 1e-3 * a.mean.max_element();
+    let parts = filtered(&values, false);
+    assert!(whole.iter().zip(&values).zip(&parts).all(|((w, v), p)| close(&w.value(v), p)));
+    assert!(scratch.at_hand.iter().all(|&place| place == AWAY));
+}
