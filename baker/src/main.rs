@@ -94,7 +94,7 @@ struct Args {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%: the standard error relative to
-    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too.
+    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too. (Of the light as traced: denoising makes it less.)
     /// Light that hardly any sample finds, as through a little hole, may be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,

@@ -20,12 +20,16 @@ pub struct Sums {
     /// Sum of what a filter adds to the squared errors by carrying light to where it does not belong, as estimated: unbiased, so that it may
     /// be negative.
     pub bias: f64,
+    /// Sum of the squared standard errors before a filter.
+    pub noise: f64,
     /// Sum of values.
     pub light: f64,
     /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece ([`super::local`]); 0 where nobody asks for it.
     pub local: f64,
     /// Of `bias` the same.
     pub local_bias: f64,
+    /// Of `noise` the same.
+    pub local_noise: f64,
 }
 
 impl Sums {
@@ -34,9 +38,11 @@ impl Sums {
         self.values += other.values;
         self.squared_error += other.squared_error;
         self.bias += other.bias;
+        self.noise += other.noise;
         self.light += other.light;
         self.local += other.local;
         self.local_bias += other.local_bias;
+        self.local_noise += other.local_noise;
     }
 
     /// Adds a texel.
@@ -44,6 +50,7 @@ impl Sums {
         self.values += 3;
         self.squared_error += value.variance();
         self.bias += value.squared_bias();
+        self.noise += value.noise.as_dvec3().length_squared();
         self.light += value.mean.as_dvec3().element_sum();
     }
 
