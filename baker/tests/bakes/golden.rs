@@ -7,8 +7,8 @@ use crate::scenes::{
     Case, coarse_corner, corner, furnace, glazed_room, instances, low_walls, outdoors, room, sunlit_floor,
     sunlit_room, wires,
 };
-use crate::statistics::{Bakes, SEEDS, bakes};
-use baker::bake::run::{Denoise, Integrator};
+use crate::statistics::{Bakes, bakes};
+use baker::bake::run::Integrator;
 use baker::trace::backend::Backend;
 use std::f64::consts::PI;
 
@@ -77,28 +77,6 @@ fn expect_honest(bakes: &Bakes, what: &str) {
     let told = bakes.honesty();
     println!("{what}: told ÷ true variance {told:.3}");
     assert!(HONEST.contains(&told), "{what}: told ÷ true variance {told}");
-}
-
-/// Denoised light against the mean of many bakes: it is nearer than without, the error told is the one it has, and no light is gained.
-#[test]
-fn what_denoising_leaves_is_told() {
-    for (case, name, most) in
-        [(room(), "room", 0.5), (outdoors(), "outdoors", 0.7), (sunlit_room(), "sunlit room", 0.5)]
-    {
-        let reference = bakes(&case, 1, 4 * REFERENCE, |_| {});
-        let raw = bakes(&case, 301, REFERENCE / 4, |_| {});
-        let denoised = bakes(&case, 301, REFERENCE / 4, |o| o.denoise = Denoise::Own);
-        let (before, after) = (raw.squared_error(&reference), denoised.squared_error(&reference));
-        let told = denoised.told() / after;
-        println!("{name}: {:.3} of the squared error left, told ÷ true {told:.3}", after / before);
-        assert!(after < most * before, "{name}: {after} instead of {before}");
-        assert!(HONEST.contains(&told), "{name}: told ÷ true squared error {told}");
-        let gained = denoised.mean() / raw.mean() - 1.0;
-        println!("{name}: light gained {:.3} %", 100.0 * gained);
-        // By less than three standard errors of one bake.
-        let of_one = raw.relative_error_of_mean() * (SEEDS as f64).sqrt();
-        assert!(gained.abs() < 3.0 * of_one, "{name}: {gained} ± {of_one}");
-    }
 }
 
 #[test]

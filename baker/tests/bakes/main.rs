@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod charts;
+mod denoise;
 mod golden;
 mod groups;
 mod keep;

@@ -112,6 +112,7 @@ impl Around {
     }
 
     /// Adds a neighbour, as far as its light is alike.
+    #[inline(always)]
     pub fn add(&mut self, other: &Judged, weight: f32) {
         /// Difference of light, as a part of the greater, at which a neighbour counts half.
         const UNLIKE: f32 = 0.25;

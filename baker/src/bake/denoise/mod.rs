@@ -15,8 +15,8 @@ mod tests;
 
 use super::block::Worker;
 use super::layers::{Filtered, FilteredLayer, Layers, Texel, Value};
-use crate::Result;
 use crate::trace::counts::RayCounts;
+use crate::{Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
 use kernels::{FILTERS, JUDGED, Kernel};
 use mix::{Around, Halves, Judged, halves, mixed};
@@ -145,55 +145,101 @@ fn of_block(
     let wanted: Vec<usize> = all.iter().map(|&texel| texel as usize).collect();
     let values = (0..layers).map(|layer| read(layer, &wanted)).collect::<Result<Vec<Vec<Value>>>>()?;
     let light: Vec<Vec<Halves>> = values.iter().map(|values| values.iter().map(halves).collect()).collect();
-    let place = |neighbour: &Neighbour| scratch.at_hand[neighbour.texel as usize] as usize;
-    let is_own = |texel: u32| block.contains(&texel);
-    let own = judged.texels.iter().filter(|&&texel| is_own(texel)).count();
-    let mut errors = vec![vec![Judged::NONE; all.len()]; layers];
-    let mut filtered = vec![Vec::with_capacity(own); layers];
-    let (mut kernel, mut at) = (Kernel::new(), Vec::new());
-    for (i, &texel) in judged.texels.iter().enumerate() {
-        let neighbours = judged.of(i);
-        kernel.find(neighbours);
-        at.clear();
-        at.extend(neighbours.iter().map(place));
-        let own_place = scratch.at_hand[texel as usize] as usize;
-        for layer in 0..layers {
-            let result = filter(&kernel, &at, &light[layer]);
-            errors[layer][own_place] = Judged::new(&values[layer][own_place], &result);
-            if is_own(texel) {
-                filtered[layer].push(result);
-            }
-        }
-    }
-    let mut out = vec![Vec::with_capacity(own); layers];
-    let of_own = judged.texels.iter().enumerate().filter(|(_, texel)| is_own(**texel));
-    for (number, (i, &texel)) in of_own.enumerate() {
-        let neighbours = judged.of(i);
-        kernel.find(neighbours);
-        let own_place = scratch.at_hand[texel as usize] as usize;
-        for layer in 0..layers {
-            let value = &values[layer][own_place];
-            if neighbours.len() < 2 {
-                // Nothing is near: it stays as it is.
-                out[layer].push(Filtered::new(value));
-                continue;
-            }
-            let errors = &errors[layer];
-            let filtered = &filtered[layer][number];
-            let mut around = Around::new(value, filtered, &kernel.weights[0]);
-            let judging = neighbours.iter().zip(&kernel.judging).skip(1).filter(|(_, weight)| **weight > 0.0);
-            for (neighbour, &weight) in judging {
-                around.add(&errors[place(neighbour)], weight);
-            }
-            let mixtures = around.mixtures(value, filtered);
-            out[layer].push(Filtered::new(&around.believed(value, mixed(value, filtered, &mixtures))));
-        }
-    }
+    let out =
+        AtHand { judged: &judged, block, places: &scratch.at_hand, values: &values, light: &light }.mixed();
     all.iter().for_each(|&texel| scratch.at_hand[texel as usize] = AWAY);
     Ok(out)
 }
 
+/// A block and its surroundings.
+struct AtHand<'a> {
+    judged: &'a Surroundings,
+    block: Range<u32>,
+    /// Per covered texel of the page, its place in what follows.
+    places: &'a [u32],
+    /// By layer and place.
+    values: &'a [Vec<Value>],
+    light: &'a [Vec<Halves>],
+}
+
+impl AtHand<'_> {
+    /// Per layer, what the filters make of the block's texels.
+    fn mixed(&self) -> Vec<Vec<Filtered>> {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has it.
+            return unsafe { self.mixed_avx2() };
+        }
+        self.mixed_portable()
+    }
+
+    /// [`AtHand::mixed_portable`], the same to the bit: wider vectors, and no sums in another order.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn mixed_avx2(&self) -> Vec<Vec<Filtered>> {
+        self.mixed_portable()
+    }
+
+    #[inline(always)]
+    fn mixed_portable(&self) -> Vec<Vec<Filtered>> {
+        let is_own = |texel: u32| self.block.contains(&texel);
+        let layers: Vec<usize> = (0..self.values.len())
+            .filter(|&layer| self.values[layer].iter().any(|value| value.noise != Rgb::ZERO))
+            .collect();
+        let own = self.judged.texels.iter().filter(|&&texel| is_own(texel)).count();
+        let count = self.light.first().map_or(0, Vec::len);
+        let mut errors = vec![vec![Judged::NONE; count]; layers.len()];
+        let mut filtered = vec![Vec::with_capacity(own); layers.len()];
+        let (mut kernel, mut at) = (Kernel::new(), Vec::new());
+        for (i, &texel) in self.judged.texels.iter().enumerate() {
+            let own_place = self.find(i, &mut kernel, &mut at);
+            for (k, &layer) in layers.iter().enumerate() {
+                let result = filter(&kernel, &at, &self.light[layer]);
+                errors[k][own_place] = Judged::new(&self.values[layer][own_place], &result);
+                if is_own(texel) {
+                    filtered[k].push(result);
+                }
+            }
+        }
+        let mut out = vec![Vec::with_capacity(own); self.values.len()];
+        let of_own = (0..self.judged.texels.len()).filter(|&i| is_own(self.judged.texels[i]));
+        for (number, i) in of_own.enumerate() {
+            let own_place = self.find(i, &mut kernel, &mut at);
+            // What has no noise, and what has no neighbours, stays as it is.
+            let mut next = layers.iter().zip(&errors).zip(&filtered).peekable();
+            for (layer, out) in out.iter_mut().enumerate() {
+                let value = &self.values[layer][own_place];
+                let noisy = next.next_if(|((of, _), _)| **of == layer).filter(|_| at.len() > 1);
+                let Some(((_, errors), filtered)) = noisy else {
+                    out.push(Filtered::new(value));
+                    continue;
+                };
+                let filtered = &filtered[number];
+                let mut around = Around::new(value, filtered, &kernel.weights[0]);
+                for (&other, &weight) in at.iter().zip(&kernel.judging).skip(1) {
+                    if weight > 0.0 {
+                        around.add(&errors[other], weight);
+                    }
+                }
+                let mixtures = around.mixtures(value, filtered);
+                out.push(Filtered::new(&around.believed(value, mixed(value, filtered, &mixtures))));
+            }
+        }
+        out
+    }
+
+    /// Finds the weights and places of the neighbours of one of the judged texels, and its own place.
+    fn find(&self, i: usize, kernel: &mut Kernel, at: &mut Vec<usize>) -> usize {
+        let neighbours = self.judged.of(i);
+        kernel.find(neighbours);
+        at.clear();
+        at.extend(neighbours.iter().map(|neighbour| self.places[neighbour.texel as usize] as usize));
+        self.places[self.judged.texels[i] as usize] as usize
+    }
+}
+
 /// What the filters make of a texel's light.
+#[inline(always)]
 fn filter(kernel: &Kernel, at: &[usize], light: &[Halves]) -> [Halves; FILTERS] {
     let mut sums = [[0.0f32; 8]; FILTERS];
     for (weights, &place) in kernel.weights.iter().zip(at) {

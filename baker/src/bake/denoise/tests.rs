@@ -2,7 +2,6 @@
 
 use super::places::tests::floor;
 use super::*;
-use crate::Rgb;
 
 /// Texels along the floor.
 const SIDE: usize = 64;
@@ -169,4 +168,17 @@ fn blocks_do_not_matter() {
     let parts = filtered(&values, false);
     assert!(whole.iter().zip(&values).zip(&parts).all(|((w, v), p)| close(&w.value(v), p)));
     assert!(scratch.at_hand.iter().all(|&place| place == AWAY));
+}
+
+#[test]
+fn wider_vectors_give_the_same_bits() {
+    let values = traced(|x, z| 1.0 + (x * z) as f32, rare(0.9, 7));
+    let places = floor(SIDE as i32, true);
+    let block = 0..(SIDE * SIDE) as u32;
+    let judged = Surroundings::new(&places, block.clone().collect());
+    let at_hand: Vec<u32> = block.clone().collect();
+    let light = [values.iter().map(halves).collect()];
+    let values = [values];
+    let at_hand = AtHand { judged: &judged, block, places: &at_hand, values: &values, light: &light };
+    assert_eq!(at_hand.mixed(), at_hand.mixed_portable());
 }

@@ -1,0 +1,28 @@
+//! Denoised light against the mean of many bakes.
+
+use crate::golden::HONEST;
+use crate::scenes::{outdoors, room, sunlit_room};
+use crate::statistics::{SEEDS, bakes};
+use baker::bake::run::Denoise;
+
+/// It is nearer than without, the error told is the one it has, and no light is gained.
+#[test]
+fn what_denoising_leaves_is_told() {
+    for (case, name, most) in
+        [(room(), "room", 0.5), (outdoors(), "outdoors", 0.7), (sunlit_room(), "sunlit room", 0.5)]
+    {
+        let reference = bakes(&case, 1, 256, |_| {});
+        let raw = bakes(&case, 301, 16, |_| {});
+        let denoised = bakes(&case, 301, 16, |o| o.denoise = Denoise::Own);
+        let (before, after) = (raw.squared_error(&reference), denoised.squared_error(&reference));
+        let told = denoised.told() / after;
+        println!("{name}: {:.3} of the squared error left, told ÷ true {told:.3}", after / before);
+        assert!(after < most * before, "{name}: {after} instead of {before}");
+        assert!(HONEST.contains(&told), "{name}: told ÷ true squared error {told}");
+        let gained = denoised.mean() / raw.mean() - 1.0;
+        println!("{name}: light gained {:.3} %", 100.0 * gained);
+        // By less than three standard errors of one bake.
+        let of_one = raw.relative_error_of_mean() * (SEEDS as f64).sqrt();
+        assert!(gained.abs() < 3.0 * of_one, "{name}: {gained} ± {of_one}");
+    }
+}
