@@ -94,7 +94,8 @@ struct Args {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%: the standard error relative to
-    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too. (Of the light as traced: denoising makes it less.)
+    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too. This is judged before denoising, which lowers the
+    /// error further.
     /// Light that hardly any sample finds, as through a little hole, may be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
@@ -107,8 +108,9 @@ struct Args {
     /// What finds the hits of rays: obvhs, or embree in builds with that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     backend: Backend,
-    /// Whether noise is taken out of indirect light, by filters whose error is estimated (auto: in all bakes but transfers). What was traced
-    /// is kept beside it, so that this can be changed without rays.
+    /// Denoise indirect light with filters whose error is estimated. auto: in every bake but a transfer; own: with the baker's own filters,
+    /// which is what auto does today; off: leave it as traced. Transfers are never denoised. The traced light is kept, so changing this does
+    /// not trace it again.
     #[arg(
         long,
         value_enum,
@@ -148,7 +150,7 @@ Examples:
   bake new models/house.glb                        a scene file for a model (bake new --help)
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
-mean_samples, layers (traced, reused), denoised (method, layers, now: those of this run, seconds; null where nothing was), relative_error (median over tile and set), local (error of cells of 16×16 texels relative to the light there:
+mean_samples, layers (traced, reused), denoised (method, layers, new_layers: those filtered by this run, seconds; null if nothing was denoised), relative_error (median over tile and set), local (error of cells of 16×16 texels relative to the light there:
 all, sets, worst_set, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,

@@ -54,7 +54,7 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
     section.plot(&error_plot(outcome));
     outcome.denoised_in_words().into_iter().for_each(|what| {
         section.paragraph(&format!(
-            "{}. The curve is of the light as traced; the table is of the light as it is.",
+            "{}. The curve shows the light as traced; the table shows it after denoising.",
             capitalised(&what)
         ));
     });

@@ -17,19 +17,18 @@ pub struct Sums {
     pub values: u64,
     /// Sum of squared standard errors.
     pub squared_error: f64,
-    /// Sum of what a filter adds to the squared errors by carrying light to where it does not belong, as estimated: unbiased, so that it may
-    /// be negative.
-    pub bias: f64,
-    /// Sum of the squared standard errors before a filter.
-    pub noise: f64,
+    /// Sum of the estimated squared biases of the filter. The estimate is unbiased, so this may be negative.
+    pub squared_bias: f64,
+    /// Sum of the squared standard errors before filtering.
+    pub variance_before: f64,
     /// Sum of values.
     pub light: f64,
     /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece ([`super::local`]); 0 where nobody asks for it.
     pub local: f64,
-    /// Of `bias` the same.
-    pub local_bias: f64,
-    /// Of `noise` the same.
-    pub local_noise: f64,
+    /// `squared_bias`, made relative in the same way.
+    pub local_squared_bias: f64,
+    /// `variance_before`, likewise.
+    pub local_variance_before: f64,
 }
 
 impl Sums {
@@ -37,26 +36,30 @@ impl Sums {
     pub fn add(&mut self, other: &Sums) {
         self.values += other.values;
         self.squared_error += other.squared_error;
-        self.bias += other.bias;
-        self.noise += other.noise;
+        self.squared_bias += other.squared_bias;
+        self.variance_before += other.variance_before;
         self.light += other.light;
         self.local += other.local;
-        self.local_bias += other.local_bias;
-        self.local_noise += other.local_noise;
+        self.local_squared_bias += other.local_squared_bias;
+        self.local_variance_before += other.local_variance_before;
     }
 
     /// Adds a texel.
     pub fn add_texel(&mut self, value: &Value) {
         self.values += 3;
         self.squared_error += value.variance();
-        self.bias += value.squared_bias();
-        self.noise += value.noise.as_dvec3().length_squared();
+        self.squared_bias += value.squared_bias();
+        self.variance_before += value.noise.as_dvec3().length_squared();
         self.light += value.mean.as_dvec3().element_sum();
     }
 
     /// Mean squared error.
     pub fn mse(&self) -> f64 {
-        if self.values == 0 { 0.0 } else { (self.squared_error + self.bias.max(0.0)) / self.values as f64 }
+        if self.values == 0 {
+            0.0
+        } else {
+            (self.squared_error + self.squared_bias.max(0.0)) / self.values as f64
+        }
     }
 
     /// Mean value.

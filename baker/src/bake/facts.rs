@@ -53,8 +53,8 @@ pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> 
     })
 }
 
-/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do. `samples`: those of the bake, which is
-/// denoised or not.
+/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do. `samples`: those of the bake;
+/// `is_denoised`: it is, or cannot be.
 pub fn advice(
     scene: &Scene,
     plan: &Plan,
@@ -82,7 +82,7 @@ pub fn advice(
         }
         _ => "",
     };
-    // Errors fall with the square root of the samples; of denoised light a little slower (NUMERICS, "Denoising").
+    // Errors fall with the square root of the samples, and those of denoised light a little more slowly (NUMERICS, "Denoising").
     let power = if is_denoised { 2.4 } else { 2.0 };
     let needed = f64::from(samples) * (local.p95 / OVER[0]).powf(power);
     let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
@@ -92,7 +92,7 @@ pub fn advice(
         hour(plan.moments[worst.set].hour),
         percent(local.p95),
         percent(share),
-        if is_denoised { "" } else { "--denoise auto makes it less; " }
+        if is_denoised { "" } else { "--denoise auto lowers it; " }
     ))
 }
 

@@ -56,15 +56,14 @@ pub struct Value {
     pub noise: Rgb,
     /// What a filter has added.
     pub shift: Rgb,
-    /// Half the difference of the halves as they are now: an estimate of the standard error that is left, but for what a filter has
-    /// carried to where it does not belong.
-    pub kept: Rgb,
+    /// Half the difference of the halves after filtering: an estimate of the standard error that is left, bias apart.
+    pub residual: Rgb,
 }
 
 impl Value {
     /// As traced, by half the difference of the halves.
     pub fn traced(mean: Rgb, noise: Rgb) -> Value {
-        Value { mean, noise, shift: Rgb::ZERO, kept: noise }
+        Value { mean, noise, shift: Rgb::ZERO, residual: noise }
     }
 
     /// The sum.
@@ -73,7 +72,7 @@ impl Value {
             mean: self.mean + other.mean,
             noise: self.noise + other.noise,
             shift: self.shift + other.shift,
-            kept: self.kept + other.kept,
+            residual: self.residual + other.residual,
         }
     }
 
@@ -83,18 +82,18 @@ impl Value {
             mean: self.mean * scale,
             noise: self.noise * scale,
             shift: self.shift * scale,
-            kept: self.kept * scale,
+            residual: self.residual * scale,
         }
     }
 
     /// Of the squared error, summed over the channels, an unbiased estimate of the part that is chance.
     pub fn variance(&self) -> f64 {
-        self.kept.as_dvec3().length_squared()
+        self.residual.as_dvec3().length_squared()
     }
 
-    /// The rest, that a filter is to blame for; unbiased too, so that it may be negative at a texel. 0 where nothing was filtered.
+    /// An unbiased estimate of the filter's squared bias, summed over the channels. It may be negative at a texel, and is 0 where nothing was filtered.
     pub fn squared_bias(&self) -> f64 {
-        let lost = (self.noise - self.kept).as_dvec3();
+        let lost = (self.noise - self.residual).as_dvec3();
         self.shift.as_dvec3().length_squared() - lost.length_squared()
     }
 }
@@ -135,14 +134,14 @@ impl Stored {
 pub struct Filtered {
     mean: [f32; 3],
     shift: [bf16; 3],
-    kept: [bf16; 3],
+    residual: [bf16; 3],
 }
 
 impl Filtered {
     /// Of a value.
     pub fn new(value: &Value) -> Self {
         let small = |v: Rgb| v.to_array().map(bf16::from_f32);
-        Filtered { mean: value.mean.to_array(), shift: small(value.shift), kept: small(value.kept) }
+        Filtered { mean: value.mean.to_array(), shift: small(value.shift), residual: small(value.residual) }
     }
 
     /// With what was traced there.
@@ -152,7 +151,7 @@ impl Filtered {
             mean: Rgb::from_array(self.mean),
             noise: traced.noise,
             shift: wide(self.shift),
-            kept: wide(self.kept),
+            residual: wide(self.residual),
         }
     }
 }

@@ -71,12 +71,12 @@ impl Grid {
         y / CELL * self.columns + x / CELL
     }
 
-    /// Per cell, the part of the squared relative error that a filter is to blame for: of one cell alone the estimate scatters by as much as it
-    /// says, so it is the cell's noise as traced times what filters make of noise in the cells around. 0 where that is less than nothing.
-    pub fn biases(&self, cells: &[Sums]) -> Vec<f64> {
+    /// Per cell, the squared relative bias of the filter. The estimate of one cell is as uncertain as it is large. So the ratio of squared bias
+    /// to variance before filtering is taken over the cells around, and multiplied by the cell's own variance; 0 where that is negative.
+    pub fn squared_biases(&self, cells: &[Sums]) -> Vec<f64> {
         /// Cells to each side.
         const AROUND: usize = 2;
-        if cells.iter().all(|sums| sums.local_bias == 0.0) {
+        if cells.iter().all(|sums| sums.local_squared_bias == 0.0) {
             return vec![0.0; cells.len()];
         }
         let around =
@@ -85,15 +85,15 @@ impl Grid {
             let (mut bias, mut noise) = (0.0, 0.0);
             for row in around(cell / self.columns, self.rows) {
                 for sums in &cells[row * self.columns..][around(cell % self.columns, self.columns)] {
-                    bias += sums.local_bias;
-                    noise += sums.local_noise;
+                    bias += sums.local_squared_bias;
+                    noise += sums.local_variance_before;
                 }
             }
             let own = &cells[cell];
             if own.values == 0 || bias <= 0.0 || noise <= 0.0 {
                 0.0
             } else {
-                bias / noise * own.local_noise / own.values as f64
+                bias / noise * own.local_variance_before / own.values as f64
             }
         };
         (0..cells.len()).map(bias).collect()
@@ -158,9 +158,9 @@ impl Pieces {
         for (sums, &cell) in pieces.iter().zip(&self.cells) {
             let mean = sums.mean();
             let relative = |squared: f64| if mean > 0.0 { squared / (mean * mean) } else { 0.0 };
-            let (local, local_bias) = (relative(sums.squared_error), relative(sums.bias));
-            let local_noise = relative(sums.noise);
-            cells[cell as usize].add(&Sums { local, local_bias, local_noise, ..*sums });
+            let (local, local_squared_bias) = (relative(sums.squared_error), relative(sums.squared_bias));
+            let local_variance_before = relative(sums.variance_before);
+            cells[cell as usize].add(&Sums { local, local_squared_bias, local_variance_before, ..*sums });
         }
     }
 }
@@ -303,7 +303,7 @@ impl Places {
 
     /// Per cell of a set, its local error; 0 of one without light.
     pub fn errors(&self, cells: &[Sums]) -> Vec<f64> {
-        let floors = self.floors(cells).into_iter().zip(self.grid.biases(cells));
+        let floors = self.floors(cells).into_iter().zip(self.grid.squared_biases(cells));
         cells.iter().zip(floors).map(|(sums, (floor, bias))| error(sums, floor, bias)).collect()
     }
 
@@ -316,7 +316,7 @@ impl Places {
 }
 
 /// The local error of a cell: every texel's ÷ the light of its piece or ÷ the floor, whichever is more. (Per texel: of the sums the lesser
-/// error is taken, which is no less.) `bias` is a filter's share of the square, as [`Grid::biases`] gives it.
+/// error is taken, which is no less.) `bias` is the filter's squared relative bias, as [`Grid::squared_biases`] gives it.
 pub fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
     if sums.values == 0 {
         return 0.0;
@@ -390,24 +390,24 @@ mod tests {
     }
 
     #[test]
-    fn what_filters_do_wrong_is_shared_by_noise() {
+    fn squared_bias_is_shared_out_by_noise() {
         // Four cells in a row as traced wrong by 20, 20, 1 and 20 %; filters left a tenth of each variance, and a bias that two of them tell.
         let grid = Grid { columns: 4, rows: 1 };
         let cell = |noise: f64, bias: f64| Sums {
             values: 3,
             local: 3.0 * 0.1 * noise * noise,
-            local_bias: 3.0 * bias,
-            local_noise: 3.0 * noise * noise,
+            local_squared_bias: 3.0 * bias,
+            local_variance_before: 3.0 * noise * noise,
             ..Sums::default()
         };
         let cells = [cell(0.2, 0.02), cell(0.2, -0.01), cell(0.01, 0.0), cell(0.2, 0.0)];
-        let biases = grid.biases(&cells);
+        let biases = grid.squared_biases(&cells);
         let of_noise = 0.01 / (2.0 * 0.04 + 0.0001);
         assert!((biases[0] - of_noise * 0.04).abs() < 1e-9, "{biases:?}");
         // A cell that hardly had any noise has hardly any of it; and what is less than nothing is nothing.
         assert!(biases[2] < 1e-5, "{biases:?}");
         assert_eq!(biases[3], 0.0, "{biases:?}");
-        assert_eq!(grid.biases(&[Sums::default(); 4]), [0.0; 4]);
+        assert_eq!(grid.squared_biases(&[Sums::default(); 4]), [0.0; 4]);
     }
 
     #[test]

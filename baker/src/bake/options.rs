@@ -34,7 +34,7 @@ pub struct Options {
     pub integrator: Integrator,
     /// What finds the hits of rays.
     pub backend: Backend,
-    /// Whether noise is taken out of indirect light.
+    /// Whether indirect light is denoised.
     pub denoise: Denoise,
     /// Check some texels against so many walks each that are followed to their end.
     pub check: Option<u32>,
@@ -80,7 +80,7 @@ pub enum Preset {
     Final,
 }
 
-/// Whether noise is taken out of indirect light.
+/// Whether indirect light is denoised.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Denoise {
     /// Where it pays: in all bakes but transfers.
@@ -174,12 +174,12 @@ impl Outcome {
         let before = self.rounds.last().and_then(|round| round.local).map_or(String::new(), |local| {
             let percent = |share: f64| format!("{:.1} %", share * 100.0);
             format!(
-                ": as traced, the local error was {} in the median cell, {} in 95 of 100",
+                ": as traced, the local error was {} in the median cell and at most {} in 95 of 100",
                 percent(local.median),
                 percent(local.p95)
             )
         });
-        let how = match denoised.now {
+        let how = match denoised.new_layers {
             0 => ", kept from an earlier bake".to_owned(),
             _ => format!(" in {:.1} s", denoised.seconds),
         };
@@ -200,8 +200,8 @@ pub struct Denoised {
     pub method: String,
     /// Layers from which noise was taken.
     pub layers: usize,
-    /// Those of them for which this run did it.
-    pub now: usize,
+    /// Those of them that this run filtered.
+    pub new_layers: usize,
     /// Seconds that it took this run.
     pub seconds: f64,
 }

@@ -111,7 +111,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 
     let padding = scene.lightmap.padding;
     let assembler = Assembler::new(plan, geometry, &atlas, (&layers, digests), texels, &places, padding)?;
-    let (filtered, denoised, looked) = match prepared.denoise {
+    let (filtered, denoised, denoise_rays) = match prepared.denoise {
         Some(method) => denoise_layers(&prepared, &atlas, &layers, &assembler, method, console)?,
         None => (vec![None; digests.len()], None, RayCounts::default()),
     };
@@ -155,7 +155,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
             plan,
             &stored,
             traced.samples().unwrap_or(limits.samples),
-            denoised.is_some(),
+            prepared.denoise.is_some() || prepared.transfer.is_some(),
         ),
     };
     write_atomically(
@@ -195,7 +195,9 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         denoised,
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
-        rays: sun.rays + looked + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
+        rays: sun.rays
+            + denoise_rays
+            + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
         facts,
         rounds: traced.rounds,
         check,
@@ -432,7 +434,7 @@ fn trace(
     Ok((traced, warnings))
 }
 
-/// Takes noise out of the layers, as far as that was not done before: per layer what came of it, and the rays that it took.
+/// Denoises the layers that have not been yet. Gives what came of each, a summary, and the rays traced.
 pub fn denoise_layers(
     prepared: &Prepared,
     atlas: &Atlas,
@@ -465,7 +467,7 @@ pub fn denoise_layers(
     let denoised = Denoised {
         method: method.to_owned(),
         layers: all.count(),
-        now: missing.len(),
+        new_layers: missing.len(),
         seconds: start.elapsed().as_secs_f64(),
     };
     Ok((filtered, (denoised.layers > 0).then_some(denoised), rays))

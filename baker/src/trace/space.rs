@@ -252,8 +252,8 @@ impl<'a> Space<'a> {
         !self.rays.occluded(a.origin, direction, distance, a.triangle)
     }
 
-    /// How far it is to what stands in the way within a distance along the unit `direction`; `None` where nothing does.
-    pub fn free_way(&self, at: &Receiver, direction: Vec3, distance: f32) -> Option<f32> {
+    /// Distance to the first obstacle along the unit `direction`, if there is one within `distance`.
+    pub fn distance_to_obstacle(&self, at: &Receiver, direction: Vec3, distance: f32) -> Option<f32> {
         let is_stopped = self.rays.occluded(at.origin, direction, distance, at.triangle);
         is_stopped.then(|| self.rays.nearest_wall(at.origin, direction, at.triangle).map_or(0.0, |hit| hit.t))
     }

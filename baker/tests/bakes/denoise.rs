@@ -5,9 +5,9 @@ use crate::scenes::{outdoors, room, sunlit_room};
 use crate::statistics::{SEEDS, bakes};
 use baker::bake::run::Denoise;
 
-/// It is nearer than without, the error told is the one it has, and no light is gained.
+/// Denoised light is closer to the truth, its reported error is the true one, and no light is gained.
 #[test]
-fn what_denoising_leaves_is_told() {
+fn the_reported_error_of_denoised_light_is_true() {
     for (case, name, most) in
         [(room(), "room", 0.5), (outdoors(), "outdoors", 0.7), (sunlit_room(), "sunlit room", 0.5)]
     {
@@ -15,7 +15,7 @@ fn what_denoising_leaves_is_told() {
         let raw = bakes(&case, 301, 16, |_| {});
         let denoised = bakes(&case, 301, 16, |o| o.denoise = Denoise::Own);
         let (before, after) = (raw.squared_error(&reference), denoised.squared_error(&reference));
-        let told = denoised.told() / after;
+        let told = denoised.reported_squared_error() / after;
         println!("{name}: {:.3} of the squared error left, told ÷ true {told:.3}", after / before);
         assert!(after < most * before, "{name}: {after} instead of {before}");
         assert!(HONEST.contains(&told), "{name}: told ÷ true squared error {told}");

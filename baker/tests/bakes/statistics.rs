@@ -169,7 +169,7 @@ impl Bakes {
         expect_chance(worst.fold(0.0, f64::max), texels.len(), what);
     }
 
-    /// Mean squared error of one bake against what others give on average, what chance adds to that taken out.
+    /// Mean squared error of one bake against the mean of `reference`, with the noise of both means taken out.
     pub fn squared_error(&self, reference: &Self) -> f64 {
         let valid: Vec<usize> =
             (0..self.mean.len()).filter(|&i| self.valid[i] && reference.valid[i]).collect();
@@ -182,8 +182,8 @@ impl Bakes {
         valid.iter().map(square).sum::<f64>() / valid.len() as f64
     }
 
-    /// Mean squared standard error the bakes told.
-    pub fn told(&self) -> f64 {
+    /// Mean squared error that the bakes reported.
+    pub fn reported_squared_error(&self) -> f64 {
         self.reported
     }
 

@@ -1,6 +1,6 @@
-//! The candidates: weights of a texel's neighbours that hang on nothing but where they lie.
+//! The candidate filters: kernels that depend on nothing but where a texel's neighbours lie.
 
-use super::places::{MOST, Neighbour, REACH};
+use super::places::{MAX_NEIGHBOURS, Neighbour, REACH};
 use std::sync::LazyLock;
 
 /// Standard deviations of the Gaussians, in texels.
@@ -9,11 +9,11 @@ const GAUSSIANS: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
 const FITTED: [usize; 2] = [2, 3];
 /// Candidates beside the unfiltered light.
 pub const FILTERS: usize = GAUSSIANS.len() + FITTED.len();
-/// The Gaussian by which error is judged around a texel.
-const JUDGING: usize = 2;
-/// How far, in texels.
-pub const JUDGED: f32 = 6.0;
-/// Steps of a squared distance.
+/// Index of the Gaussian that weights neighbours' error matrices.
+const ERROR_GAUSSIAN: usize = 2;
+/// Radius of that average, in texels.
+pub const ERROR_RADIUS: f32 = 6.0;
+/// Entries of the table between squared distances 0 and REACH².
 const STEPS: usize = 1024;
 
 /// The Gaussians by squared distance, from 0 to the reach's.
@@ -27,20 +27,23 @@ static TABLE: LazyLock<Vec<[f32; GAUSSIANS.len()]>> = LazyLock::new(|| {
 pub struct Kernel {
     /// Of each neighbour, by candidate: they sum up to 1.
     pub weights: Vec<[f32; FILTERS]>,
-    /// Of each neighbour, how much its error counts.
-    pub judging: Vec<f32>,
+    /// Of each neighbour, how much its error matrix counts.
+    pub error_weights: Vec<f32>,
 }
 
 impl Kernel {
     /// No weights yet.
     pub fn new() -> Self {
-        Kernel { weights: Vec::with_capacity(MOST), judging: Vec::with_capacity(MOST) }
+        Kernel {
+            weights: Vec::with_capacity(MAX_NEIGHBOURS),
+            error_weights: Vec::with_capacity(MAX_NEIGHBOURS),
+        }
     }
 
     /// Finds the weights of a texel's neighbours, of which the first is itself.
     pub fn find(&mut self, neighbours: &[Neighbour]) {
         self.weights.clear();
-        self.judging.clear();
+        self.error_weights.clear();
         let mut sums = [0.0f32; GAUSSIANS.len()];
         // Of the fitted: sums of weights × (1, x, y, x², xy, y²).
         let mut moments = [[0.0f64; 6]; FITTED.len()];
@@ -56,8 +59,8 @@ impl Kernel {
                 moments.iter_mut().zip(powers).for_each(|(m, power)| *m += f64::from(gauss[of]) * power);
             }
             self.weights.push(weights);
-            let is_judged = neighbour.squared <= JUDGED * JUDGED;
-            self.judging.push(if is_judged { gauss[JUDGING] } else { 0.0 });
+            let is_near = neighbour.squared <= ERROR_RADIUS * ERROR_RADIUS;
+            self.error_weights.push(if is_near { gauss[ERROR_GAUSSIAN] } else { 0.0 });
         }
         let fits = moments.map(|moments| intercept(&moments));
         for (weights, neighbour) in self.weights.iter_mut().zip(neighbours) {
@@ -76,10 +79,10 @@ impl Kernel {
     }
 }
 
-/// Of a fit of first order the value at the middle: what weights are multiplied by, 1, along x and along y. `None` where neighbours lie on a
-/// line, or so far to one side that it would be a guess.
+/// A first-order fit evaluated at the texel: the factor of each Gaussian weight is c + cx·x + cy·y. `None` where the neighbours lie on a
+/// line, or so far to one side that it would extrapolate.
 fn intercept(&[s, x, y, xx, xy, yy]: &[f64; 6]) -> Option<[f32; 3]> {
-    /// Of the middle of the neighbours, in standard deviations.
+    /// Farthest that the neighbours' centroid may lie from the texel, in standard deviations of their positions.
     const MOST_ASIDE: f64 = 1.5;
     // About their middle: [xx xy; xy yy] ÷ s.
     let (mx, my) = (x / s, y / s);

@@ -5,9 +5,9 @@
 //! gives of a half what hangs on that half alone. The same of two candidates i and j is (Fⁱ − C)(Fʲ − C) − e² + e(hⁱ + hʲ); a mixture's
 //! error is a quadratic form in it.
 //!
-//! What a texel's half was traced to be has no part in the choice of the other half's mixture. So what is estimated of the mixture is not
-//! the least of many guesses, and stays true. (The errors of the texels around are known from both halves; by its own half it is told alone
-//! how far that lies off what is around it: light that came by a rare path is spread, not kept and spread.)
+//! The choice for one half leaves out the texel's own errors, and with them the other half's value there (leave-one-out). Otherwise the least of many
+//! noisy estimates would be chosen, and it would be too low. The texel still enters weakly, through its neighbours' filtered light. (A half that is an
+//! outlier against its surroundings does enter its own choice: so a firefly is spread, and not both kept and spread.)
 
 use super::kernels::FILTERS;
 use crate::Rgb;
@@ -30,21 +30,21 @@ pub fn halves(value: &Value) -> Halves {
 /// Errors of all candidates at a texel, and its light.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub struct Judged {
+pub struct ErrorMatrix {
     matrix: [f32; ENTRIES],
     /// Sum of the channels, smoothed.
     light: f32,
-    zero: [f32; 3],
+    padding: [f32; 3],
 }
 
-impl Judged {
+impl ErrorMatrix {
     /// Nothing known.
-    pub const NONE: Judged = Judged { matrix: [0.0; ENTRIES], light: 0.0, zero: [0.0; 3] };
+    pub const NONE: ErrorMatrix = ErrorMatrix { matrix: [0.0; ENTRIES], light: 0.0, padding: [0.0; 3] };
 
     /// Of a texel's light and what the filters made of it.
     pub fn new(value: &Value, filtered: &[Halves; FILTERS]) -> Self {
-        let parts = filtered.map(|f| Filtered::new(value, &f));
-        let mut judged = Judged::NONE;
+        let parts = filtered.map(|f| Effect::new(value, &f));
+        let mut errors = ErrorMatrix::NONE;
         let e2 = value.noise * value.noise;
         let mut entry = 0;
         for j in 0..CANDIDATES {
@@ -58,12 +58,12 @@ impl Judged {
                         a.shift * b.shift - e2 + value.noise * (a.noise + b.noise)
                     }
                 };
-                judged.matrix[entry] = sum.element_sum();
+                errors.matrix[entry] = sum.element_sum();
                 entry += 1;
             }
         }
-        judged.light = (value.mean + parts[LIGHT].shift).element_sum();
-        judged
+        errors.light = (value.mean + parts[GUIDE].shift).element_sum();
+        errors
     }
 
     fn at(&self, i: usize, j: usize) -> f32 {
@@ -73,27 +73,27 @@ impl Judged {
 }
 
 /// The filter whose light says which texels are alike.
-const LIGHT: usize = 2;
+const GUIDE: usize = 2;
 
 /// What a candidate gives at a texel.
 #[derive(Clone, Copy)]
-struct Filtered {
+struct Effect {
     /// Beside the unfiltered light.
     shift: Rgb,
     /// Half the difference of its halves.
     noise: Rgb,
 }
 
-impl Filtered {
+impl Effect {
     fn new(value: &Value, f: &Halves) -> Self {
         let (a, b) = (of_half(f, 0), of_half(f, 1));
-        Filtered { shift: (a + b) * 0.5 - value.mean, noise: (a - b) * 0.5 }
+        Effect { shift: (a + b) * 0.5 - value.mean, noise: (a - b) * 0.5 }
     }
 }
 
 /// Errors around a texel.
 pub struct Around {
-    sums: Judged,
+    sums: ErrorMatrix,
     /// The light around it, without its own.
     outside: Rgb,
     light: f32,
@@ -103,17 +103,17 @@ pub struct Around {
 impl Around {
     /// Around a texel, whose own weight among those of the filters is given.
     pub fn new(value: &Value, filtered: &[Halves; FILTERS], own: &[f32; FILTERS]) -> Self {
-        let f = &filtered[LIGHT];
+        let f = &filtered[GUIDE];
         let all = Rgb::new(f[0] + f[4], f[1] + f[5], f[2] + f[6]) * 0.5;
-        let own = own[LIGHT];
+        let own = own[GUIDE];
         // (A texel without neighbours is all there is.)
         let outside = if own < 0.999 { (all - value.mean * own) / (1.0 - own) } else { value.mean };
-        Around { sums: Judged::NONE, outside, light: outside.element_sum(), weight: 0.0 }
+        Around { sums: ErrorMatrix::NONE, outside, light: outside.element_sum(), weight: 0.0 }
     }
 
     /// Adds a neighbour, as far as its light is alike.
     #[inline(always)]
-    pub fn add(&mut self, other: &Judged, weight: f32) {
+    pub fn add(&mut self, other: &ErrorMatrix, weight: f32) {
         /// Difference of light, as a part of the greater, at which a neighbour counts half.
         const UNLIKE: f32 = 0.25;
         let difference = (self.light - other.light)
@@ -134,14 +134,14 @@ impl Around {
     }
 
     /// The errors with what half of the texel tells, if it lies far off what is around.
-    fn with_own(&self, value: &Value, filtered: &[Halves; FILTERS], half: usize) -> Option<Judged> {
-        /// Squared distances from what is around, relative to what is expected, from which on the texel itself counts.
+    fn with_own(&self, value: &Value, filtered: &[Halves; FILTERS], half: usize) -> Option<ErrorMatrix> {
+        /// A half is an outlier where its squared distance from the light around exceeds this many times the expected one.
         const FAR: f32 = 4.0;
-        /// How much it then counts beside the texels around: a half's squared error is twice that of the mean of both.
+        /// Greatest weight of an outlier's own half, where a neighbour at distance 0 has 1: one half has twice the variance of the mean of both.
         const OWN: f32 = 0.5;
         let unfiltered = if half == 0 { value.mean + value.noise } else { value.mean - value.noise };
         // Expected: twice the squared error of the mean of both, and that of the light around.
-        let errors = self.sums.at(0, 0) + self.sums.at(LIGHT + 1, LIGHT + 1);
+        let errors = self.sums.at(0, 0) + self.sums.at(GUIDE + 1, GUIDE + 1);
         let expected = 2.0 * errors.max(0.0) / self.weight.max(f32::MIN_POSITIVE);
         let squared = (unfiltered - self.outside).length_squared();
         let excess = squared / (FAR * expected).max(f32::MIN_POSITIVE);
@@ -165,8 +165,8 @@ impl Around {
     }
 }
 
-impl Judged {
-    /// The mixture of the candidates with the least error, as far as pairs of them lead down to it.
+impl ErrorMatrix {
+    /// The convex mixture with the least estimated error, found by moving weight between two candidates at a time.
     fn mixture(&self) -> [f32; CANDIDATES] {
         let m = self;
         let raw = m.at(0, 0);
@@ -176,10 +176,10 @@ impl Judged {
         if raw <= 0.0 || raw.is_nan() || best == 0 {
             return UNFILTERED;
         }
-        // Of two candidates at a time, from the one with the steepest ascent to that with the steepest descent.
+        // Each step moves weight from the used candidate with the largest gradient to the one with the smallest.
         let mut slopes: [f32; CANDIDATES] = std::array::from_fn(|i| m.at(i, best));
         for _ in 0..2 * CANDIDATES {
-            let among = |of: &dyn Fn(usize) -> bool| (0..CANDIDATES).filter(|&i| of(i)).collect::<Few>();
+            let among = |of: &dyn Fn(usize) -> bool| (0..CANDIDATES).filter(|&i| of(i)).collect::<Subset>();
             let to = among(&|_| true).min_by(&slopes);
             let from = among(&|i| mixture[i] > 0.0).max_by(&slopes);
             let (Some(to), Some(from)) = (to, from) else { break };
@@ -198,9 +198,9 @@ impl Judged {
 }
 
 impl Around {
-    /// The filtered light, or the unfiltered one where both halves agree that it is far from that.
-    pub fn believed(&self, value: &Value, filtered: Value) -> Value {
-        /// Of the noise squared: what chance shifts no texel by.
+    /// The filtered light, or the unfiltered where the shift is too large to be noise.
+    pub fn unless_implausible(&self, value: &Value, filtered: Value) -> Value {
+        /// Largest squared shift that may be noise, in variances: four standard errors.
         const CERTAIN: f32 = 16.0;
         let noise =
             (self.sums.at(0, 0) / self.weight.max(f32::MIN_POSITIVE)).max(value.noise.length_squared());
@@ -215,16 +215,16 @@ pub const UNFILTERED: [f32; CANDIDATES] = {
     mixture
 };
 
-/// A few candidates.
+/// Some of the candidates.
 #[derive(Default)]
-struct Few {
+struct Subset {
     which: [usize; CANDIDATES],
     count: usize,
 }
 
-impl FromIterator<usize> for Few {
+impl FromIterator<usize> for Subset {
     fn from_iter<I: IntoIterator<Item = usize>>(all: I) -> Self {
-        let mut few = Few::default();
+        let mut few = Subset::default();
         for i in all {
             few.which[few.count] = i;
             few.count += 1;
@@ -233,7 +233,7 @@ impl FromIterator<usize> for Few {
     }
 }
 
-impl Few {
+impl Subset {
     fn min_by(&self, values: &[f32; CANDIDATES]) -> Option<usize> {
         self.which[..self.count].iter().copied().min_by(|&i, &j| values[i].total_cmp(&values[j]))
     }
@@ -250,7 +250,11 @@ fn of_half(f: &Halves, half: usize) -> Rgb {
 }
 
 /// The light that the mixtures of both halves give at a texel.
-pub fn mixed(value: &Value, filtered: &[Halves; FILTERS], mixtures: &[[f32; CANDIDATES]; 2]) -> Value {
+pub fn apply_mixtures(
+    value: &Value,
+    filtered: &[Halves; FILTERS],
+    mixtures: &[[f32; CANDIDATES]; 2],
+) -> Value {
     if mixtures.iter().all(|mixture| mixture[0] >= 1.0) {
         return *value;
     }
@@ -263,5 +267,5 @@ pub fn mixed(value: &Value, filtered: &[Halves; FILTERS], mixtures: &[[f32; CAND
     let (shift, noise) = ((a + b) * 0.5, value.noise + (a - b) * 0.5);
     // (Fits of first order may fall below zero.)
     let mean = (value.mean + shift).max(Rgb::ZERO);
-    Value { mean, noise: value.noise, shift: mean - value.mean, kept: noise }
+    Value { mean, noise: value.noise, shift: mean - value.mean, residual: noise }
 }

@@ -1,8 +1,9 @@
-//! Takes noise out of indirect light, and tells what error is left.
+//! Denoises indirect light, and estimates the error that is left.
 //!
-//! Every layer by itself, on what was traced and on nothing else. Candidates are the unfiltered light and a few filters whose weights hang
-//! on where texels lie ([`kernels`]); of those each texel gets the mixture whose estimated error around it is least ([`mix`]). The estimate
-//! is without bias, so that the error which is told of the result is as true as that of the light before.
+//! Every layer is filtered by itself, from what was traced alone. Candidates are the unfiltered light and a few filters whose weights depend only
+//! on where texels lie ([`kernels`]). Each texel gets the mixture of them whose estimated error around it is least ([`mix`]). For a given filter
+//! that estimate is unbiased. The choice of a mixture leaves the texel's own errors out, so that the error reported for the result stays close to the
+//! true one.
 //!
 //! Neighbours are those in space ([`places`]): light crosses neither to another surface, nor a wall, nor a gutter of the page, and does
 //! cross seams. Work goes block by block, and holds of the layers what the block and its surroundings need.
@@ -18,8 +19,8 @@ use super::layers::{Filtered, FilteredLayer, Layers, Texel, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
-use kernels::{FILTERS, JUDGED, Kernel};
-use mix::{Around, Halves, Judged, halves, mixed};
+use kernels::{ERROR_RADIUS, FILTERS, Kernel};
+use mix::{Around, ErrorMatrix, Halves, apply_mixtures, halves};
 use places::{Nearby, Neighbour, Places, REACH};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -30,8 +31,7 @@ pub const METHOD: &str = "own-1";
 /// Layers that are filtered at once.
 const AT_ONCE: usize = 24;
 
-/// Filters layers of a page whose covered texels are given, of which some are valid, and keeps what comes of it beside them; gives the rays
-/// that it took.
+/// Filters layers of a page and stores the results beside them. `texels`: the covered ones; `valid`: which of them count. Gives the rays traced.
 ///
 /// # Errors
 /// Layers that cannot be read or written, or [`crate::Error::Interrupted`].
@@ -139,21 +139,23 @@ fn of_block(
     scratch: &mut Scratch,
 ) -> Result<Vec<Vec<Filtered>>> {
     // Errors are estimated for the block's texels and their neighbours: that takes the neighbours of both.
-    let judged = Surroundings::new(places, Surroundings::new(places, block.clone().collect()).all(JUDGED));
-    let all = judged.all(REACH);
+    let estimated =
+        Surroundings::new(places, Surroundings::new(places, block.clone().collect()).all(ERROR_RADIUS));
+    let all = estimated.all(REACH);
     all.iter().enumerate().for_each(|(i, &texel)| scratch.at_hand[texel as usize] = i as u32);
     let wanted: Vec<usize> = all.iter().map(|&texel| texel as usize).collect();
     let values = (0..layers).map(|layer| read(layer, &wanted)).collect::<Result<Vec<Vec<Value>>>>()?;
     let light: Vec<Vec<Halves>> = values.iter().map(|values| values.iter().map(halves).collect()).collect();
     let out =
-        AtHand { judged: &judged, block, places: &scratch.at_hand, values: &values, light: &light }.mixed();
+        AtHand { estimated: &estimated, block, places: &scratch.at_hand, values: &values, light: &light }
+            .filter_block();
     all.iter().for_each(|&texel| scratch.at_hand[texel as usize] = AWAY);
     Ok(out)
 }
 
 /// A block and its surroundings.
 struct AtHand<'a> {
-    judged: &'a Surroundings,
+    estimated: &'a Surroundings,
     block: Range<u32>,
     /// Per covered texel of the page, its place in what follows.
     places: &'a [u32],
@@ -164,45 +166,45 @@ struct AtHand<'a> {
 
 impl AtHand<'_> {
     /// Per layer, what the filters make of the block's texels.
-    fn mixed(&self) -> Vec<Vec<Filtered>> {
+    fn filter_block(&self) -> Vec<Vec<Filtered>> {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has it.
-            return unsafe { self.mixed_avx2() };
+            return unsafe { self.filter_block_avx2() };
         }
-        self.mixed_portable()
+        self.filter_block_portable()
     }
 
-    /// [`AtHand::mixed_portable`], the same to the bit: wider vectors, and no sums in another order.
+    /// [`AtHand::filter_block_portable`], the same to the bit: wider vectors, and no sums in another order.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn mixed_avx2(&self) -> Vec<Vec<Filtered>> {
-        self.mixed_portable()
+    fn filter_block_avx2(&self) -> Vec<Vec<Filtered>> {
+        self.filter_block_portable()
     }
 
     #[inline(always)]
-    fn mixed_portable(&self) -> Vec<Vec<Filtered>> {
+    fn filter_block_portable(&self) -> Vec<Vec<Filtered>> {
         let is_own = |texel: u32| self.block.contains(&texel);
         let layers: Vec<usize> = (0..self.values.len())
             .filter(|&layer| self.values[layer].iter().any(|value| value.noise != Rgb::ZERO))
             .collect();
-        let own = self.judged.texels.iter().filter(|&&texel| is_own(texel)).count();
+        let own = self.estimated.texels.iter().filter(|&&texel| is_own(texel)).count();
         let count = self.light.first().map_or(0, Vec::len);
-        let mut errors = vec![vec![Judged::NONE; count]; layers.len()];
+        let mut errors = vec![vec![ErrorMatrix::NONE; count]; layers.len()];
         let mut filtered = vec![Vec::with_capacity(own); layers.len()];
         let (mut kernel, mut at) = (Kernel::new(), Vec::new());
-        for (i, &texel) in self.judged.texels.iter().enumerate() {
+        for (i, &texel) in self.estimated.texels.iter().enumerate() {
             let own_place = self.find(i, &mut kernel, &mut at);
             for (k, &layer) in layers.iter().enumerate() {
                 let result = filter(&kernel, &at, &self.light[layer]);
-                errors[k][own_place] = Judged::new(&self.values[layer][own_place], &result);
+                errors[k][own_place] = ErrorMatrix::new(&self.values[layer][own_place], &result);
                 if is_own(texel) {
                     filtered[k].push(result);
                 }
             }
         }
         let mut out = vec![Vec::with_capacity(own); self.values.len()];
-        let of_own = (0..self.judged.texels.len()).filter(|&i| is_own(self.judged.texels[i]));
+        let of_own = (0..self.estimated.texels.len()).filter(|&i| is_own(self.estimated.texels[i]));
         for (number, i) in of_own.enumerate() {
             let own_place = self.find(i, &mut kernel, &mut at);
             // What has no noise, and what has no neighbours, stays as it is.
@@ -216,25 +218,27 @@ impl AtHand<'_> {
                 };
                 let filtered = &filtered[number];
                 let mut around = Around::new(value, filtered, &kernel.weights[0]);
-                for (&other, &weight) in at.iter().zip(&kernel.judging).skip(1) {
+                for (&other, &weight) in at.iter().zip(&kernel.error_weights).skip(1) {
                     if weight > 0.0 {
                         around.add(&errors[other], weight);
                     }
                 }
                 let mixtures = around.mixtures(value, filtered);
-                out.push(Filtered::new(&around.believed(value, mixed(value, filtered, &mixtures))));
+                out.push(Filtered::new(
+                    &around.unless_implausible(value, apply_mixtures(value, filtered, &mixtures)),
+                ));
             }
         }
         out
     }
 
-    /// Finds the weights and places of the neighbours of one of the judged texels, and its own place.
+    /// Finds the weights and places of the neighbours of one of the estimated texels, and its own place.
     fn find(&self, i: usize, kernel: &mut Kernel, at: &mut Vec<usize>) -> usize {
-        let neighbours = self.judged.of(i);
+        let neighbours = self.estimated.of(i);
         kernel.find(neighbours);
         at.clear();
         at.extend(neighbours.iter().map(|neighbour| self.places[neighbour.texel as usize] as usize));
-        self.places[self.judged.texels[i] as usize] as usize
+        self.places[self.estimated.texels[i] as usize] as usize
     }
 }
 

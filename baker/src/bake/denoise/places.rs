@@ -13,18 +13,18 @@ use std::ops::Range;
 /// How far neighbours are looked for, in texels: some 200 on flat surfaces.
 pub const REACH: f32 = 8.0;
 /// Neighbours of a texel, itself among them; of more the nearest.
-pub const MOST: usize = 224;
-/// Texels that two unit normals lie apart per unit of their difference.
+pub const MAX_NEIGHBOURS: usize = 224;
+/// Texels of distance that a difference of 1 between unit normals counts as.
 const PER_NORMAL: f32 = 8.0;
-/// Neighbours lie no farther off the plane of a texel than this: in texels, and beside that per texel of their distance.
+/// Farthest a neighbour may lie off a texel's plane: so many texels, plus so many per texel of distance.
 const OFF_PLANE: [f32; 2] = [0.25, 0.125];
 /// Directions along the surface in which it is found out how far one can see.
 const SECTORS: usize = 16;
 /// Nothing in sight.
 const OPEN: [u8; SECTORS] = [u8::MAX; SECTORS];
-/// Elevation of that sight, as a part of its length: what is lower stands in nobody's light.
+/// Slope at which these rays rise off the surface, so that low bumps are no obstacles.
 const RISE: f32 = 1.0 / 32.0;
-/// Steps of a distance in texels as stored.
+/// Stored steps per texel of distance.
 const STEPS: f32 = 255.0 / REACH;
 
 /// A texel in space.
@@ -38,7 +38,7 @@ struct Place {
     sights: [u8; SECTORS],
 }
 
-/// The covered texels of a page in space. Those that do not count have no neighbours, and are nobody's.
+/// The covered texels of a page in space. Invalid ones have no neighbours, and are neighbours of none.
 pub struct Places {
     places: Vec<Place>,
     /// Texels that count, by the key of the box of space that holds them.
@@ -111,7 +111,7 @@ impl Places {
         Places { places: places.into_iter().map(|place| place.unwrap_or(nowhere)).collect(), sorted }
     }
 
-    /// The neighbours of a texel, itself first; none of one that does not count.
+    /// The neighbours of a texel, itself first. An invalid texel has none.
     pub fn neighbours(&self, texel: u32, nearby: &mut Nearby, out: &mut Vec<Neighbour>) {
         out.clear();
         let place = &self.places[texel as usize];
@@ -127,9 +127,9 @@ impl Places {
         let near =
             nearby.texels.iter().filter(|(at, _)| at.distance_squared(place.position) <= reach * reach);
         out.extend(near.filter_map(|&(_, other)| self.neighbour(place, other, pair)));
-        if out.len() > MOST {
+        if out.len() > MAX_NEIGHBOURS {
             out.sort_unstable_by_key(|n| (n.texel != texel, n.squared.to_bits(), n.texel));
-            out.truncate(MOST);
+            out.truncate(MAX_NEIGHBOURS);
         }
         if let Some(own) = out.iter().position(|n| n.texel == texel) {
             out.swap(0, own);
@@ -271,7 +271,7 @@ fn place(
         let aside = at_turn(4.0 * sector as f32 / SECTORS as f32);
         let direction = ((tangent * aside.x + bitangent * aside.y).normalize() + normal * RISE).normalize();
         counts.inside += 1;
-        if let Some(free) = space.free_way(from, direction, REACH * size) {
+        if let Some(free) = space.distance_to_obstacle(from, direction, REACH * size) {
             *sight = (free / size * STEPS) as u8;
         }
     }

@@ -55,7 +55,7 @@ fn errors(values: &[Value], truth: impl Fn(usize, usize) -> f32) -> [f64; 2] {
 }
 
 #[test]
-fn noise_goes_and_what_is_left_is_told() {
+fn noise_falls_and_the_remaining_error_is_reported() {
     const SEEDS: usize = 24;
     // Even light; a slope; the soft edge of a shadow; and a hard one, of 1 to 30.
     let edge =
@@ -77,7 +77,7 @@ fn noise_goes_and_what_is_left_is_told() {
         let [[before, told_before], [after, told]] = sums;
         assert!(after < most * before, "{name}: {:.3} of the squared error is left", after / before);
         assert!((told_before / before - 1.0).abs() < 0.05, "{name}: {}", told_before / before);
-        // What noise there was says how well the rest can be told: by one part in √texels of it, four or so with rare paths.
+        // The noise before limits how well the rest can be estimated: to 1/√texels of it, and about four times that with rare paths.
         let chance = 4.0 * before / ((SIDE * SIDE * SEEDS) as f64).sqrt();
         assert!(
             (told - after).abs() < 0.1 * after + 3.0 * chance,
@@ -138,7 +138,7 @@ fn without_noise_every_bit_stays() {
     let truth = |x: usize, z: usize| (1.0 + x as f32 * 0.37).ln() * (1 + z % 3) as f32 * 1e-3;
     let values = traced(truth, |_, _, _| 0.0);
     assert_eq!(filtered(&values, false), values);
-    // Nights of zero, and texels that are nobody's neighbours.
+    // And where there is no light at all.
     let dark = vec![Value::default(); SIDE * SIDE];
     assert_eq!(filtered(&dark, false), dark);
 }
@@ -175,10 +175,10 @@ fn wider_vectors_give_the_same_bits() {
     let values = traced(|x, z| 1.0 + (x * z) as f32, rare(0.9, 7));
     let places = floor(SIDE as i32, true);
     let block = 0..(SIDE * SIDE) as u32;
-    let judged = Surroundings::new(&places, block.clone().collect());
+    let estimated = Surroundings::new(&places, block.clone().collect());
     let at_hand: Vec<u32> = block.clone().collect();
     let light = [values.iter().map(halves).collect()];
     let values = [values];
-    let at_hand = AtHand { judged: &judged, block, places: &at_hand, values: &values, light: &light };
-    assert_eq!(at_hand.mixed(), at_hand.mixed_portable());
+    let at_hand = AtHand { estimated: &estimated, block, places: &at_hand, values: &values, light: &light };
+    assert_eq!(at_hand.filter_block(), at_hand.filter_block_portable());
 }
