@@ -242,9 +242,15 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();
         report.lead(judged.lead);
-        if let Some(page) = write_beside(&outcome.dataset)? {
-            console.say(format!("page: {}", page.display()));
-            result["compress"]["page"] = json!(page);
+        match write_beside(&outcome.dataset, args.force) {
+            Ok(None) => {}
+            Ok(Some(page)) => {
+                console.say(format!("page: {}", page.display()));
+                result["compress"]["page"] = json!(page);
+            }
+            // (Not worth the loss of what took hours.)
+            Err(error @ Error::Invalid { .. }) => console.warn(format!("no page is written: {error}")),
+            Err(error) => return Err(error),
         }
         judged.sections.into_iter().for_each(|section| report.push(section));
     } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {

@@ -67,14 +67,15 @@ pub fn page(source: &Source) -> Result<String> {
 /// Writes the page of a dataset's bundle beside it, and names it; `None` where it is too large for one page.
 ///
 /// # Errors
-/// What [`Source::open`] and writing say.
-pub fn write_beside(dataset: &Path) -> Result<Option<PathBuf>> {
+/// What [`Source::open`], [`expect_replaceable`] and writing say.
+pub fn write_beside(dataset: &Path, force: bool) -> Result<Option<PathBuf>> {
     let source = Source::open(dataset, &Options::default())?;
     let html = match page(&source) {
         Err(Error::Unsupported { .. }) => return Ok(None),
         html => html?,
     };
     let path = source.page_path();
+    expect_replaceable(&path, force)?;
     write_atomically(&path, html.as_bytes())?;
     Ok(Some(path))
 }
