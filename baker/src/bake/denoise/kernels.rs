@@ -13,6 +13,8 @@ pub const FILTERS: usize = GAUSSIANS.len() + FITTED.len();
 const ERROR_GAUSSIAN: usize = 2;
 /// Radius of that average, in texels.
 pub const ERROR_RADIUS: f32 = 6.0;
+/// How near the nearest are, in texels: some twenty.
+const NEAR: f32 = 2.5;
 /// Entries of the table between squared distances 0 and REACH².
 const STEPS: usize = 1024;
 
@@ -29,6 +31,8 @@ pub struct Kernel {
     pub weights: Vec<[f32; FILTERS]>,
     /// Of each neighbour, how much its error matrix counts.
     pub error_weights: Vec<f32>,
+    /// The nearest neighbours, without the texel itself, by their places in the list.
+    pub nearest: Vec<usize>,
 }
 
 impl Kernel {
@@ -37,6 +41,7 @@ impl Kernel {
         Kernel {
             weights: Vec::with_capacity(MAX_NEIGHBOURS),
             error_weights: Vec::with_capacity(MAX_NEIGHBOURS),
+            nearest: Vec::new(),
         }
     }
 
@@ -44,6 +49,9 @@ impl Kernel {
     pub fn find(&mut self, neighbours: &[Neighbour]) {
         self.weights.clear();
         self.error_weights.clear();
+        self.nearest.clear();
+        let near = neighbours.iter().enumerate().skip(1).filter(|(_, n)| n.squared <= NEAR * NEAR);
+        self.nearest.extend(near.map(|(i, _)| i));
         let mut sums = [0.0f32; GAUSSIANS.len()];
         // Of the fitted: sums of weights × (1, x, y, x², xy, y²).
         let mut moments = [[0.0f64; 6]; FITTED.len()];

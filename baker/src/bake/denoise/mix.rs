@@ -32,7 +32,7 @@ pub fn halves(value: &Value) -> Halves {
 #[repr(C, align(32))]
 pub struct ErrorMatrix {
     matrix: [f32; ENTRIES],
-    /// Sum of the channels, smoothed.
+    /// The light around: what says which texels are alike.
     light: f32,
     padding: [f32; 3],
 }
@@ -41,8 +41,8 @@ impl ErrorMatrix {
     /// Nothing known.
     pub const NONE: ErrorMatrix = ErrorMatrix { matrix: [0.0; ENTRIES], light: 0.0, padding: [0.0; 3] };
 
-    /// Of a texel's light and what the filters made of it.
-    pub fn new(value: &Value, filtered: &[Halves; FILTERS]) -> Self {
+    /// Of a texel's light, what the filters made of it, and the median light of the texels around it, without its own.
+    pub fn new(value: &Value, filtered: &[Halves; FILTERS], light: f32) -> Self {
         let parts = filtered.map(|f| Effect::new(value, &f));
         let mut errors = ErrorMatrix::NONE;
         let e2 = value.noise * value.noise;
@@ -62,7 +62,7 @@ impl ErrorMatrix {
                 entry += 1;
             }
         }
-        errors.light = (value.mean + parts[GUIDE].shift).element_sum();
+        errors.light = light;
         errors
     }
 
@@ -72,9 +72,8 @@ impl ErrorMatrix {
     }
 }
 
-/// The filter whose light says which texels are alike.
+/// The filter whose light a texel is compared with.
 const GUIDE: usize = 2;
-
 /// What a candidate gives at a texel.
 #[derive(Clone, Copy)]
 struct Effect {
@@ -98,17 +97,24 @@ pub struct Around {
     outside: Rgb,
     light: f32,
     weight: f32,
+    /// The greatest squared noise of a neighbour.
+    most: f32,
 }
 
 impl Around {
-    /// Around a texel, whose own weight among those of the filters is given.
-    pub fn new(value: &Value, filtered: &[Halves; FILTERS], own: &[f32; FILTERS]) -> Self {
+    /// Around a texel, whose own errors and own weight among those of the filters are given.
+    pub fn new(
+        value: &Value,
+        filtered: &[Halves; FILTERS],
+        errors: &ErrorMatrix,
+        own: &[f32; FILTERS],
+    ) -> Self {
         let f = &filtered[GUIDE];
         let all = Rgb::new(f[0] + f[4], f[1] + f[5], f[2] + f[6]) * 0.5;
         let own = own[GUIDE];
         // (A texel without neighbours is all there is.)
         let outside = if own < 0.999 { (all - value.mean * own) / (1.0 - own) } else { value.mean };
-        Around { sums: ErrorMatrix::NONE, outside, light: outside.element_sum(), weight: 0.0 }
+        Around { sums: ErrorMatrix::NONE, outside, light: errors.light, weight: 0.0, most: 0.0 }
     }
 
     /// Adds a neighbour, as far as its light is alike.
@@ -116,9 +122,14 @@ impl Around {
     pub fn add(&mut self, other: &ErrorMatrix, weight: f32) {
         /// Difference of light, as a part of the greater, at which a neighbour counts half.
         const UNLIKE: f32 = 0.25;
-        let difference = (self.light - other.light)
-            / (UNLIKE * self.light.abs().max(other.light.abs()).max(f32::MIN_POSITIVE));
-        let weight = weight / (1.0 + difference * difference).powi(2);
+        let brighter = self.light.abs().max(other.light.abs()).max(f32::MIN_POSITIVE);
+        // (Lights around differ by noise, too.)
+        let tolerated = (UNLIKE * brighter).powi(2) + other.matrix[0];
+        let difference = (self.light - other.light).powi(2) / tolerated.max(f32::MIN_POSITIVE);
+        // (The squared errors of brighter light count relative to that.)
+        let relative = (self.light / brighter).powi(2);
+        let weight = weight * relative / (1.0 + difference).powi(2);
+        self.most = self.most.max(relative * other.matrix[0]);
         for (sum, entry) in self.sums.matrix.iter_mut().zip(&other.matrix) {
             *sum += weight * entry;
         }
@@ -127,6 +138,9 @@ impl Around {
 
     /// The mixtures of the candidates for both halves; each sums up to 1.
     pub fn mixtures(&self, value: &Value, filtered: &[Halves; FILTERS]) -> [[f32; CANDIDATES]; 2] {
+        if self.weight <= 0.0 {
+            return [UNFILTERED; 2];
+        }
         match [0, 1].map(|half| self.with_own(value, filtered, half)) {
             [None, None] => [self.sums.mixture(); 2],
             of_halves => of_halves.map(|m| m.unwrap_or(self.sums).mixture()),
@@ -173,16 +187,21 @@ impl ErrorMatrix {
         let mut mixture = [0.0; CANDIDATES];
         let best = (0..CANDIDATES).min_by(|&i, &j| m.at(i, i).total_cmp(&m.at(j, j))).unwrap_or(0);
         mixture[best] = 1.0;
-        if raw <= 0.0 || raw.is_nan() || best == 0 {
+        if raw <= 0.0 || !raw.is_finite() || best == 0 {
             return UNFILTERED;
         }
         // Each step moves weight from the used candidate with the largest gradient to the one with the smallest.
         let mut slopes: [f32; CANDIDATES] = std::array::from_fn(|i| m.at(i, best));
         for _ in 0..2 * CANDIDATES {
-            let among = |of: &dyn Fn(usize) -> bool| (0..CANDIDATES).filter(|&i| of(i)).collect::<Subset>();
-            let to = among(&|_| true).min_by(&slopes);
-            let from = among(&|i| mixture[i] > 0.0).max_by(&slopes);
-            let (Some(to), Some(from)) = (to, from) else { break };
+            let (mut to, mut from) = (best, best);
+            for i in 0..CANDIDATES {
+                if slopes[i] < slopes[to] {
+                    to = i;
+                }
+                if mixture[i] > 0.0 && (mixture[from] <= 0.0 || slopes[i] > slopes[from]) {
+                    from = i;
+                }
+            }
             let gain = slopes[from] - slopes[to];
             if gain <= 1e-3 * raw {
                 break;
@@ -198,12 +217,13 @@ impl ErrorMatrix {
 }
 
 impl Around {
-    /// The filtered light, or the unfiltered where the shift is too large to be noise.
+    /// The filtered light, or the unfiltered where the shift is too large to be noise. (Both halves of the texel decide that, so here the choice and the
+    /// estimate are not independent; it is for shifts that chance hardly ever gives.)
     pub fn unless_implausible(&self, value: &Value, filtered: Value) -> Value {
-        /// Largest squared shift that may be noise, in variances: four standard errors.
-        const CERTAIN: f32 = 16.0;
-        let noise =
-            (self.sums.at(0, 0) / self.weight.max(f32::MIN_POSITIVE)).max(value.noise.length_squared());
+        /// Largest squared shift that may be noise, relative to the greatest squared noise of a neighbour or its own. (A rare path in both halves
+        /// shifts a texel by four times what it does in one.)
+        const CERTAIN: f32 = 6.0;
+        let noise = self.most.max(value.noise.length_squared());
         if filtered.shift.length_squared() > CERTAIN * noise { *value } else { filtered }
     }
 }
@@ -214,34 +234,6 @@ pub const UNFILTERED: [f32; CANDIDATES] = {
     mixture[0] = 1.0;
     mixture
 };
-
-/// Some of the candidates.
-#[derive(Default)]
-struct Subset {
-    which: [usize; CANDIDATES],
-    count: usize,
-}
-
-impl FromIterator<usize> for Subset {
-    fn from_iter<I: IntoIterator<Item = usize>>(all: I) -> Self {
-        let mut few = Subset::default();
-        for i in all {
-            few.which[few.count] = i;
-            few.count += 1;
-        }
-        few
-    }
-}
-
-impl Subset {
-    fn min_by(&self, values: &[f32; CANDIDATES]) -> Option<usize> {
-        self.which[..self.count].iter().copied().min_by(|&i, &j| values[i].total_cmp(&values[j]))
-    }
-
-    fn max_by(&self, values: &[f32; CANDIDATES]) -> Option<usize> {
-        self.which[..self.count].iter().copied().max_by(|&i, &j| values[i].total_cmp(&values[j]))
-    }
-}
 
 /// One half of what a filter gave.
 fn of_half(f: &Halves, half: usize) -> Rgb {

@@ -24,6 +24,7 @@ use mix::{Around, ErrorMatrix, Halves, apply_mixtures, halves};
 use places::{Nearby, Neighbour, Places, REACH};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Mutex;
 
 /// Names the method: other filters are other files.
 pub const METHOD: &str = "own-1";
@@ -52,6 +53,7 @@ pub fn run(
     }
     let (places, rays) = Places::find(worker, texels, valid);
     let batches: Vec<&[FilteredLayer]> = filtered.chunks(AT_ONCE).collect();
+    let unused = Mutex::new(Vec::new());
     let progress = console.progress("denoising", (batches.len() * blocks.len()) as u64);
     for batch in batches {
         let sources = batch.iter().map(|layer| layers.open(layer)).collect::<Result<Vec<_>>>()?;
@@ -59,16 +61,16 @@ pub fn run(
             batch.iter().map(|layer| layers.create_filtered(layer)).collect::<Result<Vec<_>>>()?;
         // (As many at once as there are threads: what is done waits in memory for what comes before it.)
         for some in blocks.chunks(rayon::current_num_threads()) {
-            let done = some.par_iter().map_init(
-                || Scratch::new(texels.len()),
-                |scratch, block| {
-                    stop_if_interrupted()?;
-                    let read = |layer: usize, wanted: &[usize]| sources[layer].read_at(wanted);
-                    let values = of_block(&places, block.clone(), batch.len(), read, scratch)?;
-                    progress.advance(1);
-                    Ok(values)
-                },
-            );
+            let done = some.par_iter().map(|block| {
+                stop_if_interrupted()?;
+                let used = unused.lock().expect("no thread panics while it takes one").pop();
+                let mut scratch = used.unwrap_or_else(|| Scratch::new(texels.len()));
+                let read = |layer: usize, wanted: &[usize]| sources[layer].read_at(wanted);
+                let values = of_block(&places, block.clone(), batch.len(), read, &mut scratch)?;
+                unused.lock().expect("no thread panics while it gives one back").push(scratch);
+                progress.advance(1);
+                Ok(values)
+            });
             for block in done.collect::<Result<Vec<Vec<Vec<Filtered>>>>>()? {
                 for (file, values) in files.iter_mut().zip(&block) {
                     file.write(bytemuck::cast_slice(values))?;
@@ -192,12 +194,15 @@ impl AtHand<'_> {
         let count = self.light.first().map_or(0, Vec::len);
         let mut errors = vec![vec![ErrorMatrix::NONE; count]; layers.len()];
         let mut filtered = vec![Vec::with_capacity(own); layers.len()];
-        let (mut kernel, mut at) = (Kernel::new(), Vec::new());
+        let (mut kernel, mut at, mut lights) = (Kernel::new(), Vec::new(), Vec::new());
         for (i, &texel) in self.estimated.texels.iter().enumerate() {
             let own_place = self.find(i, &mut kernel, &mut at);
             for (k, &layer) in layers.iter().enumerate() {
                 let result = filter(&kernel, &at, &self.light[layer]);
-                errors[k][own_place] = ErrorMatrix::new(&self.values[layer][own_place], &result);
+                let values = &self.values[layer];
+                lights.clear();
+                lights.extend(kernel.nearest.iter().map(|&i| values[at[i]].mean.element_sum()));
+                errors[k][own_place] = ErrorMatrix::new(&values[own_place], &result, median(&mut lights));
                 if is_own(texel) {
                     filtered[k].push(result);
                 }
@@ -217,7 +222,7 @@ impl AtHand<'_> {
                     continue;
                 };
                 let filtered = &filtered[number];
-                let mut around = Around::new(value, filtered, &kernel.weights[0]);
+                let mut around = Around::new(value, filtered, &errors[own_place], &kernel.weights[0]);
                 for (&other, &weight) in at.iter().zip(&kernel.error_weights).skip(1) {
                     if weight > 0.0 {
                         around.add(&errors[other], weight);
@@ -239,6 +244,14 @@ impl AtHand<'_> {
         at.clear();
         at.extend(neighbours.iter().map(|neighbour| self.places[neighbour.texel as usize] as usize));
         self.places[self.estimated.texels[i] as usize] as usize
+    }
+}
+
+/// The median of some lights; 0 of none.
+fn median(lights: &mut [f32]) -> f32 {
+    match lights.len() {
+        0 => 0.0,
+        count => *lights.select_nth_unstable_by(count / 2, f32::total_cmp).1,
     }
 }
 

@@ -131,8 +131,10 @@ impl Places {
             out.sort_unstable_by_key(|n| (n.texel != texel, n.squared.to_bits(), n.texel));
             out.truncate(MAX_NEIGHBOURS);
         }
-        if let Some(own) = out.iter().position(|n| n.texel == texel) {
-            out.swap(0, own);
+        match out.iter().position(|n| n.texel == texel) {
+            Some(own) => out.swap(0, own),
+            // (Boxes so far off that their keys begin anew.)
+            None => out.clear(),
         }
     }
 
@@ -236,7 +238,7 @@ fn first_key(octave: i16) -> Key {
 
 fn pack(octave: i16, at: IVec3) -> Key {
     const BITS: u32 = 18;
-    let bits = |v: i32| (v + (1 << (BITS - 1))) as u64 & ((1 << BITS) - 1);
+    let bits = |v: i32| v.wrapping_add(1 << (BITS - 1)) as u64 & ((1 << BITS) - 1);
     first_key(octave) | bits(at.x) << (2 * BITS) | bits(at.y) << BITS | bits(at.z)
 }
 
