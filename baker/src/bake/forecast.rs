@@ -2,6 +2,7 @@
 //! the machine.)
 
 use super::balance;
+use super::denoise;
 use super::layers::CHECKSUM;
 use super::options::Integrator;
 use super::prepare::Prepared;
@@ -68,6 +69,8 @@ pub const OPEN_RAYS: usize = OPEN_BLOCKS * PER_BLOCK;
 const OPEN_BLOCKS: usize = 256;
 const PER_BLOCK: usize = 16;
 
+/// Bytes of a block and its surroundings in one layer, while it is denoised.
+const DENOISED_BLOCK: u64 = 2_700_000;
 /// Bytes of a texel of an image.
 const IMAGE: u64 = 12;
 /// Bytes of the program itself.
@@ -93,8 +96,11 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
     let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
     let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
-    // While sets are put together: five images, the sums of light and error; or the places of texels while they are denoised.
+    // While sets are put together: five images, the sums of light and error.
     let assembling = 5 * IMAGE * virtual_page + 48 * n + 32 * n;
+    // While layers are denoised: where texels are; and for each thread, a block and its surroundings in several layers.
+    let at_once = layers.min(denoise::AT_ONCE as u64) * rayon::current_num_threads() as u64;
+    let denoising = prepared.denoise.map_or(0, |_| 80 * n + DENOISED_BLOCK * at_once);
     let entries = match prepared.integrator {
         Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
         Integrator::Path => 0,
@@ -117,7 +123,7 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         layers_bytes: n * (8 + 20 * parts + 24 * denoised) + CHECKSUM as u64 * (parts + denoised + 1),
         work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled)
             + stored_cache,
-        memory_bytes: memory(triangles, assembling.max(cache)),
+        memory_bytes: memory(triangles, assembling.max(cache).max(denoising)),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
         lit_tiles: lit_tiles(atlas),
         open: has_sky.then(|| open(prepared, atlas, &rays, &bins, &blocks)),

@@ -30,7 +30,7 @@ use std::sync::Mutex;
 pub const METHOD: &str = "own-1";
 
 /// Layers that are filtered at once.
-const AT_ONCE: usize = 24;
+pub const AT_ONCE: usize = 24;
 
 /// Filters layers of a page and stores the results beside them. `texels`: the covered ones; `valid`: which of them count. Gives the rays traced.
 ///
