@@ -1,11 +1,11 @@
 //! Denoises indirect light, and estimates the error that is left.
 //!
 //! Every layer is filtered by itself, from what was traced alone. Candidates are the unfiltered light and a few filters whose weights depend only
-//! on where texels lie ([`kernels`]). Each texel gets the mixture of them whose estimated error around it is least ([`mix`]). For a given filter
+//! on where texels lie (`kernels`). Each texel gets the mixture of them whose estimated error around it is least (`mix`). For a given filter
 //! that estimate is unbiased. The choice of a mixture leaves the texel's own errors out, so that the error reported for the result stays close to the
 //! true one.
 //!
-//! Neighbours are those in space ([`places`]): light crosses neither to another surface, nor a wall, nor a gutter of the page, and does
+//! Neighbours are those in space (`places`): light crosses neither to another surface, nor a wall, nor a gutter of the page, and does
 //! cross seams. Work goes block by block, and holds of the layers what the block and its surroundings need.
 
 mod kernels;
