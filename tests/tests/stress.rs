@@ -2,7 +2,7 @@
 //! compressed file with instances and vertex colours, glass, and what shines. And what many copies of a scene cost, counted in rays.
 
 use baker::bake::options::Preset;
-use baker::bake::run::{Integrator, Options, bake, prepare};
+use baker::bake::run::{Denoise, Integrator, Options, bake, prepare};
 use baker::light::schedule::parse_hours;
 use compressor::compress;
 use compressor::decode::Decoder;
@@ -160,6 +160,8 @@ fn few_rays_tell_which_texels_are_surface() {
         out: Some(dir.path().join("out")),
         samples: Some(2),
         integrator: Integrator::Path,
+        // (Which has rays of its own.)
+        denoise: Denoise::Off,
         ..Options::new(parse_hours("12").unwrap())
     };
     let looking = prepare(&scene, &options, &Console::silent()).unwrap().atlas().unwrap().1;
