@@ -1,15 +1,19 @@
-//! What denoising is worth, and whether its error is told truly: two bakes of a scene that differ in seed and samples are compared, layer by
-//! layer, in their indirect light. `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET [bake's --hours] [--draft]`
+//! What denoising is worth, and whether its error is estimated truly: two bakes of a scene that differ in seed and samples are compared, layer
+//! by layer, in their indirect light. `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft]`; the hours are those of both
+//! bakes, which had `--extra-times 0`. What the dataset's layers are filtered to is kept beside them.
 //!
 //! Of each layer with light: the error of cells of 16×16 texels relative to their own light, median and 95th percentile, before and after;
-//! cells that became worse by more than 5 % and by half; by eighths of the reference's brightness the error as told ÷ as it is, before and
-//! after; light gained in all. The reference's own noise is taken out of what is measured.
+//! cells that became worse by more than 5 % and by half; by eighths of the reference's brightness the estimated ÷ the true error, before and
+//! after; light gained in all, and charts that gained or lost more than three standard errors. The reference's own noise is taken out of what
+//! is measured. With `CELLS` in the environment also the cells that became worse by a third.
 
 use baker::atlas::owners::Owners;
 use baker::bake::assemble::Assembler;
-use baker::bake::layers::{Layers, Part, Value};
+use baker::bake::folder;
+use baker::bake::layers::{Layers, Part};
 use baker::bake::local::Places;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, denoise_layers, prepare};
+use baker::bake::value::Value;
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
 use std::collections::BTreeMap;
@@ -34,6 +38,7 @@ fn main() {
         (prepare(Path::new(scene), &options, &Console::silent()).unwrap(), Layers::new(Path::new(out)))
     };
     let (ours, layers) = prepared(scene, out);
+    let _lock = folder::lock(Path::new(out)).expect("nobody else writes there");
     let (theirs, reference_layers) = prepared(reference_scene, reference_out);
     let (atlas, _) = ours.atlas().unwrap();
     let texels = layers.texels(&ours.base()).expect("the dataset's layers");
@@ -46,7 +51,7 @@ fn main() {
             .unwrap();
     println!("{:?}", denoised);
     println!(
-        "layer                    median before after | 95 % before after | worse 5 % 50 % | told before, after by eighths (darkest first) | light"
+        "layer                    median before after | 95 % before after | worse 5 % 50 % | estimated before, after by eighths (darkest first) | light"
     );
     let width = atlas.width as usize;
     let valid: Vec<usize> = (0..assembler.texels().len()).filter(|&i| assembler.is_valid(i)).collect();
@@ -91,26 +96,27 @@ fn main() {
             for (c, s) in &cells {
                 if s[1].max(0.0).sqrt() > 1.3 * s[0].max(0.0).sqrt() {
                     let of = valid.iter().filter(|&&i| cell(i) == *c);
-                    let told: f64 = of.map(|&i| after[i].variance() + after[i].squared_bias()).sum();
+                    let estimated: f64 = of.map(|&i| after[i].variance() + after[i].squared_bias()).sum();
                     println!(
-                        "  {c:?} {} texels, light {:.3e}, before {:.1} % after {:.1} % told {:.1} %",
+                        "  {c:?} {} texels, light {:.3e}, before {:.1} % after {:.1} % estimated {:.1} %",
                         s[3] / 3.0,
                         s[2] / s[3],
                         100.0 * (s[0].max(0.0) / s[3]).sqrt() / (s[2] / s[3]),
                         100.0 * (s[1].max(0.0) / s[3]).sqrt() / (s[2] / s[3]),
-                        100.0 * (told.max(0.0) / s[3]).sqrt() / (s[2] / s[3])
+                        100.0 * (estimated.max(0.0) / s[3]).sqrt() / (s[2] / s[3])
                     );
                 }
             }
         }
         let mut sorted = valid.clone();
         sorted.sort_by(|&a, &b| truth(a).element_sum().total_cmp(&truth(b).element_sum()));
-        let told = |values: &[Value]| -> String {
+        let estimated = |values: &[Value]| -> String {
             let eighth = |k: usize| {
                 let of = &sorted[k * sorted.len() / 8..(k + 1) * sorted.len() / 8];
-                let told: f64 = of.iter().map(|&i| values[i].variance() + values[i].squared_bias()).sum();
+                let estimated: f64 =
+                    of.iter().map(|&i| values[i].variance() + values[i].squared_bias()).sum();
                 let is: f64 = of.iter().map(|&i| measured(values, i)).sum();
-                if is > 0.0 { format!("{:.2}", (told.max(0.0) / is).sqrt()) } else { "-".to_owned() }
+                if is > 0.0 { format!("{:.2}", (estimated.max(0.0) / is).sqrt()) } else { "-".to_owned() }
             };
             (0..8).map(eighth).collect::<Vec<_>>().join(" ")
         };
@@ -136,8 +142,8 @@ fn main() {
             100.0 * a[1],
             worse(1.05),
             worse(1.5),
-            told(&before),
-            told(&after),
+            estimated(&before),
+            estimated(&after),
             100.0 * (sum(&after) / sum(&before) - 1.0),
             off,
             charts.len()

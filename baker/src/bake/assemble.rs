@@ -3,11 +3,12 @@
 use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
-use super::layers::{FilteredLayer, Layers, Part, Texel, Value};
+use super::layers::{FilteredLayer, Layers, Part, Texel};
 use super::local::{Local, OVER, Pieces, Places};
 use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};
+use super::value::Value;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
 use crate::geometry::Geometry;

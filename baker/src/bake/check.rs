@@ -9,7 +9,7 @@
 use super::block::{Stream, Worker};
 use super::endless;
 use super::errors::{Parts, median};
-use super::layers::Value;
+use super::value::Value;
 use crate::Rgb;
 use crate::trace::counts::RayCounts;
 use dataset::console::{Console, stop_if_interrupted};

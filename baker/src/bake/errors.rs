@@ -3,8 +3,8 @@
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by ((A − B)/2)².
 //! (A running variance of low-discrepancy points would overestimate it.)
 
-use super::layers::Value;
 use super::state::CELL;
+use super::value::Value;
 use crate::Rgb;
 use crate::surface::{BLOCK, BlockSurface};
 use dataset::metrics::relative_error;

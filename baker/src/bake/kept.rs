@@ -1,11 +1,12 @@
 //! Which of the layers that earlier bakes left serve this one.
 
 use super::errors::Sums;
-use super::layers::{Layers, Texel, Value};
+use super::layers::{Layers, Texel};
 use super::local::{Pieces, Places};
 use super::open::OpenCells;
 use super::plan::Plan;
 use super::rounds::Traced;
+use super::value::Value;
 use crate::{Result, Rgb};
 use std::collections::BTreeSet;
 

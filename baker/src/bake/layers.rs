@@ -3,19 +3,19 @@
 //!
 //! One file per layer, named by its digest, and for suns and light groups a second one of the light that comes straight from them: per
 //! covered texel, in the order of the blocks, the mean irradiance (3 × f32) and half the difference of the two halves (3 × bf16), which is
-//! an independent estimate of the standard error; both ÷ the scale of the layer's group. Beside them stands what a filter made of layers
+//! an independent estimate of the standard error; both ÷ the scale of the layer's group. Beside them stands what filters made of them
 //! ([`super::denoise`]): the mean (3 × f32), what was added (3 × bf16) and half the difference that is left (3 × bf16). One file per page
-//! layout says which texels these are. Byte order: the machine's. All end in a checksum: 32 bytes of BLAKE3 of the file's name and of all before. What does not fit it is
-//! not there, and traced again.
+//! layout says which texels these are. Byte order: the machine's. All end in a checksum: 32 bytes of BLAKE3 of the file's name and of all
+//! before. What does not fit it is not there, and made again.
 
 use super::json;
 use super::rounds::Traced;
 use super::tracer::{Tracer, Way};
+use super::value::{Filtered, Stored, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
 use dataset::console::Console;
-use half::bf16;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -47,57 +47,6 @@ pub struct Texel {
     pub probes: u16,
 }
 
-/// A layer at one texel, or a sum of layers: all of it adds up.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Value {
-    /// Mean irradiance.
-    pub mean: Rgb,
-    /// Half the difference of the halves as they were traced: an estimate of the standard error of what was traced, with a sign.
-    pub noise: Rgb,
-    /// What a filter has added.
-    pub shift: Rgb,
-    /// Half the difference of the halves after filtering: an estimate of the standard error that is left, bias apart.
-    pub residual: Rgb,
-}
-
-impl Value {
-    /// As traced, by half the difference of the halves.
-    pub fn traced(mean: Rgb, noise: Rgb) -> Value {
-        Value { mean, noise, shift: Rgb::ZERO, residual: noise }
-    }
-
-    /// The sum.
-    pub fn plus(self, other: Value) -> Value {
-        Value {
-            mean: self.mean + other.mean,
-            noise: self.noise + other.noise,
-            shift: self.shift + other.shift,
-            residual: self.residual + other.residual,
-        }
-    }
-
-    /// Times a colour.
-    pub fn times(self, scale: Rgb) -> Value {
-        Value {
-            mean: self.mean * scale,
-            noise: self.noise * scale,
-            shift: self.shift * scale,
-            residual: self.residual * scale,
-        }
-    }
-
-    /// Of the squared error, summed over the channels, an unbiased estimate of the part that is chance.
-    pub fn variance(&self) -> f64 {
-        self.residual.as_dvec3().length_squared()
-    }
-
-    /// An unbiased estimate of the filter's squared bias, summed over the channels. It may be negative at a texel, and is 0 where nothing was filtered.
-    pub fn squared_bias(&self) -> f64 {
-        let lost = (self.noise - self.residual).as_dvec3();
-        self.shift.as_dvec3().length_squared() - lost.length_squared()
-    }
-}
-
 /// A part of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -105,55 +54,6 @@ pub enum Part {
     Direct,
     /// The rest; of the sky, all that lightmaps hold.
     Rest,
-}
-
-/// As stored.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Stored {
-    mean: [f32; 3],
-    error: [bf16; 3],
-    zero: u16,
-}
-
-impl Stored {
-    /// From the means of both halves.
-    fn new(a: Rgb, b: Rgb) -> Self {
-        let error = ((a - b) * 0.5).to_array().map(bf16::from_f32);
-        Stored { mean: ((a + b) * 0.5).to_array(), error, zero: 0 }
-    }
-
-    fn value(&self) -> Value {
-        Value::traced(Rgb::from_array(self.mean), Rgb::from_array(self.error.map(bf16::to_f32)))
-    }
-}
-
-/// A part of a layer after a filter, as stored. What was traced stands in the layer's own file.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Filtered {
-    mean: [f32; 3],
-    shift: [bf16; 3],
-    residual: [bf16; 3],
-}
-
-impl Filtered {
-    /// Of a value.
-    pub fn new(value: &Value) -> Self {
-        let small = |v: Rgb| v.to_array().map(bf16::from_f32);
-        Filtered { mean: value.mean.to_array(), shift: small(value.shift), residual: small(value.residual) }
-    }
-
-    /// With what was traced there.
-    pub fn value(&self, traced: &Value) -> Value {
-        let wide = |v: [bf16; 3]| Rgb::from_array(v.map(bf16::to_f32));
-        Value {
-            mean: Rgb::from_array(self.mean),
-            noise: traced.noise,
-            shift: wide(self.shift),
-            residual: wide(self.residual),
-        }
-    }
 }
 
 /// The layer of this digest after a filter, under a name that tells what it was made of.
@@ -625,10 +525,9 @@ mod tests {
         let layers = Layers::new(dir.path());
         let digest = "0123456789abcdef0123456789abcdef";
         std::fs::create_dir(&layers.root).unwrap();
-        let record = |i: u32| Stored {
-            mean: [i as f32, 0.5, 2.0],
-            error: [bf16::from_f32(0.25 * i as f32); 3],
-            zero: 0,
+        let record = |i: u32| {
+            let (mean, noise) = (Rgb::new(i as f32, 0.5, 2.0), Rgb::splat(0.25 * i as f32));
+            Stored::new(mean + noise, mean - noise)
         };
         let stored: Vec<Stored> = (0..100).map(record).collect();
         let write = || {

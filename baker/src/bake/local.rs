@@ -7,8 +7,8 @@
 
 use super::block::{Stream, Worker};
 use super::errors::{Parts, Sums, cell_of};
-use super::layers::Value;
 use super::state::{BlockState, CELL, CELLS};
+use super::value::Value;
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;

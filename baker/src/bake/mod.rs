@@ -20,6 +20,7 @@ pub mod solve;
 pub mod rounds;
 pub mod step;
 pub mod tracer;
+pub mod value;
 pub mod layers;
 pub mod denoise;
 pub mod kept;

@@ -146,8 +146,8 @@ impl OpenCells {
 mod tests {
     use super::*;
     use crate::Rgb;
-    use crate::bake::layers::Value;
     use crate::bake::state::CELL;
+    use crate::bake::value::Value;
     use crate::surface::BLOCK;
 
     /// Cells of a page of 4 × 2 blocks, none of which sees another.

@@ -153,7 +153,7 @@ pub struct Outcome {
     pub out_of_time: bool,
     /// Wall-clock seconds of this run, from scene file to dataset.
     pub seconds: f64,
-    /// Rays traced by this run, by purpose: for the layers it traced, to lay out their texels, and to look around from their cells. Not those of its check.
+    /// Rays traced by this run, by purpose: for the layers it traced, to lay out their texels, to look around from their cells, and to denoise. Not those of its check.
     pub rays: RayCounts,
     /// Error against time, round by round.
     pub rounds: Vec<Round>,

@@ -15,10 +15,10 @@ fn the_reported_error_of_denoised_light_is_true() {
         let raw = bakes(&case, 301, 16, |_| {});
         let denoised = bakes(&case, 301, 16, |o| o.denoise = Denoise::Own);
         let (before, after) = (raw.squared_error(&reference), denoised.squared_error(&reference));
-        let told = denoised.reported_squared_error() / after;
-        println!("{name}: {:.3} of the squared error left, told ÷ true {told:.3}", after / before);
+        let ratio = denoised.reported_squared_error() / after;
+        println!("{name}: {:.3} of the squared error left, estimated ÷ true {ratio:.3}", after / before);
         assert!(after < most * before, "{name}: {after} instead of {before}");
-        assert!(HONEST.contains(&told), "{name}: told ÷ true squared error {told}");
+        assert!(HONEST.contains(&ratio), "{name}: estimated ÷ true squared error {ratio}");
         let gained = denoised.mean() / raw.mean() - 1.0;
         println!("{name}: light gained {:.3} %", 100.0 * gained);
         // (The same seeds: noise is the same in both.)

@@ -2,7 +2,7 @@
 
 use crate::scenes::Obj;
 use crate::{Stage, assert_same, data};
-use baker::bake::run::{Integrator, Options, Outcome};
+use baker::bake::run::{Denoise, Integrator, Options, Outcome};
 use dataset::store::Dataset;
 
 /// At noon the sun shines, at night both groups.
@@ -203,6 +203,39 @@ fn layers_that_were_damaged_are_traced_again() {
     bytes[middle] ^= 0x40;
     std::fs::write(&layer, bytes).expect("written");
     scene.retrace("[3, 5, 9]", "[8, 6, 4]", 1);
+}
+
+#[test]
+fn denoising_is_switched_without_tracing() {
+    let stage = stage();
+    let bake =
+        |set: &str, denoise: Denoise| stage.bake(SCENE, set, HOURS, |options| options.denoise = denoise);
+    let (_, denoised) = bake("set", Denoise::Auto);
+    let denoised = data(&denoised);
+    let filtered = || {
+        let entries = std::fs::read_dir(stage.path("set").join(".layers")).expect("layers").flatten();
+        let mut files: Vec<_> = entries.map(|e| e.path()).collect();
+        files.retain(|path| path.extension().is_some_and(|e| e == "filtered"));
+        files.sort();
+        files
+    };
+    assert_eq!(filtered().len(), 4);
+    let (outcome, traced) = bake("set", Denoise::Off);
+    assert_eq!((outcome.layers.traced, outcome.rays.rays(), filtered().len()), (0, 0, 0));
+    assert!(outcome.denoised.is_none() && data(&traced) != denoised);
+    assert_same(&traced, &bake("fresh", Denoise::Off).1);
+    let (outcome, again) = bake("set", Denoise::Own);
+    assert_eq!((outcome.layers.traced, outcome.denoised.map(|d| d.new_layers)), (0, Some(4)));
+    assert!(data(&again) == denoised);
+    // A filtered file that was damaged is made again, and it alone.
+    let damaged = filtered().swap_remove(0);
+    let mut bytes = std::fs::read(&damaged).expect("readable");
+    bytes[17] ^= 1;
+    std::fs::write(&damaged, bytes).expect("written");
+    std::fs::remove_file(stage.path("set").join("run.json")).expect("removed");
+    let (outcome, again) = bake("set", Denoise::Own);
+    assert_eq!(outcome.denoised.map(|d| d.new_layers), Some(1));
+    assert!(data(&again) == denoised);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! How much of each candidate: the mixture with the least error, as estimated around a texel.
 //!
 //! Filters run on each half by itself. With F the mean of what they give, C that of the halves, and e and h half the differences of the
-//! halves before and after, the squared error of F is estimated without bias by (F − C)² − e² + 2eh, whatever the filter, as long as it
-//! gives of a half what hangs on that half alone. The same of two candidates i and j is (Fⁱ − C)(Fʲ − C) − e² + e(hⁱ + hʲ); a mixture's
+//! halves before and after, the squared error of F is estimated without bias by (F − C)² − e² + 2eh, whatever the filter, as long as
+//! what it makes of a half depends on that half alone. The same of two candidates i and j is (Fⁱ − C)(Fʲ − C) − e² + e(hⁱ + hʲ); a mixture's
 //! error is a quadratic form in it.
 //!
 //! The choice for one half leaves out the texel's own errors, and with them the other half's value there (leave-one-out). Otherwise the least of many
@@ -11,7 +11,7 @@
 
 use super::kernels::FILTERS;
 use crate::Rgb;
-use crate::bake::layers::Value;
+use crate::bake::value::Value;
 
 /// Candidates: the unfiltered light first.
 pub const CANDIDATES: usize = FILTERS + 1;

@@ -15,7 +15,8 @@ mod places;
 mod tests;
 
 use super::block::Worker;
-use super::layers::{Filtered, FilteredLayer, Layers, Texel, Value};
+use super::layers::{FilteredLayer, Layers, Texel};
+use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
@@ -49,9 +50,9 @@ pub fn run(
     for block in worker.blocks() {
         let from = next;
         next += worker.surface(block).covered().count();
-        blocks.push(from as u32..next as u32);
+        blocks.push((block, from as u32..next as u32));
     }
-    let (places, rays) = Places::find(worker, texels, valid);
+    let (places, rays) = Places::find(worker, &blocks, texels, valid);
     let batches: Vec<&[FilteredLayer]> = filtered.chunks(AT_ONCE).collect();
     let unused = Mutex::new(Vec::new());
     let progress = console.progress("denoising", (batches.len() * blocks.len()) as u64);
@@ -61,7 +62,7 @@ pub fn run(
             batch.iter().map(|layer| layers.create_filtered(layer)).collect::<Result<Vec<_>>>()?;
         // (As many at once as there are threads: what is done waits in memory for what comes before it.)
         for some in blocks.chunks(rayon::current_num_threads()) {
-            let done = some.par_iter().map(|block| {
+            let done = some.par_iter().map(|(_, block)| {
                 stop_if_interrupted()?;
                 let used = unused.lock().expect("no thread panics while it takes one").pop();
                 let mut scratch = used.unwrap_or_else(|| Scratch::new(texels.len()));

@@ -16,7 +16,7 @@ pub const REACH: f32 = 8.0;
 pub const MAX_NEIGHBOURS: usize = 224;
 /// Texels of distance that a difference of 1 between unit normals counts as.
 const PER_NORMAL: f32 = 8.0;
-/// Farthest a neighbour may lie off a texel's plane: so many texels, plus so many per texel of distance.
+/// Farthest a neighbour may lie off a texel's plane, in texels: the first, plus the second per texel of distance.
 const OFF_PLANE: [f32; 2] = [0.25, 0.125];
 /// Directions along the surface in which it is found out how far one can see.
 const SECTORS: usize = 16;
@@ -41,12 +41,12 @@ struct Place {
 /// The covered texels of a page in space. Invalid ones have no neighbours, and are neighbours of none.
 pub struct Places {
     places: Vec<Place>,
-    /// Texels that count, by the key of the box of space that holds them.
+    /// Valid texels, by the key of the box of space that holds them.
     sorted: Vec<(Key, u32)>,
 }
 
-/// A box of space: the octave of the texel's size, and the box among those of that octave, along z last. (Very far boxes share a key: what
-/// is in them is told apart by its distance.)
+/// A box of space: the octave of the texel's size, and the box among those of that octave, along z last. (Very far boxes share a key:
+/// distances tell what is in them apart.)
 type Key = u64;
 
 /// Texels near a place, kept for the next one beside it.
@@ -70,29 +70,23 @@ pub struct Neighbour {
 }
 
 impl Places {
-    /// Finds the places of texels (in the order of the blocks) of which some are `valid`.
+    /// Finds the places of the texels of some blocks, of which some are `valid`.
     pub fn find(
         worker: &Worker,
+        blocks: &[(usize, Range<u32>)],
         texels: &[Texel],
         valid: impl Fn(usize) -> bool + Sync,
     ) -> (Self, RayCounts) {
-        let mut starts = Vec::new();
-        let mut next = 0;
-        for block in worker.blocks() {
-            let (from, surface) = (next, worker.surface(block));
-            next += surface.covered().count();
-            starts.push((block, from..next));
-        }
-        let of_block = |(block, range): &(usize, Range<usize>)| {
+        let of_block = |(block, range): &(usize, Range<u32>)| {
             let (surface, mut counts) = (worker.surface(*block), RayCounts::default());
-            let place = |(i, texel): (usize, usize)| match valid(i) {
-                true => place(worker, &surface, texel, texels[i].probes, &mut counts),
+            let place = |(i, texel): (u32, usize)| match valid(i as usize) {
+                true => place(worker, &surface, texel, texels[i as usize].probes, &mut counts),
                 false => None,
             };
             let places: Vec<Option<Place>> = range.clone().zip(surface.covered()).map(place).collect();
             (places, counts)
         };
-        let found: Vec<_> = starts.par_iter().map(of_block).collect();
+        let found: Vec<_> = blocks.par_iter().map(of_block).collect();
         let mut counts = RayCounts::default();
         let mut places = Vec::with_capacity(texels.len());
         for (of_block, of_rays) in found {
@@ -187,7 +181,7 @@ impl Places {
 }
 
 impl Place {
-    /// Whether nothing stands between it and what lies in this direction, so many texels away.
+    /// Whether nothing stands between it and what lies in this direction, at this distance in texels.
     fn sees(&self, along: f32, across: f32, distance: f32) -> bool {
         if self.sights == OPEN {
             return true;

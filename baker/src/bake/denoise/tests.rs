@@ -44,14 +44,14 @@ fn filtered(values: &[Value], walled: bool) -> Vec<Value> {
     stored.iter().zip(values).map(|(stored, traced)| stored.value(traced)).collect()
 }
 
-/// Mean squared error: as it is, and as it is told.
+/// Mean squared error: the true one, and the estimated one.
 fn errors(values: &[Value], truth: impl Fn(usize, usize) -> f32) -> [f64; 2] {
     let is = |(i, v): (usize, &Value)| {
         (v.mean - Rgb::splat(truth(i % SIDE, i / SIDE))).as_dvec3().length_squared()
     };
     let n = values.len() as f64;
-    let told = values.iter().map(|v| v.variance() + v.squared_bias()).sum::<f64>() / n;
-    [values.iter().enumerate().map(is).sum::<f64>() / n, told]
+    let estimated = values.iter().map(|v| v.variance() + v.squared_bias()).sum::<f64>() / n;
+    [values.iter().enumerate().map(is).sum::<f64>() / n, estimated]
 }
 
 #[test]
@@ -74,16 +74,16 @@ fn noise_falls_and_the_remaining_error_is_reported() {
                 sums.iter_mut().zip(errors(values, truth)).for_each(|(sum, error)| *sum += error);
             }
         }
-        let [[before, told_before], [after, told]] = sums;
+        let [[before, estimated_before], [after, estimated]] = sums;
         assert!(after < most * before, "{name}: {:.3} of the squared error is left", after / before);
-        assert!((told_before / before - 1.0).abs() < 0.05, "{name}: {}", told_before / before);
+        assert!((estimated_before / before - 1.0).abs() < 0.05, "{name}: {}", estimated_before / before);
         // The noise before limits how well the rest can be estimated: to 1/√texels of it, and about four times that with rare paths.
         let chance = 4.0 * before / ((SIDE * SIDE * SEEDS) as f64).sqrt();
         assert!(
-            (told - after).abs() < 0.1 * after + 3.0 * chance,
-            "{name}: {:.4} of it left, {:.4} told",
+            (estimated - after).abs() < 0.1 * after + 3.0 * chance,
+            "{name}: {:.4} of it left, {:.4} estimated",
             after / before,
-            told / before
+            estimated / before
         );
     }
 }
@@ -197,10 +197,10 @@ fn wider_vectors_give_the_same_bits() {
 }
 
 #[test]
-fn fireflies_are_filtered_and_told() {
+fn fireflies_are_filtered() {
     // In 1 and 5 % of the halves, light a hundred and thirty times as bright: now and then in both halves of a texel.
     for (chance, strength) in [(0.01, 100.0), (0.05, 30.0)] {
-        let [mut before, mut after, mut told, mut gained] = [0.0; 4];
+        let [mut before, mut after, mut estimated, mut gained] = [0.0; 4];
         for seed in 0..16 {
             let noise = |x: usize, z: usize, half: usize| {
                 let hit = random(100_000 * seed + 2 * (z * SIDE + x) + half) < chance;
@@ -210,20 +210,20 @@ fn fireflies_are_filtered_and_told() {
             let result = filtered(&values, false);
             before += errors(&values, |_, _| 4.0)[0];
             let [is, said] = errors(&result, |_, _| 4.0);
-            (after, told) = (after + is, told + said);
+            (after, estimated) = (after + is, estimated + said);
             gained += result.iter().map(|v| f64::from(v.shift.x)).sum::<f64>() / (4.0 * values.len() as f64);
         }
         println!(
-            "{chance}: {:.4} left, {:.4} told, light {:+.4}",
+            "{chance}: {:.4} left, {:.4} estimated, light {:+.4}",
             after / before,
-            told / before,
+            estimated / before,
             gained / 16.0
         );
         assert!(after < 0.1 * before, "{chance}: {}", after / before);
         assert!(
-            (told - after).abs() < 0.04 * before,
-            "{chance}: {} of {} told",
-            told / before,
+            (estimated - after).abs() < 0.04 * before,
+            "{chance}: {} of {} estimated",
+            estimated / before,
             after / before
         );
         assert!((gained / 16.0).abs() < 0.05, "{chance}: {gained}");
