@@ -21,8 +21,13 @@
     const x = 0.5 * e / Math.PI * 2 ** state.exposure, y = x > 0.7 ? 1 - 0.3 * Math.exp((0.7 - x) / 0.3) : x;
     return 255 * (y > 0.0031308 ? 1.055 * y ** (1 / 2.4) - 0.055 : 12.92 * y);
   };
+  // A channel as RGB9E5 has it.
+  const rounded = (e, brightest) => {
+    const step = 2 ** (Math.floor(Math.log2(brightest)) - 8);
+    return brightest > 0 ? step * Math.round(e / step) : 0;
+  };
   found.views = {};
-  for (const [name, of] of Object.entries({ decoded: (e, r) => e, reference: (e, r) => r, '×8 difference': (e, r) => 8 * Math.abs(e - r) })) {
+  for (const [name, of] of Object.entries({ decoded: (e, r) => e, reference: (e, r) => r, '×8 difference': (e, r, brightest) => 8 * Math.abs(e - rounded(r, brightest)) })) {
     button('views', name).click();
     for (const hour of [20, 0, 12]) {
       move(hour);
@@ -31,8 +36,9 @@
       let mean = 0, bright = 0;
       for (let y = 0; y < height; y++) {
         for (let x = 0; x < width; x++) {
+          const reference = light.subarray(from + 3 * (y * width + x)), brightest = Math.max(reference[0], reference[1], reference[2]);
           for (let c = 0; c < 3; c++) {
-            const expected = code(of(decoded[3 * ((y + 1) * tile.width + x + 1) + c], light[from + 3 * (y * width + x) + c]));
+            const expected = code(of(decoded[3 * ((y + 1) * tile.width + x + 1) + c], reference[c], brightest));
             mean += Math.abs(shown[4 * (y * width + x) + c] - expected) / (3 * width * height);
             bright = Math.max(bright, expected);
           }
