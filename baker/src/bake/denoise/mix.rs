@@ -15,8 +15,8 @@ use crate::bake::value::Value;
 
 /// Candidates: the unfiltered light first.
 pub const CANDIDATES: usize = FILTERS + 1;
-/// Entries of the triangle of a symmetric matrix.
-const ENTRIES: usize = CANDIDATES * (CANDIDATES + 1) / 2;
+/// Rows of eight that hold the triangle of a symmetric matrix: entry (i, j), i ≤ j, is number j (j + 1) / 2 + i.
+const ROWS: usize = (CANDIDATES * (CANDIDATES + 1) / 2).div_ceil(8);
 
 /// Both halves of a texel's light, and a place for what else a vector holds: (A, B).
 pub type Halves = [f32; 8];
@@ -29,24 +29,22 @@ pub fn halves(value: &Value) -> Halves {
 
 /// Errors of all candidates at a texel, and its light.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
+#[repr(align(32))]
 pub struct ErrorMatrix {
-    matrix: [f32; ENTRIES],
+    rows: [[f32; 8]; ROWS],
     /// The light around: what says which texels are alike.
     light: f32,
-    padding: [f32; 3],
 }
 
 impl ErrorMatrix {
     /// Nothing known.
-    pub const NONE: ErrorMatrix = ErrorMatrix { matrix: [0.0; ENTRIES], light: 0.0, padding: [0.0; 3] };
+    pub const NONE: ErrorMatrix = ErrorMatrix { rows: [[0.0; 8]; ROWS], light: 0.0 };
 
     /// Of a texel's light, what the filters made of it, and the median light of the texels around it, without its own.
     pub fn new(value: &Value, filtered: &[Halves; FILTERS], light: f32) -> Self {
         let parts = filtered.map(|f| Effect::new(value, &f));
         let mut errors = ErrorMatrix::NONE;
         let e2 = value.noise * value.noise;
-        let mut entry = 0;
         for j in 0..CANDIDATES {
             for i in 0..=j {
                 let sum = match (i, j) {
@@ -58,8 +56,7 @@ impl ErrorMatrix {
                         a.shift * b.shift - e2 + value.noise * (a.noise + b.noise)
                     }
                 };
-                errors.matrix[entry] = sum.element_sum();
-                entry += 1;
+                *errors.entry(i, j) = sum.element_sum();
             }
         }
         errors.light = light;
@@ -67,9 +64,20 @@ impl ErrorMatrix {
     }
 
     fn at(&self, i: usize, j: usize) -> f32 {
-        let (i, j) = if i < j { (i, j) } else { (j, i) };
-        self.matrix[j * (j + 1) / 2 + i]
+        let number = number(i, j);
+        self.rows[number / 8][number % 8]
     }
+
+    fn entry(&mut self, i: usize, j: usize) -> &mut f32 {
+        let number = number(i, j);
+        &mut self.rows[number / 8][number % 8]
+    }
+}
+
+/// The number of an entry.
+fn number(i: usize, j: usize) -> usize {
+    let (i, j) = if i < j { (i, j) } else { (j, i) };
+    j * (j + 1) / 2 + i
 }
 
 /// The filter whose light a texel is compared with.
@@ -124,14 +132,15 @@ impl Around {
         const UNLIKE: f32 = 0.25;
         let brighter = self.light.abs().max(other.light.abs()).max(f32::MIN_POSITIVE);
         // (Lights around differ by noise, too.)
-        let tolerated = (UNLIKE * brighter).powi(2) + other.matrix[0];
+        let noise = other.rows[0][0];
+        let tolerated = (UNLIKE * brighter).powi(2) + noise;
         let difference = (self.light - other.light).powi(2) / tolerated.max(f32::MIN_POSITIVE);
         // (The squared errors of brighter light count relative to that.)
         let relative = (self.light / brighter).powi(2);
         let weight = weight * relative / (1.0 + difference).powi(2);
-        self.most = self.most.max(relative * other.matrix[0]);
-        for (sum, entry) in self.sums.matrix.iter_mut().zip(&other.matrix) {
-            *sum += weight * entry;
+        self.most = self.most.max(relative * noise);
+        for (sums, row) in self.sums.rows.iter_mut().zip(&other.rows) {
+            sums.iter_mut().zip(row).for_each(|(sum, entry)| *sum += weight * entry);
         }
         self.weight += weight;
     }
@@ -168,11 +177,9 @@ impl Around {
             i => of_half(&filtered[i - 1], half) - self.outside,
         });
         let mut sums = self.sums;
-        let mut entry = 0;
         for j in 0..CANDIDATES {
             for i in 0..=j {
-                sums.matrix[entry] += own * off[i].dot(off[j]);
-                entry += 1;
+                *sums.entry(i, j) += own * off[i].dot(off[j]);
             }
         }
         Some(sums)

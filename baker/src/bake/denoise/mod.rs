@@ -30,8 +30,10 @@ use std::sync::Mutex;
 /// Names the method: other filters are other files.
 pub const METHOD: &str = "own-1";
 
-/// Layers that are filtered at once.
-pub const AT_ONCE: usize = 24;
+/// Layers of a block that are held in memory at once.
+pub const AT_ONCE: usize = 16;
+/// Layers whose files are open at once.
+const OPEN: usize = 200;
 
 /// Filters layers of a page and stores the results beside them. `texels`: the covered ones; `valid`: which of them count. Gives the rays traced.
 ///
@@ -53,23 +55,28 @@ pub fn run(
         blocks.push((block, from as u32..next as u32));
     }
     let (places, rays) = Places::find(worker, &blocks, texels, valid);
-    let batches: Vec<&[FilteredLayer]> = filtered.chunks(AT_ONCE).collect();
     let unused = Mutex::new(Vec::new());
-    let progress = console.progress("denoising", (batches.len() * blocks.len()) as u64);
-    for batch in batches {
-        let sources = batch.iter().map(|layer| layers.open(layer)).collect::<Result<Vec<_>>>()?;
+    let passes = filtered.chunks(OPEN);
+    let progress = console.progress("denoising", (filtered.len() * blocks.len()) as u64);
+    for layers_of_pass in passes {
+        let sources = layers_of_pass.iter().map(|layer| layers.open(layer)).collect::<Result<Vec<_>>>()?;
         let mut files =
-            batch.iter().map(|layer| layers.create_filtered(layer)).collect::<Result<Vec<_>>>()?;
+            layers_of_pass.iter().map(|layer| layers.create_filtered(layer)).collect::<Result<Vec<_>>>()?;
         // (As many at once as there are threads: what is done waits in memory for what comes before it.)
         for some in blocks.chunks(rayon::current_num_threads()) {
             let done = some.par_iter().map(|(_, block)| {
-                stop_if_interrupted()?;
                 let used = unused.lock().expect("no thread panics while it takes one").pop();
-                let mut scratch = used.unwrap_or_else(|| Scratch::new(texels.len()));
-                let read = |layer: usize, wanted: &[usize]| sources[layer].read_at(wanted);
-                let values = of_block(&places, block.clone(), batch.len(), read, &mut scratch)?;
-                unused.lock().expect("no thread panics while it gives one back").push(scratch);
-                progress.advance(1);
+                let mut at_hand = used.unwrap_or_else(|| vec![AWAY; texels.len()]);
+                let block = Block::new(&places, block.clone());
+                let mut values = Vec::with_capacity(sources.len());
+                for batch in sources.chunks(AT_ONCE) {
+                    stop_if_interrupted()?;
+                    let batch_values: Vec<_> =
+                        batch.iter().map(|layer| layer.read_at(&block.all)).collect::<Result<_>>()?;
+                    values.extend(block.filter(&batch_values, &mut at_hand));
+                    progress.advance(batch.len() as u64);
+                }
+                unused.lock().expect("no thread panics while it gives one back").push(at_hand);
                 Ok(values)
             });
             for block in done.collect::<Result<Vec<Vec<Vec<Filtered>>>>>()? {
@@ -83,20 +90,8 @@ pub fn run(
     Ok(rays)
 }
 
-/// What is used again from block to block.
-struct Scratch {
-    /// Per covered texel, its place among those at hand.
-    at_hand: Vec<u32>,
-}
-
 /// Not at hand.
 const AWAY: u32 = u32::MAX;
-
-impl Scratch {
-    fn new(texels: usize) -> Self {
-        Scratch { at_hand: vec![AWAY; texels] }
-    }
-}
 
 /// The neighbours of some texels.
 struct Surroundings {
@@ -133,27 +128,39 @@ impl Surroundings {
     }
 }
 
-/// Filters the layers of a block: per layer, its texels.
-fn of_block(
-    places: &Places,
-    block: Range<u32>,
-    layers: usize,
-    read: impl Fn(usize, &[usize]) -> Result<Vec<Value>>,
-    scratch: &mut Scratch,
-) -> Result<Vec<Vec<Filtered>>> {
-    // Errors are estimated for the block's texels and their neighbours: that takes the neighbours of both.
-    let estimated =
-        Surroundings::new(places, Surroundings::new(places, block.clone().collect()).all(ERROR_RADIUS));
-    let all = estimated.all(REACH);
-    all.iter().enumerate().for_each(|(i, &texel)| scratch.at_hand[texel as usize] = i as u32);
-    let wanted: Vec<usize> = all.iter().map(|&texel| texel as usize).collect();
-    let values = (0..layers).map(|layer| read(layer, &wanted)).collect::<Result<Vec<Vec<Value>>>>()?;
-    let light: Vec<Vec<Halves>> = values.iter().map(|values| values.iter().map(halves).collect()).collect();
-    let out =
-        AtHand { estimated: &estimated, block, places: &scratch.at_hand, values: &values, light: &light }
-            .filter_block();
-    all.iter().for_each(|&texel| scratch.at_hand[texel as usize] = AWAY);
-    Ok(out)
+/// A block's texels, and what filtering them takes.
+struct Block {
+    own: Range<u32>,
+    /// Errors are estimated for the block's texels and their neighbours.
+    estimated: Surroundings,
+    /// The neighbours of all those, ascending.
+    all: Vec<usize>,
+}
+
+impl Block {
+    fn new(places: &Places, own: Range<u32>) -> Self {
+        let estimated = Surroundings::new(places, own.clone().collect()).all(ERROR_RADIUS);
+        let estimated = Surroundings::new(places, estimated);
+        let all = estimated.all(REACH).into_iter().map(|texel| texel as usize).collect();
+        Block { own, estimated, all }
+    }
+
+    /// Filters layers, given their values at `all`: per layer, the block's texels. `at_hand`: per covered texel of the page, [`AWAY`].
+    fn filter(&self, values: &[Vec<Value>], at_hand: &mut [u32]) -> Vec<Vec<Filtered>> {
+        let light: Vec<Vec<Halves>> =
+            values.iter().map(|values| values.iter().map(halves).collect()).collect();
+        self.all.iter().enumerate().for_each(|(i, &texel)| at_hand[texel] = i as u32);
+        let out = AtHand {
+            estimated: &self.estimated,
+            block: self.own.clone(),
+            places: at_hand,
+            values,
+            light: &light,
+        }
+        .filter_block();
+        self.all.iter().for_each(|&texel| at_hand[texel] = AWAY);
+        out
+    }
 }
 
 /// A block and its surroundings.

@@ -35,12 +35,19 @@ fn rare(deviation: f32, seed: usize) -> impl Fn(usize, usize, usize) -> f32 {
 
 /// The floor filtered in three blocks.
 fn filtered(values: &[Value], walled: bool) -> Vec<Value> {
+    in_blocks(values, walled, &[0..1000, 1000..2600, 2600..(SIDE * SIDE) as u32])
+}
+
+fn in_blocks(values: &[Value], walled: bool, blocks: &[Range<u32>]) -> Vec<Value> {
     let places = floor(SIDE as i32, walled);
-    let read = |_: usize, wanted: &[usize]| Ok(wanted.iter().map(|&i| values[i]).collect());
-    let mut scratch = Scratch::new(values.len());
-    let blocks = [0..1000, 1000..2600, 2600..(SIDE * SIDE) as u32];
-    let of_block = |block: Range<u32>| of_block(&places, block, 1, read, &mut scratch).unwrap().remove(0);
-    let stored: Vec<Filtered> = blocks.into_iter().flat_map(of_block).collect();
+    let mut at_hand = vec![AWAY; values.len()];
+    let of_block = |range: &Range<u32>| {
+        let block = Block::new(&places, range.clone());
+        let values: Vec<Value> = block.all.iter().map(|&i| values[i]).collect();
+        block.filter(&[values], &mut at_hand).remove(0)
+    };
+    let stored: Vec<Filtered> = blocks.iter().flat_map(of_block).collect();
+    assert!(at_hand.iter().all(|&place| place == AWAY));
     stored.iter().zip(values).map(|(stored, traced)| stored.value(traced)).collect()
 }
 
@@ -174,13 +181,8 @@ fn light_stays_on_its_side_of_a_wall() {
 #[test]
 fn blocks_do_not_matter() {
     let values = traced(|x, _| 1.0 + x as f32, rare(0.9, 7));
-    let places = floor(SIDE as i32, false);
-    let read = |_: usize, wanted: &[usize]| Ok(wanted.iter().map(|&i| values[i]).collect());
-    let mut scratch = Scratch::new(values.len());
-    let whole = of_block(&places, 0..(SIDE * SIDE) as u32, 1, read, &mut scratch).unwrap().remove(0);
-    let whole: Vec<Value> = whole.iter().zip(&values).map(|(whole, traced)| whole.value(traced)).collect();
+    let whole = in_blocks(&values, false, &[0..(SIDE * SIDE) as u32]);
     assert!(whole == filtered(&values, false));
-    assert!(scratch.at_hand.iter().all(|&place| place == AWAY));
 }
 
 #[test]
