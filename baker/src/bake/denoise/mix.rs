@@ -125,24 +125,32 @@ impl Around {
         Around { sums: ErrorMatrix::NONE, outside, light: errors.light, weight: 0.0, most: 0.0 }
     }
 
-    /// Adds a neighbour, as far as its light is alike.
+    /// Adds neighbours, given their places and weights, each as far as its light is alike.
     #[inline(always)]
-    pub fn add(&mut self, other: &ErrorMatrix, weight: f32) {
+    pub fn add(&mut self, errors: &[ErrorMatrix], at: &[usize], weights: &[f32]) {
         /// Difference of light, as a part of the greater, at which a neighbour counts half.
         const UNLIKE: f32 = 0.25;
-        let brighter = self.light.abs().max(other.light.abs()).max(f32::MIN_POSITIVE);
-        // (Lights around differ by noise, too.)
-        let noise = other.rows[0][0];
-        let tolerated = (UNLIKE * brighter).powi(2) + noise;
-        let difference = (self.light - other.light).powi(2) / tolerated.max(f32::MIN_POSITIVE);
-        // (The squared errors of brighter light count relative to that.)
-        let relative = (self.light / brighter).powi(2);
-        let weight = weight * relative / (1.0 + difference).powi(2);
-        self.most = self.most.max(relative * noise);
-        for (sums, row) in self.sums.rows.iter_mut().zip(&other.rows) {
-            sums.iter_mut().zip(row).for_each(|(sum, entry)| *sum += weight * entry);
+        let (mut rows, mut total, mut most) = (self.sums.rows, self.weight, self.most);
+        for (&place, &weight) in at.iter().zip(weights) {
+            if weight == 0.0 {
+                continue;
+            }
+            let other = &errors[place];
+            let noise = other.rows[0][0];
+            let brighter = self.light.abs().max(other.light.abs()).max(f32::MIN_POSITIVE);
+            // (Lights around differ by noise, too.)
+            let tolerated = (UNLIKE * brighter).powi(2) + noise;
+            let difference = (self.light - other.light).powi(2) / tolerated.max(f32::MIN_POSITIVE);
+            // (The squared errors of brighter light count relative to that.)
+            let relative = (self.light / brighter).powi(2);
+            let weight = weight * relative / (1.0 + difference).powi(2);
+            most = most.max(relative * noise);
+            for (sums, row) in rows.iter_mut().zip(&other.rows) {
+                sums.iter_mut().zip(row).for_each(|(sum, entry)| *sum += weight * entry);
+            }
+            total += weight;
         }
-        self.weight += weight;
+        (self.sums.rows, self.weight, self.most) = (rows, total, most);
     }
 
     /// The mixtures of the candidates for both halves; each sums up to 1.

@@ -231,11 +231,7 @@ impl AtHand<'_> {
                 };
                 let filtered = &filtered[number];
                 let mut around = Around::new(value, filtered, &errors[own_place], &kernel.weights[0]);
-                for (&other, &weight) in at.iter().zip(&kernel.error_weights).skip(1) {
-                    if weight > 0.0 {
-                        around.add(&errors[other], weight);
-                    }
-                }
+                around.add(errors, &at[1..], &kernel.error_weights[1..]);
                 let mixtures = around.mixtures(value, filtered);
                 out.push(Filtered::new(
                     &around.unless_implausible(value, apply_mixtures(value, filtered, &mixtures)),
