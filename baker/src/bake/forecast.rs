@@ -9,12 +9,13 @@ use super::prepare::Prepared;
 use super::rounds;
 use super::solve;
 use super::state::Direct;
+use super::value::Filtered;
 use super::views::{View, lit_tiles, views};
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::geometry::Bounds;
 use crate::scene::{Baked, Sky};
-use crate::surface::{BlockSurface, FaceBins};
+use crate::surface::{BLOCK, BlockSurface, FaceBins};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
@@ -69,8 +70,10 @@ pub const OPEN_RAYS: usize = OPEN_BLOCKS * PER_BLOCK;
 const OPEN_BLOCKS: usize = 256;
 const PER_BLOCK: usize = 16;
 
-/// Bytes of a block and its surroundings in one layer, while it is denoised.
-const DENOISED_BLOCK: u64 = 2_700_000;
+/// Bytes of a block and its surroundings in one layer, while it is denoised; of its neighbours; and of its light afterwards.
+const DENOISED_LAYER: u64 = 2_700_000;
+const DENOISED_NEIGHBOURS: u64 = 20_000_000;
+const DENOISED_RESULT: u64 = (BLOCK * BLOCK * size_of::<Filtered>()) as u64;
 /// Bytes of a texel of an image.
 const IMAGE: u64 = 12;
 /// Bytes of the program itself.
@@ -98,9 +101,11 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
     // While sets are put together: five images, the sums of light and error.
     let assembling = 5 * IMAGE * virtual_page + 48 * n + 32 * n;
-    // While layers are denoised: where texels are; and for each thread, a block and its surroundings in several layers.
-    let at_once = layers.min(denoise::AT_ONCE as u64) * rayon::current_num_threads() as u64;
-    let denoising = prepared.denoise.map_or(0, |_| 80 * n + DENOISED_BLOCK * at_once);
+    // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
+    let block = DENOISED_NEIGHBOURS
+        + DENOISED_LAYER * layers.min(denoise::AT_ONCE as u64)
+        + DENOISED_RESULT * layers.min(denoise::OPEN as u64);
+    let denoising = prepared.denoise.map_or(0, |_| 80 * n + block * rayon::current_num_threads() as u64);
     let entries = match prepared.integrator {
         Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
         Integrator::Path => 0,

@@ -33,7 +33,7 @@ pub const METHOD: &str = "own-1";
 /// Layers of a block that are held in memory at once.
 pub const AT_ONCE: usize = 16;
 /// Layers whose files are open at once.
-const OPEN: usize = 200;
+pub const OPEN: usize = 200;
 
 /// Filters layers of a page and stores the results beside them. `texels`: the covered ones; `valid`: which of them count. Gives the rays traced.
 ///
