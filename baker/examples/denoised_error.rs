@@ -12,7 +12,8 @@ use baker::bake::assemble::Assembler;
 use baker::bake::folder;
 use baker::bake::layers::{Layers, Part};
 use baker::bake::local::Places;
-use baker::bake::run::{Denoise, Options, Prepared, Preset, denoise_layers, prepare};
+use baker::bake::denoise::{Denoiser, METHOD};
+use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
 use baker::bake::value::Value;
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
@@ -46,9 +47,19 @@ fn main() {
     let plan = &ours.plan;
     let assembler =
         Assembler::new(plan, &ours.geometry, &atlas, (&layers, &ours.digests), texels, &places, 4).unwrap();
-    let (filtered, denoised, _) =
-        denoise_layers(&ours, &atlas, &layers, &assembler, baker::bake::denoise::METHOD, &Console::silent())
-            .unwrap();
+    let mut denoiser = Denoiser::new(METHOD);
+    let valid: Vec<bool> = (0..assembler.texels().len()).map(|place| assembler.is_valid(place)).collect();
+    let filtered = with_worker(&ours, &atlas, &[], |worker| {
+        denoiser.denoise(
+            &worker,
+            &layers,
+            &ours.digests,
+            (assembler.texels(), &valid),
+            &Console::silent(),
+        )
+    })
+    .unwrap();
+    let denoised = denoiser.outcome(&filtered);
     println!("{:?}", denoised);
     println!(
         "layer                    median before after | 95 % before after | worse 5 % 50 % | estimated before, after by eighths (darkest first) | light"

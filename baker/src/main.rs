@@ -94,9 +94,8 @@ struct Args {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%: the standard error relative to
-    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too. This is judged before denoising, which lowers the
-    /// error further.
-    /// Light that hardly any sample finds, as through a little hole, may be missed.
+    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too. Once the error is near, this is judged after
+    /// denoising. Light that hardly any sample finds, as through a little hole, may be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.

@@ -8,6 +8,7 @@ use super::local::{Local, OVER, Pieces, Places};
 use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};
+use super::valid::ValidTexels;
 use super::value::Value;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
@@ -18,7 +19,6 @@ use dataset::config::{self, FileRef, Frame, Layer, Light, Noise, Page};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
-use std::ops::Range;
 
 /// Texels around valid ones that are filled at least: a whole block of those a chart owns.
 const LEAST_FILLED: u32 = 4;
@@ -113,8 +113,7 @@ fn parts_in_dataset(baked: Baked, is_sky: bool) -> &'static [(Part, config::Part
 }
 
 impl<'a> Assembler<'a> {
-    /// Finds the valid texels: covered by surface, not inside a solid, and reached by light in some layer, or amid such texels. In
-    /// a scene without any light the last does not count.
+    /// Finds the valid texels, and what follows from them.
     pub fn new(
         plan: &'a Plan,
         geometry: &Geometry,
@@ -124,28 +123,13 @@ impl<'a> Assembler<'a> {
         places: &'a Places,
         padding: u32,
     ) -> Result<Self> {
-        let (width, height) = (atlas.width as usize, atlas.height as usize);
-        let mut light = vec![0.0f32; texels.len()];
-        // (By all that is kept, so that the mask does not hang on which part of a light lightmaps hold.)
-        for (layer, digest) in digests.iter().enumerate() {
-            for &part in plan.parts_of(layer) {
-                layers.each(digest, part, |i, value| light[i] += value.mean.element_sum())?;
-            }
-        }
-        let exposed: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].exposed == 1).collect();
-        let (lit, dark): (Vec<usize>, Vec<usize>) = exposed.iter().partition(|&&i| light[i] > 0.0);
-        let place = |&i: &usize| texels[i].index as usize;
         let owners = Owners::new(atlas);
-        let mut mask = Mask { width, height, valid: vec![false; width * height] };
-        lit.iter().for_each(|i| mask.valid[place(i)] = true);
-        let valid: Vec<usize> =
-            dark.iter().map(place).filter(|&i| lit.is_empty() || is_amid(&mask, &owners, i)).collect();
-        let unlit_texels = dark.len() - valid.len();
-        valid.iter().for_each(|&i| mask.valid[i] = true);
-        let buried_texels = texels.len() - exposed.len();
+        let parts = digests.iter().enumerate().map(|(layer, digest)| (digest, plan.parts_of(layer)));
+        let valid = ValidTexels::find(atlas, &owners, &texels, layers, parts)?;
+        let ValidTexels { mask, light, buried, unlit } = valid;
         let dilation = Dilation::new(&mask, &owners, padding.max(LEAST_FILLED));
         let seams = Seams::new(geometry, atlas, &mask);
-        let pieces = Pieces::of_texels(places, width, texels.iter().map(|texel| texel.index as usize));
+        let pieces = Pieces::of_texels(places, mask.width, texels.iter().map(|texel| texel.index as usize));
         Ok(Assembler {
             plan,
             atlas,
@@ -159,8 +143,8 @@ impl<'a> Assembler<'a> {
             mask,
             dilation,
             seams,
-            buried_texels,
-            unlit_texels,
+            buried_texels: buried,
+            unlit_texels: unlit,
         })
     }
 
@@ -486,49 +470,5 @@ impl<'a> Assembler<'a> {
 fn add(to: &mut Image, what: &Image) {
     for (t, w) in to.texels.iter_mut().zip(&what.texels) {
         (0..3).for_each(|c| t[c] += w[c]);
-    }
-}
-
-/// Whether valid texels lie in all four quadrants about a texel. Then it got no light by chance: to leave it out, and keep the lucky
-/// ones about it, would make dim places as bright as these. (What is buried in something has its lit neighbours on some sides.)
-///
-/// Only texels of the same chart count, or of none known.
-fn is_amid(mask: &Mask, owners: &Owners, texel: usize) -> bool {
-    /// Texels along the side of a quadrant.
-    const SIDE: usize = 4;
-    let (x, y) = (texel % mask.width, texel / mask.width);
-    let [left, above] = [x, y].map(|c| c.saturating_sub(SIDE)..c);
-    let right = x + 1..(x + 1 + SIDE).min(mask.width);
-    let below = y + 1..(y + 1 + SIDE).min(mask.height);
-    let own = owners.of(x, y);
-    let counts = |x: usize, y: usize| mask.valid[y * mask.width + x] && owners.of(x, y) == own;
-    let holds = |columns: &Range<usize>, rows: &Range<usize>| {
-        rows.clone().any(|y| columns.clone().any(|x| counts(x, y)))
-    };
-    [&left, &right].into_iter().all(|columns| [&above, &below].into_iter().all(|rows| holds(columns, rows)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dark_texels_amid_lit_ones_are_told_from_buried_ones() {
-        let mask = |valid: fn(usize, usize) -> bool| Mask {
-            width: 20,
-            height: 16,
-            valid: (0..320).map(|i| valid(i % 20, i / 20)).collect(),
-        };
-        let at = |x: usize, y: usize| y * 20 + x;
-        let none = Owners::new(&Atlas::for_tests(20, 16, Vec::new()));
-        // One in eight is lit; only beyond a line; around a block.
-        let few = mask(|x, y| (x + 3 * y) % 8 == 0);
-        assert!((5..15).all(|x| few.valid[at(x, 8)] || is_amid(&few, &none, at(x, 8))));
-        let line = mask(|x, y| x + y > 16);
-        assert!((0..320).all(|i| line.valid[i] || !is_amid(&line, &none, i)));
-        let block = mask(|x, y| !(4..14).contains(&x) || !(3..13).contains(&y));
-        assert!((0..320).all(|i| block.valid[i] || !is_amid(&block, &none, i)));
-        // At the page's corners there are no four quadrants.
-        assert!([at(0, 0), at(19, 0), at(0, 15), at(19, 15)].iter().all(|&i| !is_amid(&few, &none, i)));
     }
 }

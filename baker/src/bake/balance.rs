@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Walks per entry and half that ordinary numbers of samples have at least.
 pub const ORDINARY_WALKS: usize = 16;
 /// Least walks per entry and half, whatever the samples.
-const LEAST_WALKS: usize = 4;
+pub const LEAST_WALKS: usize = 4;
 /// Most passes.
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.

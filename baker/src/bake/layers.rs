@@ -140,6 +140,21 @@ impl Layers {
         Layers { root: dataset.join(FOLDER) }
     }
 
+    /// A folder within it for the layers of a round, which are not kept.
+    pub fn trial(&self) -> Layers {
+        Layers { root: self.root.join("trial") }
+    }
+
+    /// Takes over what a filter left of the layers of a trial, and forgets the rest of it. (What cannot be taken over is filtered again.)
+    pub fn adopt(&self, trial: &Layers) {
+        for entry in std::fs::read_dir(&trial.root).into_iter().flatten().flatten() {
+            if entry.path().extension().is_some_and(|extension| extension == "filtered") {
+                let _ = std::fs::rename(entry.path(), self.root.join(entry.file_name()));
+            }
+        }
+        let _ = dataset::files::remove_folder(&trial.root);
+    }
+
     /// The folder.
     pub fn root(&self) -> &Path {
         &self.root

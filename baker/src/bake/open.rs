@@ -23,6 +23,8 @@ pub struct OpenCells {
     open: Vec<bool>,
     /// The largest share of a set's texels that lies in open cells.
     pub missed: f64,
+    /// Whether hardly a texel has seen light yet.
+    pub is_dark: bool,
 }
 
 /// What is asked of a block.
@@ -41,7 +43,7 @@ pub struct Block<'a> {
 impl OpenCells {
     /// No cell of a page.
     pub fn none(grid: Grid) -> Self {
-        OpenCells { grid, open: vec![false; grid.cells()], missed: 0.0 }
+        OpenCells { grid, open: vec![false; grid.cells()], missed: 0.0, is_dark: false }
     }
 
     /// The cells that miss the `target` (a local error) in one of the sets, by themselves or together with those around them; one
@@ -76,7 +78,7 @@ impl OpenCells {
         }
         if is_dark || lit * HARDLY < texels {
             found.open.iter_mut().zip(exposed).for_each(|(open, exposed)| *open |= exposed > 0);
-            found.missed = 1.0;
+            (found.missed, found.is_dark) = (1.0, true);
         }
         found
     }
@@ -84,6 +86,7 @@ impl OpenCells {
     /// Opens the cells with exposed texels that miss the target in a set.
     pub fn judge(&mut self, places: &Places, target: f64, cells: &[Sums], exposed: &[u32]) {
         let floors = places.floors(cells);
+        let biases = places.grid().squared_biases(cells);
         // Of all exposed texels: where few have seen light, as of a keyhole, the others are owed some.
         let values: Vec<u64> = exposed.iter().map(|n| 3 * u64::from(*n)).collect();
         let of_cell =
@@ -92,10 +95,12 @@ impl OpenCells {
         for place in (0..cells.len()).filter(|&place| exposed[place] > 0) {
             let (mut errors, mut all) = (0.0, 0);
             for near in self.around(place) {
-                errors += cells[near].squared_error / of_cell(near).max(of_cell(place)).powi(2);
+                let (sums, tolerated) = (&cells[near], of_cell(near).max(of_cell(place)));
+                let bias = biases[near] * sums.mean().powi(2) * sums.values as f64;
+                errors += (sums.squared_error + bias) / tolerated.powi(2);
                 all += values[near];
             }
-            let is_open = error(&cells[place], floors[place], 0.0) > target || errors > all as f64;
+            let is_open = error(&cells[place], floors[place], biases[place]) > target || errors > all as f64;
             self.open[place] |= is_open;
             all_texels += exposed[place];
             missed += if is_open { exposed[place] } else { 0 };

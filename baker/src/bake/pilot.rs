@@ -14,13 +14,13 @@ use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// `walks` from each entry of one half; `each` is called after each block.
+/// `walks` from each entry of one half, from patches `of_patches` of them; `each` is called after each block.
 pub fn trace(
     worker: &Worker,
     folder: &WorkFolder,
     map: &CacheMap,
     blocks: &[usize],
-    walks: usize,
+    (walks, of_patches): (usize, usize),
     half: usize,
     each: impl Fn() + Sync,
 ) -> Result<(System, RayCounts)> {
@@ -56,7 +56,7 @@ pub fn trace(
         .collect::<Result<Vec<_>>>()?;
     for patches in map.all_patches().chunks(1 << 12) {
         stop_if_interrupted()?;
-        counts.push(keep(trace_patches(worker, map, patches, walks, half)));
+        counts.push(keep(trace_patches(worker, map, patches, of_patches, half)));
     }
     Ok((system.into_inner().unwrap_or_else(|e| e.into_inner()), sum(counts)))
 }

@@ -43,6 +43,9 @@ pub struct Round {
     /// Those of every set.
     #[serde(default)]
     pub local_sets: Vec<Option<Local>>,
+    /// Those of all sets after denoising, where the round was judged by them.
+    #[serde(default)]
+    pub denoised: Option<Local>,
     /// Cells that have not reached the target; 0 without one.
     pub open_cells: usize,
     /// Whether they are too many for the target to be met.
@@ -131,9 +134,13 @@ pub fn note(round: &Round, limits: &Limits) -> String {
         Some(_) => format!(", {} of 16×16 texels above the target", count(round.open_cells, "cell")),
         None => String::new(),
     };
-    let local = round.local.unwrap_or_default();
-    let [median, p95] = [local.median, local.p95].map(|error| error * 100.0);
-    format!("local error: median {median:.1} %, 95 % below {p95:.1} %, at {} samples{open}", round.samples)
+    let told = |local: Local| {
+        let [median, p95] = [local.median, local.p95].map(|error| error * 100.0);
+        format!("median {median:.1} %, 95 % below {p95:.1} %")
+    };
+    let denoised = round.denoised.map_or(String::new(), |local| format!("; denoised: {}", told(local)));
+    let traced = told(round.local.unwrap_or_default());
+    format!("local error: {traced}, at {} samples{denoised}{open}", round.samples)
 }
 
 #[cfg(test)]

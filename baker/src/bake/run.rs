@@ -4,7 +4,7 @@ use super::assemble::{Assembler, BakedParts, Stored};
 use super::block::Worker;
 use super::charts::Charts;
 use super::check::{Check, Chosen, check, choose};
-use super::denoise;
+use super::denoise::Denoiser;
 use super::endless;
 use super::errors::median;
 use super::facts;
@@ -12,22 +12,25 @@ use super::folder;
 use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
-use super::layers::{FilteredLayer, Layers, Part};
+use super::layers::{Layers, Texel};
 use super::local::Places;
 use super::rounds::{Traced, certain};
 use super::standing::{self, ERRORS, RUN};
 use super::state::Kinds;
-use super::tracer::Tracer;
+use super::target;
+use super::tracer::{Judge, Tracer, Way};
+use super::valid::ValidTexels;
 use super::views;
 use super::visibility::Finder;
 use super::work::WorkFolder;
 use crate::atlas::Atlas;
+use crate::atlas::owners::Owners;
 use crate::light::curves;
 use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
 use crate::trace::walk::Transport;
-use crate::{Error, Result, Rgb};
+use crate::{Error, Result};
 use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
@@ -100,7 +103,9 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         charts.keep(&out);
     }
     let (places, looks) = with_worker(&prepared, &atlas, &[], |worker| Places::find(&worker, console))?;
-    let (traced, origin, dropped) = provide_layers(&prepared, &atlas, &places, &out, &layers, console)?;
+    let run = Run { prepared: &prepared, atlas: &atlas, places: &places, out: &out, layers: &layers, console };
+    let mut denoiser = prepared.denoise.map(Denoiser::new);
+    let (traced, origin, dropped) = run.provide_layers(&mut denoiser)?;
     let base = prepared.base();
     let Some(texels) = layers.texels(&base) else {
         return Err(Error::invalid(
@@ -111,9 +116,13 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
 
     let padding = scene.lightmap.padding;
     let assembler = Assembler::new(plan, geometry, &atlas, (&layers, digests), texels, &places, padding)?;
-    let (filtered, denoised, denoise_rays) = match prepared.denoise {
-        Some(method) => denoise_layers(&prepared, &atlas, &layers, &assembler, method, console)?,
-        None => (vec![None; digests.len()], None, RayCounts::default()),
+    let filtered = match &mut denoiser {
+        Some(denoiser) => with_worker(&prepared, &atlas, &[], |worker| {
+            let texels = assembler.texels();
+            let valid: Vec<bool> = (0..texels.len()).map(|place| assembler.is_valid(place)).collect();
+            denoiser.denoise(&worker, &layers, digests, (texels, &valid), console)
+        })?,
+        None => vec![None; digests.len()],
     };
     let assembler = assembler.with_filtered(filtered.clone());
     let check = options.check.map(|samples| {
@@ -192,11 +201,11 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         layers: origin,
         relative_error: median(&relative),
         local,
-        denoised,
+        denoised: denoiser.as_ref().and_then(|denoiser| denoiser.outcome(&filtered)),
         out_of_time: traced.out_of_time,
         seconds: start.elapsed().as_secs_f64(),
         rays: sun.rays
-            + denoise_rays
+            + denoiser.as_ref().map_or(RayCounts::default(), |denoiser| denoiser.rays)
             + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
         facts,
         rounds: traced.rounds,
@@ -340,137 +349,140 @@ fn sunlight(
     })
 }
 
-/// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were left, where they miss it by
-/// this light. Warnings, too.
-fn provide_layers(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    places: &Places,
-    out: &Path,
-    layers: &Layers,
-    console: &Console,
-) -> Result<(Traced, LayerCount, Vec<String>)> {
-    let Prepared { plan, digests, .. } = prepared;
-    let base = prepared.base();
-    let missing = kept::missing(plan, layers, &base, digests);
-    if missing.len() < digests.len() {
-        let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
-        let kept = count(digests.len() - missing.len(), "layer");
-        console.say(match &names[..] {
-            [] => format!("no rays: kept from an earlier bake: {kept}"),
-            names => format!("kept from an earlier bake: {kept}; tracing {}", names.join(", ")),
-        });
-    }
-    let damaged = missing.iter().filter(|&&l| layers.holds(&digests[l])).count();
-    let (mut traced, mut warnings) = trace(prepared, atlas, places, out, layers, &missing, console)?;
-    if damaged > 0 {
-        let what =
-            format!("{} kept here from an earlier bake were damaged: traced again", count(damaged, "layer"));
-        console.warn(&what);
-        warnings.push(what);
-    }
-    let mut origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
-    if let (Some(target), Some(texels), 1..) =
-        (prepared.limits.target_error, layers.texels(&base), origin.reused)
-    {
-        let page = (places, atlas.width as usize, &texels[..]);
-        let again = kept::missing_target(plan, layers, digests, page, target, &traced)?;
-        if !again.is_empty() {
-            let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
-            console.say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
-            layers.forget(again.iter().map(|&l| &digests[l]))?;
-            let (new, more) = trace(prepared, atlas, places, out, layers, &again, console)?;
-            let rays = traced.rays + new.rays;
-            traced = Traced { rays, ..new };
-            warnings.extend(more);
-            origin.traced = missing.iter().chain(&again).collect::<BTreeSet<_>>().len();
-            origin.reused = digests.len() - origin.traced;
-        }
-    }
-    Ok((traced, origin, warnings))
+/// A run, and where it works.
+struct Run<'a> {
+    prepared: &'a Prepared,
+    atlas: &'a Atlas,
+    places: &'a Places,
+    out: &'a Path,
+    layers: &'a Layers,
+    console: &'a Console,
 }
 
-/// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those that are kept. Warnings, too.
-fn trace(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    places: &Places,
-    out: &Path,
-    layers: &Layers,
-    chosen: &[usize],
-    console: &Console,
-) -> Result<(Traced, Vec<String>)> {
-    let Prepared { plan, digests, .. } = prepared;
-    let base = prepared.base();
-    let work = prepared.work(chosen);
-    WorkFolder::remove_finished(out, &work, |digest| layers.holds(digest));
-    if chosen.is_empty() && layers.texels(&base).is_some() {
-        return Ok((layers.traced(&base).unwrap_or_default(), Vec::new()));
-    }
-    let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
-    let mut warnings = Vec::new();
-    if standing::refuse_unfinished(out, &work, layers)? {
-        let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
-        console.warn(dropped);
-        warnings.push(dropped.to_owned());
-    }
-    let traced = with_worker(prepared, atlas, chosen, |worker| {
-        if let Some(slow) = endless::refuse(&worker.transport, atlas, worker.seed)? {
-            console.warn(&slow);
-            warnings.push(slow);
+impl Run<'_> {
+    /// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were left, where they miss it by
+    /// this light. Warnings, too.
+    fn provide_layers(&self, denoiser: &mut Option<Denoiser>) -> Result<(Traced, LayerCount, Vec<String>)> {
+        let Run { prepared, layers, console, .. } = *self;
+        let Prepared { plan, digests, .. } = prepared;
+        let base = prepared.base();
+        let missing = kept::missing(plan, layers, &base, digests);
+        if missing.len() < digests.len() {
+            let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
+            let kept = count(digests.len() - missing.len(), "layer");
+            console.say(match &names[..] {
+                [] => format!("no rays: kept from an earlier bake: {kept}"),
+                names => format!("kept from an earlier bake: {kept}; tracing {}", names.join(", ")),
+            });
         }
-        let folder = WorkFolder::open(out, &work, &wanted, Kinds::of(worker.transport.lights))?;
-        let cached = prepared.integrator == Integrator::Cached;
-        let sets = prepared.sets(chosen);
-        let tracer = Tracer { worker, sets, places, folder: &folder, cached, layers: plan.layers() };
-        let (mut traced, way) = tracer.run(&prepared.limits, console)?;
-        if let Some(kept) = layers.traced(&base).filter(|_| chosen.len() < digests.len()) {
-            traced.keep(&kept);
+        let damaged = missing.iter().filter(|&&l| layers.holds(&digests[l])).count();
+        let (mut traced, mut warnings) = self.trace(&missing, denoiser)?;
+        if damaged > 0 {
+            let what = format!(
+                "{} kept here from an earlier bake were damaged: traced again",
+                count(damaged, "layer")
+            );
+            console.warn(&what);
+            warnings.push(what);
         }
-        traced.rays += layers.write(&tracer, &way, &base, &wanted, &traced, console)?;
-        folder.remove();
-        Ok(traced)
-    })?;
-    Ok((traced, warnings))
-}
+        let mut origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
+        if let (Some(target), Some(texels), 1.., true) = (
+            prepared.limits.target_error,
+            layers.texels(&base),
+            origin.reused,
+            kept::is_met(&traced),
+        ) {
+            let all: Vec<usize> = (0..digests.len()).collect();
+            let again = with_worker(prepared, self.atlas, &[], |worker| {
+                kept::missing_target(plan, &self.light(&worker, layers, &all, &texels, denoiser)?, target)
+            })?;
+            if !again.is_empty() {
+                let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
+                console.say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
+                layers.forget(again.iter().map(|&l| &digests[l]))?;
+                let (new, more) = self.trace(&again, denoiser)?;
+                let rays = traced.rays + new.rays;
+                traced = Traced { rays, ..new };
+                warnings.extend(more);
+                origin.traced = missing.iter().chain(&again).collect::<BTreeSet<_>>().len();
+                origin.reused = digests.len() - origin.traced;
+            }
+        }
+        Ok((traced, origin, warnings))
+    }
 
-/// Denoises the layers that have not been yet. Gives what came of each, a summary, and the rays traced.
-pub fn denoise_layers(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    layers: &Layers,
-    assembler: &Assembler,
-    method: &str,
-    console: &Console,
-) -> Result<(Vec<Option<FilteredLayer>>, Option<Denoised>, RayCounts)> {
-    let start = Instant::now();
-    let texels = assembler.texels();
-    let mut valid = blake3::Hasher::new();
-    let is_valid: Vec<u8> = (0..texels.len()).map(|place| u8::from(assembler.is_valid(place))).collect();
-    valid.update(&is_valid);
-    let valid = *valid.finalize().as_bytes();
-    let of_layer = |digest: &String| {
-        let mut is_noisy = false;
-        layers.each(digest, Part::Rest, |_, value| is_noisy |= value.noise != Rgb::ZERO)?;
-        is_noisy.then(|| layers.filtered(digest, method, &valid)).transpose()
-    };
-    let filtered = prepared.digests.iter().map(of_layer).collect::<Result<Vec<_>>>()?;
-    let all = filtered.iter().flatten();
-    let missing: Vec<FilteredLayer> =
-        all.clone().filter(|layer| !layers.has_filtered(layer, texels.len())).cloned().collect();
-    let mut rays = RayCounts::default();
-    if !missing.is_empty() {
-        rays = with_worker(prepared, atlas, &[], |worker| {
-            denoise::run(&worker, layers, texels, &|place| assembler.is_valid(place), &missing, console)
+    /// The light of some layers (ascending) that `folder` holds, denoised where that is asked for.
+    fn light<'l>(
+        &'l self,
+        worker: &Worker,
+        folder: &'l Layers,
+        chosen: &[usize],
+        texels: &'l [Texel],
+        denoiser: &mut Option<Denoiser>,
+    ) -> Result<target::Light<'l>> {
+        let Prepared { plan, digests, .. } = self.prepared;
+        let owners = Owners::new(self.atlas);
+        let parts = chosen.iter().map(|&layer| (&digests[layer], plan.parts_of(layer)));
+        let valid = ValidTexels::find(self.atlas, &owners, texels, folder, parts)?.by_place(texels);
+        let of_chosen: Vec<String> = chosen.iter().map(|&layer| digests[layer].clone()).collect();
+        let filtered = match denoiser {
+            Some(denoiser) => {
+                denoiser.denoise(worker, folder, &of_chosen, (texels, &valid), self.console)?
+            }
+            None => vec![None; chosen.len()],
+        };
+        let held = chosen.iter().zip(filtered);
+        let layers =
+            held.map(|(&layer, filtered)| (&digests[layer], plan.held_parts_of(layer), filtered)).collect();
+        let (sets, width) = (self.prepared.sets(chosen), self.atlas.width as usize);
+        Ok(target::Light { folder, layers, sets, texels, valid, places: self.places, width })
+    }
+
+    /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those that are kept. Warnings, too.
+    fn trace(&self, chosen: &[usize], denoiser: &mut Option<Denoiser>) -> Result<(Traced, Vec<String>)> {
+        let Run { prepared, atlas, places, out, layers, console } = *self;
+        let Prepared { plan, digests, .. } = prepared;
+        let base = prepared.base();
+        let work = prepared.work(chosen);
+        WorkFolder::remove_finished(out, &work, |digest| layers.holds(digest));
+        if chosen.is_empty() && layers.texels(&base).is_some() {
+            return Ok((layers.traced(&base).unwrap_or_default(), Vec::new()));
+        }
+        let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
+        let mut warnings = Vec::new();
+        if standing::refuse_unfinished(out, &work, layers)? {
+            let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
+            console.warn(dropped);
+            warnings.push(dropped.to_owned());
+        }
+        let traced = with_worker(prepared, atlas, chosen, |worker| {
+            if let Some(slow) = endless::refuse(&worker.transport, atlas, worker.seed)? {
+                console.warn(&slow);
+                warnings.push(slow);
+            }
+            let folder = WorkFolder::open(out, &work, &wanted, Kinds::of(worker.transport.lights))?;
+            let cached = prepared.integrator == Integrator::Cached;
+            let sets = prepared.sets(chosen);
+            let tracer = Tracer { worker, sets, places, folder: &folder, cached, layers: plan.layers() };
+            let (trial, mut more) = (layers.trial(), RayCounts::default());
+            let mut judge = |tracer: &Tracer, way: &Way, target: f64| {
+                trial.clear()?;
+                more += trial.write(tracer, way, &base, &wanted, &Traced::default(), console)?;
+                let texels = trial.texels(&base).ok_or_else(|| folder.changed())?;
+                self.light(&tracer.worker, &trial, chosen, &texels, denoiser)?.judge(target)
+            };
+            let judge: Option<Judge> = prepared.denoise.is_some().then_some(&mut judge);
+            let (mut traced, way) = tracer.run(&prepared.limits, judge, console)?;
+            if let Some(kept) = layers.traced(&base).filter(|_| chosen.len() < digests.len()) {
+                traced.keep(&kept);
+            }
+            traced.rays += more + layers.write(&tracer, &way, &base, &wanted, &traced, console)?;
+            layers.adopt(&trial);
+            folder.remove();
+            Ok(traced)
         })?;
+        Ok((traced, warnings))
     }
-    let denoised = Denoised {
-        method: method.to_owned(),
-        layers: all.count(),
-        new_layers: missing.len(),
-        seconds: start.elapsed().as_secs_f64(),
-    };
-    Ok((filtered, (denoised.layers > 0).then_some(denoised), rays))
 }
 
 /// Checks all layers at these texels, however they came to be.
@@ -493,7 +505,7 @@ fn check_layers(
 }
 
 /// Works with the light of some layers (ascending).
-fn with_worker<T>(
+pub fn with_worker<T>(
     prepared: &Prepared,
     atlas: &Atlas,
     layers: &[usize],

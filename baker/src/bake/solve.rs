@@ -3,7 +3,7 @@
 //! Its entries are laid out; a few walks from each (`pilot`) give a source, their own light and the entry's direct light, and the
 //! entries they land on; the balance of all of them (`balance`) is the light.
 
-use super::balance::{ORDINARY_WALKS, Solution, System, walks};
+use super::balance::{LEAST_WALKS, ORDINARY_WALKS, Solution, System, walks};
 use super::block::{Worker, sum};
 use super::endless;
 use super::indirect::Cache;
@@ -77,21 +77,22 @@ pub fn map<'a>(
     Ok((map, counts))
 }
 
-/// Fills both halves from the direct light found so far, for a bake of so many `samples`.
+/// Fills both halves from the direct light found so far, for a bake of so many `samples`, or, unless these are all, of at least so many.
 pub fn fill<'a>(
     worker: &Worker<'a>,
     folder: &WorkFolder,
     map: CacheMap<'a>,
     blocks: &[usize],
-    samples: u32,
+    (samples, are_all): (u32, bool),
     console: &Console,
 ) -> Result<(Cache<'a>, Solution, RayCounts)> {
     let progress = console.progress("first bounces", 2 * blocks.len() as u64);
     let (walks, mut counts) = (walks(map.entries(), samples), RayCounts::default());
+    let of_patches = if are_all { patch_walks(&map, walks, samples) } else { walks };
     let mut solution = Solution { passes: 0, settled: true };
     let endless = || endless::error(worker.transport.space.geometry);
     let mut solved = |half| -> Result<CacheHalf> {
-        let (system, c) = trace(worker, folder, &map, blocks, walks, half, || progress.advance(1))?;
+        let (system, c) = trace(worker, folder, &map, blocks, (walks, of_patches), half, || progress.advance(1))?;
         counts += c;
         let (values, s) = system.solve(|pass| progress.note(&format!("pass {pass}")), endless)?;
         solution = Solution { passes: solution.passes.max(s.passes), settled: solution.settled && s.settled };
@@ -99,6 +100,14 @@ pub fn fill<'a>(
     };
     let halves = [solved(0)?, solved(1)?];
     Ok((Cache::new(worker, map, halves), solution, counts))
+}
+
+/// Walks per patch and half where texels get so many `samples`: all patches together no more than read them. (What a city has without texels is
+/// mostly small triangles: they are many, and none matters much by itself.)
+fn patch_walks(map: &CacheMap, walks: usize, samples: u32) -> usize {
+    let reads = map.squares() * samples as usize;
+    let worth = reads / map.patches().max(1);
+    1 << worth.clamp(LEAST_WALKS.min(walks), walks).ilog2()
 }
 
 /// Keeps a filled cache beside the work, for a run that continues it.

@@ -245,6 +245,16 @@ impl<'a> CacheMap<'a> {
         self.entries
     }
 
+    /// Entries of lightmapped surfaces.
+    pub fn squares(&self) -> usize {
+        self.squares
+    }
+
+    /// Patches: the other entries.
+    pub fn patches(&self) -> usize {
+        self.entries - self.squares
+    }
+
     /// All patches, by ascending entry.
     pub fn all_patches(&self) -> Vec<Patch> {
         let of_piece = |p: &Piece| {

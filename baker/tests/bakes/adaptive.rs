@@ -3,7 +3,7 @@
 use crate::golden::HONEST;
 use crate::scenes::{Case, outdoors, room};
 use crate::statistics::bakes;
-use baker::bake::run::Integrator;
+use baker::bake::run::{Denoise, Integrator};
 
 const TARGET: f64 = 0.06;
 
@@ -41,4 +41,28 @@ fn outdoors_towards_a_target() {
 #[test]
 fn a_room_towards_a_target() {
     adaptive(&room(), "room");
+}
+
+/// It is met by the light that is stored, with fewer samples, and by its true error.
+#[test]
+fn a_target_is_judged_by_denoised_light() {
+    const FINE: f64 = 0.02;
+    let case = room();
+    let towards =
+        |denoise: Denoise| bakes(&case, 501, 1024, |o| (o.target_error, o.denoise) = (Some(FINE), denoise));
+    let reference = bakes(&case, 1, 64, |_| {});
+    let (traced, denoised) = (towards(Denoise::Off), towards(Denoise::Own));
+    for outcome in &denoised.outcomes {
+        let last = outcome.rounds.last().expect("a round");
+        assert!(!last.is_missed && last.denoised.is_some(), "{last:?}");
+        let local = outcome.local.all.expect("light");
+        assert!(local.p95 <= 1.02 * FINE, "{local:?}");
+        // What the last round's filters made is counted, and kept.
+        assert!(outcome.denoised.as_ref().is_some_and(|d| d.new_layers == d.layers));
+    }
+    let samples = [&traced, &denoised].map(|bakes| bakes.outcomes[0].mean_samples);
+    let ratio = denoised.reported_squared_error() / denoised.squared_error(&reference);
+    println!("samples {samples:?}, estimated ÷ true squared error {ratio:.3}");
+    assert!(samples[1] < 0.7 * samples[0], "{samples:?}");
+    assert!(HONEST.contains(&ratio), "estimated ÷ true squared error {ratio}");
 }

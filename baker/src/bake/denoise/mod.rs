@@ -15,7 +15,8 @@ mod places;
 mod tests;
 
 use super::block::Worker;
-use super::layers::{FilteredLayer, Layers, Texel};
+use super::layers::{FilteredLayer, Layers, Part, Texel};
+use super::options::Denoised;
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
@@ -24,8 +25,10 @@ use kernels::{ERROR_RADIUS, FILTERS, Kernel};
 use mix::{Around, ErrorMatrix, Halves, apply_mixtures, halves};
 use places::{Nearby, Neighbour, Places, REACH};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
+use std::time::Instant;
 
 /// Names the method: other filters are other files.
 pub const METHOD: &str = "own-1";
@@ -35,11 +38,71 @@ pub const AT_ONCE: usize = 16;
 /// Layers whose files are open at once.
 pub const OPEN: usize = 200;
 
-/// Filters layers of a page and stores the results beside them. `texels`: the covered ones; `valid`: which of them count. Gives the rays traced.
-///
-/// # Errors
-/// Layers that cannot be read or written, or [`crate::Error::Interrupted`].
-pub fn run(
+/// Denoises layers, and keeps account of it.
+pub struct Denoiser {
+    method: String,
+    /// The names of what it has made.
+    made: BTreeSet<String>,
+    seconds: f64,
+    /// Those traced for it.
+    pub rays: RayCounts,
+}
+
+impl Denoiser {
+    /// By a method.
+    pub fn new(method: &str) -> Self {
+        let (made, rays) = (BTreeSet::new(), RayCounts::default());
+        Denoiser { method: method.to_owned(), made, seconds: 0.0, rays }
+    }
+
+    /// Denoises those layers of a page that have not been yet. `texels`: the covered ones; `valid`: which of them count. Per layer, what came of
+    /// it; `None` where nothing is noise.
+    ///
+    /// # Errors
+    /// Layers that cannot be read or written, or [`crate::Error::Interrupted`].
+    pub fn denoise(
+        &mut self,
+        worker: &Worker,
+        layers: &Layers,
+        digests: &[String],
+        (texels, valid): (&[Texel], &[bool]),
+        console: &Console,
+    ) -> Result<Vec<Option<FilteredLayer>>> {
+        let start = Instant::now();
+        let mut hash = blake3::Hasher::new();
+        hash.update(&valid.iter().map(|valid| u8::from(*valid)).collect::<Vec<u8>>());
+        let digest_of_valid = *hash.finalize().as_bytes();
+        let of_layer = |digest: &String| {
+            let mut is_noisy = false;
+            layers.each(digest, Part::Rest, |_, value| is_noisy |= value.noise != Rgb::ZERO)?;
+            is_noisy.then(|| layers.filtered(digest, &self.method, &digest_of_valid)).transpose()
+        };
+        let filtered = digests.iter().map(of_layer).collect::<Result<Vec<_>>>()?;
+        let is_missing = |layer: &&FilteredLayer| !layers.has_filtered(layer, texels.len());
+        let missing: Vec<FilteredLayer> = filtered.iter().flatten().filter(is_missing).cloned().collect();
+        if !missing.is_empty() {
+            self.rays += run(worker, layers, texels, &|place| valid[place], &missing, console)?;
+        }
+        self.made.extend(missing.into_iter().map(|layer| layer.name));
+        self.seconds += start.elapsed().as_secs_f64();
+        Ok(filtered)
+    }
+
+    /// What came of it, if anything was there to denoise.
+    pub fn outcome(&self, filtered: &[Option<FilteredLayer>]) -> Option<Denoised> {
+        let layers = filtered.iter().flatten().count();
+        let new_layers = filtered.iter().flatten().filter(|layer| self.made.contains(&layer.name)).count();
+        (layers > 0).then(|| Denoised {
+            method: self.method.clone(),
+            layers,
+            new_layers,
+            seconds: self.seconds,
+        })
+    }
+}
+
+/// Filters layers of a page and stores the results beside them. Gives the rays traced.
+fn run(
     worker: &Worker,
     layers: &Layers,
     texels: &[Texel],
