@@ -9,10 +9,10 @@
 
 use baker::atlas::owners::Owners;
 use baker::bake::assemble::Assembler;
+use baker::bake::denoise::{Denoiser, METHOD};
 use baker::bake::folder;
 use baker::bake::layers::{Layers, Part};
 use baker::bake::local::Places;
-use baker::bake::denoise::{Denoiser, METHOD};
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
 use baker::bake::value::Value;
 use baker::light::schedule::parse_hours;
@@ -50,13 +50,7 @@ fn main() {
     let mut denoiser = Denoiser::new(METHOD);
     let valid: Vec<bool> = (0..assembler.texels().len()).map(|place| assembler.is_valid(place)).collect();
     let filtered = with_worker(&ours, &atlas, &[], |worker| {
-        denoiser.denoise(
-            &worker,
-            &layers,
-            &ours.digests,
-            (assembler.texels(), &valid),
-            &Console::silent(),
-        )
+        denoiser.denoise(&worker, &layers, &ours.digests, (assembler.texels(), &valid), &Console::silent())
     })
     .unwrap();
     let denoised = denoiser.outcome(&filtered);

@@ -103,7 +103,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         charts.keep(&out);
     }
     let (places, looks) = with_worker(&prepared, &atlas, &[], |worker| Places::find(&worker, console))?;
-    let run = Run { prepared: &prepared, atlas: &atlas, places: &places, out: &out, layers: &layers, console };
+    let run =
+        Run { prepared: &prepared, atlas: &atlas, places: &places, out: &out, layers: &layers, console };
     let mut denoiser = prepared.denoise.map(Denoiser::new);
     let (traced, origin, dropped) = run.provide_layers(&mut denoiser)?;
     let base = prepared.base();
@@ -386,19 +387,17 @@ impl Run<'_> {
             warnings.push(what);
         }
         let mut origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
-        if let (Some(target), Some(texels), 1.., true) = (
-            prepared.limits.target_error,
-            layers.texels(&base),
-            origin.reused,
-            kept::is_met(&traced),
-        ) {
+        if let (Some(target), Some(texels), 1.., true) =
+            (prepared.limits.target_error, layers.texels(&base), origin.reused, kept::is_met(&traced))
+        {
             let all: Vec<usize> = (0..digests.len()).collect();
             let again = with_worker(prepared, self.atlas, &[], |worker| {
                 kept::missing_target(plan, &self.light(&worker, layers, &all, &texels, denoiser)?, target)
             })?;
             if !again.is_empty() {
                 let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
-                console.say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
+                console
+                    .say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
                 layers.forget(again.iter().map(|&l| &digests[l]))?;
                 let (new, more) = self.trace(&again, denoiser)?;
                 let rays = traced.rays + new.rays;
@@ -426,9 +425,7 @@ impl Run<'_> {
         let valid = ValidTexels::find(self.atlas, &owners, texels, folder, parts)?.by_place(texels);
         let of_chosen: Vec<String> = chosen.iter().map(|&layer| digests[layer].clone()).collect();
         let filtered = match denoiser {
-            Some(denoiser) => {
-                denoiser.denoise(worker, folder, &of_chosen, (texels, &valid), self.console)?
-            }
+            Some(denoiser) => denoiser.denoise(worker, folder, &of_chosen, (texels, &valid), self.console)?,
             None => vec![None; chosen.len()],
         };
         let held = chosen.iter().zip(filtered);

@@ -92,7 +92,8 @@ pub fn fill<'a>(
     let mut solution = Solution { passes: 0, settled: true };
     let endless = || endless::error(worker.transport.space.geometry);
     let mut solved = |half| -> Result<CacheHalf> {
-        let (system, c) = trace(worker, folder, &map, blocks, (walks, of_patches), half, || progress.advance(1))?;
+        let (system, c) =
+            trace(worker, folder, &map, blocks, (walks, of_patches), half, || progress.advance(1))?;
         counts += c;
         let (values, s) = system.solve(|pass| progress.note(&format!("pass {pass}")), endless)?;
         solution = Solution { passes: solution.passes.max(s.passes), settled: solution.settled && s.settled };
