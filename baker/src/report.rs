@@ -14,24 +14,38 @@ use dataset::report::scene::PICTURE;
 use dataset::store::Dataset;
 use dataset::view::View;
 
-/// Local error against run time.
+/// Local error against run time: as traced, and of rounds that were denoised, and in the end, what was left.
 fn error_plot(outcome: &Outcome) -> Plot {
     let line = |name: &str, value: fn(&Local) -> f64| {
         let points =
             outcome.rounds.iter().filter_map(|r| Some((r.seconds, value(r.local.as_ref()?) * 100.0)));
         (name.to_owned(), points.collect())
     };
+    let denoised = |name: &str, value: fn(&Local) -> f64| {
+        let judged = outcome.rounds.iter().filter_map(|r| Some((r.seconds, r.denoised?)));
+        let last = outcome.rounds.last().filter(|_| outcome.denoised.is_some());
+        let last = last.filter(|r| r.denoised.is_none()).and_then(|r| Some((r.seconds, outcome.local.all?)));
+        let points = judged.chain(last).map(|(seconds, local)| (seconds, value(&local) * 100.0));
+        (format!("{name}, denoised"), points.collect())
+    };
+    let mut lines = vec![
+        line("median cell", |local| local.median),
+        line("95 % of cells", |local| local.p95),
+        line("worst cell", |local| local.worst),
+    ];
+    if outcome.denoised.is_some() {
+        lines.extend([
+            denoised("median cell", |local| local.median),
+            denoised("95 % of cells", |local| local.p95),
+        ]);
+    }
     Plot {
         title: "Estimated local error against run time".to_owned(),
         x: "seconds of tracing".to_owned(),
         y: "error of cells, %".to_owned(),
         log_x: true,
         log_y: true,
-        lines: vec![
-            line("median cell", |local| local.median),
-            line("95 % of cells", |local| local.p95),
-            line("worst cell", |local| local.worst),
-        ],
+        lines,
     }
 }
 
@@ -54,7 +68,7 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
     section.plot(&error_plot(outcome));
     outcome.denoised_in_words().into_iter().for_each(|what| {
         section.paragraph(&format!(
-            "{}. The curve shows the light as traced; the table shows it after denoising.",
+            "{}. The table shows the error that is left after denoising.",
             capitalised(&what)
         ));
     });
