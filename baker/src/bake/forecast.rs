@@ -3,7 +3,7 @@
 
 use super::balance;
 use super::denoise;
-use super::layers::CHECKSUM;
+use super::layer_file::CHECKSUM;
 use super::options::Integrator;
 use super::prepare::Prepared;
 use super::rounds;
@@ -113,6 +113,10 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
     let walks = balance::walks(entries, rounds::certain(&prepared.limits));
     let cache = solve::bytes(entries, plan.layers(), walks);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
+    // Towards a target layers are put together and denoised between rounds, too: beside those that are kept, and beside the cache.
+    let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
+    let layers_bytes = n * (8 + 20 * parts + 24 * denoised) + CHECKSUM as u64 * (parts + denoised + 1);
+    let (trial, beside) = if is_judged { (layers_bytes, stored_cache) } else { (0, 0) };
     let rays = prepared.rays()?;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
@@ -125,10 +129,11 @@ pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Resu
         texels_per_metre: atlas.texels_per_metre,
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
-        layers_bytes: n * (8 + 20 * parts + 24 * denoised) + CHECKSUM as u64 * (parts + denoised + 1),
+        layers_bytes,
         work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled)
-            + stored_cache,
-        memory_bytes: memory(triangles, assembling.max(cache).max(denoising)),
+            + stored_cache
+            + trial,
+        memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising)),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
         lit_tiles: lit_tiles(atlas),
         open: has_sky.then(|| open(prepared, atlas, &rays, &bins, &blocks)),

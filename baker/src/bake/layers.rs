@@ -9,6 +9,7 @@
 //! before. What does not fit it is not there, and made again.
 
 use super::json;
+use super::layer_file::{CHECKSUM, Partial, Source, content, file_name};
 use super::rounds::Traced;
 use super::tracer::{Tracer, Way};
 use super::value::{Filtered, Stored, Value};
@@ -19,7 +20,7 @@ use dataset::console::Console;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -31,9 +32,6 @@ pub const CHARTS: &str = "meshes.charts";
 
 /// Name of the file that says which changes of the folder are being made.
 const CHANGES: &str = "changes.json";
-
-/// Bytes of the checksum that layers and texels end in.
-pub const CHECKSUM: usize = 32;
 
 /// A covered texel of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -63,69 +61,6 @@ pub struct FilteredLayer {
     pub digest: String,
     /// That of the filter, of what was traced, and of the texels that count.
     pub name: String,
-}
-
-/// A layer's file, opened for reading some of its texels.
-pub struct Source {
-    path: PathBuf,
-    file: File,
-    texels: usize,
-}
-
-impl Source {
-    /// The values at some of the texels, by their places among all; no others are read.
-    pub fn read_at(&self, places: &[usize]) -> Result<Vec<Value>> {
-        Ok(self.records::<Stored>(places)?.iter().map(Stored::value).collect())
-    }
-
-    fn open<T>(path: PathBuf) -> Result<Self> {
-        let file = File::open(&path).map_err(Error::io(&path))?;
-        let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
-        let values = length.saturating_sub(CHECKSUM);
-        if !values.is_multiple_of(size_of::<T>()) {
-            return Err(Error::invalid(
-                path.display(),
-                "cut short: expected whole texels (--force bakes anew)",
-            ));
-        }
-        let texels = values / size_of::<T>();
-        Ok(Source { path, file, texels })
-    }
-
-    /// Goes through all records, some at a time.
-    fn each<T: Pod>(&self, mut some: impl FnMut(usize, &[T]) -> Result<()>) -> Result<()> {
-        /// Records at a time.
-        const AT_ONCE: usize = 1 << 14;
-        let mut records = vec![T::zeroed(); AT_ONCE.min(self.texels)];
-        for first in (0..self.texels).step_by(AT_ONCE) {
-            let records = &mut records[..AT_ONCE.min(self.texels - first)];
-            let at = (first * size_of::<T>()) as u64;
-            let bytes = bytemuck::cast_slice_mut(records);
-            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
-            some(first, records)?;
-        }
-        Ok(())
-    }
-
-    fn records<T: Pod>(&self, places: &[usize]) -> Result<Vec<T>> {
-        let mut records = vec![T::zeroed(); places.len()];
-        let mut done = 0;
-        // (What stands together is read at once.)
-        for run in places.chunk_by(|a, b| *b == *a + 1) {
-            let (first, last) = (run[0], run[run.len() - 1]);
-            if last >= self.texels {
-                return Err(Error::invalid(
-                    self.path.display(),
-                    format!("holds {} texels, not number {last}", self.texels),
-                ));
-            }
-            let bytes = bytemuck::cast_slice_mut(&mut records[done..done + run.len()]);
-            let at = (first * size_of::<T>()) as u64;
-            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
-            done += run.len();
-        }
-        Ok(records)
-    }
 }
 
 /// The folder of layers of a dataset.
@@ -471,63 +406,6 @@ impl Changes {
             self.name.iter().find(|(_, to)| *to == name).map(|(from, _)| path.with_file_name(from));
         temporary.filter(|temporary| temporary.exists()).unwrap_or_else(|| path.to_owned())
     }
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// A file that is written under a temporary name.
-pub struct Partial {
-    path: PathBuf,
-    temporary: PathBuf,
-    file: std::io::BufWriter<File>,
-    hash: blake3::Hasher,
-}
-
-impl Partial {
-    fn create(path: PathBuf) -> Result<Self> {
-        let temporary = dataset::files::temporary_beside(&path)?;
-        let file = File::create(&temporary).map_err(Error::io(&path))?;
-        let hash = hasher(&path);
-        Ok(Partial { path, temporary, file: std::io::BufWriter::new(file), hash })
-    }
-
-    /// Appends bytes.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.hash.update(bytes);
-        self.file.write_all(bytes).map_err(Error::io(&self.path))
-    }
-
-    /// Appends the checksum.
-    fn seal(mut self) -> Result<Self> {
-        let checksum = self.hash.finalize();
-        self.write(checksum.as_bytes())?;
-        Ok(self)
-    }
-
-    /// Makes it durable; its temporary name, and the one it is to get.
-    fn finish(self) -> Result<(String, String)> {
-        let file = self.file.into_inner().map_err(|e| Error::io(&self.path)(e.into_error()))?;
-        file.sync_all().map_err(Error::io(&self.path))?;
-        Ok((file_name(&self.temporary), file_name(&self.path)))
-    }
-}
-
-/// The beginning of a file's checksum.
-fn hasher(path: &Path) -> blake3::Hasher {
-    let mut hash = blake3::Hasher::new();
-    hash.update(file_name(path).as_bytes());
-    hash
-}
-
-/// What stands before the checksum of the file that is to be called `path`, and is at `place` now; `None` where it is damaged or missing.
-fn content(path: &Path, place: &Path) -> Option<Vec<u8>> {
-    let mut bytes = std::fs::read(place).ok()?;
-    let (content, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
-    let is_whole = hasher(path).update(content).finalize() == *checksum;
-    bytes.truncate(bytes.len() - CHECKSUM);
-    is_whole.then_some(bytes)
 }
 
 #[cfg(test)]

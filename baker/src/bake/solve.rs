@@ -77,7 +77,7 @@ pub fn map<'a>(
     Ok((map, counts))
 }
 
-/// Fills both halves from the direct light found so far, for a bake of so many `samples`, or, unless these are all, of at least so many.
+/// Fills both halves from the direct light found so far. `samples`: those that a texel is sure to get; `are_all`: it gets no more.
 pub fn fill<'a>(
     worker: &Worker<'a>,
     folder: &WorkFolder,
@@ -103,7 +103,7 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-/// Walks per patch and half where texels get so many `samples`: all patches together no more than read them. (What a city has without texels is
+/// Walks per patch and half where a texel gets `samples` walks: those of all patches together are no more than those of all texels. (What a city has without texels is
 /// mostly small triangles: they are many, and none matters much by itself.)
 fn patch_walks(map: &CacheMap, walks: usize, samples: u32) -> usize {
     let reads = map.squares() * samples as usize;

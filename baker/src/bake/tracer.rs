@@ -6,10 +6,11 @@
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
 use super::endless;
-use super::errors::{Errors, Parts, Sums, cell_of, median};
+use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
-use super::local::{Local, Places, of_block};
-use super::open::{Block, OpenCells};
+use super::local::{Places, of_block};
+use super::open::OpenCells;
+use super::reached::{Done, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule};
 use super::solve;
 use super::state::{BlockState, CELLS};
@@ -198,7 +199,7 @@ impl Tracer<'_> {
             if traced.rays.endless > 0 {
                 return Err(endless::error(self.worker.transport.space.geometry));
             }
-            let mut reached = self.summarise(&done, target, before + start.elapsed().as_secs_f64());
+            let mut reached = summarise(self, &done, target, before + start.elapsed().as_secs_f64());
             let number = step.round;
             reached.is_late = late.into_inner();
             if !reached.is_late {
@@ -208,7 +209,6 @@ impl Tracer<'_> {
                 let mut open =
                     OpenCells::find(self.places, target, self.sets.len(), done.iter().map(Done::cells));
                 if let Some(judge) = judge
-                    && !reached.is_late
                     && is_worth_denoising(&open, &reached, target)
                 {
                     drop(progress);
@@ -545,60 +545,6 @@ impl Tracer<'_> {
         self.folder.write(PIVOT, &pivot)?;
         Ok(pivot)
     }
-
-    /// What the blocks reached, all together.
-    fn summarise(&self, done: &[Done], samples: u32, seconds: f64) -> Round {
-        let atlas = self.worker.atlas;
-        let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, self.sets.len());
-        for block in done {
-            for (set, cells) in block.cells.iter().enumerate() {
-                let mut all = Sums::default();
-                cells.iter().for_each(|c| all.add(c));
-                errors.add(set, block.x0, block.y0, &all);
-            }
-        }
-        let set_means: Vec<f64> = (0..self.sets.len()).map(|s| errors.set(s).mean()).collect();
-        let mut relative = errors.relative(self.sets.iter().any(|parts| !parts.is_empty()));
-        relative.sort_by(f64::total_cmp);
-        let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-        let (local, local_sets) = self.local(done);
-        let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
-        let drawn: u64 = done.iter().map(|d| d.samples).sum();
-        Round {
-            samples,
-            mean_samples: drawn as f64 / texels.max(1) as f64,
-            seconds,
-            median_error: median(&relative),
-            p95_error: at(0.95),
-            worst_error: at(1.0),
-            set_errors: (0..self.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
-            set_means,
-            local,
-            local_sets,
-            denoised: None,
-            open_cells: 0,
-            is_missed: false,
-            is_late: false,
-        }
-    }
-
-    /// The local errors of all sets together, and of each.
-    fn local(&self, done: &[Done]) -> (Option<Local>, Vec<Option<Local>>) {
-        let grid = self.places.grid();
-        let (mut all, mut sets) = (Vec::new(), Vec::new());
-        for set in 0..self.sets.len() {
-            let mut cells = vec![Sums::default(); grid.cells()];
-            for block in done {
-                for (cell, sums) in block.cells[set].iter().enumerate() {
-                    cells[grid.of_block(block.x0, block.y0, cell)] = *sums;
-                }
-            }
-            let (errors, local) = self.places.judge(&cells);
-            all.extend(errors.iter().zip(&cells).map(|(error, sums)| (*error, sums.values / 3)));
-            sets.push(local);
-        }
-        (Local::of(all.into_iter()), sets)
-    }
 }
 
 impl Way<'_> {
@@ -626,24 +572,4 @@ fn is_worth_denoising(open: &OpenCells, reached: &Round, target: f64) -> bool {
 /// The name under which the open cells of a round are kept, for a run that continues after it.
 fn open_name(round: u32) -> String {
     format!("open-{round}.bin")
-}
-
-/// A block after a round.
-struct Done {
-    x0: usize,
-    y0: usize,
-    /// The texels of each cell that light could reach.
-    exposed: [u32; CELLS],
-    cells: Vec<[Sums; CELLS]>,
-    /// Texels that were given samples.
-    texels: u32,
-    /// Samples of indirect light over all of them.
-    samples: u64,
-    rays: RayCounts,
-}
-
-impl Done {
-    fn cells(&self) -> Block<'_> {
-        Block { x0: self.x0, y0: self.y0, exposed: self.exposed, sums: &self.cells }
-    }
 }

@@ -1,0 +1,136 @@
+//! The files of layers: records of texels, one after the other, and a checksum. Written under temporary names, read as a whole or here and there.
+
+use super::value::{Stored, Value};
+use crate::{Error, Result};
+use bytemuck::Pod;
+use std::fs::File;
+use std::io::Write;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+/// Bytes of the checksum that layers and texels end in.
+pub const CHECKSUM: usize = 32;
+
+/// A layer's file, opened for reading some of its texels.
+pub struct Source {
+    path: PathBuf,
+    file: File,
+    texels: usize,
+}
+
+impl Source {
+    /// The values at some of the texels, by their places among all; no others are read.
+    pub fn read_at(&self, places: &[usize]) -> Result<Vec<Value>> {
+        Ok(self.records::<Stored>(places)?.iter().map(Stored::value).collect())
+    }
+
+    /// Opens a file of such records.
+    pub fn open<T>(path: PathBuf) -> Result<Self> {
+        let file = File::open(&path).map_err(Error::io(&path))?;
+        let length = file.metadata().map_err(Error::io(&path))?.len() as usize;
+        let values = length.saturating_sub(CHECKSUM);
+        if !values.is_multiple_of(size_of::<T>()) {
+            return Err(Error::invalid(
+                path.display(),
+                "cut short: expected whole texels (--force bakes anew)",
+            ));
+        }
+        let texels = values / size_of::<T>();
+        Ok(Source { path, file, texels })
+    }
+
+    /// Goes through all records, some at a time.
+    pub fn each<T: Pod>(&self, mut some: impl FnMut(usize, &[T]) -> Result<()>) -> Result<()> {
+        /// Records at a time.
+        const AT_ONCE: usize = 1 << 14;
+        let mut records = vec![T::zeroed(); AT_ONCE.min(self.texels)];
+        for first in (0..self.texels).step_by(AT_ONCE) {
+            let records = &mut records[..AT_ONCE.min(self.texels - first)];
+            let at = (first * size_of::<T>()) as u64;
+            let bytes = bytemuck::cast_slice_mut(records);
+            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
+            some(first, records)?;
+        }
+        Ok(())
+    }
+
+    /// The records of some of the texels, by their places among all.
+    pub fn records<T: Pod>(&self, places: &[usize]) -> Result<Vec<T>> {
+        let mut records = vec![T::zeroed(); places.len()];
+        let mut done = 0;
+        // (What stands together is read at once.)
+        for run in places.chunk_by(|a, b| *b == *a + 1) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            if last >= self.texels {
+                return Err(Error::invalid(
+                    self.path.display(),
+                    format!("holds {} texels, not number {last}", self.texels),
+                ));
+            }
+            let bytes = bytemuck::cast_slice_mut(&mut records[done..done + run.len()]);
+            let at = (first * size_of::<T>()) as u64;
+            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
+            done += run.len();
+        }
+        Ok(records)
+    }
+}
+
+/// The name of a file of the folder.
+pub fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A file that is written under a temporary name.
+pub struct Partial {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: std::io::BufWriter<File>,
+    hash: blake3::Hasher,
+}
+
+impl Partial {
+    /// Begins the file that is to be called so.
+    pub fn create(path: PathBuf) -> Result<Self> {
+        let temporary = dataset::files::temporary_beside(&path)?;
+        let file = File::create(&temporary).map_err(Error::io(&path))?;
+        let hash = hasher(&path);
+        Ok(Partial { path, temporary, file: std::io::BufWriter::new(file), hash })
+    }
+
+    /// Appends bytes.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.hash.update(bytes);
+        self.file.write_all(bytes).map_err(Error::io(&self.path))
+    }
+
+    /// Appends the checksum.
+    pub fn seal(mut self) -> Result<Self> {
+        let checksum = self.hash.finalize();
+        self.write(checksum.as_bytes())?;
+        Ok(self)
+    }
+
+    /// Makes it durable; its temporary name, and the one it is to get.
+    pub fn finish(self) -> Result<(String, String)> {
+        let file = self.file.into_inner().map_err(|e| Error::io(&self.path)(e.into_error()))?;
+        file.sync_all().map_err(Error::io(&self.path))?;
+        Ok((file_name(&self.temporary), file_name(&self.path)))
+    }
+}
+
+/// The beginning of a file's checksum.
+fn hasher(path: &Path) -> blake3::Hasher {
+    let mut hash = blake3::Hasher::new();
+    hash.update(file_name(path).as_bytes());
+    hash
+}
+
+/// What stands before the checksum of the file that is to be called `path`, and is at `place` now; `None` where it is damaged or missing.
+pub fn content(path: &Path, place: &Path) -> Option<Vec<u8>> {
+    let mut bytes = std::fs::read(place).ok()?;
+    let (content, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
+    let is_whole = hasher(path).update(content).finalize() == *checksum;
+    bytes.truncate(bytes.len() - CHECKSUM);
+    is_whole.then_some(bytes)
+}

@@ -1,0 +1,88 @@
+//! What the blocks of a page reached in a round, all together.
+
+use super::errors::{Errors, Sums, median};
+use super::local::Local;
+use super::open::Block;
+use super::rounds::Round;
+use super::state::CELLS;
+use super::tracer::Tracer;
+use crate::trace::counts::RayCounts;
+
+/// A block after a round.
+pub struct Done {
+    /// Column of its top left texel.
+    pub x0: usize,
+    /// Row of its top left texel.
+    pub y0: usize,
+    /// The texels of each cell that light could reach.
+    pub exposed: [u32; CELLS],
+    /// Per set, error and light of each cell.
+    pub cells: Vec<[Sums; CELLS]>,
+    /// Texels that were given samples.
+    pub texels: u32,
+    /// Samples of indirect light over all of them.
+    pub samples: u64,
+    /// Rays traced for it.
+    pub rays: RayCounts,
+}
+
+impl Done {
+    /// What is asked of it towards a target.
+    pub fn cells(&self) -> Block<'_> {
+        Block { x0: self.x0, y0: self.y0, exposed: self.exposed, sums: &self.cells }
+    }
+}
+
+/// What the blocks reached, all together.
+pub fn summarise(tracer: &Tracer, done: &[Done], samples: u32, seconds: f64) -> Round {
+    let atlas = tracer.worker.atlas;
+    let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, tracer.sets.len());
+    for block in done {
+        for (set, cells) in block.cells.iter().enumerate() {
+            let mut all = Sums::default();
+            cells.iter().for_each(|c| all.add(c));
+            errors.add(set, block.x0, block.y0, &all);
+        }
+    }
+    let set_means: Vec<f64> = (0..tracer.sets.len()).map(|s| errors.set(s).mean()).collect();
+    let mut relative = errors.relative(tracer.sets.iter().any(|parts| !parts.is_empty()));
+    relative.sort_by(f64::total_cmp);
+    let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+    let (local, local_sets) = local(tracer, done);
+    let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
+    let drawn: u64 = done.iter().map(|d| d.samples).sum();
+    Round {
+        samples,
+        mean_samples: drawn as f64 / texels.max(1) as f64,
+        seconds,
+        median_error: median(&relative),
+        p95_error: at(0.95),
+        worst_error: at(1.0),
+        set_errors: (0..tracer.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
+        set_means,
+        local,
+        local_sets,
+        denoised: None,
+        open_cells: 0,
+        is_missed: false,
+        is_late: false,
+    }
+}
+
+/// The local errors of all sets together, and of each.
+fn local(tracer: &Tracer, done: &[Done]) -> (Option<Local>, Vec<Option<Local>>) {
+    let grid = tracer.places.grid();
+    let (mut all, mut sets) = (Vec::new(), Vec::new());
+    for set in 0..tracer.sets.len() {
+        let mut cells = vec![Sums::default(); grid.cells()];
+        for block in done {
+            for (cell, sums) in block.cells[set].iter().enumerate() {
+                cells[grid.of_block(block.x0, block.y0, cell)] = *sums;
+            }
+        }
+        let (errors, local) = tracer.places.judge(&cells);
+        all.extend(errors.iter().zip(&cells).map(|(error, sums)| (*error, sums.values / 3)));
+        sets.push(local);
+    }
+    (Local::of(all.into_iter()), sets)
+}
