@@ -173,9 +173,14 @@ pub fn sunny_bundle() -> Vec<u8> {
 
 /// What [`sunny_bundle`] is made of.
 pub fn sunny() -> (Header, Vec<Payload>) {
+    sunny_pages(vec![Grid { width: 300, height: 140 }])
+}
+
+/// The same with other pages. The kinds of tiles come round after six.
+pub fn sunny_pages(pages: Vec<Grid>) -> (Header, Vec<Payload>) {
     let mut header = header();
-    header.pages = vec![Grid { width: 300, height: 140 }];
-    header.kinds = vec![PageKind::Atlas];
+    header.kinds = vec![PageKind::Atlas; pages.len()];
+    header.pages = pages;
     let times = vec![6.0, 7.5, 9.0, 13.0];
     let path = SunPath {
         hours: vec![5.5, 10.0, 14.0],
@@ -187,8 +192,8 @@ pub fn sunny() -> (Header, Vec<Payload>) {
         .iter()
         .enumerate()
         .map(|(i, place)| {
-            let (width, height) = header.pages[0].stored(place.column, place.row);
-            (i != 2).then(|| sun_tile([width, height], times.len(), if i % 3 == 1 { 3 } else { 1 }, i as u64))
+            let (width, height) = header.pages[place.page].stored(place.column, place.row);
+            (i % 6 != 2).then(|| sun_tile([width, height], times.len(), if i % 3 == 1 { 3 } else { 1 }, i as u64))
         })
         .collect();
     let mut tables = None;
@@ -204,10 +209,10 @@ pub fn sunny() -> (Header, Vec<Payload>) {
         .iter()
         .enumerate()
         .map(|(i, place)| {
-            let mut payload = match i {
+            let mut payload = match i % 6 {
                 0 | 4 => Payload::default(),
-                _ => {
-                    let contents = PROFILES[if i == 1 { 6 } else { 1 }].contents(4, 1);
+                of => {
+                    let contents = PROFILES[if of == 1 { 6 } else { 1 }].contents(4, 1);
                     let mut tile = tile(header.shape(*place, &contents), i as u64);
                     tile.knots.push(dusk());
                     bundle::encode_payload(&tile).unwrap()

@@ -1,0 +1,90 @@
+//! What was read.
+
+use super::{Answer, Commands, Completion, Data, Failure, Stream};
+use crate::Tile;
+
+/// How many steps a read waits before it is tried again, at first; twice as long after each failure.
+const PAUSE: u64 = 8;
+
+impl Stream {
+    /// Takes up answers. Those to reads that nobody waits for are left aside.
+    pub(super) fn arrive(&mut self, completions: &[Completion], commands: &mut Commands) {
+        for Completion { ticket, answer } in completions {
+            let of = |state: &Data| matches!(state, Data::Reading { ticket: own, .. } if own == ticket);
+            let reading = self.under_way.iter().copied().find(|tile| of(&self.state(*tile).data));
+            match (reading, self.intervals.remove(ticket)) {
+                (Some(tile), _) => self.of_features(tile, answer, commands),
+                (None, Some(tile)) => self.of_interval(tile, answer, commands),
+                (None, None) => {}
+            }
+        }
+    }
+
+    fn of_features(&mut self, tile: Tile, answer: &Answer, commands: &mut Commands) {
+        let Data::Reading { tries, .. } = self.state(tile).data else { return };
+        let times = self.state(tile).visible.ready;
+        let data = match answer {
+            Answer::Arrived => Data::Arrived { times },
+            Answer::Failed { is_lasting: false, .. } if tries < self.budgets.retries => {
+                Data::Waiting { step: self.step + (PAUSE << tries.min(8)), tries: tries + 1 }
+            }
+            Answer::Failed { what, .. } => {
+                commands.failures.push(Failure { tile, what: what.clone() });
+                Data::Failed
+            }
+        };
+        if !matches!(data, Data::Arrived { .. }) {
+            self.under_way.retain(|other| *other != tile);
+            self.state_mut(tile).visible = Default::default();
+        }
+        if data == Data::Failed {
+            // What is shown of it stays, but cannot be decoded again: what covers it is better.
+            self.wanted.remove(&tile);
+            self.pinned.retain(|other| *other != tile);
+            self.free_slot(tile, commands);
+        }
+        self.state_mut(tile).data = data;
+    }
+
+    fn of_interval(&mut self, tile: Tile, answer: &Answer, commands: &mut Commands) {
+        let visible = &mut self.state_mut(tile).visible;
+        let Some((_, times)) = visible.asked.take() else { return };
+        match answer {
+            Answer::Arrived => visible.ready = Some(times),
+            Answer::Failed { what, .. } => {
+                // Its features were read and checked: that it cannot be unpacked is for good.
+                commands.failures.push(Failure { tile, what: what.clone() });
+                self.wanted.remove(&tile);
+                self.pinned.retain(|other| *other != tile);
+                self.free_slot(tile, commands);
+                self.free_place(tile, commands);
+                self.state_mut(tile).data = Data::Failed;
+            }
+        }
+    }
+
+    /// Takes a tile's slot.
+    pub(super) fn free_slot(&mut self, tile: Tile, commands: &mut Commands) {
+        if let Some(shown) = self.state_mut(tile).shown.take() {
+            self.slots[shown.slot as usize] = None;
+            self.is_table_old = true;
+            commands.evictions.push(tile);
+        }
+    }
+
+    /// Takes a tile's data off the device.
+    pub(super) fn free_place(&mut self, tile: Tile, commands: &mut Commands) {
+        let state = self.state_mut(tile);
+        if let Data::Held { place, .. } = state.data {
+            state.data = Data::Absent;
+            let asked = state.visible.asked.take();
+            state.visible = Default::default();
+            if let Some((ticket, _)) = asked {
+                self.intervals.remove(&ticket);
+            }
+            self.places[place as usize] = None;
+            commands.unloads.push(place);
+            commands.drops.push(tile);
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What the view wants, as far as there is room for it.
+
+use super::{Data, Seen, Stream};
+use crate::Tile;
+use std::collections::BTreeMap;
+
+/// Share of the slots above which the view is asked for coarser levels, and below which for finer ones again.
+const FULL: [f32; 2] = [0.75, 0.95];
+/// By how many levels the bias changes per feedback, per share of the slots beyond those limits; and at most.
+const PACE: f32 = 0.2;
+const MOST: f32 = 0.1;
+
+impl Stream {
+    /// Takes up a feedback.
+    pub(super) fn want(&mut self, seen: &[Seen]) {
+        let mut wanted = BTreeMap::<Tile, u32>::new();
+        for Seen { tile, pixels } in seen {
+            let Some(tile) = self.readable(*tile) else { continue };
+            let sum = wanted.entry(tile).or_default();
+            *sum = sum.saturating_add(*pixels);
+        }
+        // What covers them is what is shown until they are there.
+        let pages: Vec<Tile> = wanted.keys().map(|tile| self.root(*tile)).collect();
+        for root in pages.into_iter().filter_map(|root| self.readable(root)) {
+            wanted.entry(root).or_insert(1);
+        }
+        let room = self.slots.len() - self.pinned.iter().filter(|tile| !wanted.contains_key(tile)).count();
+        self.bias(wanted.len() as f32 / room as f32);
+        if wanted.len() > room {
+            let mut order: Vec<(Tile, u32)> = wanted.into_iter().collect();
+            order.sort_by_key(|(tile, pixels)| (!self.is_root(*tile), std::cmp::Reverse(*pixels), *tile));
+            order.truncate(room);
+            wanted = order.into_iter().collect();
+        }
+        self.wanted = wanted;
+    }
+
+    /// A tile, or the nearest one that covers it and can be read; `None` where there is none, and for one that has no light.
+    fn readable(&self, tile: Tile) -> Option<Tile> {
+        let mut tile = self.pyramid.spot(tile).map(|_| tile)?;
+        if self.pyramid.facts(tile).is_black() {
+            return None;
+        }
+        while self.state(tile).data == Data::Failed {
+            tile = self.pyramid.parent(tile)?;
+        }
+        Some(tile)
+    }
+
+    /// The tile of the last level that covers a tile.
+    fn root(&self, mut tile: Tile) -> Tile {
+        while let Some(parent) = self.pyramid.parent(tile) {
+            tile = parent;
+        }
+        tile
+    }
+
+    pub(super) fn is_root(&self, tile: Tile) -> bool {
+        self.pyramid.spot(tile).is_some_and(|spot| spot.level + 1 == self.pyramid.levels())
+    }
+
+    fn bias(&mut self, full: f32) {
+        let [low, high] = FULL;
+        let beyond = (full - high).max(0.0) + (full - low).min(0.0);
+        let most = (self.pyramid.levels() - 1) as f32;
+        self.mip_bias = (self.mip_bias + (PACE * beyond).clamp(-MOST, MOST)).clamp(0.0, most);
+    }
+
+    /// Marks what is wanted in this step; pinned tiles always are.
+    pub(super) fn mark(&mut self) {
+        let pinned = self.pinned.iter().map(|tile| (*tile, 1));
+        let wanted: Vec<(Tile, u32)> =
+            pinned.chain(self.wanted.iter().map(|(tile, pixels)| (*tile, *pixels))).collect();
+        for (tile, pixels) in wanted {
+            let step = self.step;
+            let state = self.state_mut(tile);
+            (state.wanted, state.pixels) = (step, pixels);
+        }
+    }
+
+    /// What is wanted in this step: the most pixels first, but roots before all.
+    pub(super) fn in_order(&self) -> Vec<Tile> {
+        let mut order: Vec<Tile> = self.wanted.keys().chain(&self.pinned).copied().collect();
+        order.sort_unstable();
+        order.dedup();
+        order.sort_by_key(|tile| {
+            let is_unseen = !self.wanted.contains_key(tile);
+            (is_unseen, !self.is_root(*tile), std::cmp::Reverse(self.state(*tile).pixels))
+        });
+        order
+    }
+}
