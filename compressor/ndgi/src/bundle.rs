@@ -8,14 +8,16 @@
 mod header;
 mod payload;
 mod resident;
+mod sun;
 
 pub use payload::{Payload, Section, blocks_len, encode_payload, full_len};
 pub use resident::rounded_means;
+pub use sun::SunSections;
 
 use crate::grid::{Grid, Place};
 use crate::model::{Contents, Knot, Shape, TileParams};
 use crate::source::{Memory, ReadAt};
-use crate::sun::{Shadows, Sun, SunDecoder, TileSun};
+use crate::sun::{Sun, SunDecoder};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 use std::sync::OnceLock;
@@ -374,56 +376,6 @@ impl Bundle {
         payload::decode_section(&section, part.word, shape, self.header.groups.len(), knots)
             .map_err(|what| Error::invalid(self.name_of(place), what))
             .map(Some)
-    }
-}
-
-impl Bundle {
-    /// Reads and checks what one tile sees of the sun; `None` where that is nothing, or no stream of its own.
-    ///
-    /// # Errors
-    /// As [`Bundle::tile`].
-    pub fn sun(&self, place: Place) -> Result<Option<TileSun>> {
-        self.sun_at(place, None)
-    }
-
-    /// Bytes of a tile's streams of the sun at one moment, at most, in a compact layout: levels of two times in 3 bits, normals as stored, and the
-    /// moving shadows between. `ndgi-gpu` needs more. (All other times stay on disk, or as they are stored.)
-    ///
-    /// # Errors
-    /// As [`Bundle::tile`].
-    pub fn bytes_held_of_sun(&self, place: Place) -> Result<u64> {
-        let Some((tile, sun)) = self.sun(place)?.zip(self.header.sun.as_ref()) else { return Ok(0) };
-        let part = &self.index[self.position(place)?].sun;
-        let section = self.read(part, || self.name_of(place))?;
-        let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
-        let held = decoder.held(&section, part.word, [tile.width, tile.height]);
-        Ok((held + tile.shadows.most_bytes(tile.channels())) as u64)
-    }
-
-    /// What a tile sees of the sun at some of the times of [`Sun::times`] alone.
-    pub(crate) fn sun_at(&self, place: Place, times: Option<&[usize]>) -> Result<Option<TileSun>> {
-        let position = self.position(place)?;
-        let Entry { sun: part, shadows, .. } = &self.index[position];
-        let (Some(sun), 1..) = (&self.header.sun, part.length) else { return Ok(None) };
-        let section = self.read(part, || self.name_of(place))?;
-        let (width, height) = self.header.pages[place.page].stored(place.column, place.row);
-        let decoder = self.sun_decoder.get_or_init(|| SunDecoder::new(sun));
-        let wrong = |what| Error::invalid(self.name_of(place), what);
-        let mut tile = match times {
-            Some(times) => decoder.tile_at(&section, part.word, [width, height], times),
-            None => decoder.tile(&section, part.word, [width, height]),
-        }
-        .map_err(wrong)?;
-        // Between two times, or between all.
-        let only = times.and_then(|times| times.first().copied());
-        if shadows.length > 0 && times.is_none_or(|times| times.len() == 2) {
-            let section = self.read(shadows, || self.name_of(place))?;
-            let section = (shadows.word, &section[..]);
-            let intervals = sun.times.len() - 1;
-            tile.shadows =
-                Shadows::decode(section, [width, height], tile.channels(), intervals, only).map_err(wrong)?;
-        }
-        Ok(Some(tile))
     }
 }
 

@@ -223,6 +223,27 @@ fn groups(plane: &[u8], count: usize) -> impl Iterator<Item = Result<(usize, &[u
     })
 }
 
+/// The planes of a section, by channel and interval, and what follows them.
+fn planes_of(bytes: &[u8], count: usize) -> Result<(Vec<&[u8]>, &[u8]), String> {
+    let (ends, data) =
+        bytes.split_at_checked(4 * count).ok_or("ends of the planes of moving shadows that are cut short")?;
+    let (mut planes, mut from) = (Vec::with_capacity(count), 0usize);
+    for (plane, end) in ends.as_chunks::<4>().0.iter().enumerate() {
+        let end = usize::try_from(u64::from(u32::from_le_bytes(*end)) * 2).unwrap_or(usize::MAX);
+        planes.push(
+            data.get(from..end).ok_or_else(|| format!("plane {plane} of moving shadows ends at {end}"))?,
+        );
+        from = end;
+    }
+    Ok((planes, &data[from..]))
+}
+
+/// The largest sum over channels of planes' lengths, by channel and interval.
+fn most(lengths: &[usize], intervals: usize) -> usize {
+    let of = |interval: usize| lengths.iter().skip(interval).step_by(intervals).sum();
+    (0..intervals).map(of).max().unwrap_or(0)
+}
+
 /// How the shadows of a tile move.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shadows {
@@ -275,16 +296,9 @@ impl Shadows {
             return Err(format!("word {word:#x} of moving shadows; expected 0"));
         }
         let across_down = size.map(|side| side.div_ceil(GROUP));
-        let (ends, data) = bytes
-            .split_at_checked(4 * channels * intervals)
-            .ok_or("ends of the planes of moving shadows that are cut short")?;
-        let (mut planes, mut from) = (Vec::new(), 0usize);
-        for (plane, end) in ends.as_chunks::<4>().0.iter().enumerate() {
-            let end = usize::try_from(u64::from(u32::from_le_bytes(*end)) * 2).unwrap_or(usize::MAX);
-            let bytes = data
-                .get(from..end)
-                .ok_or_else(|| format!("plane {plane} of moving shadows ends at {end}"))?;
-            from = end;
+        let (of_section, rest) = planes_of(bytes, channels * intervals)?;
+        let mut planes = Vec::new();
+        for (plane, bytes) in of_section.into_iter().enumerate() {
             if only.is_some_and(|only| plane % intervals != only) {
                 continue;
             }
@@ -303,7 +317,6 @@ impl Shadows {
             }
             planes.push(bytes.to_vec());
         }
-        let rest = &data[from..];
         if rest.len() >= 16 || rest.iter().any(|byte| *byte != 0) {
             return Err("only zeros up to the next multiple of 16 may follow moving shadows".to_owned());
         }
@@ -342,9 +355,15 @@ impl Shadows {
 
     /// Bytes of the interval that has most of them, over all channels.
     pub fn most_bytes(&self, channels: usize) -> usize {
-        let intervals = self.planes.len() / channels.max(1);
-        let of = |interval: usize| self.planes.iter().skip(interval).step_by(intervals).map(Vec::len).sum();
-        (0..intervals).map(of).max().unwrap_or(0)
+        let lengths: Vec<usize> = self.planes.iter().map(Vec::len).collect();
+        most(&lengths, self.planes.len() / channels.max(1))
+    }
+
+    /// The same of a section that is not decoded.
+    pub(crate) fn most_bytes_in(bytes: &[u8], channels: usize, intervals: usize) -> Result<usize, String> {
+        let (planes, _) = planes_of(bytes, channels * intervals)?;
+        let lengths: Vec<usize> = planes.into_iter().map(<[u8]>::len).collect();
+        Ok(most(&lengths, intervals))
     }
 
     fn plane(&self, channels: usize, channel: usize, interval: usize) -> Option<&[u8]> {
