@@ -9,6 +9,18 @@ pub enum Error {
     /// The device cannot do what was asked for.
     #[error("{0}")]
     Device(String),
+    /// A pool's buffers have no room for a tile: unload others, and try again.
+    #[error(
+        "the pool has no room for a tile's {words} words in its {buffer} buffer, which has {free} free, in parts that are too small"
+    )]
+    Full {
+        /// Which buffer: `resident` or `interval`.
+        buffer: &'static str,
+        /// Words of 4 bytes that the tile needs.
+        words: u32,
+        /// Words that are free in all.
+        free: u32,
+    },
     /// A value that makes no sense.
     #[error("{0}")]
     Invalid(String),

@@ -24,15 +24,26 @@
 #[doc = include_str!("../../INTEGRATION.md")]
 mod guide {}
 
-mod decoder;
 mod error;
-mod load;
-mod pipelines;
-mod place;
 mod shader;
+mod pipelines;
+mod request;
+mod place;
+mod survey;
 mod tile;
+mod sun;
+mod load;
+mod stage;
+mod decoder;
+mod page;
+mod features;
+mod pool;
 
-pub use decoder::{Decoder, Moment, Options, Page, Request, Target, Work, features};
+pub use decoder::Decoder;
 pub use error::{Error, Result};
+pub use features::{Features, Interval, Sunlight};
+pub use page::Page;
 pub use pipelines::Pipelines;
+pub use pool::Pool;
+pub use request::{Moment, Options, Request, SlotRequest, Target, Work, features};
 pub use shader::{Output, Precision, Shader, coarse};

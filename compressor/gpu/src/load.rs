@@ -1,95 +1,128 @@
-//! From a bundle to a device: all of its tiles, read once.
+//! From a bundle towards a device: a tile's data in the form in which they are uploaded.
 
 use crate::Result;
-use crate::place::Spot;
-use crate::shader;
-use crate::tile::{Maps, Seen, Tile};
-use ndgi::Bundle;
+use crate::place::{Spot, shelves};
+use crate::sun::Seen;
+use crate::survey;
+use crate::tile::Maps;
 use ndgi::bc7;
-use ndgi::grid::Place;
-use ndgi::model::Contents;
+use ndgi::model::TileParams;
+use ndgi::sun::TileSun;
 
-/// The sizes of all maps of BC7, in the order in which [`Loading::tile`] asks for their places, and the most that a strip reads of F_uvt. The index
-/// tells them.
-pub(crate) fn sizes(bundle: &Bundle) -> (Vec<[u32; 2]>, usize) {
-    let (mut sizes, mut coarse) = (Vec::new(), 0);
-    for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
-        let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
-        let Some(shape) = contents.map(|contents| bundle.header.shape(place, &contents)) else { continue };
-        let [width, height, slices] = shape.uvt;
-        sizes.extend(shape.contents.uv.then_some([shape.width as u32, shape.height as u32]));
-        sizes.extend(vec![[width as u32, height as u32]; slices]);
-        coarse = coarse.max(shader::coarse([width, height], shape.height));
-    }
-    (sizes, coarse)
+/// A tile's large data, as they are uploaded.
+#[derive(Debug, Default)]
+pub(crate) struct Data {
+    /// Its part of the resident buffer: weights, F_ut and F_vt, normals.
+    pub words: Vec<u32>,
+    pub picture: Picture,
 }
 
-/// What is being put on a device.
-pub(crate) struct Loading<'a> {
-    pub queue: &'a wgpu::Queue,
-    pub texture: &'a wgpu::Texture,
-    pub unpacks: bool,
-    pub resident: Vec<u32>,
-    /// Words of the interval's buffer so far.
-    pub interval: u32,
+/// All maps of BC7 of a tile, put together.
+#[derive(Debug, Default)]
+pub(crate) struct Picture {
+    /// Width and height, in texels.
+    pub size: [u32; 2],
+    /// Where maps lie on it, and their sizes, in the order of [`survey::maps`].
+    pub maps: Vec<(Spot, [u32; 2])>,
+    /// Row by row of blocks, or of RGBA8 texels.
+    bytes: Vec<u8>,
+    unpacks: bool,
 }
 
-impl Loading<'_> {
-    /// Reads a tile and uploads its maps.
-    pub fn tile(
-        &mut self,
-        bundle: &Bundle,
-        place: Place,
-        spots: &mut impl Iterator<Item = Spot>,
-    ) -> Result<Tile> {
-        let mut tile = Tile::default();
-        if let Some(params) = bundle.tile(place)? {
-            let shape = params.shape;
-            let [width, height, slices] = shape.uvt;
-            let uv = if shape.contents.uv { spots.next() } else { None };
-            let of_slices: Vec<Spot> = spots.take(slices).collect();
-            if let Some(spot) = uv {
-                self.upload([shape.width, shape.height], spot, &params.f_uv)?;
-            }
-            for (spot, blocks) in of_slices.iter().zip(params.f_uvt.chunks((width * height / 16).max(1))) {
-                self.upload([width, height], *spot, blocks)?;
-            }
-            tile.maps = Some(Maps::new(params, uv, of_slices, &mut self.resident));
-        }
-        if let Some(sun) = bundle.sun(place)? {
-            tile.seen = Some(Seen::new(&sun, &mut self.resident, &mut self.interval));
-        }
-        Ok(tile)
+impl Data {
+    /// Of what [`ndgi::Bundle::tile`] gave, which checked it.
+    pub fn maps(&mut self, mut params: TileParams, unpacks: bool) -> Result<Maps> {
+        let mut blocks = std::mem::take(&mut params.f_uv);
+        blocks.append(&mut params.f_uvt);
+        self.picture = Picture::new(&survey::maps(&params.shape), &blocks, unpacks)?;
+        Ok(Maps::new(params, &mut self.words))
     }
 
-    /// Puts a map of BC7 blocks in its place, unpacked if need be.
-    fn upload(&self, [width, height]: [usize; 2], [x, y, layer]: Spot, blocks: &[[u8; 16]]) -> Result<()> {
-        let mut texels = Vec::new();
-        if self.unpacks {
-            texels.resize(4 * width * height, 0);
-            for (i, block) in blocks.iter().enumerate() {
-                let corner = i / (width / 4) * 4 * width + i % (width / 4) * 4;
-                for (j, texel) in bc7::decode(block)?.iter().enumerate() {
-                    let at = 4 * (corner + j / 4 * width + j % 4);
-                    texels[at..at + 4].copy_from_slice(texel);
-                }
+    /// Of a tile at any of its times. `most`: bytes of its moving shadows in the interval that has most of them.
+    pub fn seen(&mut self, tile: &TileSun, most: usize) -> Seen {
+        Seen::new(tile, most, &mut self.words)
+    }
+}
+
+impl Picture {
+    fn new(sizes: &[[u32; 2]], blocks: &[[u8; 16]], unpacks: bool) -> Result<Self> {
+        let (size, spots) = shelves(sizes);
+        let texel = if unpacks { 4 } else { 1 };
+        let bytes = vec![0; texel * size[0] as usize * size[1] as usize];
+        let mut picture =
+            Picture { size, maps: spots.into_iter().zip(sizes.iter().copied()).collect(), bytes, unpacks };
+        let mut blocks = blocks.iter();
+        for map in 0..picture.maps.len() {
+            let ([x, y, _], [width, height]) = picture.maps[map];
+            for (y, x) in
+                (y..y + height).step_by(4).flat_map(|y| (x..x + width).step_by(4).map(move |x| (y, x)))
+            {
+                let Some(block) = blocks.next() else { break };
+                picture.put([x, y], block)?;
             }
-        } else {
-            blocks.iter().try_for_each(bc7::check)?;
         }
+        Ok(picture)
+    }
+
+    /// Puts a block in its place, unpacked if need be.
+    fn put(&mut self, at: [u32; 2], block: &[u8; 16]) -> Result<()> {
+        let start = self.offset(at);
+        if !self.unpacks {
+            self.bytes[start..start + 16].copy_from_slice(block);
+            return Ok(());
+        }
+        let stride = 4 * self.size[0] as usize;
+        for (i, texel) in bc7::decode(block)?.iter().enumerate() {
+            let at = start + i / 4 * stride + i % 4 * 4;
+            self.bytes[at..at + 4].copy_from_slice(texel);
+        }
+        Ok(())
+    }
+
+    /// Where in `bytes` the block at a texel begins.
+    fn offset(&self, [x, y]: [u32; 2]) -> usize {
         // A row of texels of four bytes, or of blocks of 16 that are four texels wide.
-        let bytes_per_row = Some(4 * width as u32);
-        self.queue.write_texture(
+        let (stride, row) = (4 * self.size[0] as usize, if self.unpacks { y } else { y / 4 });
+        row as usize * stride + 4 * x as usize
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    /// Whether texels are unpacked.
+    pub fn is_unpacked(&self) -> bool {
+        self.unpacks
+    }
+
+    /// Uploads a rectangle of it, whose corner and size are multiples of 4, before the next submission.
+    pub fn upload(
+        &self,
+        queue: &wgpu::Queue,
+        texture: &wgpu::Texture,
+        from: [u32; 2],
+        [width, height]: [u32; 2],
+        [x, y, z]: Spot,
+    ) {
+        if width * height == 0 {
+            return;
+        }
+        let offset = self.offset(from) as u64;
+        queue.write_texture(
             wgpu::TexelCopyTextureInfo {
-                texture: self.texture,
+                texture,
                 mip_level: 0,
-                origin: wgpu::Origin3d { x, y, z: layer },
+                origin: wgpu::Origin3d { x, y, z },
                 aspect: wgpu::TextureAspect::All,
             },
-            if self.unpacks { &texels } else { blocks.as_flattened() },
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None },
-            wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
+            &self.bytes,
+            wgpu::TexelCopyBufferLayout {
+                offset,
+                bytes_per_row: Some(4 * self.size[0]),
+                rows_per_image: None,
+            },
+            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
-        Ok(())
     }
 }

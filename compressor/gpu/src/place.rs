@@ -1,5 +1,7 @@
 //! Where maps lie on the layers of one texture.
 
+use ndgi::model::STORED;
+
 /// A rectangle's position: x, y, layer.
 pub(crate) type Spot = [u32; 3];
 
@@ -11,25 +13,71 @@ pub(crate) fn place(sizes: &[[u32; 2]]) -> (u32, u32, Vec<Spot>) {
     let area: u64 = sizes.iter().map(|[width, height]| u64::from(width * height)).sum();
     let side = (area as f64).sqrt().ceil() as u32;
     let side = side.next_power_of_two().clamp(SIDES[0], SIDES[1]);
-    // The highest first, from left to right on shelves; the order of those alike is kept.
+    let (_, spots) = pack(sizes, [side; 2]);
+    (side, spots.iter().map(|spot| spot[2]).max().unwrap_or(0) + 1, spots)
+}
+
+/// Places a tile's maps together, on one layer 128 texels wide. Gives the width and height that they take, and each one's place.
+pub(crate) fn shelves(sizes: &[[u32; 2]]) -> ([u32; 2], Vec<Spot>) {
+    pack(sizes, [STORED as u32, u32::MAX])
+}
+
+/// Places rectangles on layers, the highest first, from left to right on shelves; the order of those alike is kept. Gives the width and height that they
+/// take, and each one's place.
+fn pack(sizes: &[[u32; 2]], [across, down]: [u32; 2]) -> ([u32; 2], Vec<Spot>) {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|&i| std::cmp::Reverse(sizes[i][1]));
-    let mut spots = vec![[0; 3]; sizes.len()];
+    let (mut spots, mut used) = (vec![[0; 3]; sizes.len()], [0; 2]);
     let ([mut x, mut y, mut layer], mut shelf) = ([0, 0, 0], 0);
     for i in order {
         let [width, height] = sizes[i];
-        if x + width > side {
+        if x + width > across {
             (x, y, shelf) = (0, y + shelf, 0);
         }
-        if y + height > side {
+        if y + height > down {
             (x, y, shelf) = (0, 0, 0);
             layer += 1;
         }
         spots[i] = [x, y, layer];
         x += width;
         shelf = shelf.max(height);
+        used = [used[0].max(x), used[1].max(y + height)];
     }
-    (side, layer + 1, spots)
+    (used, spots)
+}
+
+/// Rectangles of one size on layers, row by row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lattice {
+    /// Each one's width and height.
+    size: [u32; 2],
+    columns: u32,
+    rows: u32,
+    layers: u32,
+}
+
+impl Lattice {
+    /// For so many rectangles: as few layers as there can be, with sides of at most `most` if a rectangle's allow it, and about square.
+    pub fn new(size: [u32; 2], count: u32, most: u32) -> Self {
+        let size = size.map(|side| side.max(4));
+        let [across, down] = size.map(|side| (most / side).max(1));
+        let layers = count.div_ceil(across * down).max(1);
+        let each = count.div_ceil(layers).max(1);
+        let square = (f64::from(each) * f64::from(size[1]) / f64::from(size[0])).sqrt().ceil() as u32;
+        let columns = square.clamp(each.div_ceil(down), across.min(each));
+        Lattice { size, columns, rows: each.div_ceil(columns), layers }
+    }
+
+    /// Width, height and number of the layers.
+    pub fn extent(&self) -> [u32; 3] {
+        [self.columns * self.size[0], self.rows * self.size[1], self.layers]
+    }
+
+    /// Where a rectangle lies.
+    pub fn spot(&self, i: u32) -> Spot {
+        let (layer, i) = (i / (self.columns * self.rows), i % (self.columns * self.rows));
+        [i % self.columns * self.size[0], i / self.columns * self.size[1], layer]
+    }
 }
 
 #[cfg(test)]

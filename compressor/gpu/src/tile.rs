@@ -1,24 +1,24 @@
-//! A tile's data as the shader reads it: what stays resident, what changes from one time of visibility to the next, and the job of a moment.
+//! A tile's data as the shader reads it: what stays resident of its maps, and the job of a moment.
 
 use crate::place::Spot;
+use crate::request::Request;
 use crate::shader;
+use crate::sun::{Held, Seen};
 use bytemuck::{Pod, Zeroable};
+use ndgi::Bundle;
 use ndgi::at::SunAt;
-use ndgi::decode::{Inputs, along_tau};
-use ndgi::grid::Grid;
-use ndgi::model::{BORDER, TileParams};
-use ndgi::sun::{Block, TileSun};
+use ndgi::decode::{Inputs, Lights, along_tau};
+use ndgi::model::{BORDER, Shape, TileParams};
 use ndgi::time::{Coding, Moment, Timeline};
-use std::collections::BTreeMap;
 
 const HAS_MAPS: u32 = 1;
 const HAS_UVT: u32 = 2;
 const HAS_UV: u32 = 4;
 const HAS_UT: u32 = 8;
 const HAS_VT: u32 = 16;
-const HAS_SUN: u32 = 32;
-const HAS_COLOUR: u32 = 64;
-const HAS_WORDS: u32 = 128;
+pub(crate) const HAS_SUN: u32 = 32;
+pub(crate) const HAS_COLOUR: u32 = 64;
+pub(crate) const HAS_WORDS: u32 = 128;
 const IS_PAPERS: u32 = 256;
 
 /// Beyond this a value does not fit into a 16-bit float.
@@ -54,51 +54,68 @@ pub(crate) struct Job {
 pub(crate) struct Maps {
     /// Without the blocks, and without F_ut and F_vt.
     params: TileParams,
-    /// In words of the resident buffer.
-    weights: u32,
-    /// In texels of two bytes of the resident buffer.
+    /// In texels of two bytes of its part of the resident buffer, which the weights begin.
     ut: u32,
     vt: u32,
-    pub uv: Option<Spot>,
-    pub slices: Vec<Spot>,
     /// Whether its network may be evaluated in 16 bits.
     pub fits_half: bool,
 }
 
-/// What is known of a tile's sun.
-#[derive(Debug)]
-pub(crate) struct Seen {
-    normals: [u32; 3],
-    channels: usize,
-    /// Where its part of the interval's buffer begins, in words, and how long it is.
-    pub region: (u32, usize),
-    /// The times that the part is of, and whether anything is seen at them and between.
-    pub held: Option<([usize; 2], Held)>,
+/// Where a tile lies on the device.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Site {
+    /// Where its part of the resident buffer begins, in words.
+    pub resident: u32,
+    /// Where its part of the interval's buffer begins, in words.
+    pub interval: u32,
+    /// Its maps of BC7, in the order of [`maps`](crate::survey::maps).
+    pub maps: Vec<Spot>,
 }
 
-/// What a tile sees in an interval.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Held {
-    /// Nothing.
-    Dark,
-    /// Something, that changes linearly.
-    Still,
-    /// Something, and words say how it changes.
-    Moving,
+/// A tile with its place on the device.
+pub(crate) struct Placed<'a> {
+    pub maps: Option<&'a Maps>,
+    pub seen: Option<&'a Seen>,
+    pub site: &'a Site,
+    /// What it sees in the interval that its part of the interval's buffer is of.
+    pub held: Option<Held>,
 }
 
-/// A tile on the device.
-#[derive(Debug, Default)]
-pub(crate) struct Tile {
-    pub maps: Option<Maps>,
-    pub seen: Option<Seen>,
+/// A job, with the biases behind it.
+pub(crate) struct Full {
+    pub job: Job,
+    pub bias: Vec<f32>,
+    /// Width of the hidden layers; 0 without a network: where the sun alone is decoded, or nothing.
+    pub hidden: usize,
+    pub fits_half: bool,
 }
 
-impl Tile {
-    /// Its part of the interval's buffer counts as never written.
-    pub fn forget(&mut self) {
-        if let Some(seen) = &mut self.seen {
-            seen.held = None;
+impl Full {
+    /// Black.
+    pub fn black(job: Job) -> Self {
+        Full { job, bias: Vec::new(), hidden: 0, fits_half: true }
+    }
+}
+
+impl Placed<'_> {
+    /// The tile's job at a moment, made of a blank one; as [`Err`] that one where it is black. `sun`: within the interval that is held.
+    pub fn job(
+        &self,
+        timeline: &Timeline,
+        moment: &Moment,
+        lights: Lights,
+        sun: Option<&SunAt>,
+        blank: Job,
+    ) -> Result<Full, Job> {
+        let mut job = blank;
+        let maps = self.maps.filter(|_| lights != Lights::Sun);
+        let maps = maps.and_then(|maps| Some((maps, maps.job(self.site, timeline, moment, &mut job)?)));
+        let seen = self.seen.zip(self.held).zip(sun);
+        let is_sunlit = seen.is_some_and(|((seen, held), sun)| seen.job(self.site, held, sun, &mut job));
+        match maps {
+            Some((maps, bias)) => Ok(Full { job, bias, hidden: maps.hidden(), fits_half: maps.fits_half }),
+            None if is_sunlit => Ok(Full::black(job)),
+            None => Err(blank),
         }
     }
 }
@@ -118,9 +135,8 @@ fn pairs(texels: &[[u8; 2]]) -> impl Iterator<Item = u32> {
 }
 
 impl Maps {
-    /// Puts into the resident buffer what a tile has beside BC7 blocks; `uv` and `slices` are the places of those.
-    pub fn new(mut params: TileParams, uv: Option<Spot>, slices: Vec<Spot>, resident: &mut Vec<u32>) -> Self {
-        let weights = resident.len() as u32;
+    /// Puts into its part of the resident buffer, still empty, what a tile has beside BC7 blocks.
+    pub fn new(mut params: TileParams, resident: &mut Vec<u32>) -> Self {
         weights_of(&params, resident);
         let mut plane = |texels: &[[u8; 2]]| {
             let at = 2 * resident.len() as u32;
@@ -130,7 +146,22 @@ impl Maps {
         let (ut, vt) = (plane(&params.f_ut), plane(&params.f_vt));
         let fits_half = largest(&params) < HALF_MAX;
         (params.f_uv, params.f_uvt, params.f_ut, params.f_vt) = Default::default();
-        Maps { params, weights, ut, vt, uv, slices, fits_half }
+        Maps { params, ut, vt, fits_half }
+    }
+
+    /// The sizes of its maps.
+    pub fn shape(&self) -> &Shape {
+        &self.params.shape
+    }
+
+    /// The last light group that has a gate.
+    pub fn last_gate(&self) -> Option<u16> {
+        self.params.gates.last().copied()
+    }
+
+    /// Number of knots that it tells of.
+    pub fn knots(&self) -> usize {
+        self.params.knots.len()
     }
 
     /// Width of the hidden layers.
@@ -139,35 +170,38 @@ impl Maps {
     }
 
     /// Fills in what a job says of the maps at a moment, and gives the biases of the first layer; `None` where they are black.
-    pub fn job(&self, timeline: &Timeline, moment: &Moment, job: &mut Job) -> Option<Vec<f32>> {
+    fn job(&self, site: &Site, timeline: &Timeline, moment: &Moment, job: &mut Job) -> Option<Vec<f32>> {
         let (shape, has) = (&self.params.shape, &self.params.shape.contents);
         let inputs = Inputs::at(&self.params, timeline, moment);
         if inputs.means == [0.0; 3] {
             return None;
         }
         job.has |= HAS_MAPS;
-        job.weights = self.weights;
+        job.weights = site.resident;
         job.mean[..3].copy_from_slice(&inputs.means);
         if timeline.coding == Coding::Paper {
             job.has |= IS_PAPERS;
         }
-        if let Some([x, y, layer]) = self.uv {
+        let spot = |map: usize| {
+            let [x, y, layer] = site.maps[map];
+            [x, y, layer, 0]
+        };
+        if has.uv {
             job.has |= HAS_UV;
-            job.uv = [x, y, layer, 0];
+            job.uv = spot(0);
         }
         if has.uvt > 0 {
             let (first, second, share) = along_tau(inputs.tau, shape.uvt[2]);
-            let spot = |i: usize| {
-                let [x, y, layer] = self.slices[i];
-                [x, y, layer, 0]
-            };
-            (job.first, job.second, job.share_of_slice) = (spot(first), spot(second), share);
+            let slice = |i: usize| spot(usize::from(has.uv) + i);
+            (job.first, job.second, job.share_of_slice) = (slice(first), slice(second), share);
             job.uvt = [shape.uvt[0] as u32, shape.uvt[1] as u32];
             job.has |= HAS_UVT;
         }
         if has.ut || has.vt {
             let (first, second, share) = along_tau(inputs.tau, shape.rows);
-            let rows = |at: u32, side: usize| [first, second].map(|row| at + (row * side) as u32);
+            let rows = |at: u32, side: usize| {
+                [first, second].map(|row| 2 * site.resident + at + (row * side) as u32)
+            };
             (job.ut, job.vt, job.share_of_row) = (rows(self.ut, shape.ut), rows(self.vt, shape.vt), share);
             job.sides = [shape.ut as u32, shape.vt as u32];
             job.has |= if has.ut { HAS_UT } else { 0 } | if has.vt { HAS_VT } else { 0 };
@@ -239,144 +273,17 @@ fn largest(params: &TileParams) -> f32 {
     [h1, h2, y].concat().into_iter().fold(0.0, f32::max)
 }
 
-impl Seen {
-    /// Puts a tile's normals into the resident buffer, and reserves the tile's region of the interval buffer; `interval` is its length so far in u32s.
-    pub fn new(tile: &TileSun, resident: &mut Vec<u32>, interval: &mut u32) -> Self {
-        let normals = normals_of(tile, resident);
-        let (texels, channels) = (tile.width * tile.height, tile.channels());
-        let most = tile.shadows.most_bytes(channels);
-        let blocks = if most > 0 { channels * blocks(tile) } else { 0 };
-        let words = channels * 2 * (texels / 8) + blocks + most.div_ceil(4);
-        let region = (*interval, words);
-        *interval += words as u32;
-        Seen { normals, channels, region, held: None }
-    }
-
-    /// The tile's part of the interval's buffer. `tile` has the times around the moment alone.
-    pub fn part(&self, tile: &TileSun, times: [usize; 2]) -> (Held, Vec<u32>) {
-        let (texels, channels) = (tile.width * tile.height, tile.channels());
-        let mut out = Vec::with_capacity(self.region.1);
-        for channel in 0..channels {
-            for time in [0, tile.times - 1] {
-                let levels = &tile.levels[(channel * tile.times + time) * texels..][..texels];
-                out.extend(levels.as_chunks::<8>().0.iter().map(|eight| {
-                    eight
-                        .iter()
-                        .rev()
-                        .fold(0, |word, level| word << 4 | u32::from((*level).min(TileSun::TOP)))
-                }));
-            }
-        }
-        let is_dark = out.iter().all(|word| *word == 0);
-        if times[0] == times[1] {
-            return (if is_dark { Held::Dark } else { Held::Still }, out);
-        }
-        let count = blocks(tile);
-        let (mut table, mut words) = (vec![0u32; channels * count], Vec::new());
-        for channel in 0..channels {
-            for (number, block) in tile.shadows.blocks((channels, channel, 0), [tile.width, tile.height]) {
-                let first = (words.len() as u32) << 10;
-                table[channel * count + number] = match block {
-                    Block::Nothing => continue,
-                    Block::Doubled(word) => {
-                        words.push(word.0);
-                        1 | first
-                    }
-                    Block::Words(of) => {
-                        words.extend(of.iter().flatten().map(|word| word.0));
-                        let counts =
-                            of.iter().rev().fold(0, |counts, words| counts << 2 | words.len() as u32);
-                        2 | counts << 2 | first
-                    }
-                };
-            }
-        }
-        if words.is_empty() {
-            return (if is_dark { Held::Dark } else { Held::Still }, out);
-        }
-        out.extend(table);
-        out.extend(
-            words.chunks(2).map(|two| u32::from(two[0]) | u32::from(two.get(1).copied().unwrap_or(0)) << 16),
-        );
-        (Held::Moving, out)
-    }
-
-    /// Fills in what a job says of the sun; gives whether anything is seen of it.
-    pub fn job(&self, sun: &SunAt, job: &mut Job) -> bool {
-        let Some((_, held)) = self.held.filter(|(_, held)| *held != Held::Dark) else { return false };
-        let texels = job.size[0] * job.size[1];
-        let levels = self.channels as u32 * 2 * (texels / 8);
-        let blocks = self.channels as u32 * job.size[0].div_ceil(8) * job.size[1].div_ceil(8);
-        let start = self.region.0;
-        job.seen = [start, start + levels, 2 * (start + levels + blocks), 0];
-        let [blocks, choices, normals] = self.normals;
-        job.normals = [blocks, choices, normals, 0];
-        job.direction[..3].copy_from_slice(&sun.direction);
-        job.direction[3] = if sun.times[0] == sun.times[1] { 0.0 } else { sun.part };
-        job.irradiance[..3].copy_from_slice(&sun.irradiance);
-        job.has |= HAS_SUN;
-        job.has |= if self.channels == 3 { HAS_COLOUR } else { 0 };
-        job.has |= if held == Held::Moving { HAS_WORDS } else { 0 };
-        true
-    }
-}
-
-/// Blocks of 8×8 texels that cover a tile.
-fn blocks(tile: &TileSun) -> usize {
-    tile.width.div_ceil(8) * tile.height.div_ceil(8)
-}
-
-/// Three arrays: per 4×4 block, the start of its normal list, its index width in bits and the start of its indices; the indices; the normals. Lists that
-/// are alike are kept once. Gives where the three begin.
-fn normals_of(tile: &TileSun, out: &mut Vec<u32>) -> [u32; 3] {
-    let bits = |normal: &[f32; 3]| normal.map(f32::to_bits);
-    let across = tile.width / 4;
-    let (mut blocks, mut choices, mut normals) = (Vec::new(), Vec::new(), Vec::<[u32; 3]>::new());
-    // Where a list of normals begins that a block had before.
-    let mut known: BTreeMap<Vec<[u32; 3]>, usize> = BTreeMap::new();
-    for block in 0..across * (tile.height / 4) {
-        let corner = block / across * 4 * tile.width + block % across * 4;
-        let of: [[u32; 3]; 16] =
-            std::array::from_fn(|i| bits(&tile.normals[corner + i / 4 * tile.width + i % 4]));
-        let mut own: Vec<[u32; 3]> = Vec::new();
-        let choice = of.map(|normal| {
-            own.iter().position(|n| *n == normal).unwrap_or_else(|| {
-                own.push(normal);
-                own.len() - 1
-            })
-        });
-        let width: u32 = match own.len() {
-            1 => 0,
-            2 => 1,
-            3..=4 => 2,
-            _ => 4,
-        };
-        let first = *known.entry(own).or_insert_with_key(|own| {
-            normals.extend(own);
-            normals.len() - own.len()
-        });
-        blocks.extend([width << 28 | first as u32, choices.len() as u32]);
-        let word = choice.iter().rev().fold(0u64, |word, of| word << width | *of as u64);
-        choices.extend([word as u32, (word >> 32) as u32].into_iter().take((width as usize).div_ceil(2)));
-    }
-    let start = out.len() as u32;
-    let starts = [start, start + blocks.len() as u32, start + (blocks.len() + choices.len()) as u32];
-    out.extend(blocks);
-    out.extend(choices);
-    out.extend(normals.into_iter().flatten());
-    starts
-}
-
 /// The job of a tile that has nothing yet: its size, which texels are written, and where.
-pub(crate) fn blank(
-    grid: &Grid,
-    [column, row]: [usize; 2],
-    to: [i32; 2],
-    with_border: bool,
-    exposure: f32,
-) -> Job {
-    let (width, height) = grid.stored(column, row);
-    let (own_width, own_height) = grid.payload(column, row);
+///
+/// # Errors
+/// [`Error::Bundle`](crate::Error::Bundle) for a place that the bundle does not have.
+pub(crate) fn blank(bundle: &Bundle, request: Request, exposure: f32) -> crate::Result<Job> {
+    let Request { place, to, with_border } = request;
+    // A place that the bundle does not have is refused here.
+    bundle.knots(place)?;
+    let grid = &bundle.header.pages[place.page];
+    let (width, height) = grid.stored(place.column, place.row);
+    let (own_width, own_height) = grid.payload(place.column, place.row);
     let border = if with_border { 0 } else { BORDER };
     let rim = 2 * (BORDER - border);
     let own = [border, border, border + own_width + rim, border + own_height + rim].map(|x| x as u32);
@@ -384,5 +291,5 @@ pub(crate) fn blank(
     let mut job = Job { size: [width as u32, height as u32], own, ..Job::default() };
     job.to = to.map(|at| at - border);
     job.mean[3] = exposure;
-    job
+    Ok(job)
 }
