@@ -224,7 +224,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     let outcome = bake(scene, &options, console)?;
     let set = Dataset::open(&outcome.dataset)?;
     let mut report = Report::new(&format!("{}: temporal lightmaps", outcome.scene));
-    say(&outcome, args.check.is_some(), console);
+    say(&outcome, args.check.is_some(), args.target_error, console);
     if let Some(bundle) = stale_bundle(&set).filter(|_| !args.compress) {
         console.warn(format!(
             "{} was made from another bake than this one; `compress {}` renews it",
@@ -412,8 +412,8 @@ fn in_words(local: &Local) -> String {
     )
 }
 
-/// The run in a few lines; `is_checked`: a check was asked for.
-fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
+/// The run in a few lines. `is_checked`: a check was asked for; `target`: a target error was.
+fn say(outcome: &Outcome, is_checked: bool, target: Option<f64>, console: &Console) {
     console.say(format!(
         "{}{}: {} of {}{} × {} texels{}{}",
         outcome.dataset.display(),
@@ -432,11 +432,11 @@ fn say(outcome: &Outcome, is_checked: bool, console: &Console) {
     if outcome.out_of_time {
         console.say("  the time limit ended the tracing");
     }
-    if let Some(open) = outcome.rounds.last().map(|r| r.open_cells).filter(|&open| open > 0) {
-        console.say(format!("  above the target error: {} of 16×16 texels", count(open, "cell")));
-    }
     if let Some((hour, local)) = outcome.worst_hour() {
-        console.say(format!("  worst at {hour:.2} h: {}", in_words(&local)));
+        let missed = target.filter(|target| local.p95 > *target);
+        let missed = missed
+            .map_or(String::new(), |target| format!("; the target error of {} % is missed", target * 100.0));
+        console.say(format!("  worst at {hour:.2} h: {}{missed}", in_words(&local)));
     }
     outcome.denoised_in_words().into_iter().for_each(|what| console.say(format!("  {what}")));
     outcome.local.advice.iter().for_each(|what| console.say(format!("  {what}")));

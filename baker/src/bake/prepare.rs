@@ -76,10 +76,12 @@ impl Prepared {
         self.base.to_hex().to_string()
     }
 
-    /// The digest of the work of tracing some layers.
+    /// The digest of the work of tracing some layers. A target is judged by sets of denoised light: what decides those decides the work too.
     pub fn work(&self, layers: &[usize]) -> String {
-        let layers = layers.iter().map(|&l| self.digests[l].as_str()).collect::<String>();
-        blake3::hash(format!("{}{layers}", self.base()).as_bytes()).to_hex().to_string()
+        let digests = layers.iter().map(|&l| self.digests[l].as_str()).collect::<String>();
+        let judged = self.limits.target_error.map(|_| format!("{:?}{:?}", self.denoise, self.sets(layers)));
+        let work = format!("{}{digests}{}", self.base(), judged.unwrap_or_default());
+        blake3::hash(work.as_bytes()).to_hex().to_string()
     }
 
     /// The folder that the dataset goes to.

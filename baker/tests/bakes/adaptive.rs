@@ -3,7 +3,9 @@
 use crate::golden::HONEST;
 use crate::scenes::{Case, outdoors, room};
 use crate::statistics::bakes;
-use baker::bake::run::{Denoise, Integrator};
+use baker::bake::run::{Denoise, Integrator, Options, prepare};
+use baker::light::schedule::parse_hours;
+use dataset::console::Console;
 
 const TARGET: f64 = 0.06;
 
@@ -65,4 +67,24 @@ fn a_target_is_judged_by_denoised_light() {
     println!("samples {samples:?}, estimated ÷ true squared error {ratio:.3}");
     assert!(samples[1] < 0.7 * samples[0], "{samples:?}");
     assert!(HONEST.contains(&ratio), "estimated ÷ true squared error {ratio}");
+}
+
+/// A round knows by which light it missed its target: no other light may go on with it.
+#[test]
+fn work_towards_a_target_is_told_apart_by_the_light_that_is_judged() {
+    let case = room();
+    let work = |edit: &dyn Fn(&mut Options)| {
+        let mut options = Options::new(parse_hours("12").expect("hours"));
+        edit(&mut options);
+        let prepared = prepare(&case.stage.path("case.toml"), &options, &Console::silent()).expect("a scene");
+        let all: Vec<usize> = (0..prepared.digests.len()).collect();
+        prepared.work(&all)
+    };
+    let [raw, own] = [Denoise::Off, Denoise::Own].map(|denoise| {
+        [None, Some(0.1)]
+            .map(|target| work(&|o: &mut Options| (o.denoise, o.target_error) = (denoise, target)))
+    });
+    assert_eq!(raw[0], own[0], "without a target denoising comes after the work");
+    assert_ne!(raw[1], own[1]);
+    assert_ne!(raw[0], raw[1]);
 }

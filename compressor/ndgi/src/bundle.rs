@@ -379,5 +379,39 @@ impl Bundle {
     }
 }
 
+#[cfg(any(test, feature = "testing"))]
+impl Bundle {
+    /// The bytes of a bundle whose pages are those of this one so many times over: for tests of many tiles.
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`]; [`Error::Unsupported`] for a bundle of version 3.
+    pub fn repeated(&self, copies: usize) -> Result<Vec<u8>> {
+        if self.is_old {
+            return Err(Error::unsupported(&self.name, "version 3; expected 4"));
+        }
+        let section = |part: &Part| {
+            let bytes = if part.length > 0 { self.read(part, || self.name.clone())? } else { Vec::new() };
+            Ok::<_, Error>(Section { word: part.word, bytes })
+        };
+        let payload = |(entry, knots): (&Entry, &Vec<Knot>)| {
+            let Entry { ndgi, sun, shadows } = entry;
+            let resident = if ndgi.length > 0 {
+                resident::encode(knots).map_err(|what| Error::invalid(&self.name, what))?
+            } else {
+                Vec::new()
+            };
+            Ok(Payload { ndgi: section(ndgi)?, sun: section(sun)?, shadows: section(shadows)?, resident })
+        };
+        let payloads: Vec<Payload> =
+            self.index.iter().zip(&self.knots).map(payload).collect::<Result<_>>()?;
+        let mut header = self.header.clone();
+        header.pages = self.header.pages.repeat(copies);
+        header.kinds = self.header.kinds.repeat(copies);
+        let count = payloads.len() * copies;
+        let payloads: Vec<Payload> = payloads.into_iter().cycle().take(count).collect();
+        encode(&header, &payloads)
+    }
+}
+
 #[cfg(test)]
 mod tests;

@@ -193,7 +193,8 @@ pub fn sunny_pages(pages: Vec<Grid>) -> (Header, Vec<Payload>) {
         .enumerate()
         .map(|(i, place)| {
             let (width, height) = header.pages[place.page].stored(place.column, place.row);
-            (i % 6 != 2).then(|| sun_tile([width, height], times.len(), if i % 3 == 1 { 3 } else { 1 }, i as u64))
+            (i % 6 != 2)
+                .then(|| sun_tile([width, height], times.len(), if i % 3 == 1 { 3 } else { 1 }, i as u64))
         })
         .collect();
     let mut tables = None;

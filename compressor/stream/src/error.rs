@@ -9,6 +9,8 @@ pub enum Error {
     Bundle(ndgi::Error),
     /// Bundles that are no levels of one scene, or budgets under which nothing can be shown.
     Invalid(String),
+    /// The device cannot do what was asked for.
+    Device(String),
 }
 
 /// A result of this crate.
@@ -18,7 +20,7 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Error::Bundle(error) => write!(f, "{error}"),
-            Error::Invalid(what) => write!(f, "{what}"),
+            Error::Invalid(what) | Error::Device(what) => write!(f, "{what}"),
         }
     }
 }
@@ -27,7 +29,7 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Error::Bundle(error) => Some(error),
-            Error::Invalid(_) => None,
+            Error::Invalid(_) | Error::Device(_) => None,
         }
     }
 }
@@ -35,5 +37,16 @@ impl std::error::Error for Error {
 impl From<ndgi::Error> for Error {
     fn from(error: ndgi::Error) -> Self {
         Error::Bundle(error)
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl From<ndgi_gpu::Error> for Error {
+    fn from(error: ndgi_gpu::Error) -> Self {
+        match error {
+            ndgi_gpu::Error::Bundle(error) => Error::Bundle(error),
+            ndgi_gpu::Error::Invalid(what) => Error::Invalid(what),
+            error => Error::Device(error.to_string()),
+        }
     }
 }

@@ -9,6 +9,8 @@ mod budgets;
 mod error;
 mod machine;
 mod pyramid;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 
 pub use budgets::Budgets;
 pub use error::{Error, Result};

@@ -188,6 +188,11 @@ impl Pyramid {
         (first..self.tiles.len() as u32).map(Tile)
     }
 
+    /// Whether a tile has no light at any time.
+    pub fn is_black(&self, tile: Tile) -> bool {
+        self.facts(tile).is_black()
+    }
+
     pub(crate) fn facts(&self, tile: Tile) -> &Facts {
         &self.tiles[tile.0 as usize]
     }

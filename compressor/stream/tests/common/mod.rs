@@ -1,6 +1,6 @@
 //! A scene of three levels, a disk that is slow and fails, and a model of the device that checks every command.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::unwrap_used, dead_code, reason = "tests, of which none needs all")]
 
 use ndgi::Bundle;
 use ndgi::grid::Grid;
@@ -24,6 +24,24 @@ fn of_pages(sizes: &[[usize; 2]], levels: u32) -> Arc<Pyramid> {
 /// Two pages of three levels: 24 and 6 tiles, 6 and 2, 2 and 1.
 pub fn pyramid() -> Arc<Pyramid> {
     of_pages(&[[700, 400], [300, 140]], 3)
+}
+
+/// The same sizes, with other light.
+pub fn shuffled() -> Arc<Pyramid> {
+    let of = pyramid();
+    let level = |level: usize| {
+        let (header, mut payloads) = testing::sunny_pages(of.bundle(level).header.pages.clone());
+        // Tiles of one size change places.
+        let whole: Vec<usize> = header
+            .places()
+            .enumerate()
+            .filter(|(_, place)| header.pages[place.page].stored(place.column, place.row) == (128, 128))
+            .map(|(i, _)| i)
+            .collect();
+        whole.windows(2).for_each(|two| payloads.swap(two[0], two[1]));
+        Arc::new(Bundle::from_bytes(ndgi::bundle::encode(&header, &payloads).unwrap()).unwrap())
+    };
+    Arc::new(Pyramid::new((0..of.levels()).map(level).collect()).unwrap())
 }
 
 pub fn other() -> Arc<Pyramid> {
