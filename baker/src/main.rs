@@ -109,7 +109,7 @@ struct Args {
     backend: Backend,
     /// Denoise indirect light with filters whose error is estimated. auto: in every bake but a transfer; own: with the baker's own filters,
     /// which is what auto does today; off: leave it as traced. Transfers are never denoised. The traced light is kept, so changing this does
-    /// not trace it again.
+    /// not trace it again, but for what then misses a --target-error.
     #[arg(
         long,
         value_enum,
