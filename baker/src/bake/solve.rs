@@ -103,7 +103,8 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-/// Walks per patch and half where a texel gets `samples` walks: those of all patches together are no more than those of all texels. (What a city has without texels is
+/// Walks per patch and half where a texel gets `samples` walks, both halves together: in a half, all patches have no more of them than all squares of the cache have samples
+/// in both, but each patch has [`LEAST_WALKS`], however many there are. (What a city has without texels is
 /// mostly small triangles: they are many, and none matters much by itself.)
 fn patch_walks(map: &CacheMap, walks: usize, samples: u32) -> usize {
     let reads = map.squares() * samples as usize;
