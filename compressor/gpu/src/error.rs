@@ -10,9 +10,7 @@ pub enum Error {
     #[error("{0}")]
     Device(String),
     /// A pool's buffers have no room for a tile: unload others, and try again.
-    #[error(
-        "the pool has no room for a tile's {words} words in its {buffer} buffer, which has {free} free, in parts that are too small"
-    )]
+    #[error("a tile needs {words} words of the pool's {buffer} buffer in one part; {free} are free in all")]
     Full {
         /// Which buffer: `resident` or `interval`.
         buffer: &'static str,

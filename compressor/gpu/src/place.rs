@@ -100,4 +100,29 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn slots_do_not_overlap_and_take_as_few_layers_as_there_can_be() {
+        for (size, count, most) in
+            [([128, 224], 300, 2048), ([128, 512], 7, 2048), ([52, 60], 1, 2048), ([128, 4096], 5, 2048)]
+        {
+            let lattice = Lattice::new(size, count, most);
+            let [width, height, layers] = lattice.extent();
+            let each = (most / size[0]).max(1) * (most / size[1]).max(1);
+            assert_eq!(layers, count.div_ceil(each));
+            assert!(width <= most && (height <= most || size[1] > most), "{width} × {height}");
+            // No more than a row of them is left over.
+            let room = width / size[0] * (height / size[1]) * layers;
+            assert!((count..count + layers * (width / size[0])).contains(&room), "{room} for {count}");
+            let mut spots: Vec<Spot> = (0..count).map(|i| lattice.spot(i)).collect();
+            for [x, y, layer] in &spots {
+                assert!(x + size[0] <= width && y + size[1] <= height && *layer < layers);
+                assert!(x % size[0] == 0 && y % size[1] == 0);
+            }
+            spots.sort_unstable();
+            spots.dedup();
+            assert_eq!(spots.len(), count as usize);
+        }
+        assert_eq!(Lattice::new([0, 0], 3, 2048).extent()[2], 1);
+    }
 }

@@ -17,6 +17,8 @@ use std::sync::Arc;
 
 /// Longest side of a layer of maps, where slots are not longer.
 const SIDE: u32 = 2048;
+/// The resident buffer's label.
+const RESIDENT: &str = "ndgi resident";
 /// Most words of a buffer: texels of two bytes are numbered in 32 bits.
 const MOST_WORDS: u64 = 1 << 30;
 
@@ -28,8 +30,9 @@ const MOST_WORDS: u64 = 1 << 30;
 /// might have another tile by then, or an unloaded one's memory another slot's. An encoder may be dropped instead of submitted.
 ///
 /// **Room.** Each slot has a rectangle of a texture for the largest tile's maps. The rest of a tile differs in size (normals most), and lies in parts of two
-/// buffers that have room for as many of the largest tiles as there are slots, by bounds that the indices tell, and an eighth more. A tile mostly takes less than
-/// its bound. Where buffers are cut at the device's limits, or what is free is in parts too small, [`Pool::load`] gives [`Error::Full`].
+/// buffers. They have room for as many of the largest tiles as there are slots, and an eighth more: the interval's by a bound that the indices tell, the
+/// resident one by what is likely. That one grows, by an allocation and a copy on the device, up to the bound, which is four times as much. Where
+/// the device's limits or the bound are reached, or what is free is in parts too small, [`Pool::load`] gives [`Error::Full`].
 #[derive(Debug)]
 pub struct Pool {
     stage: Stage,
@@ -39,6 +42,8 @@ pub struct Pool {
     slots: Vec<Option<Slot>>,
     resident: RangeAllocator<u32>,
     interval: RangeAllocator<u32>,
+    /// Words up to which the resident buffer grows.
+    most: u64,
 }
 
 /// A tile in a slot.
@@ -80,30 +85,35 @@ impl Pool {
         let texture = stage::texture(device, lattice.extent(), options.unpacks)?;
         let codebook: Vec<u32> = if survey.shadows { stage::codebook().collect() } else { Vec::new() };
         let most = (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / 4).min(MOST_WORDS);
-        let [resident, interval] = survey.words(slots as usize);
-        let buffer = |label: &str, [all, one]: [u64; 2], before: u64| {
-            if before + one > most {
+        let [likely, _] = survey.words(slots as usize, |room| room.likely);
+        let [resident, largest] = survey.words(slots as usize, |room| room.resident);
+        let [interval, largest_interval] = survey.words(slots as usize, |room| room.interval);
+        let before = codebook.len() as u64;
+        for (what, words) in [("resident", before + largest), ("interval", largest_interval)] {
+            if words > most {
                 let what = format!(
-                    "{label}: a tile takes up to {} bytes; the device binds {}",
-                    4 * (before + one),
+                    "{what} buffer: a tile takes up to {} bytes; the device binds {}",
+                    4 * words,
                     4 * most
                 );
                 return Err(Error::Device(what));
             }
-            Ok(stage::buffer(device, label, (before + all.max(one)).min(most)))
-        };
-        let before = codebook.len() as u64;
-        let buffers = [buffer("ndgi resident", resident, before)?, buffer("ndgi interval", interval, 0)?];
+        }
+        let buffers = [
+            stage::buffer(device, RESIDENT, (before + likely.max(largest)).min(most)),
+            stage::buffer(device, "ndgi interval", interval.max(largest_interval).min(most)),
+        ];
         queue.write_buffer(&buffers[0], 0, bytemuck::cast_slice(&codebook));
-        let [resident, interval] = buffers.each_ref().map(|buffer| (buffer.size() / 4) as u32);
+        let free = buffers.each_ref().map(|buffer| (buffer.size() / 4) as u32);
         Ok(Pool {
             stage: Stage::new(device, options, &survey, &texture, buffers),
             texture,
             lattice,
             bundles: bundles.to_vec(),
             slots: (0..slots).map(|_| None).collect(),
-            resident: RangeAllocator::new(codebook.len() as u32..resident),
-            interval: RangeAllocator::new(0..interval),
+            resident: RangeAllocator::new(codebook.len() as u32..free[0]),
+            interval: RangeAllocator::new(0..free[1]),
+            most: (before + resident).min(most),
         })
     }
 
@@ -122,7 +132,7 @@ impl Pool {
         self.slots.len() as u32
     }
 
-    /// Bytes on the device, targets apart; the same whatever is loaded.
+    /// Bytes on the device now, targets apart, whatever is loaded: more once the resident buffer grew.
     pub fn bytes(&self) -> u64 {
         self.stage.bytes
     }
@@ -148,7 +158,12 @@ impl Pool {
             )));
         }
         self.unload(slot);
-        let resident = allocate(&mut self.resident, data.words.len() as u32, "resident")?;
+        let words = data.words.len() as u32;
+        let mut resident = allocate(&mut self.resident, words, "resident");
+        if resident.is_err() && self.grow(queue, words) {
+            resident = allocate(&mut self.resident, words, "resident");
+        }
+        let resident = resident?;
         let interval = allocate(&mut self.interval, known.interval_words(), "interval");
         if interval.is_err() {
             free(&mut self.resident, resident.clone());
@@ -167,6 +182,25 @@ impl Pool {
         self.slots[slot as usize] =
             Some(Slot { bundle, known: Arc::clone(known), site, resident, interval, held: None });
         Ok(())
+    }
+
+    /// Makes the resident buffer twice as large, or so that it has room for so many words at its end; gives whether it could grow.
+    fn grow(&mut self, queue: &wgpu::Queue, words: u32) -> bool {
+        let (old, device) = (&self.stage.resident, &self.stage.device);
+        let now = old.size() / 4;
+        let then = (2 * now).max(now + u64::from(words)).min(self.most);
+        if then <= now {
+            return false;
+        }
+        let new = stage::buffer(device, RESIDENT, then);
+        let mut encoder = device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(old, 0, &new, 0, old.size());
+        // What was written before is written by this submission, first.
+        queue.submit([encoder.finish()]);
+        self.stage.bytes += new.size() - old.size();
+        self.stage.resident = new;
+        self.resident.grow_to(then as u32);
+        true
     }
 
     /// Empties a slot. One that is empty, or that there is not, stays so.

@@ -69,7 +69,7 @@ pub(crate) fn buffer(device: &wgpu::Device, label: &str, words: u64) -> wgpu::Bu
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: 4 * words.max(1),
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
 }

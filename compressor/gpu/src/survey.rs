@@ -27,6 +27,8 @@ pub(crate) struct Room {
     pub maps: Vec<[u32; 2]>,
     /// Words of the resident buffer.
     pub resident: u32,
+    /// The same as is likely: not at most.
+    pub likely: u32,
     /// Words of the interval's buffer.
     pub interval: u32,
 }
@@ -65,16 +67,12 @@ impl Survey {
         used.fold([0; 2], |most, used| [most[0].max(used[0]), most[1].max(used[1])])
     }
 
-    /// Words that any `slots` of the tiles take at most together, in the resident buffer and the interval's, and an eighth more for gaps between
-    /// them; and what one takes.
-    pub fn words(&self, slots: usize) -> [[u64; 2]; 2] {
-        let of = |room: &dyn Fn(&Room) -> u32| {
-            let mut words: Vec<u64> = self.tiles.iter().map(|tile| room(tile).into()).collect();
-            words.sort_unstable_by_key(|words| std::cmp::Reverse(*words));
-            let all: u64 = words.iter().take(slots).sum();
-            [all + all / 8, words.first().copied().unwrap_or(0)]
-        };
-        [of(&|room| room.resident), of(&|room| room.interval)]
+    /// Words that any `slots` of the tiles take together, each as `of` tells, and an eighth more for gaps between them; and what one takes at most.
+    pub fn words(&self, slots: usize, of: impl Fn(&Room) -> u32) -> [u64; 2] {
+        let mut words: Vec<u64> = self.tiles.iter().map(|room| of(room).into()).collect();
+        words.sort_unstable_by_key(|words| std::cmp::Reverse(*words));
+        let all: u64 = words.iter().take(slots).sum();
+        [all + all / 8, words.first().copied().unwrap_or(0)]
     }
 }
 
@@ -83,6 +81,8 @@ impl Survey {
 const OF_NORMALS: [usize; 2] = [13, 8];
 /// Words of a block of 4×4 that tells each texel's normal: 48, and two of choices.
 const OF_BLOCK: usize = 50;
+/// Most of a section tells levels: of the yard's, 12 in 13 bytes. A tile is taken to have this part of the words that it would have if all told normals.
+const LIKELY: usize = 4;
 /// Bytes of moving shadows of a group of 32×32 texels, at most: its size, modes, counts, and three codewords on each of its 64 blocks of 4×4.
 const OF_GROUP: usize = 1 + 4 + 16 + 64 * 3 * 2;
 
@@ -93,6 +93,7 @@ fn room(bundle: &Bundle, place: Place, entry: &Entry, shape: Option<&Shape>) -> 
         let [_, _, ut, vt] = shape.counts();
         room.maps = maps(shape);
         room.resident = (shader::words(shape.hidden) + ut.div_ceil(2) + vt.div_ceil(2)) as u32;
+        room.likely = room.resident;
     }
     if entry.sun.length > 0 {
         let (width, height) = bundle.header.pages[place.page].stored(place.column, place.row);
@@ -100,7 +101,9 @@ fn room(bundle: &Bundle, place: Place, entry: &Entry, shape: Option<&Shape>) -> 
         // Of the section, all might be normals. Without any, one stands for all texels.
         let [words, bytes] = OF_NORMALS;
         let told = (words * entry.sun.length as usize).div_ceil(bytes) + 3;
-        room.resident += (texels / 8 + told.min(OF_BLOCK * texels / 16)) as u32;
+        let told = told.min(OF_BLOCK * texels / 16);
+        room.likely = room.resident + (texels / 8 + told / LIKELY) as u32;
+        room.resident += (texels / 8 + told) as u32;
         let cover = |side: usize| width.div_ceil(side) * height.div_ceil(side);
         let moving = match entry.shadows.length as usize {
             0 => 0,
@@ -110,4 +113,85 @@ fn room(bundle: &Bundle, place: Place, entry: &Entry, shape: Option<&Shape>) -> 
         room.interval = (channels * (texels / 4) + moving) as u32;
     }
     room
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Features, Options};
+    use ndgi::bundle::{self, Payload, encode_payload};
+    use ndgi::sun::{Coder, Shadows, TileSun};
+    use ndgi::testing;
+
+    /// [`testing::sunny`] with the sun alone, seen everywhere, and other normals.
+    fn with_normals(normal: impl Fn(usize, usize) -> [f32; 3]) -> Bundle {
+        let (header, mut payloads) = testing::sunny();
+        let sun = header.sun.as_ref().unwrap();
+        let coder = Coder::new(&sun.tables);
+        let places: Vec<Place> = header.places().collect();
+        for (payload, place) in payloads.iter_mut().zip(places) {
+            let (width, height) = header.pages[0].stored(place.column, place.row);
+            let normals = (0..width * height).map(|i| normal(i % width, i / width)).collect();
+            let levels = vec![TileSun::TOP; sun.times.len() * width * height];
+            let (times, shadows) = (sun.times.len(), Shadows::default());
+            let tile = TileSun { width, height, times, levels, normals, shadows };
+            *payload = Payload { sun: tile.encode(&coder), ..Payload::default() };
+        }
+        Bundle::from_bytes(bundle::encode(&header, &payloads).unwrap()).unwrap()
+    }
+
+    /// A direction that turns from the vertical.
+    fn tilted(by: f32) -> [f32; 3] {
+        [by.sin(), by.cos(), 0.0]
+    }
+
+    #[test]
+    fn no_tile_takes_more_than_the_index_tells() {
+        let opened = |bytes: Vec<u8>| Bundle::from_bytes(bytes).unwrap();
+        let mut random = testing::Random(3);
+        let noise: Vec<[f32; 3]> = (0..1 << 14).map(|_| tilted(1.5 * random.unit())).collect();
+        let bundles = [
+            ("sunny", opened(testing::sunny_bundle()), 0.1),
+            ("16", opened(testing::all_contents(16)), 1.0),
+            ("64", opened(testing::all_contents(64)), 1.0),
+            ("switching", opened(testing::switching_bundle()), 1.0),
+            ("one normal", with_normals(|_, _| tilted(0.3)), 0.9),
+            ("none", with_normals(|_, _| [0.0; 3]), 0.9),
+            // Four between two, of which each tells as many words a byte as there can be; many blocks are alike.
+            ("four", with_normals(|x, y| tilted((x + y / 4) as f32 * 0.05)), 0.3),
+            ("noise", with_normals(|x, y| noise[(128 * y + x) % noise.len()]), 0.9),
+        ];
+        for (name, bundle, least) in &bundles {
+            let survey = Survey::of([bundle]);
+            let (mut found, mut bound) = (0, 0);
+            for (place, room) in bundle.header.places().zip(&survey.tiles) {
+                let features = Features::read(bundle, place, &Options::default()).unwrap();
+                let words = features.data.words.len() as u32;
+                let interval = features.known.interval_words();
+                let fits = words <= room.resident && interval <= room.interval;
+                assert!(fits, "{name}, {place:?}: {words}, {interval}; {room:?}");
+                assert_eq!(features.data.picture.size, shelves(&room.maps).0);
+                found += words;
+                bound += room.resident;
+            }
+            let share = f64::from(found) / f64::from(bound.max(1));
+            assert!(share >= *least || bound == 0, "{name}: {share:.2} of the bound");
+        }
+    }
+
+    #[test]
+    fn a_pool_s_room_is_that_of_the_largest_tiles() {
+        let header = testing::header();
+        let tile = |i, place| testing::tile_of(&header, i, place).map(|tile| encode_payload(&tile).unwrap());
+        let payloads: Vec<Payload> =
+            header.places().enumerate().map(|(i, place)| tile(i, place).unwrap_or_default()).collect();
+        let bundle = Bundle::from_bytes(bundle::encode(&header, &payloads).unwrap()).unwrap();
+        let survey = Survey::of([&bundle, &bundle]);
+        let of = |i: usize| u64::from(survey.tiles[i].resident);
+        assert!(survey.tiles.len() == 6 && of(0) > of(2) && of(2) > 0 && of(1) == 0);
+        let sum = 2 * of(0) + of(2);
+        assert_eq!(survey.words(3, |room| room.resident), [sum + sum / 8, of(0)]);
+        assert_eq!(survey.words(3, |room| room.likely), [sum + sum / 8, of(0)]);
+        assert_eq!(survey.words(3, |room| room.interval), [0, 0]);
+    }
 }

@@ -50,7 +50,7 @@ impl SunSections {
     /// [`Error::Invalid`] for times that there are not, or a damaged tile.
     pub fn at(&self, bundle: &Bundle, times: [usize; 2]) -> Result<TileSun> {
         let [first, last] = times;
-        if last >= self.times || !(first..=first + 1).contains(&last) {
+        if last >= self.times || first > last || last - first > 1 {
             let what = format!("times {times:?}; expected two neighbours, or one, of {}", self.times);
             return Err(Error::invalid(bundle.name_of(self.place), what));
         }
@@ -146,5 +146,55 @@ impl Bundle {
                 Shadows::decode(section, *size, tile.channels(), sections.times - 1, only).map_err(wrong)?;
         }
         Ok(tile)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+
+    #[test]
+    fn sections_give_at_two_times_what_the_tile_has_at_all() {
+        let bundle = Bundle::from_bytes(testing::sunny_bundle()).unwrap();
+        let (mut lit, mut moving) = (0, 0);
+        for place in bundle.header.places() {
+            let (all, sections) = (bundle.sun(place).unwrap(), bundle.sun_sections(place).unwrap());
+            assert_eq!(all.is_some(), sections.is_some());
+            let Some((all, sections)) = all.zip(sections) else { continue };
+            let (channels, texels) = (all.channels(), all.width * all.height);
+            let entry = bundle.index[bundle.header.position(place).unwrap()];
+            assert_eq!(
+                (sections.place(), sections.bytes() as u64),
+                (place, entry.bytes() - u64::from(entry.ndgi.length))
+            );
+            assert_eq!(sections.most_bytes_of_shadows(&bundle).unwrap(), all.shadows.most_bytes(channels));
+            let levels = |tile: &TileSun, channel: usize, time: usize| {
+                tile.levels[(channel * tile.times + time) * texels..][..texels].to_vec()
+            };
+            for times in [[0, 1], [1, 2], [2, 3], [0, 0], [3, 3]] {
+                let tile = sections.at(&bundle, times).unwrap();
+                assert_eq!(tile.times, times[1] - times[0] + 1);
+                assert_eq!(tile.normals, all.normals);
+                for channel in 0..channels {
+                    assert_eq!(levels(&tile, channel, 0), levels(&all, channel, times[0]));
+                    assert_eq!(levels(&tile, channel, tile.times - 1), levels(&all, channel, times[1]));
+                    if times[0] < times[1] {
+                        let size = [all.width, all.height];
+                        let found = tile.shadows.blocks((channels, channel, 0), size);
+                        moving += found.len();
+                        assert_eq!(found, all.shadows.blocks((channels, channel, times[0]), size));
+                    }
+                }
+            }
+            for times in [[0, 2], [1, 0], [3, 4], [4, 4], [usize::MAX, 0]] {
+                assert!(sections.at(&bundle, times).is_err(), "{times:?}");
+            }
+            lit += 1;
+        }
+        assert!(lit == 5 && moving > 100, "{lit} {moving}");
+        assert!(bundle.sun_sections(Place { page: 2, column: 0, row: 0 }).is_err());
+        let without = Bundle::from_bytes(testing::bundle().2).unwrap();
+        assert_eq!(without.sun_sections(Place { page: 0, column: 0, row: 0 }).unwrap(), None);
     }
 }

@@ -1,157 +1,13 @@
-//! The shader against the decoder on the CPU, on whatever adapter there is; with `NDGI_GPU` set there has to be one.
+//! The shader against the decoder on the CPU: whole bundles.
 
+use crate::common::*;
 use ndgi::Bundle;
 use ndgi::bundle::{self, Header, Payload};
-use ndgi::decode::{Inputs, Lights};
+use ndgi::decode::Lights;
 use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, PROFILES};
 use ndgi::testing;
-use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Pipelines, Precision, Request, Target};
-use std::path::{Path, PathBuf};
-use std::sync::{Mutex, OnceLock};
-
-struct Gpu {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
-    pipelines: Pipelines,
-}
-
-/// The adapter's device, once for all tests.
-fn gpu() -> Option<&'static Gpu> {
-    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
-    let gpu = GPU.get_or_init(|| {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapter = match pollster::block_on(instance.request_adapter(&Default::default())) {
-            Ok(adapter) => adapter,
-            Err(error) => {
-                assert!(
-                    std::env::var_os("NDGI_GPU").is_none(),
-                    "NDGI_GPU is set, and there is no adapter: {error}"
-                );
-                println!("skipped: no adapter was found ({error})");
-                return None;
-            }
-        };
-        println!("{:?}", adapter.get_info());
-        let required_limits = wgpu::Limits::default();
-        let required_features = ndgi_gpu::features(&adapter);
-        let descriptor = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-        Some(Gpu { device, queue, pipelines: Pipelines::default() })
-    });
-    gpu.as_ref()
-}
-
-/// One test at a time uses the device: its errors would be another's.
-static TURN: Mutex<()> = Mutex::new(());
-
-impl Gpu {
-    fn has_half(&self) -> bool {
-        self.device.features().contains(wgpu::Features::SHADER_F16)
-    }
-
-    fn decoder(&self, bytes: &[u8], options: Options) -> Decoder {
-        let options = Options { pipelines: self.pipelines.clone(), ..options };
-        Decoder::new(&self.device, &self.queue, Bundle::from_bytes(bytes.to_vec()).unwrap(), options).unwrap()
-    }
-
-    /// A page's bytes at a moment.
-    fn decode(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> Vec<u8> {
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        decoder.decode_page(&mut encoder, page, moment).unwrap();
-        self.queue.submit([encoder.finish()]);
-        self.read(&page.texture)
-    }
-
-    /// A texture's texels, row by row.
-    fn read(&self, texture: &wgpu::Texture) -> Vec<u8> {
-        let (width, height) = (texture.width(), texture.height());
-        let texel = texture.format().block_copy_size(None).unwrap();
-        let stride = (width * texel).next_multiple_of(256);
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: u64::from(stride * height),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: None };
-        encoder.copy_texture_to_buffer(
-            texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
-            texture.size(),
-        );
-        self.queue.submit([encoder.finish()]);
-        buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
-        self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-        let bytes = buffer.get_mapped_range(..).unwrap();
-        bytes.chunks(stride as usize).flat_map(|row| row[..(width * texel) as usize].to_vec()).collect()
-    }
-
-    fn floats(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> Vec<[f32; 3]> {
-        floats_of(&self.decode(decoder, page, moment))
-    }
-
-    /// A texture that tiles can be decoded to and that can be read.
-    fn texture(&self, width: u32, height: u32) -> wgpu::Texture {
-        self.device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: Output::Rgba32Float.format(),
-            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
-    }
-}
-
-/// Light of texels of [`Output::Rgba32Float`]; their alpha is 1.
-fn floats_of(bytes: &[u8]) -> Vec<[f32; 3]> {
-    let float = |texel: &[u8; 16], at: usize| f32::from_le_bytes(texel[at..at + 4].try_into().unwrap());
-    let texels = bytes.as_chunks::<16>().0.iter();
-    assert!(texels.clone().all(|texel| float(texel, 12) == 1.0), "alpha");
-    texels.map(|texel| [0, 4, 8].map(|at| float(texel, at))).collect()
-}
-
-/// The same page by the CPU, tile by tile: texel, and a channel's mean: what the network's output or the share of the sun is multiplied with. (That
-/// over the texels may be far less where the sun grazes some of them: a rounded cosine is then all of it.)
-fn by_cpu(bundle: &Bundle, page: usize, moment: &Moment) -> Vec<([f32; 3], [f32; 3])> {
-    let grid = bundle.header.pages[page];
-    let mut out = vec![([0.0; 3], [0.0; 3]); grid.width * grid.height];
-    let at = bundle.at(moment.hour).unwrap().only(moment.lights);
-    for place in grid.places(page) {
-        let tile = at.tile(place).unwrap();
-        let mut texels = vec![[0.0; 3]; tile.width() * tile.height()];
-        tile.decode_into(&mut texels);
-        let params = bundle.tile(place).unwrap().filter(|_| moment.lights != Lights::Sun);
-        let means = params.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.moment()).means);
-        let of_sun = at.sun_of(place).unwrap().and(at.sun()).map(|sun| sun.irradiance);
-        let mean = [0, 1, 2].map(|c| means.unwrap_or_default()[c].max(of_sun.unwrap_or_default()[c]));
-        let corner = [place.column, place.row].map(|i| i * ndgi::model::PAYLOAD);
-        for (i, texel) in texels.into_iter().enumerate() {
-            let [x, y] = [corner[0] + i % tile.width(), corner[1] + i / tile.width()];
-            out[y * grid.width + x] = (texel, mean);
-        }
-    }
-    out
-}
-
-/// The largest difference, in units of max(E, mean/100).
-fn worst(found: &[[f32; 3]], expected: &[([f32; 3], [f32; 3])]) -> f32 {
-    assert_eq!(found.len(), expected.len());
-    let mut worst = 0.0f32;
-    for (found, (expected, mean)) in found.iter().zip(expected) {
-        for c in 0..3 {
-            assert!(found[c].is_finite() && found[c] >= 0.0, "{found:?}");
-            let scale = expected[c].max(mean[c] / 100.0).max(f32::MIN_POSITIVE);
-            worst = worst.max((found[c] - expected[c]).abs() / scale);
-        }
-    }
-    worst
-}
+use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Precision, Request, Target};
 
 /// PSNR of a page against another, by its largest value.
 fn psnr(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
@@ -159,20 +15,6 @@ fn psnr(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
     let squares: f64 =
         found.iter().flatten().zip(expected.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     10.0 * (f64::from(largest).powi(2) * (3 * found.len()) as f64 / squares.max(1e-300)).log10()
-}
-
-/// Bundles of the repository: of all versions, with and without a sun; and those of the folder that `NDGI_BUNDLES` names.
-fn fixtures() -> Vec<(String, Vec<u8>)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut folders = vec![root.join("../ndgi/tests/fixtures"), root.join("../../tests/fuzz/corpus/bundle")];
-    folders.extend(std::env::var_os("NDGI_BUNDLES").map(PathBuf::from));
-    let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
-    let files = files.map(|file| file.unwrap().path()).filter(|path| Bundle::open(path).is_ok());
-    let mut files: Vec<_> =
-        files.map(|path| (path.display().to_string(), std::fs::read(&path).unwrap())).collect();
-    files.sort();
-    assert!(files.len() >= 4);
-    files
 }
 
 /// Midnight's wrap, both sides of a switch, between times of visibility and outside of them.
