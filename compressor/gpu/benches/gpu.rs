@@ -1,4 +1,4 @@
-//! Milliseconds per 1024² texels on the adapter that there is, by bundle and precision, beside the CPU's decoder.
+//! Milliseconds per 1024² texels and per tile on the adapter that there is, by bundle, precision and light (medians of nine), beside the CPU's decoder.
 //!
 //!     cargo bench -p ndgi-gpu -- dataset/yard/yard.ndgi …
 //!
@@ -125,10 +125,11 @@ fn main() {
     }
     bundles.extend(files.into_iter().map(|file| (file.clone(), std::fs::read(file).unwrap())));
     println!(
-        "{:28} {:12} {:>6} {:>12} {:>12} {:>15} {:>10} {:>10} {:>16}",
+        "{:28} {:12} {:>6} {:>10} {:>12} {:>12} {:>15} {:>10} {:>10} {:>16}",
         "bundle",
         "network",
         "tiles",
+        "ms a tile",
         "ms per 1024²",
         "CPU, 1 core",
         "4060, H100 least",
@@ -141,9 +142,10 @@ fn main() {
             (Precision::Single, Lights::All),
             (Precision::Half, Lights::All),
             (Precision::Single, Lights::Baked),
+            (Precision::Single, Lights::Sun),
         ] {
             let apart = Bundle::from_bytes(bytes.clone()).unwrap().header.sun.is_some();
-            if precision == Precision::Half && !has_half || lights == Lights::Baked && !apart {
+            if precision == Precision::Half && !has_half || lights != Lights::All && !apart {
                 continue;
             }
             let bundle = Bundle::from_bytes(bytes.clone()).unwrap();
@@ -179,11 +181,18 @@ fn main() {
             let ([of_4060, of_h100], wider) =
                 (floor(precision), multiplications(width) / multiplications(16));
             let scale = f64::from(1 << 20) / texels as f64;
-            let network = format!("{precision:?}{}", if lights == Lights::All { "" } else { ", maps" });
+            let of = match lights {
+                Lights::All => "",
+                Lights::Baked => ", maps",
+                Lights::Sun => ", sun",
+            };
+            let network = format!("{precision:?}{of}");
+            let median = times[times.len() / 2];
             println!(
-                "{name:28} {network:12} {:6} {:12.4} {:12.2} {:>15} {first:10.1} {:10} {:>16}",
+                "{name:28} {network:12} {:6} {:10.3} {:12.4} {:12.2} {:>15} {first:10.1} {:10} {:>16}",
                 work.tiles,
-                times[times.len() / 2] * scale,
+                median / work.tiles.max(1) as f64,
+                median * scale,
                 cpu * scale,
                 format!("{:.3}, {:.3}", of_4060 * wider, of_h100 * wider),
                 decoder.bytes(),

@@ -180,7 +180,7 @@ impl Decoder {
         let held = held.map(|(_, held)| held);
         let placed = Placed { maps: maps.as_ref(), seen: seen.as_ref(), site, held };
         let timeline = &self.bundle.header.timeline;
-        Ok(placed.job(timeline, at.moment(), moment.lights, sun.as_ref(), blank).ok())
+        Ok(placed.job(timeline, at.moment(), moment.lights, sun.as_ref(), blank))
     }
 
     /// Records that tiles' places on a target become black.

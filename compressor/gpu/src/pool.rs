@@ -31,7 +31,7 @@ const MOST_WORDS: u64 = 1 << 30;
 ///
 /// **Room.** Each slot has a rectangle of a texture for the largest tile's maps. The rest of a tile differs in size (normals most), and lies in parts of two
 /// buffers. They have room for as many of the largest tiles as there are slots, and an eighth more: the interval's by a bound that the indices tell, the
-/// resident one by what is likely. That one grows, by an allocation and a copy on the device, up to the bound, which is four times as much. Where
+/// resident one by what is likely. That one grows, by an allocation and a copy on the device, up to the indices' bound, several times as much. Where
 /// the device's limits or the bound are reached, or what is free is in parts too small, [`Pool::load`] gives [`Error::Full`].
 #[derive(Debug)]
 pub struct Pool {
@@ -270,10 +270,10 @@ impl Pool {
             let job =
                 slot.placed().job(&bundle.header.timeline, at.moment(), moment.lights, sun.as_ref(), blank);
             match &job {
-                Ok(job) => work.count(job),
-                Err(_) => work.black.push(*request),
+                Some(job) => work.count(job),
+                None => work.black.push(*request),
             }
-            jobs.push(job.unwrap_or_else(Full::black));
+            jobs.push(job.unwrap_or_else(|| Full::without_network(blank)));
         }
         work.bytes = self.stage.dispatch(encoder, jobs, target);
         Ok(work)

@@ -152,7 +152,7 @@ impl Stage {
         requests: &[Request],
         target: Target,
     ) -> Result<Work> {
-        let blank = |request: &Request| tile::blank(bundle, *request, 0.0).map(Full::black);
+        let blank = |request: &Request| tile::blank(bundle, *request, 0.0).map(Full::without_network);
         let jobs: Vec<Full> = requests.iter().map(blank).collect::<Result<_>>()?;
         let tiles = jobs.len();
         let bytes = self.dispatch(encoder, jobs, target);

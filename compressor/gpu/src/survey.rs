@@ -81,7 +81,7 @@ impl Survey {
 const OF_NORMALS: [usize; 2] = [13, 8];
 /// Words of a block of 4×4 that tells each texel's normal: 48, and two of choices.
 const OF_BLOCK: usize = 50;
-/// Most of a section tells levels: of the yard's, 12 in 13 bytes. A tile is taken to have this part of the words that it would have if all told normals.
+/// Most of a section tells levels. A tile is taken to have this part of the words that it would have if all told normals; the yard's have a fifth.
 const LIKELY: usize = 4;
 /// Bytes of moving shadows of a group of 32×32 texels, at most: its size, modes, counts, and three codewords on each of its 64 blocks of 4×4.
 const OF_GROUP: usize = 1 + 4 + 16 + 64 * 3 * 2;

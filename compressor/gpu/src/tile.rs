@@ -91,14 +91,14 @@ pub(crate) struct Full {
 }
 
 impl Full {
-    /// Black.
-    pub fn black(job: Job) -> Self {
+    /// Of what a job says of the sun alone; of a blank one: black.
+    pub fn without_network(job: Job) -> Self {
         Full { job, bias: Vec::new(), hidden: 0, fits_half: true }
     }
 }
 
 impl Placed<'_> {
-    /// The tile's job at a moment, made of a blank one; as [`Err`] that one where it is black. `sun`: within the interval that is held.
+    /// The tile's job at a moment, made of a blank one; `None` where it is black. `sun`: within the interval that is held.
     pub fn job(
         &self,
         timeline: &Timeline,
@@ -106,16 +106,15 @@ impl Placed<'_> {
         lights: Lights,
         sun: Option<&SunAt>,
         blank: Job,
-    ) -> Result<Full, Job> {
+    ) -> Option<Full> {
         let mut job = blank;
         let maps = self.maps.filter(|_| lights != Lights::Sun);
         let maps = maps.and_then(|maps| Some((maps, maps.job(self.site, timeline, moment, &mut job)?)));
         let seen = self.seen.zip(self.held).zip(sun);
         let is_sunlit = seen.is_some_and(|((seen, held), sun)| seen.job(self.site, held, sun, &mut job));
         match maps {
-            Some((maps, bias)) => Ok(Full { job, bias, hidden: maps.hidden(), fits_half: maps.fits_half }),
-            None if is_sunlit => Ok(Full::black(job)),
-            None => Err(blank),
+            Some((maps, bias)) => Some(Full { job, bias, hidden: maps.hidden(), fits_half: maps.fits_half }),
+            None => is_sunlit.then(|| Full::without_network(job)),
         }
     }
 }
