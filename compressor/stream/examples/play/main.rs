@@ -30,6 +30,8 @@ type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 /// Frames a second of scene time.
 const RATE: f64 = 30.0;
+/// The colour of the sky.
+const SKY: [u8; 3] = [96, 120, 150];
 /// Codes of 255 from which on a pixel counts as lit.
 const LIT: u8 = 8;
 
@@ -153,15 +155,20 @@ fn perform(
 /// first.
 fn compare(streamed: &Picture, wholly: &Picture) -> (f64, usize, Vec<u8>) {
     let luminance = |texel: &[f32; 4]| dataset::tone::luminance([texel[0], texel[1], texel[2]]);
-    let lit = wholly.iter().filter(|texel| texel[3] > 0.0);
+    let has_texels = |texel: &&[f32; 4]| texel[3] > 0.75;
+    let lit = wholly.iter().filter(has_texels);
     let exposure = (dataset::tone::automatic_exposure(lit.map(luminance)) as f32).exp2();
-    let codes = |picture: &Picture| -> Vec<u8> {
-        picture.iter().flat_map(|texel| [0, 1, 2].map(|c| dataset::tone::code(texel[c] * exposure))).collect()
+    let code = |texel: &[f32; 4]| match texel[3] {
+        0.75.. => [0, 1, 2].map(|c| dataset::tone::code(texel[c] * exposure)),
+        // What has no texels is lit evenly, and the sky is one colour.
+        0.25.. => [0, 1, 2].map(|c| dataset::tone::code(texel[c] * 0.4)),
+        _ => SKY,
     };
+    let codes = |picture: &Picture| -> Vec<u8> { picture.iter().flat_map(code).collect() };
     let [ours, reference] = [codes(streamed), codes(wholly)];
     let (mut sum, mut count) = (0.0, 0usize);
     let mut unlit = 0;
-    for (i, texel) in wholly.iter().enumerate().filter(|(_, texel)| texel[3] > 0.0) {
+    for (i, texel) in wholly.iter().enumerate().filter(|(_, texel)| has_texels(texel)) {
         for c in 3 * i..3 * i + 3 {
             sum += (f64::from(ours[c]) - f64::from(reference[c])).powi(2);
         }

@@ -27,14 +27,13 @@ fn corner(@builtin(instance_index) copy: u32, @location(0) position: vec3<f32>, 
     return Corner(at, uv, albedo, select(own + i32(copy * view.pages), -1, own < 0), own);
 }
 
-// What has no texels is dark.
-const NO_TEXELS: vec3<f32> = vec3(0.0);
+// What has no texels tells its colour; alpha 1/2 says so.
 
 @fragment
 fn streamed(in: Corner) -> @location(0) vec4<f32> {
     let ddx = dpdx(in.uv);
     let ddy = dpdy(in.uv);
-    if (in.page < 0) { return vec4(NO_TEXELS, 0.0); }
+    if (in.page < 0) { return vec4(in.albedo, 0.5); }
     return vec4(in.albedo * ndgi_light(u32(in.page), in.uv, ddx, ddy), 1.0);
 }
 
@@ -73,7 +72,7 @@ fn whole_at(page: u32, uv: vec2<f32>, level: u32) -> vec3<f32> {
 fn wholly(in: Corner) -> @location(0) vec4<f32> {
     let ddx = dpdx(in.uv);
     let ddy = dpdy(in.uv);
-    if (in.page < 0) { return vec4(NO_TEXELS, 0.0); }
+    if (in.page < 0) { return vec4(in.albedo, 0.5); }
     let page = u32(in.own);
     // The bias is the stream's, not the picture's.
     let level = clamp(ndgi_level(page, ddx, ddy) - ndgi_paging.bias, 0.0, f32(ndgi_paging.levels - 1u));
