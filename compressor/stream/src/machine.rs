@@ -208,7 +208,9 @@ pub struct Stream {
     intervals: BTreeMap<u64, Tile>,
     /// Roots that always keep their slots.
     pinned: Vec<Tile>,
-    /// What the last feedback wanted.
+    /// Tiles of the last feedbacks: their pixels, and how many feedbacks ago.
+    seen: BTreeMap<Tile, (u32, u32)>,
+    /// What is wanted by them, and its pixels.
     wanted: BTreeMap<Tile, u32>,
     mip_bias: f32,
     table: Vec<Entry>,
@@ -237,6 +239,7 @@ impl Stream {
             under_way: Vec::new(),
             intervals: BTreeMap::new(),
             pinned,
+            seen: BTreeMap::new(),
             wanted: BTreeMap::new(),
             mip_bias: 0.0,
             table: vec![Entry::Mean; pyramid.tiles()],

@@ -9,6 +9,8 @@ use glam::{Mat4, Vec3, Vec4};
 const WALK: f64 = 2.0;
 /// Degrees a second.
 const TURN: f64 = 45.0;
+/// Metres that are seen.
+const FAR: f32 = 300.0;
 /// Seconds between jumps.
 const STAY: f64 = 2.0;
 
@@ -37,7 +39,7 @@ pub fn at(motion: Motion, start: &Camera, scene: &Scene, seconds: f64, [width, h
     // `fov` is from left to right; depth goes from 0 to 1.
     let across = 1.0 / (start.fov as f32 / 2.0).to_radians().tan();
     let down = across * width as f32 / height as f32;
-    let [near, far] = [0.1, 2000.0];
+    let [near, far] = [0.1, FAR];
     let depth = far / (near - far);
     let projection = Mat4::from_cols(
         Vec4::new(across, 0.0, 0.0, 0.0),

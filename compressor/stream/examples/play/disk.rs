@@ -6,6 +6,7 @@ use ndgi_stream::gpu::{Done, Reader, read};
 use ndgi_stream::{Pyramid, Read};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 /// A disk whose clock is in microseconds.
 #[derive(Debug)]
@@ -14,12 +15,15 @@ pub struct Simulated {
     clock: Arc<AtomicU64>,
     /// When the line is free again.
     free: f64,
+    /// Nanoseconds of unpacking, which threads of their own would do.
+    spent: Arc<AtomicU64>,
     under_way: Vec<(f64, Done)>,
 }
 
 impl Simulated {
-    pub fn new(disk: Disk, clock: &Arc<AtomicU64>) -> Self {
-        Simulated { disk, clock: Arc::clone(clock), free: 0.0, under_way: Vec::new() }
+    pub fn new(disk: Disk, clock: &Arc<AtomicU64>, spent: &Arc<AtomicU64>) -> Self {
+        let (clock, spent) = (Arc::clone(clock), Arc::clone(spent));
+        Simulated { disk, clock, free: 0.0, spent, under_way: Vec::new() }
     }
 
     fn now(&self) -> f64 {
@@ -29,7 +33,9 @@ impl Simulated {
 
 impl Reader for Simulated {
     fn start(&mut self, pyramid: &Arc<Pyramid>, options: &Options, of: Read, known: Option<Sunlight>) {
+        let began = Instant::now();
         let what = read(pyramid, options, &of, known.as_ref());
+        self.spent.fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
         let mut bytes = 0;
         if of.features
             && let Some(spot) = pyramid.spot(of.tile)

@@ -94,8 +94,8 @@ fn perform(
     whole: &mut Whole,
     memory: &mut String,
 ) -> Result<Played> {
-    let clock = Arc::new(AtomicU64::new(0));
-    let reader = Box::new(disk::Simulated::new(play.disk, &clock));
+    let [clock, spent] = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
+    let reader = Box::new(disk::Simulated::new(play.disk, &clock, &spent));
     let budgets = Budgets { slots: play.slots, features: play.slots + play.slots / 2, ..Budgets::default() };
     let settings = Settings { budgets, ..Settings::of_view(args.size) };
     let mut runtime = Runtime::new(device, queue, Arc::clone(pyramid), reader, settings)?;
@@ -115,7 +115,7 @@ fn perform(
         let mut encoder = device.create_command_encoder(&Default::default());
         stage.look(&frame, runtime.feedback().size());
         let report = runtime.frame(device, queue, &mut encoder, hour)?;
-        let thread = began.elapsed();
+        let thread = began.elapsed().as_secs_f64() - spent.swap(0, Ordering::Relaxed) as f64 * 1e-9;
         stage.draw(&mut encoder, &runtime, &frame);
         runtime.read_back(&mut encoder);
         queue.submit([encoder.finish()]);
@@ -128,7 +128,7 @@ fn perform(
         let now = pyramid.at(hour)?;
         stats.frame(&runtime, &report, &now);
         if let Some(row) = stats.rows.last_mut() {
-            row.thread_ms = thread.as_secs_f64() * 1000.0;
+            row.thread_ms = thread * 1000.0;
             row.all_ms = began.elapsed().as_secs_f64() * 1000.0;
             if args.every > 0 && number.is_multiple_of(args.every) {
                 let streamed = stage.picture()?;
@@ -155,13 +155,11 @@ fn perform(
 /// first.
 fn compare(streamed: &Picture, wholly: &Picture) -> (f64, usize, Vec<u8>) {
     let luminance = |texel: &[f32; 4]| dataset::tone::luminance([texel[0], texel[1], texel[2]]);
-    let has_texels = |texel: &&[f32; 4]| texel[3] > 0.75;
+    let has_texels = |texel: &&[f32; 4]| texel[3] > 0.5;
     let lit = wholly.iter().filter(has_texels);
     let exposure = (dataset::tone::automatic_exposure(lit.map(luminance)) as f32).exp2();
     let code = |texel: &[f32; 4]| match texel[3] {
-        0.75.. => [0, 1, 2].map(|c| dataset::tone::code(texel[c] * exposure)),
-        // What has no texels is lit evenly, and the sky is one colour.
-        0.25.. => [0, 1, 2].map(|c| dataset::tone::code(texel[c] * 0.4)),
+        0.5.. => [0, 1, 2].map(|c| dataset::tone::code(texel[c] * exposure)),
         _ => SKY,
     };
     let codes = |picture: &Picture| -> Vec<u8> { picture.iter().flat_map(code).collect() };

@@ -15,26 +15,24 @@ struct Corner {
     @builtin(position) clip: vec4<f32>,
     @location(0) uv: vec2<f32>,
     @location(1) albedo: vec3<f32>,
-    @location(2) @interpolate(flat) page: i32,
-    @location(3) @interpolate(flat) own: i32,   // the page of the one scene that all are copies of
+    @location(2) @interpolate(flat) page: u32,
+    @location(3) @interpolate(flat) own: u32,   // the page of the one scene that all are copies of
 }
 
 @vertex
 fn corner(@builtin(instance_index) copy: u32, @location(0) position: vec3<f32>, @location(1) page: f32,
     @location(2) uv: vec2<f32>, @location(3) albedo: vec3<f32>) -> Corner {
-    let own = i32(page);
+    let own = u32(page);
     let at = view.clip * vec4(position + copies[copy].xyz, 1.0);
-    return Corner(at, uv, albedo, select(own + i32(copy * view.pages), -1, own < 0), own);
+    return Corner(at, uv, albedo, own + copy * view.pages, own);
 }
 
-// What has no texels tells its colour; alpha 1/2 says so.
 
 @fragment
 fn streamed(in: Corner) -> @location(0) vec4<f32> {
     let ddx = dpdx(in.uv);
     let ddy = dpdy(in.uv);
-    if (in.page < 0) { return vec4(in.albedo, 0.5); }
-    return vec4(in.albedo * ndgi_light(u32(in.page), in.uv, ddx, ddy), 1.0);
+    return vec4(in.albedo * ndgi_light(in.page, in.uv, ddx, ddy), 1.0);
 }
 
 fn noise(at: vec2<f32>) -> f32 {
@@ -49,8 +47,7 @@ fn noise(at: vec2<f32>) -> f32 {
 fn feedback(in: Corner) -> @location(0) u32 {
     let ddx = dpdx(in.uv) * view.scale;
     let ddy = dpdy(in.uv) * view.scale;
-    if (in.page < 0) { return 0u; }
-    return ndgi_feedback(u32(in.page), in.uv, ddx, ddy, noise(in.clip.xy));
+    return ndgi_feedback(in.page, in.uv, ddx, ddy, noise(in.clip.xy));
 }
 
 @group(2) @binding(0) var whole: texture_2d_array<f32>;
@@ -72,8 +69,7 @@ fn whole_at(page: u32, uv: vec2<f32>, level: u32) -> vec3<f32> {
 fn wholly(in: Corner) -> @location(0) vec4<f32> {
     let ddx = dpdx(in.uv);
     let ddy = dpdy(in.uv);
-    if (in.page < 0) { return vec4(in.albedo, 0.5); }
-    let page = u32(in.own);
+    let page = in.own;
     // The bias is the stream's, not the picture's.
     let level = clamp(ndgi_level(page, ddx, ddy) - ndgi_paging.bias, 0.0, f32(ndgi_paging.levels - 1u));
     let fine = u32(level);

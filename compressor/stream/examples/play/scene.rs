@@ -9,7 +9,6 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
     pub position: [f32; 3],
-    /// The page; −1 where there are no texels.
     pub page: f32,
     /// Page coordinates.
     pub uv: [f32; 2],
@@ -76,23 +75,22 @@ impl Scene {
             let Some(positions) = reader.read_positions() else { continue };
             let positions: Vec<Vec3> = positions.map(|p| world.transform_point3(p.into())).collect();
             let material = primitive.material();
-            // Panes are left out.
+            // And panes.
             if material.alpha_mode() == gltf::material::AlphaMode::Blend {
                 continue;
             }
             let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
             let uvs: Vec<[f32; 2]> =
                 reader.read_tex_coords(1).map(|uvs| uvs.into_f32().collect()).unwrap_or_default();
-            let has_texels = page.is_some() && uvs.len() == positions.len();
+            // What has no texels is left out: the backdrop of a copy would hide the others.
+            let Some(page) = page.filter(|_| uvs.len() == positions.len()) else { continue };
             let first = self.vertices.len() as u32;
             for (i, position) in positions.iter().enumerate() {
                 let uv = uvs.get(i).map_or(Vec2::ZERO, |uv| scale * Vec2::from(*uv) + offset);
-                if has_texels {
-                    self.bounds = [self.bounds[0].min(*position), self.bounds[1].max(*position)];
-                }
+                self.bounds = [self.bounds[0].min(*position), self.bounds[1].max(*position)];
                 self.vertices.push(Vertex {
                     position: position.to_array(),
-                    page: if has_texels { page.unwrap_or(0) as f32 } else { -1.0 },
+                    page: page as f32,
                     uv: uv.to_array(),
                     albedo: [r, g, b],
                 });
@@ -118,8 +116,8 @@ impl Scene {
         let is_seen = |copy: Vec3| {
             let clip: Vec<glam::Vec4> = corners(copy).map(|corner| *camera * corner.extend(1.0)).collect();
             // Not wholly behind one of the planes.
-            let beyond: [fn(&glam::Vec4) -> bool; 5] =
-                [|p| p.x < -p.w, |p| p.x > p.w, |p| p.y < -p.w, |p| p.y > p.w, |p| p.w < 0.0];
+            let beyond: [fn(&glam::Vec4) -> bool; 6] =
+                [|p| p.x < -p.w, |p| p.x > p.w, |p| p.y < -p.w, |p| p.y > p.w, |p| p.z < 0.0, |p| p.z > p.w];
             !beyond.iter().any(|beyond| clip.iter().all(beyond))
         };
         (0..self.copies.len() as u32).filter(|i| is_seen(self.copies[*i as usize])).collect()

@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 
 /// Share of the slots above which the view is asked for coarser levels, and below which for finer ones again.
 const FULL: [f32; 2] = [0.75, 0.95];
+/// Feedbacks for which a tile stays wanted after it was seen.
+const LINGERS: u32 = 8;
 /// By how many levels the bias changes per feedback, per share of the slots beyond those limits; and at most.
 const PACE: f32 = 0.2;
 const MOST: f32 = 0.1;
@@ -26,13 +28,25 @@ impl Stream {
         }
         let room = self.slots.len() - self.pinned.iter().filter(|tile| !wanted.contains_key(tile)).count();
         self.bias(wanted.len() as f32 / room as f32);
-        if wanted.len() > room {
-            let mut order: Vec<(Tile, u32)> = wanted.into_iter().collect();
-            order.sort_by_key(|(tile, pixels)| (!self.is_root(*tile), std::cmp::Reverse(*pixels), *tile));
-            order.truncate(room);
-            wanted = order.into_iter().collect();
-        }
-        self.wanted = wanted;
+        let mut order: Vec<(Tile, u32)> = wanted.into_iter().collect();
+        order.sort_by_key(|(tile, pixels)| (!self.is_root(*tile), std::cmp::Reverse(*pixels), *tile));
+        order.truncate(room);
+        // Tiles of a few pixels are not in every feedback: those of the last ones stay, so far as there is room.
+        self.seen.retain(|_, (_, age)| {
+            *age += 1;
+            *age < LINGERS
+        });
+        self.seen.extend(order.iter().map(|(tile, pixels)| (*tile, (*pixels, 0))));
+        let mut lingering: Vec<(u32, Tile, u32)> = self
+            .seen
+            .iter()
+            .filter(|(_, (_, age))| *age > 0)
+            .map(|(tile, (pixels, age))| (*age, *tile, *pixels))
+            .collect();
+        lingering.retain(|(_, tile, _)| self.state(*tile).data != Data::Failed);
+        lingering.sort_unstable();
+        order.extend(lingering.into_iter().take(room - order.len()).map(|(_, tile, pixels)| (tile, pixels)));
+        self.wanted = order.into_iter().collect();
     }
 
     /// A tile, or the nearest one that covers it and can be read; `None` where there is none, and for one that has no light.
