@@ -6,7 +6,7 @@ mod common;
 
 use common::{Disk, Model, pyramid};
 use ndgi::testing::Random;
-use ndgi_stream::{Budgets, Commands, Entry, Pyramid, Seen, Stream, Tile};
+use ndgi_stream::{Answer, Budgets, Commands, Completion, Entry, Pyramid, Seen, Stream, Tile};
 use std::sync::Arc;
 
 fn tight() -> Budgets {
@@ -254,4 +254,76 @@ fn every_tile_has_a_place_and_every_place_its_tile() {
         }
     }
     assert_eq!(pyramid.spot(Tile(pyramid.tiles() as u32)), None);
+}
+
+/// A tile of level 0 that sees the sun and has maps.
+fn sunlit(pyramid: &Arc<Pyramid>) -> Tile {
+    let bundle = pyramid.bundle(0);
+    let has_both = |tile: &Tile| {
+        let entry = &bundle.index[tile.0 as usize];
+        entry.sun.length > 0 && entry.ndgi.length > 0
+    };
+    common::lit(pyramid).find(has_both).unwrap()
+}
+
+#[test]
+fn the_sun_is_decoded_when_it_moves_and_again_when_its_interval_has_arrived() {
+    let pyramid = pyramid();
+    let mut stream = Stream::new(Arc::clone(&pyramid), tight()).unwrap();
+    let tile = sunlit(&pyramid);
+    let seen = [Seen { tile, pixels: 100 }];
+    // Intervals of visibility begin at 6, 7.5 and 9.
+    settle(&mut stream, &seen, 7.4, &mut Disk::new(0, 0), 200);
+    let suns = |commands: &Commands| {
+        commands.decodes.iter().filter(|decode| decode.tile == tile && decode.sun).count()
+    };
+    for step in 1..5 {
+        let commands = stream.step(Some(&seen), &[], 7.4 + 0.001 * f64::from(step)).unwrap();
+        assert_eq!(suns(&commands), 1, "the hour moved");
+        assert!(!commands.decodes.iter().any(|decode| decode.maps), "the lamps did not");
+        assert!(commands.reads.is_empty(), "{:?}", commands.reads);
+    }
+    // A new interval is unpacked: until it is there the sun goes on with the old one.
+    let commands = stream.step(Some(&seen), &[], 7.6).unwrap();
+    assert_eq!(suns(&commands), 1);
+    let asked: Vec<_> = commands.reads.iter().filter(|read| read.tile == tile).collect();
+    assert!(matches!(asked[..], [read] if !read.features && read.times == Some([1, 2])), "{asked:?}");
+    let answer = [Completion { ticket: asked[0].ticket, answer: Answer::Arrived }];
+    // At the same hour: decoded again for the new interval's sake, once.
+    let commands = stream.step(Some(&seen), &answer, 7.6).unwrap();
+    assert!(
+        commands.loads.iter().any(|load| load.tile == tile && !load.features && load.times == Some([1, 2]))
+    );
+    assert_eq!(suns(&commands), 1);
+    assert_eq!(suns(&stream.step(Some(&seen), &[], 7.6).unwrap()), 0);
+    // At night it is decoded once more, black.
+    let night: Vec<usize> =
+        (0..5).map(|i| suns(&stream.step(Some(&seen), &[], 14.1 + 0.1 * f64::from(i)).unwrap())).collect();
+    assert_eq!(night, [1, 0, 0, 0, 0]);
+}
+
+#[test]
+fn a_day_later_the_light_is_the_same() {
+    let pyramid = pyramid();
+    let mut stream = Stream::new(Arc::clone(&pyramid), tight()).unwrap();
+    let tile = common::lit(&pyramid).find(|tile| common::changes(&pyramid, *tile)).unwrap();
+    let seen = [Seen { tile, pixels: 100 }];
+    settle(&mut stream, &seen, 23.95, &mut Disk::new(0, 0), 200);
+    let staleness = |hour: f64| stream.staleness(tile, &pyramid.at(hour).unwrap()).unwrap();
+    assert!(staleness(23.95 - 24.0) < 1e-6);
+    let (little, more) = (staleness(0.05), staleness(2.0));
+    assert!(little < 0.1 * more && more > 0.05, "{little} {more}");
+}
+
+#[test]
+fn what_covers_a_view_is_loaded_first_even_where_not_all_of_it_can_stay() {
+    let pyramid = pyramid();
+    // Three roots are too many to be kept for good.
+    let budgets = Budgets { slots: 8, features: 8, ..tight() };
+    let mut stream = Stream::new(Arc::clone(&pyramid), budgets).unwrap();
+    assert!(pyramid.roots().count() > 2);
+    let seen = [Seen { tile: sunlit(&pyramid), pixels: 100 }];
+    let commands = stream.step(Some(&seen), &[], 7.4).unwrap();
+    let read: Vec<usize> = commands.reads.iter().map(|read| pyramid.spot(read.tile).unwrap().level).collect();
+    assert_eq!(read, [2, 0]);
 }
