@@ -1,11 +1,14 @@
 //! What denoising is worth, and whether its error is estimated truly: two bakes of a scene that differ in seed and samples are compared, layer
-//! by layer, in their indirect light. `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft]`; the hours are those of both
-//! bakes, which had `--extra-times 0`. What the dataset's layers are filtered to is kept beside them.
+//! by layer, in their indirect light. `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft] [--peer FOLDER]`; the
+//! hours are those of both bakes, which had `--extra-times 0`. What the dataset's layers are filtered to is kept beside them.
 //!
 //! Of each layer with light: the error of cells of 16×16 texels relative to their own light, median and 95th percentile, before and after;
 //! cells that became worse by more than 5 % and by half; by eighths of the reference's brightness the estimated ÷ the true error, before and
 //! after; light gained in all, and charts that gained or lost more than three standard errors. The reference's own noise is taken out of what
-//! is measured. With `CELLS` in the environment also the cells that became worse by a third.
+//! is measured. With `CELLS` in the environment also the cells that became worse by a third. With `--peer FOLDER` another denoiser is judged
+//! too (`peer`).
+
+mod peer;
 
 use baker::atlas::owners::Owners;
 use baker::bake::assemble::Assembler;
@@ -17,6 +20,7 @@ use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker}
 use baker::bake::value::Value;
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
+use peer::Peer;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -24,8 +28,9 @@ fn main() {
     let mut args: Vec<String> = std::env::args().skip(1).collect();
     let is_draft = args.iter().any(|arg| arg == "--draft");
     args.retain(|arg| arg != "--draft");
+    let peer = args.iter().position(|arg| arg == "--peer").map(|at| args.drain(at..at + 2).nth(1).unwrap());
     let [scene, out, reference_scene, reference_out, hours] = &args[..] else {
-        panic!("expected SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft]")
+        panic!("expected SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft] [--peer FOLDER]")
     };
     let prepared = |scene: &str, out: &str| -> (Prepared, Layers) {
         let options = Options {
@@ -64,12 +69,22 @@ fn main() {
         let index = assembler.texels()[i].index as usize;
         (index / width / 16, index % width / 16)
     };
+    let mut peer = peer.map(|folder| {
+        let places = with_worker(&ours, &atlas, &[], |worker| Places::find(&worker, &Console::silent()));
+        let indices = valid.iter().map(|&i| assembler.texels()[i].index as usize).collect();
+        Peer::new(PathBuf::from(folder), places.unwrap().0, (width, atlas.height as usize), indices)
+    });
     for layer in 0..plan.layers() {
         let Some(filtered) = &filtered[layer] else { continue };
         let before = layers.read(&ours.digests[layer], Part::Rest).unwrap();
         let after = layers.read_filtered(filtered).unwrap();
         let reference = reference_layers.read(&theirs.digests[layer], Part::Rest).unwrap();
         assert_eq!(reference.len(), after.len(), "texels of the reference");
+        if let Some(peer) = &mut peer {
+            let light = |of: &[Value]| valid.iter().map(|&i| of[i].mean).collect();
+            let reference = valid.iter().map(|&i| reference[i]).collect();
+            peer.add(layer, plan.name_of(layer), [light(&before), light(&after)], reference);
+        }
         let truth = |i: usize| reference[i].mean.as_dvec3();
         let measured = |values: &[Value], i: usize| {
             (values[i].mean.as_dvec3() - truth(i)).length_squared()
@@ -153,6 +168,10 @@ fn main() {
             off,
             charts.len()
         );
+    }
+    if let Some(peer) = peer {
+        let layers: Vec<usize> = (0..plan.layers()).collect();
+        peer.finish(&ours.sets(&layers), serde_json::json!(denoised));
     }
 }
 
