@@ -2,7 +2,7 @@
 
     converged.py REFERENCE DATASET[=BUNDLE] ...        # bundles: DATASET/SCENE.ndgi unless named
 
-The reference is a bake of the same scene, hours and size with another seed and many samples. Every bundle is judged by `compress evaluate`
+The reference is a bake of the same scene, hours and size with another seed and many samples. `compress evaluate` judges every bundle
 against its own dataset and against the reference, there over the texels that are valid in all datasets: what only the reference has light on
 is gutter to a bundle. `noise` is the mean PSNR that the error of what is judged against gives by itself.
 """
