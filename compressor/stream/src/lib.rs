@@ -5,6 +5,10 @@
 
 #![forbid(unsafe_code)]
 
+#[cfg(all(doctest, feature = "gpu"))]
+#[doc = include_str!("../README.md")]
+mod guide {}
+
 mod budgets;
 mod error;
 mod machine;
