@@ -56,7 +56,7 @@ fn run(args: &Args) -> Result<()> {
     });
     let pyramid = Arc::new(Pyramid::new(bundles.collect::<Result<_>>()?)?);
     let scene = Scene::read(&args.dataset.join("scene.glb"), args.copies)?;
-    let start = Camera::of_manifest(config).next().ok_or("the dataset names no camera")?;
+    let start = Camera::of_manifest(config).next().unwrap_or_else(|| scene.camera());
     let masks = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>, _>>()?;
     std::fs::create_dir_all(&args.out)?;
     let (device_name, device, queue) = draw::device()?;

@@ -1,6 +1,7 @@
 //! The geometry of a dataset, and its copies side by side.
 
 use crate::Result;
+use dataset::view::Camera;
 use glam::{Mat4, Vec2, Vec3};
 use std::path::Path;
 
@@ -103,6 +104,14 @@ impl Scene {
         for child in node.children() {
             self.add(&child, world, blob);
         }
+    }
+
+    /// A camera above a corner of the first copy, where the dataset names none.
+    pub fn camera(&self) -> Camera {
+        let [low, high] = self.bounds.map(|corner| corner.as_dvec3());
+        let middle = (low + high) / 2.0;
+        let position = middle + 0.7 * (high - low) + 0.3 * (high - low).length() * glam::DVec3::Y;
+        Camera { name: String::new(), position, look_at: middle, fov: 60.0 }
     }
 
     /// The copies that a camera may see.
