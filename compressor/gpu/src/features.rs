@@ -150,19 +150,21 @@ impl Sunlight {
     /// # Errors
     /// As [`Features::interval`].
     pub fn interval(&self, bundle: &Bundle, times: [usize; 2]) -> Result<Interval> {
-        let Known { place, sun, .. } = &*self.known;
+        let Known { place, entry, sun, .. } = &*self.known;
         let (held, words) = match sun {
             Some(sun) => sun.seen.part(&sun.sections.at(bundle, times)?, times),
             None => (Held::Dark, Vec::new()),
         };
-        Ok(Interval { place: *place, times, held, words })
+        Ok(Interval { place: *place, entry: *entry, times, held, words })
     }
 }
 
 /// What a tile sees of the sun in an interval of visibility, as a [`Pool`](crate::Pool) uploads it.
 #[derive(Clone, Debug)]
 pub struct Interval {
-    pub(crate) place: Place,
+    place: Place,
+    /// The tile's line of its bundle's index: the same place of another bundle, as of a mip level, has another.
+    pub(crate) entry: Entry,
     pub(crate) times: [usize; 2],
     pub(crate) held: Held,
     pub(crate) words: Vec<u32>,

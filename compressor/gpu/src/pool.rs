@@ -220,10 +220,12 @@ impl Pool {
     pub fn set_interval(&mut self, queue: &wgpu::Queue, slot: u32, interval: &Interval) -> Result<()> {
         self.slot(slot)?;
         let Some(Some(of)) = self.slots.get_mut(slot as usize) else { return Ok(()) };
-        if of.known.place != interval.place || interval.words.len() > of.interval.len() {
+        let is_its = (of.known.place, of.known.entry) == (interval.place(), interval.entry);
+        if !is_its || interval.words.len() > of.interval.len() {
             let what = format!(
                 "an interval of {:?} for slot {slot}, which has {:?}",
-                interval.place, of.known.place
+                interval.place(),
+                of.known.place
             );
             return Err(Error::Invalid(what));
         }

@@ -384,6 +384,12 @@ fn damaged_tiles_and_wrong_use_leave_the_pool_as_it_was() {
     assert!(bench.pool.set_interval(&gpu.queue, 0, &interval).is_err());
     assert!(bench.pool.set_interval(&gpu.queue, 1, &interval).is_err());
     assert!(bench.pool.set_interval(&gpu.queue, 7, &interval).is_err());
+    // The same place of another bundle.
+    bench.load(1, 0, places[5], None).unwrap();
+    let interval = bench.read(1, places[5]).unwrap().interval(&bundles[1], [0, 0]).unwrap();
+    assert!(
+        bench.pool.set_interval(&gpu.queue, 1, &interval).is_err() && bench.pool.interval_of(1).is_none()
+    );
     assert_eq!(bench.pool.interval_of(0), Some([2, 3]));
     bench.pool.unload(9);
     is_right(&mut bench);
