@@ -57,7 +57,7 @@ impl Output {
 /// A shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Shader {
-    /// Width of the hidden layers: 16, 32 or 64.
+    /// Width of the hidden layers: 16, 32 or 64; 0 for a shader of tiles that have the sun alone.
     pub hidden: usize,
     /// Precision of the network.
     pub precision: Precision,
@@ -97,14 +97,14 @@ fn biases(hidden: usize) -> usize {
 impl Shader {
     /// Texels of a column that a thread decodes at once: weights are read once for all of them, so far as registers go.
     fn texels(&self) -> usize {
-        STRIP.min(64 / self.hidden)
+        64usize.checked_div(self.hidden).map_or(STRIP, |texels| STRIP.min(texels))
     }
 
     /// Whether a workgroup copies the weights into its memory.
     fn shares_weights(&self) -> bool {
         let scalar = if self.precision == Precision::Half { 2 } else { 4 };
         let rest = 4 * scalar * biases(self.hidden) + 16 * self.coarse.max(1) + 8 * STRIP;
-        16 * scalar * matrices(self.hidden) + rest <= self.shared
+        self.hidden > 0 && 16 * scalar * matrices(self.hidden) + rest <= self.shared
     }
 
     /// The shader in WGSL.
@@ -135,12 +135,15 @@ impl Shader {
             String::new()
         };
         let mut text = String::new();
-        for line in TEMPLATE.lines().filter(|line| !line.starts_with("//$")) {
+        // An array of no biases there cannot be.
+        let is_left_out = |line: &str| line.starts_with("//$") || h == 0 && line.trim().starts_with("bias:");
+        for line in TEMPLATE.lines().filter(|line| !is_left_out(line)) {
             let indent = line.len() - line.trim_start().len();
             match line.trim() {
                 "$HEADER" => text += &header,
                 "$SHARED" => text += shared,
                 "$LOAD" => text += &format!("{:indent$}{load}", ""),
+                "$NETWORK" if h == 0 => {}
                 "$NETWORK" => {
                     let network = self.network();
                     let lines: Vec<String> =

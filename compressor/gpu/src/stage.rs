@@ -85,8 +85,6 @@ pub(crate) struct Stage {
     /// Bytes of all three.
     pub bytes: u64,
     coarse: usize,
-    /// The narrowest hidden layers that there are.
-    least: usize,
 }
 
 impl Stage {
@@ -102,15 +100,12 @@ impl Stage {
         let bytes = texels * if options.unpacks { 4 } else { 1 } + resident.size() + interval.size();
         let dimension = Some(wgpu::TextureViewDimension::D2Array);
         let maps = maps.create_view(&wgpu::TextureViewDescriptor { dimension, ..Default::default() });
-        let (coarse, least) = (survey.coarse, survey.least);
-        Stage { device: device.clone(), options, maps, resident, interval, bytes, coarse, least }
+        Stage { device: device.clone(), options, maps, resident, interval, bytes, coarse: survey.coarse }
     }
 
     /// The shader of tiles of a width; 0: of tiles without a network.
     fn shader(&self, hidden: usize, fits_half: bool, output: Output) -> Shader {
-        let precision = if fits_half { self.options.precision } else { Precision::Single };
-        // Tiles without a network use the narrowest shader that the others need.
-        let hidden = if hidden > 0 { hidden } else { self.least };
+        let precision = if fits_half && hidden > 0 { self.options.precision } else { Precision::Single };
         let shared = self.device.limits().max_compute_workgroup_storage_size as usize;
         Shader { hidden, precision, output, coarse: self.coarse, shared }
     }

@@ -12,8 +12,6 @@ use ndgi::model::{Contents, Shape};
 pub(crate) struct Survey {
     /// The most that a strip reads of F_uvt, in texels: [`shader::coarse`].
     pub coarse: usize,
-    /// The narrowest hidden layers; 16 where there are none.
-    pub least: usize,
     /// Whether any bundle has shadows that move.
     pub shadows: bool,
     /// Per tile, what it may take.
@@ -43,7 +41,7 @@ pub(crate) fn maps(shape: &Shape) -> Vec<[u32; 2]> {
 impl Survey {
     /// Of all tiles of bundles, in the order of their indices.
     pub fn of<'a>(bundles: impl IntoIterator<Item = &'a Bundle>) -> Self {
-        let (mut survey, mut least) = (Survey::default(), None);
+        let mut survey = Survey::default();
         for bundle in bundles {
             survey.shadows |= bundle.header.shadows;
             for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
@@ -52,12 +50,10 @@ impl Survey {
                 if let Some(shape) = &shape {
                     let [width, height, _] = shape.uvt;
                     survey.coarse = survey.coarse.max(shader::coarse([width, height], shape.height));
-                    least = Some(shape.hidden.min(least.unwrap_or(shape.hidden)));
                 }
                 survey.tiles.push(room(bundle, place, entry, shape.as_ref()));
             }
         }
-        survey.least = least.unwrap_or(16);
         survey
     }
 
