@@ -3,9 +3,11 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+mod halved;
 mod layers;
 pub(crate) mod version1;
 
+pub use halved::Halved;
 pub use layers::{Baked, Daylight, Layer, Light, Part};
 
 /// The value of [`Config::format`].

@@ -18,6 +18,7 @@ pub mod sun;
 pub mod curve;
 pub mod normals;
 pub mod store;
+pub mod halve;
 pub mod exchange;
 pub mod metrics;
 pub mod tone;

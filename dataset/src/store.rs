@@ -151,6 +151,16 @@ fn content_hash(path: &str) -> Option<&str> {
     made.then_some(hash)
 }
 
+/// The stem by which the file at a path was added; that of its name, for a path that [`Writer::add`] did not make.
+pub(crate) fn stem_of(path: &str) -> &str {
+    let name = path.rsplit_once('/').map_or(path, |(_, name)| name);
+    let stem = match content_hash(path) {
+        Some(_) => name.rsplit_once('-').map_or(name, |(stem, _)| stem),
+        None => name.split_once('.').map_or(name, |(stem, _)| stem),
+    };
+    if stem.is_empty() { "file" } else { stem }
+}
+
 fn has_content(path: &Path, bytes: &[u8]) -> bool {
     fs::metadata(path).is_ok_and(|metadata| metadata.len() == bytes.len() as u64)
         && fs::read(path).is_ok_and(|found| found == bytes)

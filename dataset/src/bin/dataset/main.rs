@@ -1,6 +1,7 @@
 //! `dataset`: looks at temporal lightmap sets, exchanges them with others, and packages them for release.
 
 mod exchange;
+mod halve;
 mod release;
 
 use clap::{Parser, Subcommand};
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Looks at temporal lightmap sets: what is in one, and whether it is whole; reads and writes the layouts of others;
-/// packages sets for release.
+/// halves their resolution; packages sets for release.
 #[derive(Parser)]
 #[command(
     version,
@@ -28,6 +29,7 @@ Examples:
   dataset import contest --layout hprc2 --out dataset/contest
   dataset import renders --pattern 'light_{hour}.exr' --mask renders/mask.png --out dataset/hall
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
+  dataset halve dataset/yard --out dataset/yard-1    half the resolution: a coarser level for virtual texturing
   dataset release dataset/yard dataset/city --cc0 --out release
   dataset verify release               every checksum, and what the archives hold"
 )]
@@ -43,7 +45,7 @@ enum Command {
     /// Prints what a set holds.
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
-    /// valid_texels}], version (of the manifest as it stands there), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
+    /// valid_texels}], level (how often its resolution was halved, or null), version (of the manifest as it stands there), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
     /// [{hour, on, relative_error}], layers [{light, group, part, images, curve}], sun_path (whether it is there), visibility (null, or of the sun: {minutes, times, bytes}), source (null, or of an imported set:
     /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (null, or of a scene's transfer: {scene, functions, moments}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
@@ -102,6 +104,19 @@ Examples:
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
   dataset export dataset/yard --layout hprc2 --out yard-hprc2")]
     Export(exchange::Export),
+    /// Makes a dataset of half the resolution: a coarser level for virtual texturing.
+    ///
+    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel has the mean light of the four under it, those that are valid; what was
+    /// at texel position p is at p/2. Layers, visibility and normals are halved alike, and frames are the sums of the halved layers. All
+    /// else is kept but noise, which nobody knows of means. The result is a dataset as any other: halve it again for the next level.
+    /// `compress --levels` makes all levels as bundles. A transfer is refused. With --json, one object: out, scene, level (how often it was halved), pages
+    /// [[width, height]], files, bytes, seconds.
+    #[command(after_help = "\
+Examples:
+  dataset halve dataset/yard --out dataset/yard-1
+  dataset halve dataset/yard-1 --out dataset/yard-2
+  compress dataset/yard-1 --out yard.1.ndgi")]
+    Halve(halve::Halve),
     /// Packages datasets for release: archives, bundles, pictures, datasheets, checksums.
     ///
     /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun, sky and lamps where
@@ -138,6 +153,7 @@ fn main() -> ExitCode {
         Command::Check { folder } => check(&console, folder),
         Command::Import(import) => import.run(&console).map(|()| ExitCode::SUCCESS),
         Command::Export(export) => export.run(&console).map(|()| ExitCode::SUCCESS),
+        Command::Halve(halve) => halve.run(&console).map(|()| ExitCode::SUCCESS),
         Command::Release(release) => release.run(&console).map(|()| ExitCode::SUCCESS),
         Command::Verify { folder } if folder.join(dataset::store::MANIFEST).is_file() => {
             check(&console, folder)
@@ -169,6 +185,13 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
                 console.print(format!("  {replaced} outside the masks were no light and are 0"));
             }
         }
+    }
+    let level = config.halved().map(|halved| halved.times);
+    if let Some(level) = level {
+        console.print(format!(
+            "  level {level} of a dataset: its resolution was halved {}",
+            count(level as usize, "time")
+        ));
     }
     let transfer = config.transfer.as_ref().map(|transfer| {
         let functions = transfer.light.first().map_or(0, |light| light.coefficients.len());
@@ -246,6 +269,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         "files": files,
         "bytes": bytes,
         "pages": pages.collect::<Vec<_>>(),
+        "level": level,
         "version": dataset.version,
         "sun": baked(config.sun),
         "sky": baked(config.sky),

@@ -44,6 +44,24 @@ impl Dataset {
         results.into_iter().filter_map(Result::err).collect()
     }
 
+    /// Rows `y0 .. y1` of what the lightmap of a frame on a page is to be: ((sun direct + sun indirect) + sky) + local.
+    pub(crate) fn layer_sum_rows(
+        &self,
+        frame: usize,
+        page: usize,
+        y0: usize,
+        y1: usize,
+    ) -> Result<Vec<[f32; 3]>> {
+        self.shares_of(frame, page).sum_rows(self, page, y0, y1)
+    }
+
+    /// The paths of the files of which the lightmap of a frame on a page is the sum, light by light: where they are equal, so are the sums.
+    pub(crate) fn summands(&self, frame: usize, page: usize) -> Vec<Vec<&str>> {
+        let Shares { sun, sky, local } = self.shares_of(frame, page);
+        let lights = [sun, sky].into_iter().chain(local);
+        lights.map(|files| files.into_iter().map(|file| &*file.path).collect()).collect()
+    }
+
     /// What a map is to be the sum of.
     fn shares_of(&self, frame: usize, page: usize) -> Shares<'_> {
         let of = |light| self.config.files_of(light, None, frame, page);
@@ -60,15 +78,7 @@ impl Dataset {
             crate::console::stop_if_interrupted()?;
             let y1 = (y0 + ROWS).min(height);
             let texels = self.image_rows(map, page, y0, y1)?;
-            // (sun + sky) + local; an absent share is black.
-            let share = |files: &[&FileRef]| self.sum_rows(files, page, y0, y1);
-            let mut sum = share(&shares.sun)?;
-            add(&mut sum, &share(&shares.sky)?);
-            let mut local = vec![[0.0f32; 3]; texels.len()];
-            for files in &shares.local {
-                add(&mut local, &share(files)?);
-            }
-            add(&mut sum, &local);
+            let sum = shares.sum_rows(self, page, y0, y1)?;
             let same = |i: usize| match imported {
                 // Dilated texels are nobody's light; without a mask that can be read, nobody knows which they are.
                 true => mask.is_none_or(|m| !m.valid[y0 * width + i]) || about_equal(&texels[i], &sum[i]),
@@ -101,5 +111,18 @@ struct Shares<'a> {
 impl<'a> Shares<'a> {
     fn files(&self) -> impl Iterator<Item = &'a FileRef> {
         [&self.sun, &self.sky].into_iter().chain(&self.local).flatten().copied()
+    }
+
+    /// (sun + sky) + local; an absent share is black.
+    fn sum_rows(&self, dataset: &Dataset, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+        let share = |files: &[&FileRef]| dataset.sum_rows(files, page, y0, y1);
+        let mut sum = share(&self.sun)?;
+        add(&mut sum, &share(&self.sky)?);
+        let mut local = vec![[0.0f32; 3]; sum.len()];
+        for files in &self.local {
+            add(&mut local, &share(files)?);
+        }
+        add(&mut sum, &local);
+        Ok(sum)
     }
 }
