@@ -345,7 +345,7 @@ fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
 /// What the bundle says of itself.
 fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Result<Header> {
     let config = &dataset.config;
-    let info = json!({
+    let mut info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
         "inputs": dataset.config.digest_of_light(),
         "trained_on": trained_on(dataset, law),
@@ -368,6 +368,10 @@ fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Re
         "seed": options.seed,
         "sun": law.is_apart.then_some(if options.without_sun { "left out" } else { "apart" }),
     });
+    // A coarser level says which, and of what light.
+    if let Some(halved) = config.halved() {
+        (info["level"], info["level_of"]) = (json!(halved.times), json!(halved.light));
+    }
     let grid =
         |page: &dataset::config::Page| Grid { width: page.width as usize, height: page.height as usize };
     let mut timeline = timeline(dataset);
@@ -420,7 +424,7 @@ fn trained_on(dataset: &Dataset, law: &Law) -> String {
 }
 
 /// `path` with `suffix` appended to its name.
-fn beside(path: &Path, suffix: &str) -> PathBuf {
+pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()

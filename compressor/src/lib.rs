@@ -17,6 +17,7 @@ pub mod train;
 pub mod compress;
 pub mod evaluate;
 pub mod report;
+pub mod levels;
 pub mod run;
 pub mod sweep;
 pub mod compare;

@@ -15,6 +15,7 @@ Examples:
   compress dataset/yard --draft --profile L                 fast, and small
   compress dataset/yard --time-limit 5m                     as well trained as that allows
   compress dataset/yard --target-psnr 40                    bits to the tiles that need them
+  compress dataset/yard --levels                            yard.1.ndgi, yard.2.ndgi, ... too: coarser levels for virtual texturing
   compress dataset/yard --without-sun                       for a game that draws the sun itself
   compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
   compress evaluate dataset/yard --csv quality.csv
@@ -61,6 +62,7 @@ Keys of the --json object (null where there is none):
   steps                  a list of from, to (hours), switch, error
   tiles, seconds         tiles of the bundle, wall-clock seconds of the command
   bundle, report         paths written (compress only)
+  levels                 with --levels, a list of level, bundle, pages, tiles, bytes, psnr_db, psnr_pooled_db, up_to_date (compress only)
   steps_least, steps_most   training steps of a tile with light (compress only)
   tiles_empty, tiles_resumed, training_cpu_seconds, up_to_date   (compress only; the seconds of the run that trained it)
   matches_dataset        whether the bundle was made from the light that the dataset holds now (evaluate only)
@@ -300,6 +302,11 @@ pub struct Compress {
     /// least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
+    /// Write coarser levels for virtual texturing beside the bundle: NAME.1.ndgi of half the resolution, NAME.2.ndgi of a quarter, until every
+    /// page is one tile (126 texels or fewer). What is at texel position p of a page is at p / 2^m of level m. All options hold for each level; a
+    /// time limit is shared among them. `dataset halve` makes the light that they are judged by.
+    #[arg(long)]
+    pub levels: bool,
     /// Leave the sun's direct light out, for readers that draw the sun themselves. The dataset must have it as a layer of its own.
     #[arg(long)]
     pub without_sun: bool,

@@ -87,6 +87,11 @@ fn in_words(
     let pages: Vec<String> =
         header.pages.iter().map(|page| format!("{} × {}", page.width, page.height)).collect();
     lines.push(("pages", format!("{} texels", pages.join(", "))));
+    let level = written["level"].as_u64().filter(|level| (1..32).contains(level));
+    lines.extend(level.map(|level| {
+        let (side, of) = (1u64 << level, "texels of full resolution");
+        ("level", format!("{level}: a texel is the mean of {side} × {side} {of}; texel position p there is p / {side} here"))
+    }));
     let (first, last) = (hours.first().copied().unwrap_or(0.0), hours.last().copied().unwrap_or(0.0));
     lines.push(("sets", format!("{}, from {} to {}", hours.len(), clock(first), clock(last))));
     for (name, on) in header.groups.iter().zip(&header.timeline.intervals) {

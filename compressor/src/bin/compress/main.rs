@@ -11,6 +11,7 @@ use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_o
 use compressor::decode::{Decoder, Lights};
 use compressor::evaluate::{Looks, Measures, evaluate, expect_match};
 use compressor::law::WIDEST;
+use compressor::levels;
 use compressor::run::{compress_and_judge, print};
 use compressor::sweep;
 use compressor::{Error, Result, of_bundle};
@@ -80,13 +81,22 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
         path.as_ref().map_or(Ok(()), |path| expect_output(path, extension, option))?;
     }
-    let judged = compress_and_judge(&root, &options, console)?;
+    let of_full = match args.levels {
+        true => levels::options(&options, &Dataset::open_manifest(&root)?.config.pages, 0),
+        false => options.clone(),
+    };
+    let judged = compress_and_judge(&root, &of_full, console)?;
     let dataset = Dataset::open(&root)?;
+    let bundle = &judged.outcome.bundle;
+    let coarser = args.levels.then(|| levels::levels(&root, &options, bundle, console)).transpose()?;
     let mut report = Report::new(&format!("{}, compressed", dataset.config.scene));
     let mut object = judged.json();
     report.lead(judged.lead);
     for section in judged.sections {
         report.push(section);
+    }
+    if let Some(coarser) = &coarser {
+        report.push(levels::section(coarser));
     }
     report.push(preview::section(&dataset)?.folded());
     let path = args.report.unwrap_or_else(|| judged.outcome.bundle.with_extension("html"));
@@ -94,6 +104,7 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     console.say(format!("bundle: {}", judged.outcome.bundle.display()));
     console.say(format!("report: {}", path.display()));
     object["report"] = json!(path);
+    object["levels"] = json!(coarser);
     console.result(&object)?;
     Ok(())
 }

@@ -1,0 +1,215 @@
+//! Coarser levels of a bundle, for virtual texturing: each is half the resolution of the one before, and a bundle of its own.
+//!
+//! The halved datasets stand in the folder `<bundle>.levels/` until all levels are done, so that a run that was stopped goes on with them.
+
+use crate::compress::{Options, beside, compress};
+use crate::decode::Decoder;
+use crate::evaluate::{Measures, evaluate};
+use crate::model::PAYLOAD;
+use crate::{Error, Result, of_bundle};
+use dataset::config::Page;
+use dataset::console::Console;
+use dataset::files::remove_folder;
+use dataset::halve::{halve, open};
+use dataset::lock::{LOCK, lock};
+use dataset::report::Section;
+use dataset::store::Dataset;
+use serde::Serialize;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A level that was written and judged.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Level {
+    /// How often the resolution was halved: from 1.
+    pub level: u32,
+    /// The bundle.
+    pub bundle: PathBuf,
+    /// Width and height of the pages in texels.
+    pub pages: Vec<[u32; 2]>,
+    /// The tiles of the bundle.
+    pub tiles: usize,
+    /// Its bytes.
+    pub bytes: u64,
+    /// Mean PSNR beside the light of full resolution, averaged.
+    pub psnr_db: Option<f64>,
+    /// The same from the mean squared error.
+    pub psnr_pooled_db: Option<f64>,
+    /// Whether an earlier run had written it.
+    pub up_to_date: bool,
+}
+
+/// How many levels there are beyond full resolution: until every page fits in one tile.
+pub fn count(pages: &[Page]) -> u32 {
+    let longest = pages.iter().map(|page| page.width.max(page.height)).max().unwrap_or(1);
+    (0..).find(|level| sides(longest, *level) <= PAYLOAD as u32).unwrap_or(0)
+}
+
+/// A side of a page at a level.
+fn sides(side: u32, level: u32) -> u32 {
+    (0..level).fold(side, |side, _| side.div_ceil(2))
+}
+
+/// The name of a level's bundle: `yard.1.ndgi` beside `yard.ndgi`.
+pub fn name(bundle: &Path, level: u32) -> PathBuf {
+    match level {
+        0 => bundle.to_owned(),
+        level => bundle.with_extension(format!("{level}.ndgi")),
+    }
+}
+
+/// How a level is compressed: as full resolution is, with its share of the time by its texels.
+pub fn options(options: &Options, pages: &[Page], level: u32) -> Options {
+    let texels = |level: u32| -> f64 {
+        let of = |page: &Page| [page.width, page.height].map(|side| f64::from(sides(side, level)));
+        pages.iter().map(of).map(|[width, height]| width * height).sum()
+    };
+    let all: f64 = (0..=count(pages)).map(texels).sum();
+    let time_limit = options.time_limit.map(|limit| limit.mul_f64(texels(level) / all));
+    Options { time_limit, ..options.clone() }
+}
+
+/// Compresses and judges all levels of the dataset in `root` but the first, beside the `bundle` of full resolution.
+///
+/// # Errors
+/// Those of [`halve`], [`compress`] and [`evaluate`]; [`Error::Invalid`] where another run makes these levels.
+pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Result<Vec<Level>> {
+    let mut source = Dataset::open(root)?;
+    let pages = source.config.pages.clone();
+    let work = beside(bundle, ".levels");
+    match fs::create_dir(&work) {
+        Err(error) if !work.is_dir() => return Err(Error::io(&work)(error)),
+        _ => {}
+    }
+    let lock = lock(
+        &work,
+        "another run is making the levels of this bundle",
+        "wait for it, or choose another --out",
+    )?;
+    let mut done = Vec::new();
+    for level in 1..=count(&pages) {
+        let folder = work.join(level.to_string());
+        let half = match open(&folder, &source.config) {
+            Ok(kept) => kept,
+            Err(_) => {
+                remove_folder(&folder)?;
+                halve(&source, &folder, console)?;
+                open(&folder, &source.config)?
+            }
+        };
+        let options = Options { out: Some(name(bundle, level)), ..options(of, &pages, level) };
+        done.push(one(&half, level, &options, console)?);
+        source = half;
+    }
+    // What cannot be removed is no harm: the bundles stand.
+    let folders = fs::read_dir(&work).into_iter().flatten().flatten();
+    let is_level = |name: &str| name.bytes().all(|digit| digit.is_ascii_digit());
+    for entry in folders.filter(|entry| entry.file_name().to_str().is_some_and(is_level)) {
+        let _ = fs::remove_dir_all(entry.path());
+    }
+    let _ = fs::remove_file(work.join(LOCK));
+    let _ = fs::remove_dir(&work);
+    drop(lock);
+    Ok(done)
+}
+
+/// Compresses and judges a level.
+fn one(half: &Dataset, level: u32, options: &Options, console: &Console) -> Result<Level> {
+    let pages: Vec<[u32; 2]> = half.config.pages.iter().map(|page| [page.width, page.height]).collect();
+    let outcome = compress(&half.root, options, console)?;
+    let decoder = Decoder::open(&outcome.bundle).map_err(of_bundle)?;
+    let all = evaluate(half, &decoder, Measures::default(), console)?.all;
+    let level = Level {
+        level,
+        pages,
+        tiles: outcome.tiles,
+        bytes: outcome.bytes,
+        psnr_db: all.psnr_db,
+        psnr_pooled_db: all.psnr_pooled_db,
+        up_to_date: outcome.up_to_date,
+        bundle: outcome.bundle,
+    };
+    console.say(level.in_words());
+    Ok(level)
+}
+
+impl Level {
+    fn sizes(&self) -> String {
+        let sizes: Vec<String> =
+            self.pages.iter().map(|[width, height]| format!("{width}×{height}")).collect();
+        sizes.join(", ")
+    }
+
+    fn decibels(&self) -> String {
+        self.psnr_db.map_or("–".to_owned(), |db| format!("{db:.2}"))
+    }
+
+    /// Such as `level 1, 256×256 texels: yard.1.ndgi, 61234 bytes, 41.20 dB`.
+    fn in_words(&self) -> String {
+        let Level { level, bundle, bytes, .. } = self;
+        format!(
+            "level {level}, {} texels: {}, {bytes} bytes, {} dB",
+            self.sizes(),
+            bundle.display(),
+            self.decibels()
+        )
+    }
+}
+
+/// The levels, for the report.
+pub fn section(levels: &[Level]) -> Section {
+    let mut section = Section::new("Coarser levels");
+    section.paragraph(
+        "For virtual texturing: bundles of half the resolution, a quarter, and so on. A texel at level m is the mean of the valid texels \
+         under it, and what is at texel position p of a page is at p ÷ 2^m.",
+    );
+    let row = |level: &Level| {
+        let name = level.bundle.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+        let (tiles, bytes) = (level.tiles.to_string(), level.bytes.to_string());
+        vec![level.level.to_string(), name, level.sizes(), tiles, bytes, level.decibels()]
+    };
+    let rows: Vec<Vec<String>> = levels.iter().map(row).collect();
+    section.table(&["level", "bundle", "texels", "tiles", "bytes", "mean PSNR, dB"], &rows);
+    section
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::config::FileRef;
+    use std::time::Duration;
+
+    fn pages(sizes: &[[u32; 2]]) -> Vec<Page> {
+        let mask = FileRef { path: "mask.png".into(), bytes: 1, blake3: String::new() };
+        sizes.iter().map(|[width, height]| Page::atlas(*width, *height, mask.clone())).collect()
+    }
+
+    #[test]
+    fn levels_end_where_every_page_fits_in_one_tile() {
+        for (size, expected) in
+            [([1, 1], 0), ([126, 126], 0), ([127, 3], 1), ([252, 252], 1), ([253, 1], 2), ([512, 2048], 5)]
+        {
+            assert_eq!(count(&pages(&[size])), expected, "{size:?}");
+        }
+        assert_eq!(count(&pages(&[[1, 1], [3, 300]])), 2);
+    }
+
+    #[test]
+    fn names_go_with_the_bundles() {
+        let named = |bundle: &str, level| name(Path::new(bundle), level).display().to_string();
+        assert_eq!(named("a/yard.ndgi", 0), "a/yard.ndgi");
+        assert_eq!(named("a/yard.ndgi", 2), "a/yard.2.ndgi");
+        assert_eq!(named("yard.v1.ndgi", 1), "yard.v1.1.ndgi");
+    }
+
+    #[test]
+    fn levels_share_the_time_limit() {
+        let (limit, pages) = (Duration::from_secs(210), pages(&[[512, 512]]));
+        let limited = Options { time_limit: Some(limit), ..Options::default() };
+        let shares: Vec<f64> =
+            (0..4).map(|level| options(&limited, &pages, level).time_limit.unwrap().as_secs_f64()).collect();
+        assert!((shares[0] / shares[1] - 4.0).abs() < 1e-6, "{shares:?}");
+        assert!((shares.iter().sum::<f64>() - 210.0).abs() < 1e-6, "{shares:?}");
+        assert_eq!(options(&Options::default(), &pages, 1).time_limit, None);
+    }
+}
