@@ -11,7 +11,8 @@ const TEXTS: [(u32, usize); 2] = [(3, 56), (4, 80)];
 /// Longest text that is read.
 const MOST_TEXT: u64 = 1 << 20;
 
-/// An error if a bundle says that it was made from other light than that of this digest; bundles that say nothing of it pass.
+/// An error if a bundle says that it was made from other light than that of this digest, and that it is no coarser level of it; bundles that
+/// say nothing of it pass.
 pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
     let torn = |error| Error::invalid(bundle.display(), format!("not a whole bundle: {error}"));
     let mut file = File::open(bundle).map_err(Error::io(bundle))?;
@@ -36,7 +37,7 @@ pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
     let info = text(&mut file).map_err(torn)?;
     let info: serde_json::Value = serde_json::from_slice(&info).unwrap_or_default();
     match info["inputs"].as_str() {
-        Some(inputs) if inputs != digest => Err(Error::invalid(
+        Some(inputs) if inputs != digest && info["level_of"] != digest => Err(Error::invalid(
             bundle.display(),
             "made from other light than the set it goes with; expected one that `compress` made of this set",
         )),

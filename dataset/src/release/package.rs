@@ -251,7 +251,8 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
         if name.chars().any(char::is_control) || !path.is_file() {
             continue;
         }
-        let own = name == format!("{scene}.ndgi") || name.starts_with(&format!("{scene}-"));
+        // (Coarser levels are `yard.1.ndgi`, and so on.)
+        let own = ["-", "."].iter().any(|next| name.starts_with(&format!("{scene}{next}")));
         let name = if own { name.to_owned() } else { format!("{scene}-{name}") };
         if let Some(other) = found.insert(name.clone(), path.clone()) {
             let what =
