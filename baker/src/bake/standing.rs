@@ -199,6 +199,12 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     if standing.scene != prepared.scene.name {
         lost.push(format!("it is of the scene {:?}, not {:?}", standing.scene, prepared.scene.name));
     }
+    if let Some(halved) = standing.halved() {
+        let level = halved.times;
+        lost.push(format!(
+            "it is level {level} of a dataset, which `dataset halve` made and no bake makes again"
+        ));
+    }
     let (before, now) =
         (files(&standing.settings), prepared.scene.objects.iter().filter_map(|o| o.file.file_name()));
     let now: BTreeSet<String> = now.map(|name| name.to_string_lossy().into_owned()).collect();
