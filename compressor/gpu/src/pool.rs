@@ -3,6 +3,7 @@
 use crate::features::{Features, Interval, Known};
 use crate::place::Lattice;
 use crate::request::{Moment, Options, Request, SlotRequest, Target, Work};
+use crate::shader::Output;
 use crate::stage::{self, Stage};
 use crate::sun::Held;
 use crate::survey::Survey;
@@ -115,6 +116,11 @@ impl Pool {
             interval: RangeAllocator::new(0..free[1]),
             most: (before + resident).min(most),
         })
+    }
+
+    /// Compiles the pipelines for an output, which takes 0.1 s or more; else they are when they are first needed.
+    pub fn prepare(&self, output: Output) {
+        self.stage.prepare(output);
     }
 
     /// The options as the device can have them: what [`Features::read`] takes.

@@ -7,6 +7,7 @@ use crate::tile::{self, Full, Job};
 use crate::{Error, Result};
 use ndgi::Bundle;
 use ndgi::sun::Shadows;
+use std::collections::BTreeSet;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 /// Maximum jobs per dispatch: WebGPU's limit of workgroups per axis.
@@ -85,6 +86,8 @@ pub(crate) struct Stage {
     /// Bytes of all three.
     pub bytes: u64,
     coarse: usize,
+    /// Widths of hidden layers.
+    widths: BTreeSet<usize>,
 }
 
 impl Stage {
@@ -100,7 +103,16 @@ impl Stage {
         let bytes = texels * if options.unpacks { 4 } else { 1 } + resident.size() + interval.size();
         let dimension = Some(wgpu::TextureViewDimension::D2Array);
         let maps = maps.create_view(&wgpu::TextureViewDescriptor { dimension, ..Default::default() });
-        Stage { device: device.clone(), options, maps, resident, interval, bytes, coarse: survey.coarse }
+        Stage {
+            device: device.clone(),
+            options,
+            maps,
+            resident,
+            interval,
+            bytes,
+            coarse: survey.coarse,
+            widths: survey.widths.clone(),
+        }
     }
 
     /// The shader of tiles of a width; 0: of tiles without a network.
@@ -108,6 +120,13 @@ impl Stage {
         let precision = if fits_half && hidden > 0 { self.options.precision } else { Precision::Single };
         let shared = self.device.limits().max_compute_workgroup_storage_size as usize;
         Shader { hidden, precision, output, coarse: self.coarse, shared }
+    }
+
+    /// Compiles what tiles will need, so that no frame has to.
+    pub fn prepare(&self, output: Output) {
+        for hidden in self.widths.iter().copied().chain([0]) {
+            self.options.pipelines.of(&self.device, &self.shader(hidden, true, output));
+        }
     }
 
     /// Records jobs: one dispatch for each shader that they need. Gives how many bytes are uploaded.

@@ -6,12 +6,15 @@ use ndgi::Bundle;
 use ndgi::bundle::Entry;
 use ndgi::grid::Place;
 use ndgi::model::{Contents, Shape};
+use std::collections::BTreeSet;
 
 /// What holds for all tiles of some bundles.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
     /// The most that a strip reads of F_uvt, in texels: [`shader::coarse`].
     pub coarse: usize,
+    /// Widths of hidden layers.
+    pub widths: BTreeSet<usize>,
     /// Whether any bundle has shadows that move.
     pub shadows: bool,
     /// Per tile, what it may take.
@@ -50,6 +53,7 @@ impl Survey {
                 if let Some(shape) = &shape {
                     let [width, height, _] = shape.uvt;
                     survey.coarse = survey.coarse.max(shader::coarse([width, height], shape.height));
+                    survey.widths.insert(shape.hidden);
                 }
                 survey.tiles.push(room(bundle, place, entry, shape.as_ref()));
             }

@@ -344,8 +344,12 @@ impl Bundle {
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have.
     pub fn knots(&self, place: Place) -> Result<&[Knot]> {
-        let position = self.position(place)?;
-        Ok(self.knots.get(position).map_or(&[], Vec::as_slice))
+        Ok(self.knots_at(self.position(place)?))
+    }
+
+    /// The same by the tile's number in [`Bundle::index`]; empty for a number that no tile has.
+    pub fn knots_at(&self, number: usize) -> &[Knot] {
+        self.knots.get(number).map_or(&[], Vec::as_slice)
     }
 
     /// Reads and checks one tile's features and decoder; `None` where its light, the sun's stream apart, is black.

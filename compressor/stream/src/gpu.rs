@@ -324,7 +324,9 @@ fn pool_of(
     settings: &Settings,
 ) -> Result<Pool> {
     let bundles: Vec<_> = (0..pyramid.levels()).map(|level| Arc::clone(pyramid.bundle(level))).collect();
-    Ok(Pool::new(device, queue, &bundles, settings.budgets.features, settings.options.clone())?)
+    let pool = Pool::new(device, queue, &bundles, settings.budgets.features, settings.options.clone())?;
+    pool.prepare(Output::Rgba16Float);
+    Ok(pool)
 }
 
 fn slots_of(device: &wgpu::Device, label: &str, [width, height]: [u32; 2]) -> wgpu::TextureView {

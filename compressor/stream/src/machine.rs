@@ -214,8 +214,8 @@ pub struct Stream {
     wanted: BTreeMap<Tile, u32>,
     mip_bias: f32,
     table: Vec<Entry>,
-    /// Whether a slot was given, taken, or written for the first time, since the table was made.
-    is_table_old: bool,
+    /// Tiles that got a slot or lost it in this step.
+    altered: Vec<Tile>,
     /// The hour of the last step, and the light groups that were on.
     before: Option<(f64, Vec<bool>)>,
 }
@@ -243,7 +243,7 @@ impl Stream {
             wanted: BTreeMap::new(),
             mip_bias: 0.0,
             table: vec![Entry::Mean; pyramid.tiles()],
-            is_table_old: false,
+            altered: Vec::new(),
             before: None,
             pyramid,
             budgets,
@@ -299,7 +299,7 @@ impl Stream {
         // The table that the device has is the old one: what is different is told.
         fresh.table = std::mem::take(&mut self.table);
         fresh.table.resize(fresh.pyramid.tiles(), Entry::Mean);
-        fresh.is_table_old = true;
+        fresh.altered = (0..fresh.pyramid.tiles() as u32).map(Tile).collect();
         *self = fresh;
         Ok(())
     }

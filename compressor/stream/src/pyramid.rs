@@ -182,6 +182,18 @@ impl Pyramid {
         self.tile(Spot { level: level + 1, place })
     }
 
+    /// The tiles of the level before that a tile covers; none on the finest.
+    pub fn children(&self, tile: Tile) -> impl Iterator<Item = Tile> + '_ {
+        let spot = self.spot(tile).filter(|spot| spot.level > 0);
+        spot.into_iter().flat_map(move |Spot { level, place }| {
+            let child = move |i: usize| {
+                let (column, row) = (2 * place.column + i % 2, 2 * place.row + i / 2);
+                self.tile(Spot { level: level - 1, place: Place { column, row, ..place } })
+            };
+            (0..4).filter_map(child)
+        })
+    }
+
     /// The tiles of the last level, page by page.
     pub fn roots(&self) -> impl Iterator<Item = Tile> + use<> {
         let first = self.levels.last().map_or(0, |level| level.first);
@@ -223,9 +235,8 @@ impl Pyramid {
 
     fn knots<'a>(&'a self, tile: Tile, now: &'a Now) -> (usize, &'a Moment, &'a [Knot]) {
         let level = self.level_of(tile);
-        let place = self.spot(tile).map(|spot| spot.place);
-        let knots = place.and_then(|place| self.levels[level].bundle.knots(place).ok());
-        (level, &now.levels[level].moment, knots.unwrap_or_default())
+        let of = &self.levels[level];
+        (level, &now.levels[level].moment, of.bundle.knots_at((tile.0 - of.first) as usize))
     }
 
     fn level_of(&self, tile: Tile) -> usize {

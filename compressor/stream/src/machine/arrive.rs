@@ -67,7 +67,7 @@ impl Stream {
     pub(super) fn free_slot(&mut self, tile: Tile, commands: &mut Commands) {
         if let Some(shown) = self.state_mut(tile).shown.take() {
             self.slots[shown.slot as usize] = None;
-            self.is_table_old = true;
+            self.altered.push(tile);
             commands.evictions.push(tile);
         }
     }

@@ -105,7 +105,7 @@ impl Stream {
             self.free_slot(other, commands);
         }
         self.slots[slot as usize] = Some(tile);
-        self.is_table_old = true;
+        self.altered.push(tile);
         self.state_mut(tile).shown = Some(Shown { slot, travelled: 0.0, step: 0, sun: None, sun_step: 0 });
         self.again(tile, true, now, commands);
     }

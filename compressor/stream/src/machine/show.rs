@@ -2,28 +2,41 @@
 
 use super::{Commands, Entry, Stream};
 use crate::Tile;
+use std::sync::Arc;
 
 impl Stream {
     /// Tells the entries that are different now: a tile's own slot, or the one of the nearest tile that covers it.
     pub(super) fn show(&mut self, commands: &mut Commands) {
-        if !std::mem::take(&mut self.is_table_old) {
-            return;
-        }
-        let mut table = vec![Entry::Mean; self.tiles.len()];
+        let mut altered = std::mem::take(&mut self.altered);
         // From the last level on: what covers a tile comes before it.
-        for number in (0..self.tiles.len()).rev() {
-            let tile = Tile(number as u32);
-            let Some(spot) = self.pyramid.spot(tile).filter(|_| !self.pyramid.facts(tile).is_black()) else {
-                continue;
-            };
-            table[number] = match (self.state(tile).shown, self.pyramid.parent(tile)) {
-                (Some(shown), _) => Entry::Slot { slot: shown.slot, level: spot.level as u8 },
-                (None, Some(parent)) => table[parent.0 as usize],
-                (None, None) => Entry::Mean,
-            };
+        altered.sort_unstable_by(|a, b| b.cmp(a));
+        altered.dedup();
+        let pyramid = Arc::clone(&self.pyramid);
+        let mut to_do: Vec<Tile> = Vec::new();
+        for tile in altered {
+            to_do.push(tile);
+            while let Some(tile) = to_do.pop() {
+                let entry = self.entry_of(tile);
+                let known = &mut self.table[tile.0 as usize];
+                if *known != entry {
+                    *known = entry;
+                    commands.table.push((tile, entry));
+                    // Those that it covers and that have no slot show what it does.
+                    to_do.extend(pyramid.children(tile).filter(|child| self.state(*child).shown.is_none()));
+                }
+            }
         }
-        let changed = (0..).zip(table.iter().zip(&self.table)).filter(|(_, (new, old))| new != old);
-        commands.table.extend(changed.map(|(number, (new, _))| (Tile(number), *new)));
-        self.table = table;
+    }
+
+    /// What a tile shows, where what its parent shows is known.
+    fn entry_of(&self, tile: Tile) -> Entry {
+        let Some(spot) = self.pyramid.spot(tile).filter(|_| !self.pyramid.is_black(tile)) else {
+            return Entry::Mean;
+        };
+        match (self.state(tile).shown, self.pyramid.parent(tile)) {
+            (Some(shown), _) => Entry::Slot { slot: shown.slot, level: spot.level as u8 },
+            (None, Some(parent)) => self.entry(parent),
+            (None, None) => Entry::Mean,
+        }
     }
 }
