@@ -1,25 +1,25 @@
-//! What a stream may use.
+//! The limits of a stream.
 
 use crate::{Error, Result};
 
-/// What a stream may use. The defaults are those of a view of 1920×1080 over a scene of any size.
+/// The limits of a stream. The defaults suit a view of 1920×1080, whatever the size of the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budgets {
-    /// Decoded tiles on the device: 128² texels each, 256 KB with the sun apart.
+    /// Decoded tiles on the device: 128² texels of 16 bytes each, so 262 KB a tile, the sun included.
     pub slots: u32,
-    /// Tiles whose features are on the device, some 60 KB each: at least as many as `slots`, so that what is seen can be decoded again.
+    /// Tiles whose features are on the device, about 60 KB each. At least `slots`, so that every shown tile can be decoded again.
     pub features: u32,
-    /// Tiles that are being read, or are read and not yet on the device.
+    /// Tiles that are being read, or wait in memory to be loaded. And as many reads of intervals of the sun.
     pub reads: usize,
-    /// Tiles that are put on the device per step; and as many intervals of the sun.
+    /// Tiles that are loaded onto the device per step, and as many intervals of the sun.
     pub loads: usize,
-    /// Tiles whose maps are decoded per step. At a light switch all that are seen and that it reaches are decoded in one step, however many.
+    /// Tiles whose maps are decoded per step. At a light switch all wanted tiles that it affects are decoded in one step, however many.
     pub decodes: usize,
-    /// Tiles whose sun alone is decoded per step.
+    /// Tiles of which only the sun is decoded, per step.
     pub suns: usize,
-    /// Relative change of a tile's light below which it is not decoded again.
+    /// Relative change of light up to which a tile is not decoded again.
     pub tolerance: f32,
-    /// How often a read is tried again after it failed.
+    /// How often a failed read is tried again.
     pub retries: u32,
 }
 
@@ -39,7 +39,7 @@ impl Default for Budgets {
 }
 
 impl Budgets {
-    /// An error where nothing could ever be shown.
+    /// An error for budgets under which nothing could ever be shown.
     pub(crate) fn check(&self) -> Result<()> {
         let counts = [
             ("slots", self.slots as usize),

@@ -5,9 +5,9 @@ use std::fmt;
 /// What can go wrong.
 #[derive(Debug)]
 pub enum Error {
-    /// A bundle is damaged, or what was asked for is not in it.
+    /// A bundle is damaged or unreadable, or does not hold what was asked for.
     Bundle(ndgi::Error),
-    /// Bundles that are no levels of one scene, or budgets under which nothing can be shown.
+    /// The bundles are not levels of one scene, or nothing can be shown under the budgets.
     Invalid(String),
     /// The device cannot do what was asked for.
     Device(String),

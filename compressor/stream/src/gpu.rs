@@ -1,6 +1,6 @@
-//! The stream on a device: reads by a [`Reader`], decodes by `ndgi-gpu` into two textures of slots, and gives shaders a function that samples them.
+//! The stream on a device: a [`Reader`] reads, `ndgi-gpu` decodes into two textures of slots, and a WGSL function samples them.
 //!
-//! Three calls a frame, see [`Runtime`].
+//! A frame is three calls: see [`Runtime`].
 
 mod feedback;
 mod read;
@@ -19,24 +19,24 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use table::Table;
 
-/// Texels of a slot's side: a tile's own and a border of one.
+/// Side of a slot in texels: the 126 of a tile and a border of one at each end.
 pub const SIDE: u32 = 128;
 
-/// How a runtime decodes.
+/// The settings of a [`Runtime`].
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// What it may use.
+    /// The limits of the stream.
     pub budgets: Budgets,
     /// How tiles are decoded.
     pub options: Options,
-    /// What light is multiplied with before it is stored in 16-bit floats: see `ndgi_gpu::Output`.
+    /// The factor of light before it is stored in 16-bit floats; shaders divide by it. See `ndgi_gpu::Output`.
     pub exposure: f32,
-    /// The size of the feedback's target: an eighth of the view's is enough.
+    /// Width and height of the feedback's target; an eighth of the view's are enough.
     pub feedback: [u32; 2],
 }
 
 impl Settings {
-    /// Those of a view of so many pixels.
+    /// Default settings for a view of this width and height: an exposure of 256, and feedback at an eighth of the resolution.
     pub fn of_view([width, height]: [u32; 2]) -> Self {
         let feedback = [width.div_ceil(8), height.div_ceil(8)].map(|side| side.max(1));
         Settings { budgets: Budgets::default(), options: Options::default(), exposure: 256.0, feedback }
@@ -46,49 +46,50 @@ impl Settings {
 /// What a frame did.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// What the feedback told, if one arrived: tiles and their pixels at its resolution.
+    /// The feedback, if one arrived: tiles, and their pixels at the resolution of its target.
     pub seen: Option<Vec<Seen>>,
-    /// What the stream commanded.
+    /// The commands that were carried out.
     pub commands: Commands,
-    /// Bytes uploaded.
+    /// Uploaded bytes.
     pub bytes: u64,
-    /// Tiles that found no room on the device, and are tried again.
+    /// Number of tiles that found no room on the device, and will be read again.
     pub refused: usize,
 }
 
-/// A scene's tiles on a device.
+/// Streams a scene's tiles on a device.
 ///
-/// A frame is three calls: [`Runtime::frame`] before anything is drawn; [`Runtime::read_back`] after the view drew its feedback into
-/// [`Feedback::view`]; [`Runtime::submitted`] after the encoder was submitted. Shaders sample by the functions of [`Runtime::wgsl`] and the bind group of
-/// [`Runtime::bind_group`].
+/// A frame is three calls: [`Runtime::frame`] before anything is drawn, [`Runtime::read_back`] after the view has drawn its feedback into
+/// [`Feedback::view`], and [`Runtime::submitted`] after the encoder was submitted. Shaders call the functions of [`Runtime::wgsl`] with
+/// [`Runtime::bind_group`] bound.
 ///
-/// No call waits: reads, checksums and unpacking are the [`Reader`]'s, and feedback is taken up when it has arrived, one frame later or two.
+/// No call waits. The [`Reader`] does all reading, checking and unpacking; feedback is used when it arrives, one or two frames later.
 #[derive(Debug)]
 pub struct Runtime {
     stream: Stream,
     pool: Pool,
     reader: Box<dyn Reader>,
     settings: Settings,
-    /// What was read and is not on the device yet.
+    /// Tiles that were read and are not on the device yet.
     waiting: BTreeMap<Tile, Waiting>,
-    /// Of tiles on the device, what further intervals are unpacked from.
+    /// For tiles on the device, the data from which further intervals are unpacked.
     sunlight: BTreeMap<Tile, Sunlight>,
     asked: BTreeMap<u64, Read>,
     done: Vec<Completion>,
     told: Option<Vec<Seen>>,
     maps: wgpu::TextureView,
     sun: wgpu::TextureView,
-    /// Slots across the textures.
+    /// Number of slots in a row of the textures.
     across: u32,
     table: Table,
     feedback: Feedback,
 }
 
 impl Runtime {
-    /// A runtime in which every tile shows its mean.
+    /// A runtime in which nothing is read yet, and every tile shows its mean.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for budgets that make no sense; [`Error::Device`](crate::Error::Device) for ones that the device has no room for.
+    /// [`Error::Invalid`](crate::Error::Invalid) for budgets under which nothing can be shown; [`Error::Device`](crate::Error::Device) for
+    /// budgets that exceed the device's limits.
     pub fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
@@ -129,12 +130,12 @@ impl Runtime {
         })
     }
 
-    /// Records what a frame needs before anything samples: uploads through the queue, which come before the next submission, and decoding on the
-    /// encoder. The encoder has to be submitted, and nothing else of this runtime be submitted before it.
+    /// Brings the tiles up to `hour`; call it before anything samples. Uploads go through the queue and take effect at the next submission.
+    /// Decoding is recorded on the encoder, which has to be submitted before the next frame is recorded.
     ///
     /// # Errors
-    /// [`Error::Bundle`](crate::Error::Bundle) for an hour that is not a finite number. What cannot be read is no error: it is told in
-    /// [`Commands::failures`], and shown by what covers it.
+    /// [`Error::Bundle`](crate::Error::Bundle) for an hour that is not a finite number. A tile that cannot be read is not an error: it is
+    /// reported in [`Commands::failures`], and a coarser tile is shown instead.
     pub fn frame(
         &mut self,
         device: &wgpu::Device,
@@ -168,15 +169,15 @@ impl Runtime {
         Ok(report)
     }
 
-    /// Says what the view shows, in the place of the next frame's feedback: for views that know it, or are about to jump.
+    /// Sets the tiles that the view needs, in place of the next frame's feedback: for views that know them, for instance after a jump.
     pub fn see(&mut self, seen: Vec<Seen>) {
         self.told = Some(seen);
     }
 
-    /// Takes up what the reader did.
+    /// Takes up completed reads.
     fn collect(&mut self) {
         for Done { ticket, what } in self.reader.done() {
-            // What a scene that was replaced had asked for is let go.
+            // Reads of a scene that was replaced are dropped.
             let Some(read) = self.asked.remove(&ticket) else { continue };
             let answer = match what {
                 Ok(Arrived { features, interval }) => {
@@ -246,20 +247,20 @@ impl Runtime {
         Ok(bytes)
     }
 
-    /// Records that the feedback which the view drew is read back.
+    /// Records the read-back of the feedback that the view drew.
     pub fn read_back(&mut self, encoder: &mut wgpu::CommandEncoder) {
         self.feedback.read_back(encoder);
     }
 
-    /// To be called after the encoder of [`Runtime::read_back`] was submitted.
+    /// Call this after the encoder of [`Runtime::read_back`] was submitted.
     pub fn submitted(&mut self) {
         self.feedback.submitted();
     }
 
-    /// Takes up other bundles in the place of those there were: see [`Stream::replace`] and [`Files::changed`].
+    /// Replaces the bundles: see [`Stream::replace`] and [`Files::changed`]. [`Runtime::bind_group`] is a new one afterwards.
     ///
     /// # Errors
-    /// As [`Runtime::new`]; nothing has changed then.
+    /// Those of [`Runtime::new`]. Nothing has changed then.
     pub fn replace(
         &mut self,
         device: &wgpu::Device,
@@ -289,7 +290,7 @@ impl Runtime {
         &self.feedback
     }
 
-    /// What is read, loaded, decoded and shown.
+    /// The stream, which knows what is read, loaded, decoded and shown.
     pub fn stream(&self) -> &Stream {
         &self.stream
     }
@@ -306,12 +307,12 @@ impl Runtime {
         &self.table.layout
     }
 
-    /// What the functions of [`Runtime::wgsl`] read. It is another one after [`Runtime::replace`].
+    /// The bind group for the functions of [`Runtime::wgsl`]. [`Runtime::replace`] makes a new one.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.table.group
     }
 
-    /// The functions by which shaders sample and tell feedback, with their bindings in a group of that number: see `sample.wgsl`.
+    /// WGSL functions that sample light and write feedback, with their bindings in group `group`: see `sample.wgsl`.
     pub fn wgsl(group: u32) -> String {
         include_str!("gpu/sample.wgsl").replace("@group(NDGI)", &format!("@group({group})"))
     }

@@ -1,7 +1,7 @@
-//! Virtual texturing of a day of lightmaps: which tiles of NDGI bundles are read, put on a device, decoded and shown, under a budget.
+//! Virtual texturing for a day of lightmaps: reads, decodes and shows the tiles of NDGI bundles that a view needs, under a budget.
 //!
-//! [`Stream`] decides; it has no clock, no thread and no device, so the same trace always gives the same commands. [`Pyramid`] holds what is known of
-//! all tiles without reading one.
+//! [`Stream`] decides what is to be done. It has no clock, thread or device, so the same trace always gives the same commands. [`Pyramid`]
+//! holds the tiles of all levels: their indices and mean light, which are in memory.
 
 #![forbid(unsafe_code)]
 

@@ -1,7 +1,9 @@
-//! The state machine: what is seen and what has arrived go in, what is to be done comes out.
+//! The state machine: tiles seen and reads completed go in, commands come out.
 //!
-//! Per tile there are two things: its *data* (absent, being read, arrived in memory, held on the device), and its *slot*, decoded texels of some hour. A
-//! step passes the files of this folder in this order: what is wanted, what arrived, what is loaded, what is decoded, and which slot each tile shows.
+//! A tile has two things: its *data* (absent, being read, arrived in memory, or held on the device), and its *slot* with its decoded texels
+//! at some hour. A step takes the files of this folder in this order: `want`, `arrive`, `load` (which also starts reads), `decode`, `show`.
+//!
+//! A *place* here is a numbered slot of `ndgi_gpu::Pool`, which holds a tile's features. A *slot* holds decoded texels.
 
 mod arrive;
 mod decode;
@@ -13,33 +15,33 @@ use crate::{Budgets, Now, Pyramid, Result, Tile};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The times of visibility around an hour, as `ndgi::at::SunAt::times`.
+/// An interval of visibility: the stored times before and after an hour, as in `ndgi::at::SunAt::times`.
 pub type Times = [usize; 2];
 
-/// A tile that a view shows.
+/// A tile that a view needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seen {
-    /// The tile, at the level that the view asks for.
+    /// The tile, at the level that the view needs.
     pub tile: Tile,
-    /// How many pixels it covers.
+    /// The number of pixels that it covers.
     pub pixels: u32,
 }
 
-/// An answer to a [`Read`].
+/// The answer to a [`Read`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Completion {
-    /// The read's number.
+    /// The ticket of the read.
     pub ticket: u64,
-    /// What came of it.
+    /// The outcome.
     pub answer: Answer,
 }
 
-/// What came of a read.
+/// The outcome of a read.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// What was asked for is in memory.
+    /// The data is in memory.
     Arrived,
-    /// The read failed. One that may work later is tried again ([`Budgets::retries`]); one of a damaged tile is not.
+    /// The read failed. It is tried again ([`Budgets::retries`]) unless the failure is lasting, as for a damaged tile.
     Failed {
         /// Whether another try would fail too.
         is_lasting: bool,
@@ -48,40 +50,40 @@ pub enum Answer {
     },
 }
 
-/// Data that is to be brought into memory.
+/// A command: bring data into memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Read {
-    /// A number of its own; the [`Completion`] has the same.
+    /// A unique number, which the [`Completion`] repeats.
     pub ticket: u64,
     /// The tile.
     pub tile: Tile,
-    /// Whether the tile's features are read, and not only what it sees of the sun.
+    /// Whether the tile's features are read; otherwise only its interval of visibility is unpacked.
     pub features: bool,
-    /// The interval of visibility that is made ready with it.
+    /// The interval of visibility to unpack, if any.
     pub times: Option<Times>,
 }
 
-/// Data that is to be put on the device.
+/// A command: put data on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
     /// The tile.
     pub tile: Tile,
-    /// The place for features on the device. What was there is gone.
+    /// The place for its features (`ndgi_gpu::Pool`). If features are loaded, they replace what was there.
     pub place: u32,
-    /// Whether the tile's features are loaded, and not only what it sees of the sun.
+    /// Whether the tile's features are loaded; otherwise only its interval of visibility is.
     pub features: bool,
-    /// The interval of visibility that is loaded.
+    /// The interval of visibility to load, if any.
     pub times: Option<Times>,
 }
 
-/// A tile that is to be decoded at the step's hour.
+/// A command: decode a tile at the step's hour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decode {
     /// The tile.
     pub tile: Tile,
-    /// Its place for features.
+    /// The place of its features.
     pub place: u32,
-    /// The slot that is written.
+    /// The slot to write.
     pub slot: u32,
     /// Whether its maps are decoded.
     pub maps: bool,
@@ -89,21 +91,21 @@ pub struct Decode {
     pub sun: bool,
 }
 
-/// What is shown where a tile is sampled.
+/// An entry of the page table: what is sampled for a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// The tile's mean: nothing that covers it is decoded, or it has no light at all.
+    /// The tile's mean: no tile that covers it is decoded, or it has no light at all.
     Mean,
-    /// A slot, of the tile itself or of one that covers it.
+    /// The slot of the tile itself, or of a coarser tile that covers it.
     Slot {
         /// The slot.
         slot: u32,
-        /// The level of the tile in it.
+        /// The level of the tile in the slot.
         level: u8,
     },
 }
 
-/// A tile that cannot be read. It is shown by the tiles that cover it.
+/// A tile that cannot be read. Coarser tiles that cover it are shown instead.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure {
     /// The tile.
@@ -112,27 +114,27 @@ pub struct Failure {
     pub what: String,
 }
 
-/// What is to be done, in this order.
+/// The commands of a step, to be carried out in the order of the fields.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Commands {
-    /// To be started, the most urgent first.
+    /// Reads to start, most urgent first.
     pub reads: Vec<Read>,
     /// Tiles whose data in memory is no longer needed.
     pub drops: Vec<Tile>,
-    /// Places for features that are empty now.
+    /// Places to empty.
     pub unloads: Vec<u32>,
-    /// Before anything of this step is decoded. What is loaded is decoded in the next step at the earliest: where the device has no room, call
-    /// [`Stream::refuse`] until then.
+    /// Data to load before this step decodes anything. It is decoded in the next step at the earliest; if the device has no room for it,
+    /// call [`Stream::refuse`] before that step.
     pub loads: Vec<Load>,
-    /// Before anything of this step is sampled.
+    /// Tiles to decode before anything is sampled.
     pub decodes: Vec<Decode>,
     /// Tiles that lost their slots: for statistics.
     pub evictions: Vec<Tile>,
-    /// Entries of the page table that are different now.
+    /// Entries of the page table that have changed.
     pub table: Vec<(Tile, Entry)>,
-    /// By how many levels coarser than its own resolution the view shall ask: rises where it wants more tiles than there are slots.
+    /// The number of levels, in fractions too, by which the view is to ask for coarser tiles. It rises when slots run short.
     pub mip_bias: f32,
-    /// Tiles that cannot be read, each told once.
+    /// Tiles that cannot be read, each reported once.
     pub failures: Vec<Failure>,
 }
 
@@ -141,26 +143,26 @@ pub struct Commands {
 enum Data {
     #[default]
     Absent,
-    /// Being read, for the n-th time after it failed.
+    /// Being read, after `tries` failures.
     Reading { ticket: u64, tries: u32 },
-    /// It failed; tried again from a step on.
+    /// The read failed; it is tried again from `step` on.
     Waiting { step: u64, tries: u32 },
-    /// In memory, with an interval.
+    /// In memory, with an interval if it needs one.
     Arrived { times: Option<Times> },
-    /// On the device, since a step.
+    /// On the device since a step.
     Held { place: u32, since: u64 },
     /// It cannot be read.
     Failed,
 }
 
-/// What a tile on the device has of the sun.
+/// The intervals of visibility of a tile on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Visible {
     /// The interval on the device.
     held: Option<Times>,
-    /// One that is being read.
+    /// The one that is being unpacked.
     asked: Option<(u64, Times)>,
-    /// One that is in memory.
+    /// The one that is in memory.
     ready: Option<Times>,
 }
 
@@ -170,9 +172,9 @@ struct Shown {
     slot: u32,
     /// [`Pyramid::travelled`] when its maps were decoded.
     travelled: f32,
-    /// The step at which they were.
+    /// The step at which its maps were decoded.
     step: u64,
-    /// The hour of its sun; `None` where that is black, or has to be decoded again.
+    /// The hour at which its sun was decoded; `None` if that is black, or has to be decoded again.
     sun: Option<f64>,
     /// The step at which its sun was decoded.
     sun_step: u64,
@@ -185,7 +187,7 @@ struct State {
     shown: Option<Shown>,
     /// The last step at which it was wanted.
     wanted: u64,
-    /// Its pixels then.
+    /// Its pixels at that step.
     pixels: u32,
     /// How often the device had no room for its features.
     refused: u32,
@@ -199,18 +201,18 @@ pub struct Stream {
     step: u64,
     tickets: u64,
     tiles: Vec<State>,
-    /// By place for features and by slot: whose it is.
+    /// The tile in each place, and in each slot.
     places: Vec<Option<Tile>>,
     slots: Vec<Option<Tile>>,
-    /// Tiles being read or arrived.
+    /// Tiles that are being read, or have arrived.
     under_way: Vec<Tile>,
-    /// Tiles of which an interval is being read: by ticket.
+    /// Tiles of which an interval alone is being unpacked, by ticket.
     intervals: BTreeMap<u64, Tile>,
-    /// Roots that always keep their slots.
+    /// Roots (tiles of the last level) that always keep their slots.
     pinned: Vec<Tile>,
-    /// Tiles of the last feedbacks: their pixels, and how many feedbacks ago.
+    /// Tiles of the last feedbacks: their pixels, and how many feedbacks ago they were seen.
     seen: BTreeMap<Tile, (u32, u32)>,
-    /// What is wanted by them, and its pixels.
+    /// The tiles wanted now, and their pixels.
     wanted: BTreeMap<Tile, u32>,
     mip_bias: f32,
     table: Vec<Entry>,
@@ -221,7 +223,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// A stream of nothing yet: every tile shows its mean.
+    /// A stream in which nothing is read yet, and every tile shows its mean.
     ///
     /// # Errors
     /// [`Error::Invalid`] for budgets under which nothing could be shown.
@@ -250,11 +252,11 @@ impl Stream {
         })
     }
 
-    /// One frame. `seen`: what the view shows, as the latest feedback tells; `None` where there is none since the last step. `completions`: answers
-    /// to reads since the last step. Afterwards the page table says what is sampled, once the commands are carried out in their order.
+    /// Makes the decisions of one frame. `seen` is the feedback that arrived since the last step, if any; `completions` are the answers to
+    /// reads since then. The page table holds from the moment that the commands are carried out.
     ///
     /// # Errors
-    /// [`Error::Bundle`] for an hour that is not a finite number: nothing has changed then.
+    /// [`Error::Bundle`] for an hour that is not a finite number. Nothing has changed then.
     pub fn step(&mut self, seen: Option<&[Seen]>, completions: &[Completion], hour: f64) -> Result<Commands> {
         let now = self.pyramid.at(hour)?;
         self.step += 1;
@@ -272,17 +274,17 @@ impl Stream {
         Ok(commands)
     }
 
-    /// Takes up other bundles in the place of those there were, such as a scene baked anew. Data is read again; slots are shown until their tiles
-    /// are decoded anew, where the levels have the same sizes as before.
+    /// Replaces the bundles, for instance when the scene was baked again. All data is read again. If all pages have the same sizes as
+    /// before, slots stay in use until their tiles are decoded from the new data.
     ///
     /// # Errors
-    /// None but what [`Stream::new`] says.
+    /// Those of [`Stream::new`].
     pub fn replace(&mut self, pyramid: Arc<Pyramid>) -> Result<()> {
         let mut fresh = Stream::new(pyramid, self.budgets.clone())?;
         let sizes = |pyramid: &Pyramid| -> Vec<Vec<ndgi::grid::Grid>> {
             (0..pyramid.levels()).map(|level| pyramid.bundle(level).header.pages.clone()).collect()
         };
-        // Numbers of reads go on: answers to old ones are not taken for new ones.
+        // Tickets go on, so that an answer to an old read is not taken for one to a new read.
         (fresh.tickets, fresh.step, fresh.mip_bias) = (self.tickets, self.step, self.mip_bias);
         if sizes(&fresh.pyramid) == sizes(&self.pyramid) {
             let is_lit = |tile: &Tile| !fresh.pyramid.facts(*tile).is_black();
@@ -290,13 +292,13 @@ impl Stream {
             fresh.wanted.retain(|tile, _| is_lit(tile));
             fresh.slots = self.slots.iter().map(|owner| owner.filter(is_lit)).collect();
             for tile in fresh.slots.iter().flatten() {
-                // What it was decoded from is no more.
+                // The data it was decoded from is gone.
                 let shown = self.tiles[tile.0 as usize].shown;
                 fresh.tiles[tile.0 as usize].shown =
                     shown.map(|shown| Shown { travelled: f32::NAN, ..shown });
             }
         }
-        // The table that the device has is the old one: what is different is told.
+        // The device still has the old table: the next step reports what differs.
         fresh.table = std::mem::take(&mut self.table);
         fresh.table.resize(fresh.pyramid.tiles(), Entry::Mean);
         fresh.altered = (0..fresh.pyramid.tiles() as u32).map(Tile).collect();
@@ -304,8 +306,8 @@ impl Stream {
         Ok(())
     }
 
-    /// Says that the last step's [`Load`] of a tile's features could not be carried out for want of room. It is read again later, and one tile
-    /// that is not wanted gives up its place until then.
+    /// Reports that the device had no room for the features of a [`Load`] of the last step. The tile is read again later, and one tile that
+    /// is not wanted is unloaded at once to make room. `commands` receives what has to be unloaded and dropped.
     pub fn refuse(&mut self, tile: Tile, commands: &mut Commands) {
         self.free_place(tile, commands);
         let tries = self.state(tile).refused;
@@ -320,7 +322,7 @@ impl Stream {
         self.state_mut(tile).data = Data::Waiting { step: self.step + (1 << tries.min(8)), tries: 0 };
     }
 
-    /// What is known of the tiles.
+    /// The tiles.
     pub fn pyramid(&self) -> &Arc<Pyramid> {
         &self.pyramid
     }
@@ -330,20 +332,20 @@ impl Stream {
         &self.budgets
     }
 
-    /// What is sampled where a tile is.
+    /// The tile's entry in the page table: what is sampled for it.
     ///
     /// # Panics
-    /// For a tile that there is not.
+    /// For a tile that does not exist.
     pub fn entry(&self, tile: Tile) -> Entry {
         self.table[tile.0 as usize]
     }
 
-    /// The tiles that the view wants, as far as there are slots for them, and their pixels.
+    /// The wanted tiles, no more than there are slots, and their pixels.
     pub fn wanted(&self) -> impl Iterator<Item = Seen> + '_ {
         self.wanted.iter().map(|(tile, pixels)| Seen { tile: *tile, pixels: *pixels })
     }
 
-    /// How far a tile's light has changed since it was decoded, relative to what it is; `None` where it is not decoded.
+    /// The change of a tile's light since it was decoded, relative to its light now; `None` if it is not decoded.
     pub fn staleness(&self, tile: Tile, now: &Now) -> Option<f32> {
         let shown = self.state(tile).shown?;
         Some(self.change(tile, shown.travelled, now, 0.0))
@@ -361,19 +363,20 @@ impl Stream {
         self.state(tile).wanted == self.step
     }
 
-    /// The next read's number.
+    /// A new ticket.
     fn ticket(&mut self) -> u64 {
         self.tickets += 1;
         self.tickets
     }
 
-    /// The interval that a tile needs, if any.
+    /// The interval of visibility that a tile needs now, if any.
     fn times(&self, tile: Tile, now: &Now) -> Option<Times> {
         let sun = self.pyramid.sun(tile, now).filter(|_| self.pyramid.facts(tile).has_sun);
         sun.map(|(times, _)| times)
     }
 
-    /// How far a tile's light changed since it had travelled so far, relative to its light now or to `floor`.
+    /// The change of a tile's light since its mean had travelled `travelled`, relative to its light now or to `floor`, whichever is
+    /// greater.
     fn change(&self, tile: Tile, travelled: f32, now: &Now, floor: f32) -> f32 {
         if travelled.is_nan() {
             return f32::INFINITY;
@@ -388,7 +391,8 @@ impl Stream {
     }
 }
 
-/// The entry that was used least recently among those of `owners` that may be taken, or an empty one.
+/// An empty entry of `owners`, or else the least recently used one. `last` gives the step of an owner's last use, or `None` if it must
+/// stay.
 fn oldest(owners: &[Option<Tile>], last: impl Fn(Tile) -> Option<u64>) -> Option<u32> {
     let age = |owner: &Option<Tile>| match owner {
         None => Some((0, None)),

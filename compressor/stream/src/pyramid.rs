@@ -1,4 +1,4 @@
-//! The tiles of a scene at all levels, and what is known of their light without reading one.
+//! The tiles of a scene at all levels, and their mean light, which is known without reading one.
 
 use crate::{Error, Result};
 use ndgi::Bundle;
@@ -7,20 +7,20 @@ use ndgi::model::{Contents, Knot};
 use ndgi::time::Moment;
 use std::sync::Arc;
 
-/// A tile's number: levels from the finest on, in each page by page, row by row.
+/// The number of a tile. Tiles are numbered level by level from the finest, then page by page, then row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Tile(pub u32);
 
-/// Where a tile is.
+/// The level and place of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spot {
     /// The level: 0 is the finest; a texel of level m covers 2^m × 2^m texels of level 0.
     pub level: usize,
-    /// The place in the level's bundle.
+    /// Page, column and row in the level's bundle.
     pub place: Place,
 }
 
-/// A scene's bundles, the finest first, each of half the resolution of the one before.
+/// The bundles of a scene, finest first; each has half the resolution of the one before.
 #[derive(Clone, Debug)]
 pub struct Pyramid {
     levels: Vec<Level>,
@@ -32,21 +32,22 @@ struct Level {
     bundle: Arc<Bundle>,
     /// The number of its first tile.
     first: u32,
-    /// By page, how many tiles stand before it on this level.
+    /// By page, the number of tiles before it on this level.
     pages: Vec<u32>,
-    /// By tile of the level and knot, how far its light has gone up and down since the first knot: the sum of the changes of its means.
+    /// By tile of the level and knot, how far its light has gone up and down since the first knot: the sum of the absolute changes of its
+    /// mean.
     travelled: Vec<f32>,
     knots: usize,
 }
 
-/// What is known of a tile.
+/// What the index says of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facts {
     /// It has maps: its light changes over the day.
     pub has_maps: bool,
-    /// It sees the sun at some time.
+    /// The sun reaches it at some time.
     pub has_sun: bool,
-    /// Its network is given the state of a light group.
+    /// Its network takes the state of a light group as input.
     pub has_gates: bool,
 }
 
@@ -57,7 +58,7 @@ impl Facts {
     }
 }
 
-/// An hour, as all levels see it.
+/// An hour of the day, with what depends on it alone, for all levels.
 #[derive(Clone, Debug)]
 pub struct Now {
     /// The hour in [0, 24).
@@ -70,16 +71,16 @@ pub struct Now {
 #[derive(Clone, Debug)]
 struct OfLevel {
     moment: Moment,
-    /// The times of visibility around, and the sun's irradiance; `None` where it is down.
+    /// The times of visibility before and after the hour, and the sun's irradiance; `None` where it is down.
     sun: Option<([usize; 2], [f32; 3])>,
 }
 
 impl Pyramid {
-    /// Levels of one scene, the finest first. One bundle alone is a pyramid too.
+    /// A pyramid of the levels of one scene, finest first. A single bundle will do.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for bundles that are no levels of one scene: pages of other numbers or sizes than half of those before, rounded up; other light
-    /// groups.
+    /// [`Error::Invalid`] for bundles that are not levels of one scene: their light groups differ, or a level's pages are not those of the
+    /// level before halved, rounded up.
     pub fn new(bundles: Vec<Arc<Bundle>>) -> Result<Self> {
         let Some(finest) = bundles.first() else {
             return Err(Error::Invalid("no bundle; expected at least one".to_owned()));
@@ -147,13 +148,13 @@ impl Pyramid {
         self.levels[0].pages.len()
     }
 
-    /// The number of a level's first tile of a page.
+    /// The first tile of a page at a level.
     pub fn first(&self, level: usize, page: usize) -> Tile {
         let level = &self.levels[level];
         Tile(level.first + level.pages[page])
     }
 
-    /// The tile at a place of a level; `None` where there is none.
+    /// The tile at a level and place; `None` where there is none.
     pub fn tile(&self, Spot { level, place }: Spot) -> Option<Tile> {
         let grid = self.levels.get(level)?.bundle.header.pages.get(place.page)?;
         let inside = place.column < grid.columns() && place.row < grid.rows();
@@ -161,7 +162,7 @@ impl Pyramid {
         Some(Tile(first + (place.row * grid.columns() + place.column) as u32))
     }
 
-    /// Where a tile is. `None` for a number that no tile has.
+    /// The level and place of a tile; `None` for a number that no tile has.
     pub fn spot(&self, Tile(number): Tile) -> Option<Spot> {
         if number as usize >= self.tiles.len() {
             return None;
@@ -175,14 +176,14 @@ impl Pyramid {
         Some(Spot { level, place: Place { page, column: i % columns, row: i / columns } })
     }
 
-    /// The tile of the next level that covers a tile; `None` on the last level.
+    /// The tile of the next coarser level that covers a tile; `None` on the last level.
     pub fn parent(&self, tile: Tile) -> Option<Tile> {
         let Spot { level, place } = self.spot(tile)?;
         let place = Place { column: place.column / 2, row: place.row / 2, ..place };
         self.tile(Spot { level: level + 1, place })
     }
 
-    /// The tiles of the level before that a tile covers; none on the finest.
+    /// The tiles of the next finer level that a tile covers; none on the finest.
     pub fn children(&self, tile: Tile) -> impl Iterator<Item = Tile> + '_ {
         let spot = self.spot(tile).filter(|spot| spot.level > 0);
         spot.into_iter().flat_map(move |Spot { level, place }| {
@@ -194,7 +195,7 @@ impl Pyramid {
         })
     }
 
-    /// The tiles of the last level, page by page.
+    /// The tiles of the last, coarsest level, page by page.
     pub fn roots(&self) -> impl Iterator<Item = Tile> + use<> {
         let first = self.levels.last().map_or(0, |level| level.first);
         (first..self.tiles.len() as u32).map(Tile)
@@ -209,7 +210,7 @@ impl Pyramid {
         &self.tiles[tile.0 as usize]
     }
 
-    /// All levels at an hour (periodic in 24).
+    /// What depends on the hour alone (periodic in 24), for all levels.
     ///
     /// # Errors
     /// [`Error::Bundle`] for an hour that is not a finite number.
@@ -224,7 +225,7 @@ impl Pyramid {
         Ok(Now { hour, state: self.levels[0].bundle.header.timeline.state(hour), levels })
     }
 
-    /// The mean of a tile's maps, without the sun's stream: red, green, blue.
+    /// The mean light of a tile's maps as red, green and blue, without the sun's stream.
     pub fn mean(&self, tile: Tile, now: &Now) -> [f32; 3] {
         let (_, moment, knots) = self.knots(tile, now);
         let [a, b] = moment.knots.map(|knot| knots.get(knot).map_or([0.0; 3], |knot| knot.mean));
@@ -243,12 +244,12 @@ impl Pyramid {
         self.levels.partition_point(|level| level.first <= tile.0) - 1
     }
 
-    /// The times of visibility around an hour at a tile's level, and the sun's irradiance; `None` where the sun is down.
+    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None` where the sun is down.
     pub(crate) fn sun(&self, tile: Tile, now: &Now) -> Option<([usize; 2], [f32; 3])> {
         now.levels[self.level_of(tile)].sun
     }
 
-    /// How far a tile's light has travelled at an hour, and how far in a whole day.
+    /// How far a tile's mean has travelled from the first knot to an hour, and in a whole day.
     pub(crate) fn travelled(&self, tile: Tile, now: &Now) -> [f32; 2] {
         let (level, moment, _) = self.knots(tile, now);
         let level = &self.levels[level];

@@ -1,11 +1,11 @@
-//! Which tiles a view shows: a small target that the view draws tiles' numbers into, read back without waiting.
+//! Feedback: a small target into which the view draws the numbers of the tiles that it needs, read back without waiting.
 
 use crate::{Seen, Tile};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Read-backs that may be under way.
+/// Read-backs that can be under way at once.
 const RING: usize = 3;
 /// States of a buffer.
 const FREE: u8 = 0;
@@ -14,7 +14,7 @@ const MAPPING: u8 = 2;
 const MAPPED: u8 = 3;
 const FAILED: u8 = 4;
 
-/// The target into which a view draws, per pixel, the number of the tile that it needs there, plus 1; 0 for none.
+/// The target into which the view draws feedback: per pixel the number of the tile that it needs there plus 1, or 0 for none.
 #[derive(Debug)]
 pub struct Feedback {
     texture: wgpu::Texture,
@@ -25,7 +25,7 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// Its format: one `u32`.
+    /// The format of the target: one `u32` a pixel.
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
 
     pub(super) fn new(device: &wgpu::Device, size: [u32; 2]) -> Self {
@@ -57,12 +57,12 @@ impl Feedback {
         &self.view
     }
 
-    /// Its size.
+    /// Width and height of the target in pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Copies the target into a free buffer, if there is one; else this frame tells nothing.
+    /// Copies the target into a free buffer. If there is none, this frame's feedback is skipped.
     pub(super) fn read_back(&mut self, encoder: &mut wgpu::CommandEncoder) {
         let free = self.buffers.iter().position(|(_, state)| state.load(Ordering::Acquire) == FREE);
         let Some(free) = free else { return };
@@ -96,9 +96,9 @@ impl Feedback {
         }
     }
 
-    /// The newest feedback that has arrived since the last call: the tiles, with their pixels at this target's resolution.
+    /// The newest feedback that has arrived since the last call: tiles, and their pixels at the target's resolution.
     pub(super) fn arrived(&mut self, device: &wgpu::Device, tiles: usize) -> Option<Vec<Seen>> {
-        // An error would be the device's loss, which the view hears of by its own means.
+        // An error would mean that the device is lost, which the view learns by itself.
         let _ = device.poll(wgpu::PollType::Poll);
         let mut seen = None;
         for (buffer, state) in &self.buffers {
@@ -118,7 +118,7 @@ impl Feedback {
     }
 }
 
-/// Bytes of a row in a buffer.
+/// Bytes of a buffer's row.
 fn row([width, _]: [u32; 2]) -> u32 {
     (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
 }

@@ -1,4 +1,4 @@
-//! Reading and unpacking tiles beside the frame's thread.
+//! Reads and unpacks tiles on other threads than the frame's.
 
 use crate::{Pyramid, Read};
 use ndgi::source::ReadAt;
@@ -10,12 +10,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What a read brought.
+/// The result of a read.
 #[derive(Debug, Default)]
 pub struct Arrived {
-    /// The tile's features, where they were asked for.
+    /// The tile's features, if the read asked for them.
     pub features: Option<Features>,
-    /// What it sees of the sun, where that was asked for.
+    /// Its interval of visibility, if the read asked for one.
     pub interval: Option<Interval>,
 }
 
@@ -24,39 +24,39 @@ pub struct Arrived {
 pub struct ReadError {
     /// Whether another try would fail too.
     pub is_lasting: bool,
-    /// In words.
+    /// The reason, in words.
     pub what: String,
 }
 
-/// A read that is done.
+/// A completed read.
 #[derive(Debug)]
 pub struct Done {
     /// [`Read::ticket`].
     pub ticket: u64,
-    /// What it brought.
+    /// The result, or why there is none.
     pub what: Result<Arrived, ReadError>,
 }
 
-/// Who reads: [`Threads`], or what a game has for its own files. Its methods are called by the frame's thread, and must not wait.
+/// Carries out reads: [`Threads`], or a game's own. The frame's thread calls its methods, so they must not wait.
 pub trait Reader: Debug + Send {
-    /// Starts a read. `known`: of a tile on the device, what its intervals are unpacked from.
+    /// Starts a read. `known` is the data from which the intervals of a tile on the device are unpacked.
     fn start(&mut self, pyramid: &Arc<Pyramid>, options: &Options, read: Read, known: Option<Sunlight>);
 
-    /// What is done since the last call.
+    /// The reads that completed since the last call.
     fn done(&mut self) -> Vec<Done>;
 }
 
-/// What was read of a tile and is not on the device yet.
+/// Data of a tile that was read and is not on the device yet.
 #[derive(Debug, Default)]
 pub(super) struct Waiting {
     pub features: Option<Features>,
     pub interval: Option<Interval>,
 }
 
-/// Reads a tile and unpacks it, as a [`Reader`] does on a thread of its own.
+/// Reads and unpacks a tile: what a [`Reader`] calls on a thread of its own. It blocks.
 ///
 /// # Errors
-/// A lasting one for a damaged tile; one that may pass where the source cannot be read.
+/// A lasting one for a damaged tile; one that is not lasting where the source cannot be read.
 pub fn read(
     pyramid: &Pyramid,
     options: &Options,
@@ -89,7 +89,7 @@ struct Job {
     known: Option<Sunlight>,
 }
 
-/// Reads on threads of its own, which end when it is dropped.
+/// A [`Reader`] with threads of its own, which end when it is dropped.
 #[derive(Debug)]
 pub struct Threads {
     jobs: Sender<Job>,
@@ -97,10 +97,10 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// So many threads. Two suffice for a disk; over a network one for each read of [`crate::Budgets::reads`].
+    /// Starts `count` threads. Two suffice for a disk; over a network, use one for each of [`crate::Budgets::reads`].
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error if a thread cannot be started.
     pub fn new(count: usize) -> io::Result<Self> {
         let (jobs, to_do) = channel::<Job>();
         let (tell, done) = channel();
@@ -136,14 +136,14 @@ impl Reader for Threads {
     }
 }
 
-/// A source behind a slow line, for tests: each read takes a latency, and its bytes take their time.
+/// A source behind a slow line, for tests: a read takes the latency, plus the time of its bytes.
 #[derive(Debug)]
 pub struct Slow<S> {
     /// The source.
     pub source: S,
-    /// Of each read.
+    /// The latency of each read.
     pub latency: Duration,
-    /// Bytes a second, shared by all reads.
+    /// Bytes a second, shared by all reads; at least 1.
     pub bytes_per_second: f64,
     line: Mutex<Instant>,
 }

@@ -1,10 +1,10 @@
-//! What shaders read: the page table, tiles' means, and the sizes of all pages and levels.
+//! The buffers that shaders read: the page table, the tiles' means, and the sizes of all pages and levels.
 
 use crate::{Commands, Entry, Now, Pyramid, Seen, Stream, Tile};
 use std::collections::BTreeSet;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-/// Of all tiles, the means of one in so many are told anew per frame; of those that are seen, all.
+/// One mean in this many is updated per frame, in turn; those of the tiles seen are updated in every feedback.
 const ROUND: usize = 64;
 
 #[derive(Debug)]
@@ -19,9 +19,9 @@ pub(super) struct Table {
     pages: u32,
     across: u32,
     exposure: f32,
-    /// Where the round of means is.
+    /// The tile at which the next frame's round of means begins.
     next: usize,
-    /// Whether all means have been told once.
+    /// Whether all means have been written once.
     is_filled: bool,
 }
 
@@ -86,14 +86,14 @@ impl Table {
         queue.write_buffer(&self.paging, 0, bytemuck::cast_slice(&words));
     }
 
-    /// All entries, for a table that was made anew.
+    /// Writes all entries of a new table.
     pub fn fill(&self, queue: &wgpu::Queue, stream: &Stream) {
         let words: Vec<u32> =
             (0..stream.pyramid().tiles() as u32).map(|tile| word(stream.entry(Tile(tile)))).collect();
         queue.write_buffer(&self.entries, 0, bytemuck::cast_slice(&words));
     }
 
-    /// Writes what is different in a frame; gives the bytes.
+    /// Writes what has changed in a frame; returns the bytes.
     pub fn write(
         &mut self,
         queue: &wgpu::Queue,
@@ -120,7 +120,7 @@ impl Table {
     }
 }
 
-/// Writes some words of a buffer, neighbours at once; gives the bytes.
+/// Writes some words of a buffer, neighbours in one call; returns the bytes.
 fn write_at(
     queue: &wgpu::Queue,
     buffer: &wgpu::Buffer,

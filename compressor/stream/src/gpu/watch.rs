@@ -1,4 +1,4 @@
-//! Bundles as files, and whether others stand in their place now.
+//! Bundles as files, and whether they were replaced.
 
 use crate::{Pyramid, Result};
 use ndgi::Bundle;
@@ -14,7 +14,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// `NAME.ndgi`, and beside it as many of `NAME.1.ndgi`, `NAME.2.ndgi` … as there are.
+    /// `NAME.ndgi`, and the levels `NAME.1.ndgi`, `NAME.2.ndgi` … beside it, up to the first that is missing.
     pub fn beside(finest: &Path) -> Self {
         let mut paths = vec![finest.to_owned()];
         let level = |level: usize| finest.with_extension(format!("{level}.ndgi"));
@@ -22,7 +22,7 @@ impl Files {
         Files { stamps: vec![None; paths.len()], paths }
     }
 
-    /// The files.
+    /// The files, finest level first.
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
@@ -30,7 +30,7 @@ impl Files {
     /// Opens them all.
     ///
     /// # Errors
-    /// As `Bundle::open` and [`Pyramid::new`].
+    /// Those of `Bundle::open` and [`Pyramid::new`].
     pub fn open(&mut self) -> Result<Arc<Pyramid>> {
         self.stamps = self.paths.iter().map(|path| stamp(path)).collect();
         let bundles: Vec<Arc<Bundle>> =
@@ -38,8 +38,9 @@ impl Files {
         Ok(Arc::new(Pyramid::new(bundles)?))
     }
 
-    /// Whether a file is another one than when they were opened: to be asked every second or so, on any thread. Where it is, [`Files::open`] them
-    /// again; a set of which only some are written yet gives an error, and is asked for again later.
+    /// Whether a file's length or time of change differs from when it was opened. Ask about once a second, on any thread, and if so
+    /// [`Files::open`] again. If that fails because only some levels are written yet, ask again later. Levels that are new beside them are not
+    /// noticed.
     pub fn changed(&self) -> bool {
         self.paths.iter().zip(&self.stamps).any(|(path, opened)| stamp(path) != *opened)
     }

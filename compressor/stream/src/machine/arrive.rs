@@ -1,13 +1,13 @@
-//! What was read.
+//! Takes up what was read.
 
 use super::{Answer, Commands, Completion, Data, Failure, Stream};
 use crate::Tile;
 
-/// How many steps a read waits before it is tried again, at first; twice as long after each failure.
+/// Steps before the first retry of a read; the wait doubles after each failure.
 const PAUSE: u64 = 8;
 
 impl Stream {
-    /// Takes up answers. Those to reads that nobody waits for are left aside.
+    /// Takes up answers, and ignores those to reads that are no longer needed.
     pub(super) fn arrive(&mut self, completions: &[Completion], commands: &mut Commands) {
         for Completion { ticket, answer } in completions {
             let of = |state: &Data| matches!(state, Data::Reading { ticket: own, .. } if own == ticket);
@@ -38,7 +38,7 @@ impl Stream {
             self.state_mut(tile).visible = Default::default();
         }
         if data == Data::Failed {
-            // What is shown of it stays, but cannot be decoded again: what covers it is better.
+            // Its slot could not be decoded again, so a coarser tile is the better choice.
             self.wanted.remove(&tile);
             self.pinned.retain(|other| *other != tile);
             self.free_slot(tile, commands);
@@ -52,7 +52,7 @@ impl Stream {
         match answer {
             Answer::Arrived => visible.ready = Some(times),
             Answer::Failed { what, .. } => {
-                // Its features were read and checked: that it cannot be unpacked is for good.
+                // Its features passed their checks, so unpacking would fail again.
                 commands.failures.push(Failure { tile, what: what.clone() });
                 self.wanted.remove(&tile);
                 self.pinned.retain(|other| *other != tile);
@@ -63,7 +63,7 @@ impl Stream {
         }
     }
 
-    /// Takes a tile's slot.
+    /// Takes away a tile's slot.
     pub(super) fn free_slot(&mut self, tile: Tile, commands: &mut Commands) {
         if let Some(shown) = self.state_mut(tile).shown.take() {
             self.slots[shown.slot as usize] = None;

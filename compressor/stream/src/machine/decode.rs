@@ -1,16 +1,16 @@
-//! What is decoded: what is new, what a switch reaches, and what has changed most.
+//! Chooses the tiles to decode: those that a switch affects, new ones, and those that have changed most.
 
 use super::{Commands, Data, Decode, Shown, Stream, oldest};
 use crate::{Now, Tile};
 use std::cmp::Reverse;
 
-/// Relative change of a tile's mean from which on a switch is taken to reach it, where its network is given no light group.
+/// A switch affects a tile whose network has no light group as input if the tile's mean changes by more than this share.
 const REACHED: f32 = 0.002;
-/// Hours from which on a step of the clock is a jump, which is treated as a switch is.
+/// A step of the clock of more hours than this is a jump, which is treated like a switch.
 const JUMP: f64 = 1.0;
-/// Light that counts as dark beside what is seen: a hundredth of its mean.
+/// Changes are relative to the tile's light, or to this share of the mean light of the view where a tile is darker.
 const DARK: f32 = 0.01;
-/// One tile in so many is decoded because it waited longest, not because it changed most.
+/// One tile in this many is decoded because it waited longest, not because it changed most.
 const TURNS: usize = 4;
 
 impl Stream {
@@ -28,7 +28,7 @@ impl Stream {
             ready.iter().copied().partition(|tile| self.state(*tile).shown.is_some());
         let mut changed: Vec<(Tile, f32)> =
             shown.iter().filter_map(|tile| self.stale(*tile, now, floor)).collect();
-        // New tiles come first, but for one in four, so that what is shown is not left behind.
+        // New tiles come first, but a quarter is kept for shown tiles, so that they are not left behind.
         let most = self.budgets.decodes;
         let kept = match (most, changed.len()) {
             (1, 1..) => usize::from(self.step.is_multiple_of(2)),
@@ -44,7 +44,7 @@ impl Stream {
         self.suns(&shown, now, commands);
     }
 
-    /// The mean light of what is seen, by pixels.
+    /// The mean light of the wanted tiles, weighted by their pixels.
     fn adapted(&self, now: &Now) -> f32 {
         let (mut sum, mut pixels) = (0.0, 0.0);
         for (tile, of) in &self.wanted {
@@ -54,12 +54,12 @@ impl Stream {
         if pixels > 0.0 { (sum / pixels) as f32 } else { 0.0 }
     }
 
-    /// Whether a tile's data is on the device for sure.
+    /// Whether a tile's data is on the device for sure: a load of this step may still be refused.
     fn is_held(&self, tile: Tile) -> bool {
         matches!(self.state(tile).data, Data::Held { since, .. } if since < self.step)
     }
 
-    /// At a switch all that it reaches is decoded at once, so that no room is half lit; what cannot be is not shown.
+    /// Decodes all tiles that a switch affects at once, so that no room is half lit. Those that cannot be decoded lose their slots.
     fn switch(&mut self, now: &Now, floor: f32, commands: &mut Commands) {
         let shown: Vec<Tile> = self.slots.iter().flatten().copied().collect();
         for tile in shown {
@@ -76,14 +76,14 @@ impl Stream {
         }
     }
 
-    /// A tile whose light changed by more than the tolerance, and by how much, in pixels.
+    /// The tile with its priority, change × pixels, if its light changed by more than the tolerance.
     fn stale(&self, tile: Tile, now: &Now, floor: f32) -> Option<(Tile, f32)> {
         let state = self.state(tile);
         let change = self.change(tile, state.shown?.travelled, now, floor);
         (change > self.budgets.tolerance).then_some((tile, change * state.pixels as f32))
     }
 
-    /// Of some tiles so many: three in four those of the most change, the fourth the one that waited longest.
+    /// Chooses up to `most` of the tiles: one in four waited longest, the others have the highest priority.
     fn turns(&self, of: &mut Vec<(Tile, f32)>, most: usize, last: impl Fn(&Shown) -> u64) -> Vec<Tile> {
         let waits = |tile: Tile| self.state(tile).shown.as_ref().map_or(0, &last);
         let mut chosen = Vec::new();
@@ -96,7 +96,7 @@ impl Stream {
         chosen
     }
 
-    /// Decodes a tile that has no slot, where there is one for it.
+    /// Decodes a tile that has no slot, if one can be had.
     fn first(&mut self, tile: Tile, now: &Now, commands: &mut Commands) {
         let step = self.step;
         let may_go = |other: Tile| Some(self.state(other).wanted).filter(|last| *last < step);
@@ -110,7 +110,7 @@ impl Stream {
         self.again(tile, true, now, commands);
     }
 
-    /// Decodes a tile into its slot: its sun, and its maps too.
+    /// Decodes a tile into its slot: its sun, and with `maps` its maps too.
     fn again(&mut self, tile: Tile, maps: bool, now: &Now, commands: &mut Commands) {
         let (Data::Held { place, .. }, Some(mut shown)) = (self.state(tile).data, self.state(tile).shown)
         else {
@@ -133,7 +133,7 @@ impl Stream {
         self.pyramid.sun(tile, now).is_some() && self.state(tile).visible.held.is_some()
     }
 
-    /// The sun alone, of what is shown: it moves in every step in which the hour does.
+    /// Decodes the sun alone of the shown tiles: it moves in every step in which the hour does.
     fn suns(&mut self, shown: &[Tile], now: &Now, commands: &mut Commands) {
         let done: Vec<Tile> = commands.decodes.iter().map(|decode| decode.tile).collect();
         let moved = |tile: &Tile| {

@@ -1,13 +1,13 @@
-//! What is read, and what is put on the device.
+//! Chooses what is loaded onto the device, and what is read.
 
 use super::{Commands, Data, Load, Read, Stream, oldest};
 use crate::{Now, Tile};
 
-/// Steps after which data that arrived and is not wanted is dropped.
+/// Data that arrived and found no place is dropped once it was not wanted for this many steps.
 const PATIENCE: u64 = 60;
 
 impl Stream {
-    /// Puts what arrived on the device, what is wanted first.
+    /// Puts what arrived on the device, wanted tiles first.
     pub(super) fn load(&mut self, now: &Now, commands: &mut Commands) {
         let mut arrived: Vec<Tile> = self.under_way.clone();
         arrived.retain(|tile| matches!(self.state(*tile).data, Data::Arrived { .. }));
@@ -21,7 +21,7 @@ impl Stream {
             }
             let Data::Arrived { times } = self.state(tile).data else { continue };
             let wanted = self.state(tile).wanted;
-            // Nothing that is wanted now, and nothing that was wanted later than this.
+            // Evicts no tile that is wanted now, and none that was wanted more recently than this one.
             let step = self.step;
             let may_go = |other: Tile| Some(self.state(other).wanted).filter(|last| *last < wanted.min(step));
             let Some(place) = oldest(&self.places, may_go) else {
@@ -42,14 +42,14 @@ impl Stream {
             let state = self.state_mut(tile);
             state.data = Data::Held { place, since: step };
             state.visible = super::Visible { held: times, ..Default::default() };
-            // Its sun is decoded again.
+            // Its sun has to be decoded again.
             state.shown.iter_mut().for_each(|shown| shown.sun = None);
             commands.loads.push(Load { tile, place, features: true, times });
         }
         self.load_intervals(now, commands);
     }
 
-    /// Puts intervals that are in memory on the device, once their time has come.
+    /// Puts intervals that are in memory on the device.
     fn load_intervals(&mut self, now: &Now, commands: &mut Commands) {
         let before = commands.loads.len();
         for tile in self.in_order() {
@@ -59,7 +59,7 @@ impl Stream {
             let Data::Held { place, .. } = self.state(tile).data else { continue };
             let times = self.times(tile, now);
             let super::State { visible, shown, .. } = self.state_mut(tile);
-            // One that the clock has passed by is of no use.
+            // The clock may have left an interval before it was loaded.
             visible.ready = visible.ready.filter(|ready| Some(*ready) == times);
             if let Some(times) = visible.ready.take() {
                 visible.held = Some(times);
@@ -69,7 +69,7 @@ impl Stream {
         }
     }
 
-    /// Asks for what is wanted and not there: what is not shown first, then what cannot be decoded again.
+    /// Starts reads for wanted tiles: first those that are not shown, then those that are shown but could not be decoded again.
     pub(super) fn read(&mut self, now: &Now, commands: &mut Commands) {
         let order = self.in_order();
         let [missing, stale]: [Vec<Tile>; 2] = [true, false].map(|is_missing| {

@@ -1,15 +1,16 @@
-//! What the view wants, as far as there is room for it.
+//! Chooses the wanted tiles: those that the view needs, as far as there are slots.
 
 use super::{Data, Seen, Stream};
 use crate::Tile;
 use std::collections::BTreeMap;
 
-/// Share of the slots above which the view is asked for coarser levels, and below which for finer ones again.
+/// The view is to ask for finer levels if its tiles need less than the first share of the slots, for coarser ones if more than the second.
 const FULL: [f32; 2] = [0.75, 0.95];
-/// Feedbacks for which a tile stays wanted after it was seen.
+/// A tile stays wanted for this many feedbacks, the one that saw it included.
 const LINGERS: u32 = 8;
-/// By how many levels the bias changes per feedback, per share of the slots beyond those limits; and at most.
+/// Levels by which the bias changes per feedback, for each share of the slots beyond those limits.
 const PACE: f32 = 0.2;
+/// The most levels by which it changes per feedback.
 const MOST: f32 = 0.1;
 
 impl Stream {
@@ -21,7 +22,7 @@ impl Stream {
             let sum = wanted.entry(tile).or_default();
             *sum = sum.saturating_add(*pixels);
         }
-        // What covers them is what is shown until they are there.
+        // Their roots are shown until they are decoded.
         let pages: Vec<Tile> = wanted.keys().map(|tile| self.root(*tile)).collect();
         for root in pages.into_iter().filter_map(|root| self.readable(root)) {
             wanted.entry(root).or_insert(1);
@@ -31,7 +32,7 @@ impl Stream {
         let mut order: Vec<(Tile, u32)> = wanted.into_iter().collect();
         order.sort_by_key(|(tile, pixels)| (!self.is_root(*tile), std::cmp::Reverse(*pixels), *tile));
         order.truncate(room);
-        // Tiles of a few pixels are not in every feedback: those of the last ones stay, so far as there is room.
+        // Tiles of a few pixels are not in every feedback, so those of the last few feedbacks stay wanted if there is room.
         self.seen.retain(|_, (_, age)| {
             *age += 1;
             *age < LINGERS
@@ -49,7 +50,7 @@ impl Stream {
         self.wanted = order.into_iter().collect();
     }
 
-    /// A tile, or the nearest one that covers it and can be read; `None` where there is none, and for one that has no light.
+    /// The tile, or else the nearest one that covers it and can be read; `None` if there is none, or if the tile has no light.
     fn readable(&self, tile: Tile) -> Option<Tile> {
         let mut tile = self.pyramid.spot(tile).map(|_| tile)?;
         if self.pyramid.facts(tile).is_black() {
@@ -80,7 +81,7 @@ impl Stream {
         self.mip_bias = (self.mip_bias + (PACE * beyond).clamp(-MOST, MOST)).clamp(0.0, most);
     }
 
-    /// Marks what is wanted in this step; pinned tiles always are.
+    /// Marks the tiles that are wanted in this step; pinned tiles always are.
     pub(super) fn mark(&mut self) {
         let pinned = self.pinned.iter().map(|tile| (*tile, 1));
         let wanted: Vec<(Tile, u32)> =
@@ -92,7 +93,7 @@ impl Stream {
         }
     }
 
-    /// What is wanted in this step: the most pixels first, but roots before all.
+    /// The tiles wanted in this step: roots first, then by pixels; pinned tiles that no view sees come last.
     pub(super) fn in_order(&self) -> Vec<Tile> {
         let mut order: Vec<Tile> = self.wanted.keys().chain(&self.pinned).copied().collect();
         order.sort_unstable();
