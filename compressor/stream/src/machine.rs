@@ -117,8 +117,6 @@ pub struct Failure {
 /// The commands of a step, to be carried out in the order of the fields.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Commands {
-    /// Reads to start, most urgent first.
-    pub reads: Vec<Read>,
     /// Tiles whose data in memory is no longer needed.
     pub drops: Vec<Tile>,
     /// Places to empty.
@@ -126,6 +124,8 @@ pub struct Commands {
     /// Data to load before this step decodes anything. It is decoded in the next step at the earliest; if the device has no room for it,
     /// call [`Stream::refuse`] before that step.
     pub loads: Vec<Load>,
+    /// Reads to start, most urgent first: after the loads, because an interval may be unpacked from features that are only loaded now.
+    pub reads: Vec<Read>,
     /// Tiles to decode before anything is sampled.
     pub decodes: Vec<Decode>,
     /// Tiles that lost their slots: for statistics.
