@@ -302,9 +302,9 @@ pub struct Compress {
     /// least 200. (Quantising takes some seconds a tile whatever the limit, and judging the bundle comes after it. What is written then depends on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
-    /// Write coarser levels for virtual texturing beside the bundle: NAME.1.ndgi of half the resolution, NAME.2.ndgi of a quarter, until every
-    /// page is one tile (126 texels or fewer). What is at texel position p of a page is at p / 2^m of level m. All options hold for each level; a
-    /// time limit is shared among them. `dataset halve` makes the light that they are judged by.
+    /// Write coarser levels for virtual texturing beside the bundle: NAME.1.ndgi of half the resolution, NAME.2.ndgi of a quarter, until
+    /// every page fits in one tile (126 texels a side). What is at texel position p of a page is at p / 2^m of level m. All options apply
+    /// to every level; a time limit is shared among them. Each level is judged by its own light, as `dataset halve` makes it.
     #[arg(long)]
     pub levels: bool,
     /// Leave the sun's direct light out, for readers that draw the sun themselves. The dataset must have it as a layer of its own.

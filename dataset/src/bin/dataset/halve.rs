@@ -35,7 +35,7 @@ impl Halve {
             bytes as f64 / 1e6
         ));
         if dataset.config.noise.is_some() {
-            console.say("left out: noise, which is not known of means of texels");
+            console.say("left out: noise, because the error of a mean of texels is not known");
         }
         console.result(&json!({
             "out": self.out,

@@ -106,11 +106,11 @@ Examples:
     Export(exchange::Export),
     /// Makes a dataset of half the resolution: a coarser level for virtual texturing.
     ///
-    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel has the mean light of the four under it, those that are valid; what was
-    /// at texel position p is at p/2. Layers, visibility and normals are halved alike, and frames are the sums of the halved layers. All
-    /// else is kept but noise, which nobody knows of means. The result is a dataset as any other: halve it again for the next level.
-    /// `compress --levels` makes all levels as bundles. A transfer is refused. With --json, one object: out, scene, level (how often it was halved), pages
-    /// [[width, height]], files, bytes, seconds.
+    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel's light is the mean of the valid ones of the four under it. What was at
+    /// texel position p is at p/2. Layers, visibility and normals are halved, and frames are summed from the halved layers. Noise is left
+    /// out, because the error of a mean is not known. All else is kept. The result is a dataset like any other: halve it again for the next
+    /// level. `compress --levels` makes bundles of all levels. A transfer cannot be halved. With --json, one object: out, scene, level (how
+    /// often it was halved), pages [[width, height]], files, bytes, seconds.
     #[command(after_help = "\
 Examples:
   dataset halve dataset/yard --out dataset/yard-1
