@@ -163,8 +163,8 @@ impl Probe {
         texels.iter().map(|texel| [0, 1, 2].map(|c| texel[c] / exposure)).collect()
     }
 
-    /// Samples everywhere, borders of tiles above all, against the decoder at the level that the page table has; gives how many points each level had, and
-    /// at last those that have the mean.
+    /// Samples everywhere, most of all at tile borders, and compares with the decoder at the level that the page table has. Gives the
+    /// number of points by level, and last of those that show the mean.
     fn expect_exact(&self, hour: f64) -> Vec<usize> {
         let pyramid = self.runtime.stream().pyramid();
         let mut random = Random(5);

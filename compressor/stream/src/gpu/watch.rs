@@ -39,8 +39,7 @@ impl Files {
     }
 
     /// Whether a file's length or time of change differs from when it was opened. Ask about once a second, on any thread, and if so
-    /// [`Files::open`] again. If that fails because only some levels are written yet, ask again later. Levels that are new beside them are not
-    /// noticed.
+    /// [`Files::open`] again. If that fails because only some levels are written yet, ask again later. Additional levels are not noticed.
     pub fn changed(&self) -> bool {
         self.paths.iter().zip(&self.stamps).any(|(path, opened)| stamp(path) != *opened)
     }
