@@ -11,7 +11,7 @@ use ndgi::Bundle;
 use ndgi::decode::Decoder;
 use ndgi::source::ReadAt;
 use ndgi::testing::Random;
-use ndgi_stream::gpu::{Report, Runtime, Settings, Threads};
+use ndgi_stream::gpu::{Files, Report, Runtime, Settings, Threads};
 use ndgi_stream::{Budgets, Entry, Pyramid, Seen, Spot, Tile};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -362,4 +362,31 @@ fn a_bundle_that_is_replaced_is_taken_up() {
     probe.settle(&seen, 8.3);
     let counts = probe.expect_exact(8.3);
     assert!(counts[..3].iter().all(|count| *count > 100), "{counts:?}");
+}
+
+#[test]
+fn files_of_levels_are_found_opened_and_known_to_be_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let pyramid = common::pyramid();
+    let path = |level: usize| match level {
+        0 => folder.path().join("yard.ndgi"),
+        _ => folder.path().join(format!("yard.{level}.ndgi")),
+    };
+    for level in 0..3 {
+        std::fs::write(path(level), pyramid.bundle(level).repeated(1).unwrap()).unwrap();
+    }
+    let mut files = Files::beside(&path(0));
+    assert_eq!(files.paths().len(), 3);
+    assert!(files.changed(), "nothing was opened yet");
+    assert_eq!(files.open().unwrap().tiles(), pyramid.tiles());
+    assert!(!files.changed());
+    // Another length: the time of a file may be too coarse.
+    let other = common::other();
+    std::fs::write(path(1), other.bundle(1).repeated(1).unwrap()).unwrap();
+    assert!(files.changed());
+    let error = files.open().unwrap_err().to_string();
+    assert!(error.contains("level 1"), "{error}");
+    std::fs::remove_file(path(2)).unwrap();
+    assert!(files.changed());
+    assert_eq!(Files::beside(&path(0)).paths().len(), 2);
 }
