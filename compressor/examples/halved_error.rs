@@ -50,13 +50,13 @@ fn errors(mask: &Mask, full: &Image, half: &Image) -> [f64; 2] {
         let inside =
             (y..(y + 2).min(full.height)).flat_map(|y| (x..(x + 2).min(full.width)).map(move |x| (x, y)));
         let valid: Vec<usize> = inside.map(|(x, y)| y * full.width + x).filter(|&i| mask.valid[i]).collect();
-        for channel in 0..3 {
-            let light = |i: &usize| f64::from(full.texels[*i][channel]);
-            if valid.is_empty() {
-                continue;
-            }
-            let mean = valid.iter().map(light).sum::<f64>() / valid.len() as f64;
-            sums[0] += (mean - f64::from(found[channel])).powi(2);
+        if valid.is_empty() {
+            continue;
+        }
+        for (channel, found) in found.iter().enumerate() {
+            let sum: f64 = valid.iter().map(|i| f64::from(full.texels[*i][channel])).sum();
+            let mean = sum / valid.len() as f64;
+            sums[0] += (mean - f64::from(*found)).powi(2);
             sums[1] += mean * mean;
         }
     }

@@ -58,7 +58,7 @@ fn light_is_the_mean_of_valid_texels_in_frames_and_layers() {
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let config = write_set(&source, &SIZES, 3).unwrap();
     let (full, half) = (Dataset::open(&source).unwrap(), half_of(&source, &out));
-    for page in 0..SIZES.len() {
+    for (page, size) in SIZES.into_iter().enumerate() {
         let mask = full.mask(page).unwrap();
         let of_half = half.mask(page).unwrap();
         for (i, valid) in of_half.valid.iter().enumerate() {
@@ -74,7 +74,7 @@ fn light_is_the_mean_of_valid_texels_in_frames_and_layers() {
             let layer = layers.find(|layer| (layer.light, layer.part) == noon).unwrap();
             set.image(layer.files[1][page].as_ref().unwrap(), page).unwrap()
         };
-        let lit = share((Light::Sun, 0, Part::Direct), 12.0, page, SIZES[page], 3).unwrap();
+        let lit = share((Light::Sun, 0, Part::Direct), 12.0, page, size, 3).unwrap();
         assert_eq!(layer(&full), lit);
         expect_mean(&mask, &lit, &layer(&half));
     }

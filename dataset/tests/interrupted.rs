@@ -1,4 +1,4 @@
-//! A stopped import, export or release leaves nothing. A test file of its own: the request to stop is the whole process's.
+//! A stopped import, export, halving or release leaves nothing. A test file of its own: the request to stop is the whole process's.
 
 mod common;
 
@@ -7,6 +7,7 @@ use dataset::Error;
 use dataset::config::Layout;
 use dataset::console::{Console, INTERRUPTED};
 use dataset::exchange::{Origin, export, import};
+use dataset::halve::halve;
 use dataset::release::{release, verify};
 use dataset::store::Dataset;
 use std::fs;
@@ -24,6 +25,8 @@ fn a_stopped_command_leaves_nothing() {
     assert!(matches!(imported, Err(Error::Interrupted)), "{imported:?}");
     let exported = export(&dataset, Layout::Hprc2, &out, &Console::silent());
     assert!(matches!(exported, Err(Error::Interrupted)), "{exported:?}");
+    let halved = halve(&dataset, &out, &Console::silent());
+    assert!(matches!(halved, Err(Error::Interrupted)), "{halved:?}");
     let released = release(std::slice::from_ref(&set), &[], false, &out, &Console::silent());
     assert!(matches!(released, Err(Error::Interrupted)), "{released:?}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
