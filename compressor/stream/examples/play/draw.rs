@@ -17,9 +17,8 @@ const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Software or hardware, whatever there is.
 pub fn device() -> Result<(String, wgpu::Device, wgpu::Queue)> {
     let instance = wgpu::Instance::default();
-    let adapter = pollster::block_on(instance.request_adapter(&Default::default())).map_err(
-        |_| "no adapter of Vulkan; install a driver, such as mesa-vulkan-drivers for one in software",
-    )?;
+    let adapter = pollster::block_on(instance.request_adapter(&Default::default()))
+        .map_err(|_| "no Vulkan adapter found; install a driver (mesa-vulkan-drivers has one in software)")?;
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
         required_features: ndgi_gpu::features(&adapter),
         required_limits: adapter.limits(),

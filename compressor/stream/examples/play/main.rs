@@ -1,4 +1,4 @@
-//! Plays a dataset's bundle by a stream under a budget, headless: see `--help`.
+//! Streams a dataset's bundle under a budget, headless: see `--help`.
 
 mod args;
 mod camera;
@@ -8,12 +8,15 @@ mod page;
 mod scene;
 mod stats;
 
-use args::{Args, Play};
+use args::{Args, Play, Scenario};
 use clap::Parser;
+use dataset::config::Config;
+use dataset::files::write_atomically;
 use dataset::store::Dataset;
 use dataset::view::Camera;
 use draw::{Frame, Picture, Stage, Whole};
 use ndgi::Bundle;
+use ndgi::bundle::Header;
 use ndgi_stream::gpu::{Files, Runtime, Settings};
 use ndgi_stream::{Budgets, Pyramid};
 use page::Played;
@@ -49,22 +52,47 @@ fn run(args: &Args) -> Result<()> {
     let dataset = Dataset::open(&args.dataset)?;
     let config = &dataset.config;
     let finest = args.bundle.clone().unwrap_or_else(|| args.dataset.join(format!("{}.ndgi", config.scene)));
-    let mut files = Files::beside(&finest);
-    let one = files.open()?;
+    if !finest.exists() {
+        let (path, folder) = (finest.display(), args.dataset.display());
+        let what = format!(
+            "no such file; write the bundle with `compress {folder} --levels`, or name another with --bundle"
+        );
+        return Err(format!("{path}: {what}").into());
+    }
+    let one = Files::beside(&finest).open()?;
+    expect_same_scene(&finest, &one.bundle(0).header, config)?;
+    if one.bundle(one.levels() - 1).header.pages.iter().any(|page| page.tiles() > 1) {
+        let (levels, folder) = (one.levels(), args.dataset.display());
+        eprintln!(
+            "warning: coarse levels are missing (found {levels} in all); `compress {folder} --levels` writes them"
+        );
+    }
+    let Some(geometry) = &config.geometry else {
+        return Err(format!(
+            "{}: has no geometry; expected a dataset made by `bake`",
+            args.dataset.display()
+        )
+        .into());
+    };
+    let (device_name, device, queue) = draw::device()?;
+    let gpu = (&device, &queue);
+    std::fs::create_dir_all(&args.out).map_err(dataset::Error::io(&args.out))?;
     let bundles = (0..one.levels()).map(|level| -> Result<Arc<Bundle>> {
         Ok(Arc::new(Bundle::from_bytes(one.bundle(level).repeated(args.copies)?)?))
     });
     let pyramid = Arc::new(Pyramid::new(bundles.collect::<Result<_>>()?)?);
-    let scene = Scene::read(&args.dataset.join("scene.glb"), args.copies)?;
+    let scene = Scene::read(&dataset.path(geometry), args.copies)?;
     let start = Camera::of_manifest(config).next().unwrap_or_else(|| scene.camera());
     let masks = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>, _>>()?;
-    std::fs::create_dir_all(&args.out)?;
-    let (device_name, device, queue) = draw::device()?;
-    let gpu = (&device, &queue);
     let exposure = Settings::of_view(args.size).exposure;
     let mut whole = Whole::new(gpu, Bundle::open(&finest)?, &masks, pyramid.levels() as u32, exposure)?;
     let on = one.bundle(0).header.timeline.intervals.iter().flatten().map(|[from, _]| *from);
     let switch = on.filter(|from| (17.0..22.0).contains(from)).min_by(f64::total_cmp);
+    if switch.is_none() && matches!(args.scenario, Scenario::Switch | Scenario::All) {
+        eprintln!(
+            "warning: no lamp goes on between 17 and 22 h; the scenario `switch` plays around 20 h without one"
+        );
+    }
     let mut all = Vec::new();
     let mut memory = String::new();
     for play in args.plays(switch) {
@@ -80,9 +108,28 @@ fn run(args: &Args) -> Result<()> {
         "tiles_of_level_0": pyramid.bundle(0).index.len(), "levels": pyramid.levels(), "memory": memory,
         "scenarios": summaries,
     });
-    std::fs::write(args.out.join("play.json"), serde_json::to_vec_pretty(&result)?)?;
-    std::fs::write(args.out.join("play.html"), page::page(&config.scene, &device_name, &all, &memory))?;
+    write_atomically(&args.out.join("play.json"), &serde_json::to_vec_pretty(&result)?)?;
+    let html = page::page(&config.scene, &device_name, &all, &memory);
+    write_atomically(&args.out.join("play.html"), html.as_bytes())?;
     println!("{}", args.out.join("play.html").display());
+    Ok(())
+}
+
+/// An error for a bundle of another scene than the dataset's, or of another resolution.
+fn expect_same_scene(bundle: &Path, header: &Header, config: &Config) -> Result<()> {
+    if header.scene != config.scene {
+        let (found, expected) = (&header.scene, &config.scene);
+        return Err(
+            format!("{}: a bundle of the scene {found:?}; expected {expected:?}", bundle.display()).into()
+        );
+    }
+    let found: Vec<_> = header.pages.iter().map(|page| (page.width, page.height)).collect();
+    let expected: Vec<_> =
+        config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect();
+    if found != expected {
+        let what = format!("pages of {found:?} texels; expected those of the dataset, {expected:?}");
+        return Err(format!("{}: {what}", bundle.display()).into());
+    }
     Ok(())
 }
 
@@ -137,7 +184,7 @@ fn perform(
                 stage.draw_wholly(&mut encoder, &runtime, whole, &frame);
                 queue.submit([encoder.finish()]);
                 let (psnr, unlit, codes) = compare(&streamed, &stage.picture()?);
-                (row.psnr, row.unlit) = (Some(psnr), Some(unlit));
+                (row.psnr, row.unlit) = (psnr, Some(unlit));
                 let name = format!("{}-{number:04}.png", play.name);
                 write_png(&args.out.join(&name), &codes, args.size)?;
                 pictures.push(name);
@@ -145,15 +192,15 @@ fn perform(
         }
     }
     let summary = stats.summary();
-    // On the page a few suffice.
+    // The page shows a few of them.
     let step = pictures.len().div_ceil(6).max(1);
     let pictures = pictures.into_iter().step_by(step).collect();
     Ok(Played { name: play.name, stats, summary, pictures })
 }
 
-/// Decibels between two pictures at the exposure of the second, pixels of the first that are dark where those of the second are not, and the codes of the
-/// first.
-fn compare(streamed: &Picture, wholly: &Picture) -> (f64, usize, Vec<u8>) {
+/// Compares two pictures at the exposure of the second. Gives the PSNR in decibels, `None` where no pixel has texels; the number of pixels
+/// that are dark in the first alone; and the codes of the first.
+fn compare(streamed: &Picture, wholly: &Picture) -> (Option<f64>, usize, Vec<u8>) {
     let luminance = |texel: &[f32; 4]| dataset::tone::luminance([texel[0], texel[1], texel[2]]);
     let has_texels = |texel: &&[f32; 4]| texel[3] > 0.5;
     let lit = wholly.iter().filter(has_texels);
@@ -176,16 +223,17 @@ fn compare(streamed: &Picture, wholly: &Picture) -> (f64, usize, Vec<u8>) {
                 && reference[3 * i..3 * i + 3].iter().all(|code| *code >= LIT),
         );
     }
-    (dataset::metrics::psnr_db(255.0, sum / count.max(1) as f64), unlit, ours)
+    let psnr = (count > 0).then(|| dataset::metrics::psnr_db(255.0, sum / count as f64));
+    (psnr, unlit, ours)
 }
 
 fn write_png(path: &Path, codes: &[u8], [width, height]: [u32; 2]) -> Result<()> {
     let colour = image::ExtendedColorType::Rgb8;
     let png = dataset::image::encode_png(codes, width as usize, height as usize, colour);
-    Ok(dataset::files::write_atomically(path, &png)?)
+    Ok(write_atomically(path, &png)?)
 }
 
-/// What is on the device, beside what it takes to keep every lightmap there.
+/// The memory on the device, compared with keeping every lightmap there.
 fn told_memory(pyramid: &Pyramid, runtime: &Runtime) -> String {
     let header = &pyramid.bundle(0).header;
     let texels: usize = header.pages.iter().map(|grid| grid.width * grid.height).sum();
