@@ -1,60 +1,61 @@
-//! What was typed, and the scenarios.
+//! The command line, and the scenarios.
 
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 
-/// Plays a bundle by a stream under a budget, headless: frames as PNG, `play.json` with what was measured, and `play.html` with plots.
+/// Streams a dataset's bundle under a budget, headless. Writes frames as PNG, measurements as `play.json`, and plots as `play.html`.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:
-  play dataset/city                                  walk through the city, a minute of its day per second
-  play dataset/city --scenario all --copies 53       all scenarios over 53 copies of it, some 4100 tiles
-  play dataset/city --camera pan --clock 6..22/120s  turn around while a day passes in two minutes")]
+  play dataset/city                                  walk through the city; a minute of its day passes per second
+  play dataset/city --scenario all --copies 53       all scenarios over 53 copies of it, about 4100 tiles
+  play dataset/city --camera pan --clock 6..22/120s --seconds 120
+                                                     turn around while a day passes in two minutes")]
 pub struct Args {
-    /// The dataset: its bundle (NAME.ndgi, and levels NAME.1.ndgi … beside it), geometry and masks
+    /// The dataset: geometry, masks, and its bundle NAME.ndgi with the levels NAME.1.ndgi, NAME.2.ndgi … beside it
     pub dataset: PathBuf,
-    /// The bundle, where it is another file than DATASET/NAME.ndgi
+    /// The bundle, if it is not DATASET/NAME.ndgi
     #[arg(long)]
     pub bundle: Option<PathBuf>,
-    /// What is played; the options below replace parts of it
+    /// The scenario; --camera, --clock, --slots and --disk replace parts of it
     #[arg(long, value_enum, default_value = "walk")]
     pub scenario: Scenario,
     /// How the camera moves
     #[arg(long, value_enum)]
     pub camera: Option<Motion>,
-    /// Hours of the day, and the seconds in which they pass, such as 6..22/120s
+    /// First and last hour of the clock, and the seconds between them: 6..22/120s. How long is played is --seconds
     #[arg(long, value_parser = clock)]
     pub clock: Option<Clock>,
-    /// Seconds played, at 30 frames a second
-    #[arg(long, default_value_t = 10.0)]
+    /// Seconds played, at 30 frames a second; the first one is not measured
+    #[arg(long, value_parser = seconds, default_value_t = 10.0)]
     pub seconds: f64,
     /// Copies of the scene, side by side, each with pages and tiles of its own
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_parser = copies, default_value_t = 1)]
     pub copies: usize,
     /// Decoded tiles that the cache holds
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub slots: Option<u32>,
-    /// The disk: milliseconds until a read begins to arrive, and megabytes a second
+    /// The simulated disk: latency in milliseconds, and megabytes a second, such as 100,2
     #[arg(long, value_parser = disk)]
     pub disk: Option<Disk>,
     /// The frame's size
     #[arg(long, value_parser = size, default_value = "640x360")]
     pub size: [u32; 2],
-    /// Every how many frames a picture is written and compared with the fully decoded pages; 0 for none
-    #[arg(long, default_value_t = 10)]
+    /// Writes every N-th frame as a picture, and compares it with the fully decoded pages; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 10)]
     pub every: usize,
-    /// The folder that is written
+    /// The output folder; files in it are overwritten
     #[arg(long, default_value = "play")]
     pub out: PathBuf,
 }
 
-/// What is played.
+/// A named scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Scenario {
     /// Walking, a minute of scene time a second
     Walk,
     /// Turning around on the spot
     Pan,
-    /// Elsewhere every two seconds
+    /// Jumping elsewhere every two seconds
     Teleport,
     /// Walking with a cache of 64 tiles
     SmallCache,
@@ -64,7 +65,7 @@ pub enum Scenario {
     Switch,
     /// Walking with a disk of 100 ms and 2 MB a second
     SlowDisk,
-    /// Standing while the night passes in ten seconds
+    /// Standing while the night passes, 42 minutes per second
     Night,
     /// All of them, one after another
     All,
@@ -94,7 +95,7 @@ pub struct Disk {
     pub bytes_per_second: f64,
 }
 
-/// A scenario with all its parts.
+/// A scenario with the command line's replacements.
 #[derive(Clone, Copy, Debug)]
 pub struct Play {
     pub name: &'static str,
@@ -105,7 +106,7 @@ pub struct Play {
 }
 
 impl Args {
-    /// What is to be played. `switch`: an hour at which lamps go on.
+    /// The scenarios to play. `switch`: an hour at which lamps go on.
     pub fn plays(&self, switch: Option<f64>) -> Vec<Play> {
         let of = |scenario| self.play(scenario, switch);
         match self.scenario {
@@ -154,7 +155,7 @@ fn clock(text: &str) -> Result<Clock, String> {
         let (from, to, seconds) = (number(from)?, number(to)?, number(seconds.strip_suffix('s')?)?);
         (seconds > 0.0).then_some(Clock { from, pace: (to - from) / seconds })
     };
-    parse().ok_or_else(|| format!("{text}; expected hours and seconds, such as 6..22/120s"))
+    parse().ok_or_else(|| "expected hours and seconds, such as 6..22/120s".to_owned())
 }
 
 fn disk(text: &str) -> Result<Disk, String> {
@@ -164,7 +165,7 @@ fn disk(text: &str) -> Result<Disk, String> {
         (latency >= 0.0 && speed > 0.0)
             .then_some(Disk { latency_secs: latency / 1000.0, bytes_per_second: speed * 1e6 })
     };
-    parse().ok_or_else(|| format!("{text}; expected milliseconds and megabytes a second, such as 100,2"))
+    parse().ok_or_else(|| "expected milliseconds and megabytes a second, such as 100,2".to_owned())
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -173,5 +174,17 @@ fn size(text: &str) -> Result<[u32; 2], String> {
         let size = [width.parse().ok()?, height.parse().ok()?];
         size.iter().all(|side| (8..=4096).contains(side)).then_some(size)
     };
-    parse().ok_or_else(|| format!("{text}; expected a size from 8x8 to 4096x4096, such as 640x360"))
+    parse().ok_or_else(|| "expected a size from 8x8 to 4096x4096, such as 640x360".to_owned())
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|seconds| *seconds > 1.0 && *seconds <= 3600.0);
+    number.ok_or_else(|| {
+        "expected more than 1 second, because the first is not measured, and at most 3600".to_owned()
+    })
+}
+
+fn copies(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|copies| (1..=4096).contains(copies));
+    number.ok_or_else(|| "expected a number from 1 to 4096".to_owned())
 }
