@@ -26,26 +26,30 @@ pub fn page(scene: &str, device: &str, played: &[Played], memory: &str) -> Strin
     out += "<table><tr><th>scenario<th>hits, % of pixels<th>faults a frame<th>frames to shown, p50 / p95 / p99<th>decoded a frame<th>suns a frame\
             <th>uploaded, KB a frame<th>evictions<th>again within 60 frames<th>staleness, %<th>PSNR, dB, mean / least<th>thread, ms, mean / longest<th>unlit pixels</tr>";
     for Played { name, summary, .. } in played {
-        let of = |path: &str| summary.pointer(path).and_then(Value::as_f64).unwrap_or(f64::NAN);
+        // What was not measured, as with `--every 0`, is a dash.
+        let of = |path: &str, scale: f64, digits: usize| {
+            let value = summary.pointer(path).and_then(Value::as_f64);
+            value.map_or("–".to_owned(), |value| format!("{:.digits$}", scale * value))
+        };
         let waits = "/frames_from_request_to_shown";
         out += &format!(
-            "<tr><td>{name}<td>{:.2}<td>{:.2}<td>{} / {} / {}<td>{:.1}<td>{:.1}<td>{:.0}<td>{}<td>{}<td>{:.2}<td>{:.1} / {:.1}<td>{:.2} / {:.1}<td>{}</tr>",
-            100.0 * of("/hits_by_pixels"),
-            of("/faults_a_frame"),
-            of(&format!("{waits}/p50")),
-            of(&format!("{waits}/p95")),
-            of(&format!("{waits}/p99")),
-            of("/decoded_a_frame"),
-            of("/suns_a_frame"),
-            of("/upload_bytes_a_frame") / 1000.0,
-            of("/evictions"),
-            of("/faults_again_within_60_frames"),
-            100.0 * of("/staleness_by_pixels"),
-            of("/psnr/mean"),
-            of("/psnr/least"),
-            of("/thread_ms/mean"),
-            of("/thread_ms/longest"),
-            of("/unlit_pixels"),
+            "<tr><td>{name}<td>{}<td>{}<td>{} / {} / {}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{} / {}<td>{} / {}<td>{}</tr>",
+            of("/hits_by_pixels", 100.0, 2),
+            of("/faults_a_frame", 1.0, 2),
+            of(&format!("{waits}/p50"), 1.0, 0),
+            of(&format!("{waits}/p95"), 1.0, 0),
+            of(&format!("{waits}/p99"), 1.0, 0),
+            of("/decoded_a_frame", 1.0, 1),
+            of("/suns_a_frame", 1.0, 1),
+            of("/upload_bytes_a_frame", 1e-3, 0),
+            of("/evictions", 1.0, 0),
+            of("/faults_again_within_60_frames", 1.0, 0),
+            of("/staleness_by_pixels", 100.0, 2),
+            of("/psnr/mean", 1.0, 1),
+            of("/psnr/least", 1.0, 1),
+            of("/thread_ms/mean", 1.0, 2),
+            of("/thread_ms/longest", 1.0, 1),
+            of("/unlit_pixels", 1.0, 0),
         );
     }
     out += "</table>";

@@ -132,8 +132,8 @@ impl Stats {
             "mip_bias": mean(settled, &|row| row.mip_bias),
             "staleness_by_pixels": mean(settled, &|row| row.staleness),
             "thread_ms": { "mean": mean(settled, &|row| row.thread_ms), "longest": settled.iter().map(|row| row.thread_ms).fold(0.0, f64::max), "first_second": most(&|row| row.thread_ms) },
-            "psnr": { "mean": compared.iter().sum::<f64>() / compared.len().max(1) as f64, "least": least(&compared), "frames": compared.len() },
-            "unlit_pixels": rows.iter().skip(1).filter_map(|row| row.unlit).sum::<usize>(),
+            "psnr": { "mean": (!compared.is_empty()).then(|| compared.iter().sum::<f64>() / compared.len() as f64), "least": least(&compared), "frames": compared.len() },
+            "unlit_pixels": rows.iter().skip(1).filter_map(|row| row.unlit).reduce(|a, b| a + b),
         })
     }
 }
