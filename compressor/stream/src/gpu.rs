@@ -153,10 +153,12 @@ impl Runtime {
         for tile in &report.commands.drops {
             self.waiting.remove(tile);
             self.sunlight.remove(tile);
+            // An answer that is still to come is of no use.
+            self.asked.retain(|_, read| read.tile != *tile);
         }
         report.commands.unloads.iter().for_each(|place| self.pool.unload(*place));
         for load in report.commands.loads.clone() {
-            self.load(queue, &load, &mut report)?;
+            self.load(queue, &load, &mut report);
         }
         for read in &report.commands.reads {
             self.asked.insert(read.ticket, *read);
@@ -192,32 +194,47 @@ impl Runtime {
         }
     }
 
-    fn load(&mut self, queue: &wgpu::Queue, load: &Load, report: &mut Report) -> Result<()> {
+    /// Carries out a load. Where it cannot be, the tile is read again: nothing may be decoded from an empty place.
+    fn load(&mut self, queue: &wgpu::Queue, load: &Load, report: &mut Report) {
         let Load { tile, place, features, .. } = *load;
-        let Some(waiting) = self.waiting.remove(&tile) else { return Ok(()) };
-        let level = self.stream.pyramid().spot(tile).map_or(0, |spot| spot.level);
-        if features {
-            let Some(features) = waiting.features else { return Ok(()) };
-            match self.pool.load(queue, place, level, &features) {
-                Ok(()) => {}
-                Err(ndgi_gpu::Error::Full { .. }) => {
-                    let mut more = Commands::default();
-                    self.stream.refuse(tile, &mut more);
-                    more.unloads.iter().for_each(|place| self.pool.unload(*place));
-                    more.drops.iter().for_each(|tile| drop(self.sunlight.remove(tile)));
-                    report.refused += 1;
-                    return Ok(());
+        let waiting = self.waiting.remove(&tile).unwrap_or_default();
+        match self.put(queue, load, &waiting) {
+            Ok(bytes) => {
+                report.bytes += bytes;
+                if let Some(features) = waiting.features.filter(|_| features) {
+                    self.sunlight.insert(tile, features.sunlight());
                 }
-                Err(error) => return Err(error.into()),
             }
-            report.bytes += features.bytes();
-            self.sunlight.insert(tile, features.sunlight());
+            Err(error) => {
+                let is_full = matches!(error, ndgi_gpu::Error::Full { .. });
+                let mut more = Commands::default();
+                self.stream.refuse(tile, (!is_full).then(|| error.to_string()), &mut more);
+                report.commands.failures.append(&mut more.failures);
+                for tile in more.drops {
+                    self.sunlight.remove(&tile);
+                    self.asked.retain(|_, read| read.tile != tile);
+                }
+                more.unloads.iter().chain([&place]).for_each(|place| self.pool.unload(*place));
+                report.refused += 1;
+            }
         }
-        if let Some(interval) = waiting.interval {
-            self.pool.set_interval(queue, place, &interval)?;
-            report.bytes += interval.bytes();
+    }
+
+    fn put(&mut self, queue: &wgpu::Queue, load: &Load, waiting: &Waiting) -> ndgi_gpu::Result<u64> {
+        let mut bytes = 0;
+        if load.features {
+            let level = self.stream.pyramid().spot(load.tile).map_or(0, |spot| spot.level);
+            let none =
+                || ndgi_gpu::Error::Invalid(format!("a reader brought no features of {:?}", load.tile));
+            let features = waiting.features.as_ref().ok_or_else(none)?;
+            self.pool.load(queue, load.place, level, features)?;
+            bytes += features.bytes();
         }
-        Ok(())
+        if let Some(interval) = &waiting.interval {
+            self.pool.set_interval(queue, load.place, interval)?;
+            bytes += interval.bytes();
+        }
+        Ok(bytes)
     }
 
     fn decode(&mut self, encoder: &mut wgpu::CommandEncoder, decodes: &[Decode], hour: f64) -> Result<u64> {
@@ -282,6 +299,7 @@ impl Runtime {
         self.sunlight.clear();
         self.asked.clear();
         self.done.clear();
+        self.told = None;
         Ok(())
     }
 

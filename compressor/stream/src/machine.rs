@@ -191,6 +191,8 @@ struct State {
     pixels: u32,
     /// How often the device had no room for its features.
     refused: u32,
+    /// Whether it was reported that it cannot be read.
+    told: bool,
 }
 
 /// Decides what is read, loaded, decoded and shown. See [`Stream::step`].
@@ -286,6 +288,8 @@ impl Stream {
         };
         // Tickets go on, so that an answer to an old read is not taken for one to a new read.
         (fresh.tickets, fresh.step, fresh.mip_bias) = (self.tickets, self.step, self.mip_bias);
+        // Lamps that are switched meanwhile are not shown as they were.
+        fresh.before = self.before.take();
         if sizes(&fresh.pyramid) == sizes(&self.pyramid) {
             let is_lit = |tile: &Tile| !fresh.pyramid.facts(*tile).is_black();
             fresh.wanted = std::mem::take(&mut self.wanted);
@@ -306,17 +310,22 @@ impl Stream {
         Ok(())
     }
 
-    /// Reports that the device had no room for the features of a [`Load`] of the last step. The tile is read again later, and one tile that
-    /// is not wanted is unloaded at once to make room. `commands` receives what has to be unloaded and dropped.
-    pub fn refuse(&mut self, tile: Tile, commands: &mut Commands) {
+    /// Reports that a [`Load`] of the last step could not be carried out: for want of room on the device, or `why`. The tile is read again later, and
+    /// one tile that is not wanted is unloaded at once to make room. `commands` receives what has to be unloaded and dropped.
+    pub fn refuse(&mut self, tile: Tile, why: Option<String>, commands: &mut Commands) {
+        if let Some(what) = why.filter(|_| !std::mem::replace(&mut self.state_mut(tile).told, true)) {
+            commands.failures.push(Failure { tile, what });
+        }
         self.free_place(tile, commands);
         let tries = self.state(tile).refused;
         self.state_mut(tile).refused += 1;
-        let step = self.step;
-        if let Some(place) =
-            oldest(&self.places, |other| Some(self.state(other).wanted).filter(|last| *last < step))
-            && let Some(other) = self.places[place as usize]
-        {
+        // An empty place has no room to give. Nor has what was to be loaded in this very step.
+        let may_go = |other: &Tile| {
+            let State { data, wanted, .. } = self.state(*other);
+            *wanted < self.step && matches!(data, Data::Held { since, .. } if *since < self.step)
+        };
+        let others = self.places.iter().flatten().copied().filter(may_go);
+        if let Some(other) = others.min_by_key(|other| (self.state(*other).wanted, *other)) {
             self.free_place(other, commands);
         }
         self.state_mut(tile).data = Data::Waiting { step: self.step + (1 << tries.min(8)), tries: 0 };

@@ -7,6 +7,9 @@ use ndgi::model::{Contents, Knot};
 use ndgi::time::Moment;
 use std::sync::Arc;
 
+/// Most levels: an entry of the page table has four bits for one.
+const LEVELS: usize = 16;
+
 /// The number of a tile. Tiles are numbered level by level from the finest, then page by page, then row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Tile(pub u32);
@@ -80,11 +83,14 @@ impl Pyramid {
     ///
     /// # Errors
     /// [`Error::Invalid`] for bundles that are not levels of one scene: their light groups differ, or a level's pages are not those of the
-    /// level before halved, rounded up.
+    /// level before halved, rounded up. And for more than 16.
     pub fn new(bundles: Vec<Arc<Bundle>>) -> Result<Self> {
         let Some(finest) = bundles.first() else {
             return Err(Error::Invalid("no bundle; expected at least one".to_owned()));
         };
+        if bundles.len() > LEVELS {
+            return Err(Error::Invalid(format!("{} levels; expected at most {LEVELS}", bundles.len())));
+        }
         let (mut levels, mut tiles) = (Vec::new(), Vec::new());
         for (level, bundle) in bundles.iter().enumerate() {
             let header = &bundle.header;

@@ -45,7 +45,7 @@ fn trace(pyramid: &Arc<Pyramid>, seed: u64, steps: usize) -> Vec<Commands> {
             && let Some(load) = commands.loads.iter().find(|load| load.features)
         {
             let mut more = Commands::default();
-            stream.refuse(load.tile, &mut more);
+            stream.refuse(load.tile, None, &mut more);
             model.refuse(&more);
             commands.unloads.extend(more.unloads);
         }
@@ -326,4 +326,88 @@ fn what_covers_a_view_is_loaded_first_even_where_not_all_of_it_can_stay() {
     let commands = stream.step(Some(&seen), &[], 7.4).unwrap();
     let read: Vec<usize> = commands.reads.iter().map(|read| pyramid.spot(read.tile).unwrap().level).collect();
     assert_eq!(read, [2, 0]);
+}
+
+#[test]
+fn a_tile_that_finds_no_room_is_given_that_of_one_that_is_not_wanted() {
+    let pyramid = pyramid();
+    let mut stream = Stream::new(Arc::clone(&pyramid), tight()).unwrap();
+    let lit: Vec<Tile> = common::lit(&pyramid).take(10).collect();
+    let seen =
+        |tiles: &[Tile]| -> Vec<Seen> { tiles.iter().map(|tile| Seen { tile: *tile, pixels: 50 }).collect() };
+    settle(&mut stream, &seen(&lit[..4]), 8.3, &mut Disk::new(0, 0), 200);
+    // Those are left behind; another one finds no room on the device, though there are places.
+    for _ in 0..10 {
+        stream.step(Some(&[]), &[], 8.3).unwrap();
+    }
+    let (mut disk, mut random) = (Disk::new(0, 0), Random(1));
+    for step in 0..20 {
+        let answers = disk.answers(step, &mut random);
+        let commands = stream.step(Some(&seen(&lit[9..])), &answers, 8.3).unwrap();
+        disk.start(step, &commands, &mut random);
+        if let Some(load) = commands.loads.iter().find(|load| load.tile == lit[9]) {
+            let mut more = Commands::default();
+            stream.refuse(load.tile, None, &mut more);
+            assert!(more.drops.len() == 2 && more.drops[0] == lit[9], "{more:?}");
+            assert!(lit[..4].contains(&more.drops[1]), "{more:?}");
+            assert_eq!(more.unloads.len(), 2, "its own place and that of the other: {more:?}");
+            return;
+        }
+    }
+    panic!("it was never loaded");
+}
+
+#[test]
+fn lamps_that_are_switched_while_a_bundle_is_replaced_are_not_shown_as_they_were() {
+    let pyramid = pyramid();
+    let budgets = tight();
+    let mut stream = Stream::new(Arc::clone(&pyramid), budgets.clone()).unwrap();
+    let mut model = Model::new(Arc::clone(&pyramid), budgets);
+    let seen: Vec<Seen> = common::lit(&pyramid).take(7).map(|tile| Seen { tile, pixels: 50 }).collect();
+    let lamps = |hour: f64| pyramid.at(hour).unwrap().state;
+    let hours: Vec<f64> = (0..24 * 60).map(|minute| f64::from(minute) / 60.0).collect();
+    let switch = hours.windows(2).find(|two| lamps(two[0]) != lamps(two[1])).unwrap();
+    let (mut disk, mut random) = (Disk::new(0, 0), Random(1));
+    for step in 0..40 {
+        let answers = disk.answers(step, &mut random);
+        let commands = stream.step(Some(&seen), &answers, switch[0]).unwrap();
+        model.check(&stream, &commands, switch[0]);
+        disk.start(step, &commands, &mut random);
+    }
+    assert!(seen.iter().any(|seen| stream.entry(seen.tile) != Entry::Mean));
+    stream.replace(common::pyramid()).unwrap();
+    model.forget_places();
+    let commands = stream.step(Some(&seen), &[], switch[1]).unwrap();
+    model.check(&stream, &commands, switch[1]);
+}
+
+#[test]
+fn while_a_view_moves_what_it_shows_is_still_decoded_again() {
+    let pyramid = pyramid();
+    let lit: Vec<Tile> = common::lit(&pyramid).filter(|tile| common::changes(&pyramid, *tile)).collect();
+    for decodes in [1, 2, 3, 4] {
+        let budgets = Budgets { decodes, loads: 8, reads: 16, tolerance: 1e-6, ..tight() };
+        let mut stream = Stream::new(Arc::clone(&pyramid), budgets).unwrap();
+        let stays = lit[0];
+        settle(&mut stream, &[Seen { tile: stays, pixels: 100 }], 1.0, &mut Disk::new(0, 0), 500);
+        let (mut disk, mut random, mut again) = (Disk::new(0, 0), Random(1), 0);
+        for step in 0..120 {
+            // Four others in each step.
+            let others = (0..4).map(|i| lit[1 + (4 * step + i) % (lit.len() - 1)]);
+            let seen: Vec<Seen> = others.chain([stays]).map(|tile| Seen { tile, pixels: 100 }).collect();
+            let answers = disk.answers(step, &mut random);
+            let commands = stream.step(Some(&seen), &answers, 1.0 + step as f64 * 1e-3).unwrap();
+            disk.start(step, &commands, &mut random);
+            again += commands.decodes.iter().filter(|decode| decode.maps && decode.tile == stays).count();
+        }
+        assert!(again >= 5, "{decodes} a step: {again}");
+    }
+}
+
+#[test]
+fn more_levels_than_entries_of_the_page_table_can_tell_are_refused() {
+    let small = common::of_pages(&[[1, 1]], 1);
+    let levels = |count: usize| Pyramid::new(vec![Arc::clone(small.bundle(0)); count]);
+    assert!(levels(16).is_ok());
+    assert!(levels(17).unwrap_err().to_string().contains("17 levels; expected at most 16"));
 }

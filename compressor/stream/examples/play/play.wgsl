@@ -71,7 +71,7 @@ fn wholly(in: Corner) -> @location(0) vec4<f32> {
     let ddy = dpdy(in.uv);
     let page = in.own;
     // The bias is the stream's, not the picture's.
-    let level = clamp(ndgi_level(page, ddx, ddy) - ndgi_paging.bias, 0.0, f32(ndgi_paging.levels - 1u));
+    let level = ndgi_level_with(page, ddx, ddy, 0.0);
     let fine = u32(level);
     let share = level - f32(fine);
     var light = whole_at(page, in.uv, fine);

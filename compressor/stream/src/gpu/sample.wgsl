@@ -29,13 +29,18 @@ struct NdgiPage {
 const NDGI_PAYLOAD: u32 = 126u;
 const NDGI_SLOT: u32 = 128u;
 
-// The level at which a texel is about as large as a pixel, plus the bias.
-fn ndgi_level(page: u32, ddx: vec2<f32>, ddy: vec2<f32>) -> f32 {
+// The level at which a texel is about as large as a pixel, plus a bias.
+fn ndgi_level_with(page: u32, ddx: vec2<f32>, ddy: vec2<f32>, bias: f32) -> f32 {
     let size = vec2<f32>(ndgi_pages[page].size);
     let x = ddx * size;
     let y = ddy * size;
-    let level = 0.5 * log2(max(max(dot(x, x), dot(y, y)), 1e-12)) + ndgi_paging.bias;
+    let level = 0.5 * log2(max(max(dot(x, x), dot(y, y)), 1e-12)) + bias;
     return clamp(level, 0.0, f32(ndgi_paging.levels - 1u));
+}
+
+// The same with the stream's own bias.
+fn ndgi_level(page: u32, ddx: vec2<f32>, ddy: vec2<f32>) -> f32 {
+    return ndgi_level_with(page, ddx, ddy, ndgi_paging.bias);
 }
 
 // uv in texels of a level: a side of a texel of level m is 2^m texels of level 0.

@@ -6,6 +6,8 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 /// One mean in this many is updated per frame, in turn; those of the tiles seen are updated in every feedback.
 const ROUND: usize = 64;
+/// Hours for which means that are not seen may be old.
+const FRESH: f64 = 0.25;
 
 #[derive(Debug)]
 pub(super) struct Table {
@@ -21,8 +23,8 @@ pub(super) struct Table {
     exposure: f32,
     /// The tile at which the next frame's round of means begins.
     next: usize,
-    /// Whether all means have been written once.
-    is_filled: bool,
+    /// The hour at which all means were written last, and the lamps then.
+    filled: Option<(f64, Vec<bool>)>,
 }
 
 impl Table {
@@ -71,7 +73,7 @@ impl Table {
             across,
             exposure,
             next: 0,
-            is_filled: false,
+            filled: None,
         };
         table.write_paging(queue, 0.0);
         table
@@ -106,14 +108,21 @@ impl Table {
         let changed: BTreeSet<usize> = commands.table.iter().map(|(tile, _)| tile.0 as usize).collect();
         let mut bytes = write_at(queue, &self.entries, &changed, |tile| word(stream.entry(tile)));
         let tiles = stream.pyramid().tiles();
-        let round = match std::mem::replace(&mut self.is_filled, true) {
+        // After a switch or a jump of the clock all of them are wrong.
+        let holds = |(hour, state): &(f64, Vec<bool>)| (hour - now.hour).abs() < FRESH && *state == now.state;
+        let round = match self.filled.as_ref().is_some_and(holds) {
             false => 0..tiles,
             true => self.next..(self.next + tiles.div_ceil(ROUND)).min(tiles),
         };
+        if round.len() == tiles {
+            self.filled = Some((now.hour, now.state.clone()));
+        }
         self.next = if round.end == tiles { 0 } else { round.end };
         let seen = seen.unwrap_or_default().iter().map(|seen| seen.tile.0 as usize);
         let shows_mean = |tile: &usize| stream.entry(Tile(*tile as u32)) == Entry::Mean;
-        let told: BTreeSet<usize> = round.chain(seen).filter(shows_mean).collect();
+        let is_one = |tile: &usize| *tile < tiles;
+        let told: BTreeSet<usize> =
+            round.chain(seen.filter(is_one)).chain(changed).filter(shows_mean).collect();
         let mean = |tile: Tile| ndgi::pack::rgb9e5(stream.pyramid().mean(tile, now), self.exposure);
         bytes += write_at(queue, &self.means, &told, mean);
         bytes

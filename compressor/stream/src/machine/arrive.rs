@@ -5,6 +5,8 @@ use crate::Tile;
 
 /// Steps before the first retry of a read; the wait doubles after each failure.
 const PAUSE: u64 = 8;
+/// Doublings of it, at most.
+const MOST: u32 = 6;
 
 impl Stream {
     /// Takes up answers, and ignores those to reads that are no longer needed.
@@ -25,12 +27,17 @@ impl Stream {
         let times = self.state(tile).visible.ready;
         let data = match answer {
             Answer::Arrived => Data::Arrived { times },
-            Answer::Failed { is_lasting: false, .. } if tries < self.budgets.retries => {
-                Data::Waiting { step: self.step + (PAUSE << tries.min(8)), tries: tries + 1 }
-            }
-            Answer::Failed { what, .. } => {
-                commands.failures.push(Failure { tile, what: what.clone() });
-                Data::Failed
+            Answer::Failed { is_lasting, what } => {
+                // It is reported once; but only what is damaged is given up.
+                if (*is_lasting || tries >= self.budgets.retries)
+                    && !std::mem::replace(&mut self.state_mut(tile).told, true)
+                {
+                    commands.failures.push(Failure { tile, what: what.clone() });
+                }
+                match is_lasting {
+                    true => Data::Failed,
+                    false => Data::Waiting { step: self.step + (PAUSE << tries.min(MOST)), tries: tries + 1 },
+                }
             }
         };
         if !matches!(data, Data::Arrived { .. }) {
@@ -51,9 +58,13 @@ impl Stream {
         let Some((_, times)) = visible.asked.take() else { return };
         match answer {
             Answer::Arrived => visible.ready = Some(times),
+            // Asked for again in the next step.
+            Answer::Failed { is_lasting: false, .. } => {}
             Answer::Failed { what, .. } => {
                 // Its features passed their checks, so unpacking would fail again.
-                commands.failures.push(Failure { tile, what: what.clone() });
+                if !std::mem::replace(&mut self.state_mut(tile).told, true) {
+                    commands.failures.push(Failure { tile, what: what.clone() });
+                }
                 self.wanted.remove(&tile);
                 self.pinned.retain(|other| *other != tile);
                 self.free_slot(tile, commands);

@@ -32,7 +32,7 @@ impl Stream {
         let most = self.budgets.decodes;
         let kept = match (most, changed.len()) {
             (1, 1..) => usize::from(self.step.is_multiple_of(2)),
-            (_, n) => n.min(most / TURNS),
+            (_, n) => n.min((most / TURNS).max(1)),
         };
         for tile in new.into_iter().take(most - kept) {
             self.first(tile, now, commands);

@@ -22,10 +22,10 @@ impl Stream {
             let sum = wanted.entry(tile).or_default();
             *sum = sum.saturating_add(*pixels);
         }
-        // Their roots are shown until they are decoded.
-        let pages: Vec<Tile> = wanted.keys().map(|tile| self.root(*tile)).collect();
-        for root in pages.into_iter().filter_map(|root| self.readable(root)) {
-            wanted.entry(root).or_insert(1);
+        // What covers them is shown until they are there: the coarsest tiles, and those that are shown now.
+        let covers: Vec<Tile> = wanted.keys().flat_map(|tile| self.covers(*tile)).collect();
+        for tile in covers.into_iter().filter_map(|tile| self.readable(tile)) {
+            wanted.entry(tile).or_insert(1);
         }
         let room = self.slots.len() - self.pinned.iter().filter(|tile| !wanted.contains_key(tile)).count();
         self.bias(wanted.len() as f32 / room as f32);
@@ -68,6 +68,15 @@ impl Stream {
             tile = parent;
         }
         tile
+    }
+
+    /// The coarsest tile that covers a tile; the nearest one that is shown in its place; and the next one of a tile that could not be read so far.
+    fn covers(&self, tile: Tile) -> impl Iterator<Item = Tile> + use<> {
+        let above = |tile: &Tile| self.pyramid.parent(*tile);
+        let is_shown = |tile: &Tile| self.state(*tile).shown.is_some();
+        let shown = std::iter::successors(Some(tile), above).find(is_shown);
+        let next = above(&tile).filter(|_| self.state(tile).told);
+        [Some(self.root(tile)), shown, next].into_iter().flatten()
     }
 
     pub(super) fn is_root(&self, tile: Tile) -> bool {

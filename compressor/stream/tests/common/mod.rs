@@ -9,7 +9,7 @@ use ndgi_stream::{Answer, Budgets, Commands, Completion, Entry, Pyramid, Read, S
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-fn of_pages(sizes: &[[usize; 2]], levels: u32) -> Arc<Pyramid> {
+pub fn of_pages(sizes: &[[usize; 2]], levels: u32) -> Arc<Pyramid> {
     let level = |level: u32| {
         let page = |[width, height]: &[usize; 2]| Grid {
             width: width.div_ceil(1 << level),
@@ -141,6 +141,12 @@ impl Model {
 
     pub fn refuse(&mut self, commands: &Commands) {
         commands.unloads.iter().for_each(|place| self.places[*place as usize] = None);
+    }
+
+    /// What the device has after a replacement: slots alone.
+    pub fn forget_places(&mut self) {
+        self.places.fill(None);
+        self.asked.clear();
     }
 
     pub fn check(&mut self, stream: &Stream, commands: &Commands, hour: f64) {
