@@ -19,7 +19,7 @@ pub struct Budgets {
     pub suns: usize,
     /// Relative change of light up to which a tile is not decoded again.
     pub tolerance: f32,
-    /// How often a failed read is tried again.
+    /// Failed reads of a tile after which it is reported. It is tried on, less and less often, unless the failure is lasting.
     pub retries: u32,
 }
 

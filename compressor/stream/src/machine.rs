@@ -41,7 +41,7 @@ pub struct Completion {
 pub enum Answer {
     /// The data is in memory.
     Arrived,
-    /// The read failed. It is tried again ([`Budgets::retries`]) unless the failure is lasting, as for a damaged tile.
+    /// The read failed. It is tried again, and reported after some failures ([`Budgets::retries`]), unless the failure is lasting, as for a damaged tile.
     Failed {
         /// Whether another try would fail too.
         is_lasting: bool,
