@@ -157,15 +157,18 @@ impl Runtime {
             self.asked.retain(|_, read| read.tile != *tile);
         }
         report.commands.unloads.iter().for_each(|place| self.pool.unload(*place));
+        let mut decodes = report.commands.decodes.clone();
         for load in report.commands.loads.clone() {
-            self.load(queue, &load, &mut report);
+            if !self.load(queue, &load, &mut report) {
+                decodes.retain(|decode| decode.tile != load.tile);
+            }
         }
         for read in &report.commands.reads {
             self.asked.insert(read.ticket, *read);
             let known = self.sunlight.get(&read.tile).filter(|_| !read.features);
             self.reader.start(self.stream.pyramid(), self.pool.options(), *read, known.cloned());
         }
-        report.bytes += self.decode(encoder, &report.commands.decodes, hour)?;
+        report.bytes += self.decode(encoder, &decodes, hour)?;
         report.bytes += self.table.write(queue, &self.stream, &now, &report.commands, seen.as_deref());
         report.seen = seen;
         Ok(report)
@@ -194,8 +197,8 @@ impl Runtime {
         }
     }
 
-    /// Carries out a load. Where it cannot be, the tile is read again: nothing may be decoded from an empty place.
-    fn load(&mut self, queue: &wgpu::Queue, load: &Load, report: &mut Report) {
+    /// Carries out a load; says whether it could. If not, the tile is read again, and nothing may be decoded from its place, which is empty.
+    fn load(&mut self, queue: &wgpu::Queue, load: &Load, report: &mut Report) -> bool {
         let Load { tile, place, features, .. } = *load;
         let waiting = self.waiting.remove(&tile).unwrap_or_default();
         match self.put(queue, load, &waiting) {
@@ -204,6 +207,7 @@ impl Runtime {
                 if let Some(features) = waiting.features.filter(|_| features) {
                     self.sunlight.insert(tile, features.sunlight());
                 }
+                true
             }
             Err(error) => {
                 let is_full = matches!(error, ndgi_gpu::Error::Full { .. });
@@ -216,6 +220,7 @@ impl Runtime {
                 }
                 more.unloads.iter().chain([&place]).for_each(|place| self.pool.unload(*place));
                 report.refused += 1;
+                false
             }
         }
     }

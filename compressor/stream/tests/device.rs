@@ -11,8 +11,8 @@ use ndgi::Bundle;
 use ndgi::decode::Decoder;
 use ndgi::source::ReadAt;
 use ndgi::testing::Random;
-use ndgi_stream::gpu::{Files, Report, Runtime, Settings, Threads};
-use ndgi_stream::{Budgets, Entry, Pyramid, Seen, Spot, Tile};
+use ndgi_stream::gpu::{Done, Files, Reader, Report, Runtime, Settings, Threads, read};
+use ndgi_stream::{Budgets, Entry, Pyramid, Read, Seen, Spot, Tile};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -47,9 +47,17 @@ struct Probe {
 type Point = (u32, u32, [f32; 2]);
 
 impl Probe {
-    fn new((device, queue): (wgpu::Device, wgpu::Queue), pyramid: Arc<Pyramid>, budgets: Budgets) -> Self {
+    fn new(gpu: (wgpu::Device, wgpu::Queue), pyramid: Arc<Pyramid>, budgets: Budgets) -> Self {
+        Self::with(gpu, pyramid, budgets, Box::new(Threads::new(2).unwrap()))
+    }
+
+    fn with(
+        (device, queue): (wgpu::Device, wgpu::Queue),
+        pyramid: Arc<Pyramid>,
+        budgets: Budgets,
+        reader: Box<dyn Reader>,
+    ) -> Self {
         let settings = Settings { budgets, ..Settings::of_view([64, 64]) };
-        let reader = Box::new(Threads::new(2).unwrap());
         let runtime = Runtime::new(&device, &queue, pyramid, reader, settings).unwrap();
         let shader = "
             @group(1) @binding(0) var<storage, read> points: array<vec4<f32>>;
@@ -389,4 +397,51 @@ fn files_of_levels_are_found_opened_and_known_to_be_replaced() {
     std::fs::remove_file(path(2)).unwrap();
     assert!(files.changed());
     assert_eq!(Files::beside(&path(0)).paths().len(), 2);
+}
+
+/// A reader that brings the intervals of another tile, and for some tiles no features.
+#[derive(Debug)]
+struct Muddled(Vec<Done>);
+
+impl Reader for Muddled {
+    fn start(
+        &mut self,
+        pyramid: &Arc<Pyramid>,
+        options: &ndgi_gpu::Options,
+        of: Read,
+        known: Option<ndgi_gpu::Sunlight>,
+    ) {
+        let mut what = read(pyramid, options, &of, known.as_ref());
+        if let Ok(arrived) = &mut what
+            && of.tile.0 % 3 == 1
+        {
+            arrived.features = None;
+        }
+        self.0.push(Done { ticket: of.ticket, what });
+    }
+
+    fn done(&mut self) -> Vec<Done> {
+        std::mem::take(&mut self.0)
+    }
+}
+
+#[test]
+fn a_reader_that_keeps_no_promise_is_told_of_and_the_frames_go_on() {
+    let Some(gpu) = device() else { return };
+    let pyramid = common::pyramid();
+    let seen = all(&pyramid);
+    let budgets = Budgets { slots: 64, features: 64, ..Budgets::default() };
+    let mut probe = Probe::with((gpu.0, gpu.1), pyramid, budgets, Box::new(Muddled(Vec::new())));
+    let (mut refused, mut failures) = (0, Vec::new());
+    for step in 0..60 {
+        let report = probe.frame(&seen, 7.4 + 0.01 * f64::from(step));
+        refused += report.refused;
+        failures.extend(report.commands.failures);
+    }
+    assert!(refused > 0 && !failures.is_empty());
+    let mut tiles: Vec<Tile> = failures.iter().map(|failure| failure.tile).collect();
+    tiles.sort();
+    assert!(tiles.is_sorted_by(|a, b| a < b), "each is told once: {failures:?}");
+    assert!(failures[0].what.contains("brought no features"), "{}", failures[0].what);
+    probe.expect_exact(7.4 + 0.01 * 59.0);
 }
