@@ -14,7 +14,9 @@ use dataset::halve::{halve, open};
 use dataset::lock::{LOCK, lock};
 use dataset::report::Section;
 use dataset::store::Dataset;
+use ndgi::Bundle;
 use serde::Serialize;
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -111,6 +113,17 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
     let _ = fs::remove_dir(&work);
     drop(lock);
     Ok(done)
+}
+
+/// Bundles of coarser levels beside the `bundle` that are of other light than the dataset's: readers that stream would show them.
+pub fn stale(dataset: &Dataset, bundle: &Path) -> Vec<PathBuf> {
+    let light = dataset.config.digest_of_light();
+    let is_other = |path: &PathBuf| {
+        let opened = Bundle::open(path).ok();
+        let info = opened.and_then(|opened| serde_json::from_str::<Value>(&opened.header.info).ok());
+        info.is_none_or(|info| info["level_of"] != light.as_str())
+    };
+    (1..).map(|level| name(bundle, level)).take_while(|path| path.exists()).filter(is_other).collect()
 }
 
 /// Compresses and judges a level.

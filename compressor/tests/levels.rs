@@ -130,3 +130,22 @@ fn what_a_stopped_run_left_is_used_or_made_again() {
         levels(&folder.path().join("small"), &options, &folder.path().join("small.ndgi"), &Console::silent());
     assert_eq!(none.unwrap(), []);
 }
+
+#[test]
+fn a_level_that_is_left_of_other_light_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("isles");
+    islands().write(&root);
+    let told = |arguments: &[&str]| {
+        let output = run(arguments, folder.path());
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let plain = ["isles", "--iterations", "50"];
+    assert!(!told(&["isles", "--levels", "--iterations", "50"]).contains("other light"));
+    assert!(!told(&plain).contains("other light"), "it is of this light");
+    // A level of who knows what.
+    fs::copy(root.join("isles.ndgi"), root.join("isles.1.ndgi")).unwrap();
+    let text = told(&plain);
+    assert!(text.contains("isles.1.ndgi: a level of other light") && text.contains("--levels"), "{text}");
+}

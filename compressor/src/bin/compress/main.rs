@@ -89,6 +89,12 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     let dataset = Dataset::open(&root)?;
     let bundle = &judged.outcome.bundle;
     let coarser = args.levels.then(|| levels::levels(&root, &options, bundle, console)).transpose()?;
+    for stale in levels::stale(&dataset, bundle) {
+        console.warn(format!(
+            "{}: a level of other light than this dataset's; run `compress --levels`, or delete it",
+            stale.display()
+        ));
+    }
     let mut report = Report::new(&format!("{}, compressed", dataset.config.scene));
     let mut object = judged.json();
     report.lead(judged.lead);
