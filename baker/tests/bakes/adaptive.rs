@@ -73,6 +73,7 @@ fn a_target_is_judged_by_denoised_light() {
 #[test]
 fn work_towards_a_target_is_told_apart_by_the_light_that_is_judged() {
     let case = room();
+    case.stage.write("case.toml", case.text.as_bytes());
     let work = |edit: &dyn Fn(&mut Options)| {
         let mut options = Options::new(parse_hours("12").expect("hours"));
         edit(&mut options);
