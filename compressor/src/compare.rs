@@ -19,26 +19,29 @@ mod prt;
 mod bc;
 #[cfg(feature = "baselines")]
 mod astc;
+mod methods;
 mod ablations;
+mod render;
 
+pub use render::{Crop, Line, Rendered, Seen, ShownMoment};
 pub use table::{Comparison, Row};
 
-use crate::compress::{DRAFT, FINAL, MEDIUM, Preset};
+use crate::compress::{DRAFT, MEDIUM, Preset};
 use crate::evaluate::Looks;
-use crate::model::{PROFILES, Profile};
 use crate::{Error, Result};
 use dataset::config::Config;
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::store::Dataset;
 use judge::{Judge, Judged};
-use keyframes::{Float16, KEPT};
-use method::{CodedTiles, ImageCodec, each_tile};
+use method::{Method, Way};
+use methods::{foreign, named, own};
 use prt::Transfer;
+use render::Stage;
 use table::Shown;
 use tiles::TileSet;
 
 /// What is compared on what.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Tiles with valid texels, at most, drawn by the seed from all pages; otherwise those of the first page.
     pub tiles: Option<usize>,
@@ -46,6 +49,10 @@ pub struct Options {
     pub effort: Effort,
     /// The paper's ablations instead of other methods.
     pub ablations: bool,
+    /// Only the methods of these names; all where there are none.
+    pub methods: Vec<String>,
+    /// The scene in the light of some methods, too; tiles are then those of all pages.
+    pub render: bool,
     /// Seed of all randomness.
     pub seed: u64,
 }
@@ -69,23 +76,10 @@ impl Effort {
     }
 }
 
-/// Components of the singular value decomposition.
-const RANKS: [usize; 6] = [1, 2, 3, 4, 6, 8];
-
-/// Ways of one method, and what is to be said of each; the best is shown.
-type Ways = Vec<(CodedTiles, String)>;
-
-/// A row of the table to be.
-struct Method<'a> {
-    family: &'static str,
-    name: String,
-    run: Box<dyn Fn() -> Result<Ways> + 'a>,
-}
-
 /// Compares all methods on tiles of a dataset; `transfer` is that of its scene, `looks` what is measured of looks. Writes nothing.
 ///
 /// # Errors
-/// As [`crate::compress::compress`], and a transfer that is not of this dataset.
+/// As [`crate::compress::compress`]; a transfer that is not of this dataset; the name of no method; a scene to render without geometry.
 pub fn compare(
     dataset: &Dataset,
     transfer: Option<&Dataset>,
@@ -115,13 +109,15 @@ pub fn compare(
             None => left_out.push(without_transfer(&dataset.config)),
         }
         foreign(&set, options, &mut methods, &mut left_out);
-        methods
+        named(methods, &options.methods)?
     };
+    let mut stage = options.render.then(|| Stage::new(dataset, &set, console)).transpose()?;
     let progress = console.progress("comparing", methods.len() as u64);
     let mut shown = Vec::new();
     for method in methods {
         progress.note(&method.name);
-        let (row, judged) = measure(&set, &judge, &method)?;
+        let (row, judged, way) = measure(&set, &judge, &method)?;
+        stage.iter_mut().try_for_each(|stage| stage.show(&row, &way))?;
         // The same for all.
         comparison.noise_ceiling_db = judged.quality.noise_ceiling_db;
         shown.push(Shown { method: row.method.clone(), images: judged.shown });
@@ -132,6 +128,9 @@ pub fn compare(
         comparison.rows.extend(ablations::sizes(&set, options)?);
     }
     comparison.left_out = left_out;
+    if let Some(stage) = stage {
+        comparison.rendered = Some(stage.finish(&comparison, &judge.shown, &shown)?);
+    }
     comparison.finish(&set, &judge.shown, shown);
     Ok(comparison)
 }
@@ -149,141 +148,32 @@ fn without_transfer(config: &Config) -> String {
 }
 
 /// Runs a method; the best of its ways counts.
-fn measure(set: &TileSet, judge: &Judge, method: &Method) -> Result<(Row, Judged)> {
+fn measure<'a>(set: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row, Judged, Way<'a>)> {
     stop_if_interrupted()?;
-    let mut best: Option<(Row, Judged)> = None;
+    let mut best: Option<(Row, Judged, Way)> = None;
     let mut notes = Vec::new();
-    for (coded, note) in (method.run)()? {
+    for way in (method.run)()? {
         // (Means leave out what is not a number: a method must not gain by that.)
         let is_number = |texel: &[f32; 3]| texel.iter().all(|value| value.is_finite());
-        if !coded.decoded.iter().flatten().flatten().all(is_number) {
+        if !way.coded.decoded.iter().flatten().flatten().all(is_number) {
             return Err(Error::invalid(
                 &method.name,
                 "decodes to what is no finite number: a fault of this method",
             ));
         }
-        let judged = judge.judge(&coded)?;
-        let row = Row::new(set, method.family, &method.name, &coded, &judged);
-        let db = table::decibels(row.psnr_db);
-        notes.push((note.clone(), db));
-        if best.as_ref().is_none_or(|(best, _)| row.psnr_db > best.psnr_db) {
-            best = Some((Row { note, ..row }, judged));
+        let judged = judge.judge(&way.coded)?;
+        let row = Row::new(set, method.family, &method.name, &way.coded, &judged);
+        notes.push((way.note.clone(), table::decibels(row.psnr_db)));
+        if best.as_ref().is_none_or(|(best, ..)| row.psnr_db > best.psnr_db) {
+            best = Some((Row { note: way.note.clone(), ..row }, judged, way));
         }
     }
-    let (mut row, judged) = best.ok_or_else(|| Error::invalid(method.name.clone(), "has no way to run"))?;
+    let (mut row, judged, way) =
+        best.ok_or_else(|| Error::invalid(method.name.clone(), "has no way to run"))?;
     if notes.len() > 1 {
         let others = notes.iter().filter(|(note, _)| *note != row.note);
         let others: Vec<String> = others.map(|(note, db)| format!("({note}: {db} dB)")).collect();
         row.note = format!("{} {}", row.note, others.join(" "));
     }
-    Ok((row, judged))
-}
-
-/// Methods that need nothing foreign.
-fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
-    let ndgi = |name: String, profile: &'static Profile, preset: Preset| Method {
-        family: "NDGI",
-        name,
-        run: Box::new(move || {
-            let coded = ndgi::code(set, profile, &preset, options.seed)?;
-            Ok(vec![(coded, format!("preset {}", preset.name))])
-        }),
-    };
-    let named =
-        |profile: &'static Profile| ndgi(format!("NDGI {}", profile.name), profile, options.effort.preset());
-    // The paper's four.
-    let mut methods: Vec<Method> = PROFILES.iter().take(4).map(named).collect();
-    if options.effort == Effort::Full {
-        // What it has when it is given as much time as the others: M, the profile of the comparison.
-        let [_, m, ..] = &PROFILES;
-        methods.push(ndgi(format!("NDGI {}, {}", m.name, FINAL.name), m, FINAL));
-    }
-    for preset in &ntc::PRESETS {
-        methods.push(Method {
-            family: "NTC",
-            name: preset.name.to_owned(),
-            run: Box::new(move || {
-                let (coded, networks) = ntc::code(set, preset, options.effort, options.seed)?;
-                let note =
-                    format!("networks not counted: {networks:.2} bpp more if only these tiles shared them");
-                Ok(vec![(coded, note)])
-            }),
-        });
-    }
-    for rank in RANKS {
-        methods.push(Method {
-            family: "SVD",
-            name: format!("SVD {rank}"),
-            run: Box::new(move || {
-                let coded = each_tile(set, |tile| svd::code(tile, rank))?;
-                let note = format!("8-bit maps; {}", coded.note());
-                Ok(vec![(coded, note)])
-            }),
-        });
-    }
-    methods.push(keys(set, "float16", || Box::new(Float16)));
-    methods
-}
-
-/// Sets that are kept, by some codec.
-fn keys<'a>(
-    set: &'a TileSet,
-    codec_name: &'a str,
-    codec: impl Fn() -> Box<dyn ImageCodec> + 'a,
-) -> Method<'a> {
-    Method {
-        family: "keyframes",
-        name: format!("{KEPT} sets, {codec_name}"),
-        run: Box::new(move || {
-            let (coded, kept) = keyframes::code(set, &*codec())?;
-            let hours: Vec<String> = kept.iter().map(|&k| set.timeline.hours[k].to_string()).collect();
-            Ok(vec![(coded, format!("light linear between {} h", hours.join(", ")))])
-        }),
-    }
-}
-
-#[cfg(not(feature = "baselines"))]
-fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, left_out: &mut Vec<String>) {
-    left_out.push(
-        "BC6H, BC7 and ASTC: this build has no foreign codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
-    );
-}
-
-/// Methods of foreign codecs.
-#[cfg(feature = "baselines")]
-fn foreign<'a>(set: &'a TileSet, options: &'a Options, methods: &mut Vec<Method<'a>>, _: &mut Vec<String>) {
-    use astc::Astc;
-    use bc::{Bc6h, Bc7, Bc7Rgbm, Halves};
-    use method::each_image;
-    let effort = options.effort;
-    let image = |family, name: &str, codec: fn(Effort) -> Box<dyn ImageCodec>| Method {
-        family,
-        name: name.to_owned(),
-        run: Box::new(move || {
-            let coded = each_image(set, &*codec(effort))?;
-            let note = coded.note();
-            Ok(vec![(coded, note)])
-        }),
-    };
-    methods.push(image("BC", "BC7", |effort| Box::new(Bc7(effort))));
-    methods.push(image("BC", "BC7, RGBM", |effort| Box::new(Bc7Rgbm(effort))));
-    methods.push(image("BC", "BC6H", |effort| Box::new(Bc6h(effort, Halves::Direct))));
-    methods.push(image("BC", "BC6H, curve", |effort| Box::new(Bc6h(effort, Halves::Curve))));
-    for side in [12, 10, 8] {
-        methods.push(Method {
-            family: "ASTC",
-            name: format!("ASTC {side}×{side}"),
-            run: Box::new(move || {
-                let way = |hdr: bool| {
-                    let coded = each_image(set, &Astc { side, hdr, effort })?;
-                    let note = if hdr { "HDR".to_owned() } else { format!("LDR, {}", coded.note()) };
-                    Ok((coded, note))
-                };
-                Ok(vec![way(false)?, way(true)?])
-            }),
-        });
-    }
-    methods.push(keys(set, "BC6H", move || Box::new(Bc6h(effort, Halves::Direct))));
-    methods.push(keys(set, "ASTC 8×8", move || Box::new(Astc { side: 8, hdr: false, effort })));
-    methods.push(keys(set, "ASTC 6×6", move || Box::new(Astc { side: 6, hdr: false, effort })));
+    Ok((row, judged, way))
 }

@@ -13,6 +13,7 @@ use dataset::console::Console;
 use dataset::image::Image;
 use dataset::store::{Dataset, Writer};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -504,6 +505,17 @@ fn methods_and_ablations_are_compared_on_one_tile() {
             report.contains("<svg") && report.contains("its error × 16") && report.contains("not measured")
         );
     }
+    // There is nothing to render, and no such method: told before anything is trained.
+    for (what, expected) in [("--render", "has no geometry file"), ("--method=NDGI X", "“NDGI M”")] {
+        let output = run(&["compare", ".", "--draft", what], folder.path());
+        assert_eq!(output.status.code(), Some(1));
+        assert!(String::from_utf8(output.stderr).unwrap().contains(expected), "{what}");
+    }
+    let output =
+        run(&["compare", ".", "--draft", "--method", "svd 2", "--method", "NDGI m", "--json"], folder.path());
+    let told = json(&output);
+    let of = told["rows"].as_array().unwrap().iter().map(|row| row["method"].as_str().unwrap());
+    assert_eq!((of.collect::<BTreeSet<_>>(), &told["rendered"]), (["SVD 2", "NDGI M"].into(), &Value::Null));
     // Nothing valid is nothing to compare.
     let empty = folder.path().join("empty");
     Scene { width: 20, height: 12, valid: |_, _| false, ..islands() }.write(&empty);

@@ -9,12 +9,14 @@ use crate::tiles::Rect;
 mod dark;
 mod flip;
 mod lpips;
+mod picture;
 mod ssim;
 mod steps;
 
 pub use dark::{Brightnesses, psnr_log_db};
 pub use flip::flip;
 pub use lpips::Lpips;
+pub use picture::{PictureQuality, compare_pictures};
 pub use steps::StepError;
 
 /// PSNR is capped here: an exact tile has no finite one.

@@ -38,6 +38,13 @@ pub fn code(exposed: f32) -> u8 {
     (code * 255.0).round() as u8
 }
 
+/// What a screen shows for an 8-bit sRGB code, linear in light, 1 being white.
+pub fn linear(code: u8) -> f32 {
+    // IEC 61966-2-1.
+    let code = f64::from(code) / 255.0;
+    (if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }) as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

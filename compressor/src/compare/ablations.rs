@@ -1,10 +1,10 @@
 //! The paper's ablations on the same tiles: which maps, whether training knows of blocks, what quantisation saves.
 
-use super::method::{CodedTiles, each_tile};
+use super::Options;
+use super::method::{CodedTiles, Method, Way, each_tile};
 use super::ndgi::{recipe, trained};
 use super::table::Row;
 use super::tiles::{Tile, TileSet};
-use super::{Method, Options};
 use crate::Result;
 use crate::compress::of_tile;
 use crate::mean::mean;
@@ -58,13 +58,13 @@ pub(super) fn methods<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<
     let literal = Method {
         family: "recipe",
         name: "the paper's, literally".to_owned(),
-        run: Box::new(move || Ok(vec![(literal(set, options)?, String::new())])),
+        run: Box::new(move || Ok(vec![Way::new(literal(set, options)?, String::new())])),
     };
     let all = STRUCTURES.iter().map(structure).chain(CODINGS.iter().map(coding));
     all.map(|(family, name, edit, coded)| Method {
         family,
         name,
-        run: Box::new(move || Ok(vec![(code(set, options, &edit, coded)?, String::new())])),
+        run: Box::new(move || Ok(vec![Way::new(code(set, options, &edit, coded)?, String::new())])),
     })
     .chain([literal])
     .collect()
@@ -77,7 +77,7 @@ fn literal(set: &TileSet, options: &Options) -> Result<CodedTiles> {
     let timeline = Timeline { coding: Coding::Paper, ..set.timeline.clone() };
     each_tile(set, |tile| {
         let recipe = Recipe { paper: true, ..recipe(&preset, options.seed, tile) };
-        trained(tile, &timeline, |source| train(source, &M, &recipe))
+        Ok(trained(tile, &timeline, |source| train(source, &M, &recipe))?.0)
     })
 }
 
@@ -90,7 +90,7 @@ fn code(
     let preset = options.effort.preset();
     each_tile(set, |tile| {
         let recipe = recipe(&preset, options.seed, tile);
-        trained(tile, &set.timeline, |source| train_ablated(source, &M, edit, coded, &recipe))
+        Ok(trained(tile, &set.timeline, |source| train_ablated(source, &M, edit, coded, &recipe))?.0)
     })
 }
 

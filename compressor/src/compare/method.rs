@@ -27,6 +27,35 @@ pub(super) type CodedTile = Coded<Vec<Texels>>;
 /// All tiles.
 pub(super) type CodedTiles = Coded<Vec<Vec<Texels>>>;
 
+/// The images of all tiles at an hour.
+pub(super) type AtHour<'a> = Box<dyn Fn(f64) -> Result<Vec<Texels>> + 'a>;
+
+/// A way of a method.
+pub(super) struct Way<'a> {
+    pub coded: CodedTiles,
+    /// What is to be said of it.
+    pub note: String,
+    /// What its decoder gives between sets too; without it, light is linear between those around.
+    pub at_hour: Option<AtHour<'a>>,
+}
+
+impl Way<'_> {
+    /// One that has nothing of its own between sets.
+    pub fn new(coded: CodedTiles, note: String) -> Self {
+        Way { coded, note, at_hour: None }
+    }
+}
+
+/// Ways of one method; the best is shown.
+pub(super) type Ways<'a> = Vec<Way<'a>>;
+
+/// A row of the table to be.
+pub(super) struct Method<'a> {
+    pub family: &'static str,
+    pub name: String,
+    pub run: Box<dyn Fn() -> Result<Ways<'a>> + 'a>,
+}
+
 /// Runs an encoder, then its decoder, on this thread and takes their times. The decoder gets what was encoded.
 pub(super) fn timed<E, T>(
     encode: impl FnOnce() -> Result<(E, f64, Vec<Curve>)>,

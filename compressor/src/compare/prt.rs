@@ -7,9 +7,8 @@
 mod cluster;
 mod code;
 
-use super::method::{CodedTile, CodedTiles, each_tile};
+use super::method::{CodedTile, CodedTiles, Method, Way, Ways, each_tile};
 use super::tiles::{Tile, TileSet};
-use super::{Method, Ways};
 use crate::{Error, Result};
 use dataset::config::{FileRef, Light, Transfer as Basis};
 use dataset::console::count;
@@ -200,7 +199,7 @@ pub(super) fn methods<'a>(set: &'a TileSet, transfer: &'a Transfer) -> Vec<Metho
         let functions = count(transfer.functions(), "function");
         format!("{functions}; {what}; coefficients of sky and sun are not counted")
     };
-    let method = |name: &str, run: Box<dyn Fn() -> Result<Ways> + 'a>| Method {
+    let method = |name: &str, run: Box<dyn Fn() -> Result<Ways<'a>> + 'a>| Method {
         family: "PRT",
         name: name.to_owned(),
         run,
@@ -210,14 +209,15 @@ pub(super) fn methods<'a>(set: &'a TileSet, transfer: &'a Transfer) -> Vec<Metho
             "PRT, no codec",
             Box::new(move || {
                 let coded = each(set, transfer, |tile, vectors, _| code::plain(tile, vectors))?;
-                Ok(vec![(coded, note("float16"))])
+                Ok(vec![Way::new(coded, note("float16"))])
             }),
         ),
         method(
             "PRT, clustered PCA",
             Box::new(move || {
                 let coded = each(set, transfer, code::clustered)?;
-                Ok(vec![(coded, note("per tile the clusters and components that are best at these bits"))])
+                let what = "per tile the clusters and components that are best at these bits";
+                Ok(vec![Way::new(coded, note(what))])
             }),
         ),
     ]

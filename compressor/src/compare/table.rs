@@ -3,7 +3,7 @@
 use super::judge::{Judged, image};
 use super::method::CodedTiles;
 use super::tiles::{Texels, TileSet};
-use super::{Effort, Options};
+use super::{Effort, Options, Rendered};
 use crate::evaluate::{aligned, cell};
 use dataset::image::{Image, Mask};
 use dataset::report::Section;
@@ -109,6 +109,8 @@ pub struct Comparison {
     pub rows: Vec<Row>,
     /// What is not there, and why.
     pub left_out: Vec<String>,
+    /// The scene in the light of some of the methods, where that was asked for.
+    pub rendered: Option<Rendered>,
     /// Tiles shown: what and the pictures.
     #[serde(skip)]
     pictures: Vec<(String, Vec<Picture>)>,
@@ -223,6 +225,7 @@ impl Comparison {
             noise_ceiling_db: None,
             rows: Vec::new(),
             left_out: Vec::new(),
+            rendered: None,
             pictures: Vec::new(),
         }
     }
@@ -263,7 +266,7 @@ impl Comparison {
         self.rows.sort_by(|a, b| a.bpp.total_cmp(&b.bpp));
     }
 
-    fn method(&self, name: &str) -> Option<&Row> {
+    pub(super) fn method(&self, name: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.method == name)
     }
 
@@ -390,7 +393,7 @@ fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec
     let reference = image(tile, &tile.source.sets[k]);
     let bright = exposure(&reference, &tile.mask);
     let png = |image: &Image, gain: f32| {
-        let (image, mask) = enlarged(image, &tile.mask);
+        let (image, mask) = enlarged(image, &tile.mask, ZOOM);
         tone_mapped_png(&image, &mask, gain * bright, image.width.max(image.height))
     };
     let mut pictures = vec![("reference".to_owned(), png(&reference, 1.0))];
@@ -408,10 +411,10 @@ fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec
     (format!("Page {}, tile ({}, {}) at {hour} h", place.page, place.column, place.row), pictures)
 }
 
-/// Each texel as a square of [`ZOOM`]² pixels.
-fn enlarged(image: &Image, mask: &Mask) -> (Image, Mask) {
-    let (width, height) = (ZOOM * image.width, ZOOM * image.height);
-    let from = |i: usize| i / width / ZOOM * image.width + i % width / ZOOM;
+/// Each texel as a square of `zoom`² pixels.
+pub(super) fn enlarged(image: &Image, mask: &Mask, zoom: usize) -> (Image, Mask) {
+    let (width, height) = (zoom * image.width, zoom * image.height);
+    let from = |i: usize| i / width / zoom * image.width + i % width / zoom;
     let texels = (0..width * height).map(|i| image.texels[from(i)]).collect();
     let valid = (0..width * height).map(|i| mask.valid[from(i)]).collect();
     (Image { width, height, texels }, Mask { width, height, valid })

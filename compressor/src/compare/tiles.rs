@@ -93,12 +93,15 @@ impl TileSet {
     pub fn load(dataset: &Dataset, options: &Options) -> Result<Self> {
         let pages = &dataset.config.pages;
         let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
-        let (chosen, of) = choose(&masks, options.tiles, options.seed);
+        // What a camera sees may lie on any page.
+        let number = if options.render { Some(usize::MAX) } else { options.tiles };
+        let (chosen, of) = choose(&masks, number, options.seed);
         let texels: usize = chosen.iter().map(|(_, rect)| rect.width() * rect.height()).sum();
         let bytes = (HELD * texels * dataset.config.frames.len() * size_of::<[f32; 3]>()) as u64;
         if bytes > MEMORY {
+            let hint = if options.render { "run without --render" } else { "choose fewer with --tiles" };
             let what = format!(
-                "{} with {} would take about {} GB of memory; expected at most {}: choose fewer with --tiles",
+                "{} with {} would take about {} GB of memory; expected at most {}: {hint}",
                 count(chosen.len(), "tile"),
                 count(dataset.config.frames.len(), "set"),
                 bytes >> 30,
@@ -157,17 +160,22 @@ fn has_valid(mask: &Mask, rect: &Rect) -> bool {
 }
 
 /// How texels without a surface are filled: ring by ring around the valid ones, each with the mean of its neighbours that have a value.
-struct Fill {
+pub(super) struct Fill {
     /// A texel, and the neighbours whose mean it gets; in an order in which these come first.
     steps: Vec<(usize, Vec<usize>)>,
 }
 
 impl Fill {
     fn new(mask: &Mask) -> Self {
+        Fill::near(mask, usize::MAX)
+    }
+
+    /// So many rings around valid texels.
+    pub fn near(mask: &Mask, most: usize) -> Self {
         let (width, height) = (mask.width, mask.height);
         let mut known = mask.valid.clone();
         let mut steps = Vec::new();
-        loop {
+        for _ in 0..most {
             let mut ring = Vec::new();
             for i in (0..known.len()).filter(|&i| !known[i]) {
                 let (x, y) = (i % width, i / width);
@@ -180,14 +188,15 @@ impl Fill {
                 }
             }
             if ring.is_empty() {
-                return Fill { steps };
+                break;
             }
             ring.iter().for_each(|(i, _)| known[*i] = true);
             steps.extend(ring);
         }
+        Fill { steps }
     }
 
-    fn apply(&self, set: &Texels) -> Texels {
+    pub fn apply(&self, set: &Texels) -> Texels {
         let mut filled = set.clone();
         for (i, from) in &self.steps {
             let sum = |c: usize| from.iter().map(|&j| filled[j][c]).sum::<f32>();

@@ -92,6 +92,17 @@ pub fn flip(
     Some(errors.map(|(error, _)| f64::from(*error)).sum::<f64>() / quality.texels as f64)
 }
 
+/// ꟻLIP per pixel of two pictures as a screen shows them, linear in light, 1 being white.
+pub(super) fn of_pictures(
+    found: &[[f32; 3]],
+    reference: &[[f32; 3]],
+    [width, height]: [usize; 2],
+) -> Vec<f32> {
+    let eye = Eye::new();
+    let seen = [reference, found].map(|shown| eye.see_shown(shown.iter().copied(), width, height));
+    eye.errors(&seen).collect()
+}
+
 /// The factors that light is exposed by.
 fn exposures(light: &[[f32; 3]]) -> Vec<f64> {
     let luminance = |rgb: &[f32; 3]| -> f64 {
@@ -215,9 +226,15 @@ impl Eye {
 
     /// Looks at light exposed by a factor.
     fn see(&self, light: &[[f32; 3]], exposure: f64, width: usize, height: usize) -> Seen {
+        let shown = light.iter().map(|rgb| rgb.map(|value| tone(f64::from(value) * exposure)));
+        self.see_shown(shown, width, height)
+    }
+
+    /// Looks at what a screen shows, linear in light, 1 being white.
+    fn see_shown(&self, shown: impl Iterator<Item = [f32; 3]>, width: usize, height: usize) -> Seen {
         let mut opponents = [0; 3].map(|_| Vec::with_capacity(width * height));
-        for rgb in light {
-            let values = opponent(xyz(rgb.map(|value| tone(f64::from(value) * exposure))));
+        for rgb in shown {
+            let values = opponent(xyz(rgb));
             opponents.iter_mut().zip(values).for_each(|(plane, value)| plane.push(value));
         }
         let luminance: Vec<f32> = opponents[0].iter().map(|y| (y + 16.0) / 116.0).collect();

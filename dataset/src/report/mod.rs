@@ -169,9 +169,10 @@ impl Section {
         self
     }
 
-    /// Pictures in a row, as wide as the page, each a stack of PNGs with its caption.
+    /// Pictures in a row, as wide as the page, each a stack of PNGs with its caption. More than four stand in rows of three.
     pub fn row(&mut self, stacks: &[(String, Vec<Vec<u8>>)]) -> &mut Self {
-        self.html.push_str("<div class=\"row\">\n");
+        let class = if stacks.len() > 4 { "row many" } else { "row" };
+        let _ = writeln!(self.html, "<div class=\"{class}\">");
         for (caption, pngs) in stacks {
             let caption = escape(caption);
             self.html.push_str("<figure>");

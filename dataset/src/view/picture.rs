@@ -58,15 +58,31 @@ impl View {
     /// # Errors
     /// A geometry file or mask that cannot be read, or breaks a rule.
     pub fn of(dataset: &Dataset, size: [usize; 2]) -> Result<Option<View>> {
-        let Some(file) = &dataset.config.geometry else { return Ok(None) };
-        let path = dataset.path(file);
-        let bytes = std::fs::read(&path).map_err(crate::Error::io(&path))?;
-        let model = model::read(&path, &bytes, &dataset.config)?;
+        let Some(model) = read(dataset)? else { return Ok(None) };
         let seen_by = |camera| View::seen_by(camera, &model, &dataset.config, size);
         match cameras(&dataset.config, &model).find_map(seen_by) {
             Some(view) => Ok(Some(view)),
             None => Ok(seen_by(lookout(dataset, &model)?)),
         }
+    }
+
+    /// Pictures by every camera of the scene that sees texels, `most` at most: those of the scene file, then of the geometry file, each
+    /// name once; by the automatic one where there is none. Nothing without a geometry file, or where nothing in it has texels.
+    ///
+    /// # Errors
+    /// As [`View::of`].
+    pub fn each(dataset: &Dataset, size: [usize; 2], most: usize) -> Result<Vec<View>> {
+        let Some(model) = read(dataset)? else { return Ok(Vec::new()) };
+        let mut views: Vec<View> = Vec::new();
+        for camera in cameras(&dataset.config, &model) {
+            if views.len() < most && views.iter().all(|view| view.camera.name != camera.name) {
+                views.extend(View::seen_by(camera, &model, &dataset.config, size));
+            }
+        }
+        if views.is_empty() {
+            views.extend(View::seen_by(lookout(dataset, &model)?, &model, &dataset.config, size));
+        }
+        Ok(views)
     }
 
     fn seen_by(camera: Camera, model: &Model, config: &Config, size: [usize; 2]) -> Option<View> {
@@ -137,10 +153,25 @@ impl View {
 
     /// The bytes of a PNG file.
     pub fn to_png(&self, light: &Light, exposure: f64) -> Vec<u8> {
+        let codes = self.to_codes(light, exposure);
+        encode_png(&codes, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)
+    }
+
+    /// The sRGB codes of that picture: red, green and blue of each pixel, row by row.
+    pub fn to_codes(&self, light: &Light, exposure: f64) -> Vec<u8> {
         let scale = exposure.exp2() as f32;
         let pixels = self.radiance(light, SKY / scale).into_iter();
-        let codes: Vec<u8> = pixels.flat_map(|pixel| (pixel * scale).to_array().map(tone::code)).collect();
-        encode_png(&codes, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)
+        pixels.flat_map(|pixel| (pixel * scale).to_array().map(tone::code)).collect()
+    }
+
+    /// The radiance of each pixel, row by row, in the light's own unit; the sky is black.
+    pub fn to_radiance(&self, light: &Light) -> Vec<[f32; 3]> {
+        self.radiance(light, Vec3::ZERO).into_iter().map(|pixel| pixel.to_array()).collect()
+    }
+
+    /// Width and height in pixels.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
     }
 
     /// The bytes of a PNG file of values that are colours already, such as of errors, and no light: they are shown as they are.
@@ -178,6 +209,14 @@ impl View {
         });
         pixels.collect()
     }
+}
+
+/// The geometry of a dataset that has it.
+fn read(dataset: &Dataset) -> Result<Option<Model>> {
+    let Some(file) = &dataset.config.geometry else { return Ok(None) };
+    let path = dataset.path(file);
+    let bytes = std::fs::read(&path).map_err(crate::Error::io(&path))?;
+    model::read(&path, &bytes, &dataset.config).map(Some)
 }
 
 /// The cameras of a scene: of the scene file, which the manifest keeps, then of the geometry file.

@@ -1,18 +1,15 @@
 //! Base colour textures.
 
+use crate::tone;
 use glam::{Vec2, Vec3};
 use gltf::Document;
 use gltf::texture::WrappingMode;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// Linear light of the 256 sRGB codes (IEC 61966-2-1).
-static LINEAR_FROM_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|code| {
-        let c = code as f64 / 255.0;
-        (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
-    })
-});
+/// Linear light of the 256 sRGB codes.
+static LINEAR_FROM_SRGB: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| tone::linear(code as u8)));
 
 /// An image with what is done outside it.
 pub(super) struct Texture {

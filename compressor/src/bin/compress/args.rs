@@ -83,10 +83,14 @@ Examples:
   compress compare dataset/yard --tiles 16 --csv yard.csv   minutes to hours
   compress compare dataset/yard --transfer dataset/yard-transfer   precomputed radiance transfer beside them
   compress compare dataset/yard --draft --ablations
+  compress compare dataset/yard --draft --render            the scene in the light of each method, as a page of its own
+  compress compare dataset/yard --render --method \"NDGI M\" --method \"NTC L\" --method \"ASTC 12x12\" --method BC7
 
 BC6H, BC7 and ASTC need a build with --features baselines. How each method is set up: compressor/BASELINES.md. With --json: tiles,
 tiles_of, sets, draft, ablations, noise_ceiling_db, rows (family, method, bpp, psnr_db and other means, encode_seconds of a tile,
-decode_milliseconds of 1024x1024 texels, note), left_out, report, seconds.";
+decode_milliseconds of 1024x1024 texels, note), left_out, rendered, report, seconds. With --render, rendered has cameras, moments (hour, what, set), views (camera, hour, method,
+bpp, bytes, psnr_db, ssim, flip), crops (what, place, hour, method, psnr_db, bytes), lapse (method, error, relative_error, worst, steps),
+lapse_camera, lapse_change, left_out and page; it is null otherwise.";
 
 const VIEW_EXAMPLES: &str = "\
 Examples:
@@ -253,6 +257,13 @@ pub struct Compare {
     /// The paper's ablations instead of other methods: 2D and 3D maps, training that knows of blocks, quantisation.
     #[arg(long)]
     pub ablations: bool,
+    /// Run this method alone, by its name in the table; may be given several times [default: all].
+    #[arg(long, value_name = "NAME", conflicts_with = "ablations")]
+    pub method: Vec<String>,
+    /// Render the scene, too, in the light of NDGI M, NTC L, PRT, ASTC 12×12 and the dataset's own bundle: at five moments by up to three
+    /// cameras, and over a day; tiles from near. Tiles are those of all pages. The page is the report's name with .render.html.
+    #[arg(long, conflicts_with_all = ["ablations", "tiles"])]
+    pub render: bool,
     #[command(flatten)]
     pub looks: LooksArgs,
     /// Seed of all randomness.

@@ -192,6 +192,8 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
         tiles: args.tiles.map(|tiles| tiles as usize),
         effort: if args.draft { Effort::Draft } else { Effort::Full },
         ablations: args.ablations,
+        methods: args.method,
+        render: args.render,
         seed: args.seed,
     };
     let transfer = args.transfer.as_deref().map(Dataset::open).transpose()?;
@@ -207,6 +209,13 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
     report.write(&path)?;
     console.say(format!("report: {}", path.display()));
     let mut object = json!(comparison);
+    if let Some(rendered) = &comparison.rendered {
+        let page = path.with_extension("render.html");
+        rendered.table().iter().for_each(|line| console.print(line));
+        rendered.report(&comparison).write(&page)?;
+        console.say(format!("rendered: {}", page.display()));
+        object["rendered"]["page"] = json!(page);
+    }
     object["report"] = json!(path);
     object["seconds"] = json!(start.elapsed().as_secs_f64());
     console.result(&object)
