@@ -228,7 +228,7 @@ impl Stream {
     /// A stream in which nothing is read yet, and every tile shows its mean.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for budgets under which nothing could be shown.
+    /// [`crate::Error::Invalid`] for budgets under which nothing could be shown.
     pub fn new(pyramid: Arc<Pyramid>, budgets: Budgets) -> Result<Self> {
         budgets.check()?;
         let is_lit = |tile: &Tile| !pyramid.facts(*tile).is_black();
@@ -258,7 +258,7 @@ impl Stream {
     /// reads since then. The page table holds from the moment that the commands are carried out.
     ///
     /// # Errors
-    /// [`Error::Bundle`] for an hour that is not a finite number. Nothing has changed then.
+    /// [`crate::Error::Bundle`] for an hour that is not a finite number. Nothing has changed then.
     pub fn step(&mut self, seen: Option<&[Seen]>, completions: &[Completion], hour: f64) -> Result<Commands> {
         let now = self.pyramid.at(hour)?;
         self.step += 1;
