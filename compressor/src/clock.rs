@@ -1,5 +1,10 @@
 //! A thread's own time.
 
+/// The machine's clock, in seconds.
+pub(crate) fn seconds_since_1970() -> u64 {
+    std::time::UNIX_EPOCH.elapsed().map_or(0, |elapsed| elapsed.as_secs())
+}
+
 /// CPU seconds of the thread that started it, where the system tells them; else wall-clock seconds.
 #[derive(Debug)]
 pub(crate) struct Clock {

@@ -5,6 +5,7 @@
 //! (which rounds sums in its own order), never on threads or time, unless there is a time limit.
 
 mod part;
+mod shard;
 mod stats;
 mod allocate;
 mod pace;
@@ -13,11 +14,12 @@ mod outcome;
 
 pub(crate) use tiles::{of_tile, seed};
 
-use crate::bundle::{self, Bundle, Header};
-use crate::grid::Grid;
+use crate::bundle::{self, Bundle, Header, Payload};
+use crate::grid::{Grid, Place};
 use crate::law::{Law, can_leave_sun_out, is_sun_apart};
 use crate::model::{PROFILES, Profile};
 use crate::sunlight::Sunlight;
+use crate::tile::Band;
 use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use crate::{Error, Result, of_bundle, printable};
@@ -30,9 +32,11 @@ pub use outcome::{CurvePoint, Outcome, TileOutcome};
 use part::Part;
 use rayon::prelude::*;
 use serde_json::json;
+pub use shard::{Note, Shard, Stage, Status, status};
 pub use stats::TileStats;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 use tiles::Tiles;
 
@@ -89,8 +93,11 @@ pub struct Options {
     pub seed: u64,
     /// The bundle's path; `None` for [`default_bundle`].
     pub out: Option<PathBuf>,
-    /// Train every tile again, even where a stopped run left it finished.
+    /// Train every tile again, even where a stopped run left it finished, and replace whatever bundle is there. Shards and merges only do
+    /// the latter.
     pub force: bool,
+    /// Train nothing: put together what shards have trained, or, towards a target, choose by what they have tried.
+    pub merge: bool,
 }
 
 impl Options {
@@ -115,6 +122,7 @@ impl Options {
             seed: 1,
             out: None,
             force: false,
+            merge: false,
         }
     }
 }
@@ -146,86 +154,40 @@ pub(crate) fn sun_is_left_out(header: &Header) -> bool {
 ///
 /// # Errors
 /// [`Error::Invalid`] for a dataset that breaks a rule (a torn file, a NaN, …), before anything is written;
+/// [`Error::Unready`] where another run makes the bundle, or with [`Options::merge`] while tiles are missing;
 /// [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
-    if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
-        return Err(Error::unsupported("time_limit", "a target of quality or size has no time limit"));
-    }
     let dataset = Dataset::open(root)?;
-    dataset.expect_moments()?;
-    let out = options.out.clone().unwrap_or_else(|| default_bundle(&dataset));
-    expect_writable(&out)?;
-    let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
-    check_texels(&dataset, console)?;
-    if options.without_sun && !can_leave_sun_out(&dataset.config) {
-        let layers = &dataset.config.layers;
-        // Light of others, and of version 1, is one sum.
-        if layers.is_empty()
-            || layers
-                .iter()
-                .any(|layer| (layer.light, layer.part) == (Light::Sun, dataset::config::Part::All))
-        {
-            let what = "does not keep the sun's direct light as a layer, so that it cannot be left out; expected no --without-sun";
-            return Err(Error::invalid(root.display(), what));
-        }
-        console
-            .warn(format!("--without-sun: {} has no direct light of the sun to leave out", root.display()));
+    let job = Job::new(&dataset, options, console)?;
+    expect_writable(&job.out)?;
+    if !options.merge {
+        job.check(console)?;
     }
-    let is_apart = is_sun_apart(&dataset.config) || options.without_sun && can_leave_sun_out(&dataset.config);
-    let law = Law::new(&dataset, is_apart)?;
-    if law.is_apart {
-        // Tiles are trained to layers then.
-        let mut seen = BTreeSet::new();
-        let mut files = dataset.config.layers.iter().flat_map(Layer::files);
-        files.try_for_each(|file| match seen.insert(&file.path) {
-            true => dataset.check_content(file),
-            false => Ok(()),
-        })?;
+    let part = Part::open(&job.out, options.force && !options.merge)?;
+    if options.merge && !job.out.exists() {
+        // This may be asked often until all is there: what is missing is said before anything large is read.
+        let header = job.header(&part)?;
+        job.tiles(&header, &part).expect_shards()?;
     }
-    let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
-    let options = &match (options.rate, usual) {
-        (Rate::Usual, Some(profile)) => Options { rate: Rate::Profile(profile), ..options.clone() },
-        _ => options.clone(),
-    };
-    let sunlight = if options.without_sun { None } else { Sunlight::new(&dataset, !options.still_shadows)? };
-    let sun = sunlight.as_ref().map(|sunlight| sunlight.coded(&masks, console)).transpose()?;
-    if options.still_shadows && sun.is_none() {
-        console.warn(format!("--still-shadows: {} has no shadows of the sun to tell of", root.display()));
+    let header = job.header_with_sun(&part, console)?;
+    if let Some(outcome) = job.existing(&header, console)? {
+        part.remove();
+        return Ok(outcome);
     }
-    let shadows = sunlight.as_ref().is_some_and(Sunlight::moves);
-    let header = Header { sun, shadows, ..header(&dataset, &masks, &law, options)? };
-    if !options.force {
-        match standing(&out, &header) {
-            Standing::Same(outcome) => return Ok(*outcome),
-            Standing::Kept(what) => {
-                return Err(Error::invalid(
-                    out.display(),
-                    format!("{what}; expected --out FILE for one of its own, or --force to replace it"),
-                ));
-            }
-            Standing::Other(what) => console.say(format!("{}, {what}, is replaced", out.display())),
-            Standing::None => {}
-        }
-    }
-    let part = Part::open(&out, options.force)?;
-    let checked = start.elapsed().as_secs_f64();
-
-    let suns = match sunlight.as_ref().zip(header.sun.as_ref()) {
-        Some((sunlight, sun)) => sunlight.sections(sun, &masks, console)?,
+    let suns = match job.sunlight.as_ref().zip(header.sun.as_ref()) {
+        Some((sunlight, sun)) => sunlight.sections(sun, &job.masks, console)?,
         None => Vec::new(),
     };
-    let tiles = Tiles {
-        bytes_of_sun: suns.iter().flatten().map(|section| section.bytes.len() as u64).sum(),
-        dataset: &dataset,
-        law: &law,
-        masks: &masks,
-        options,
-        header: &header,
-        part: &part,
-        trained_on: trained_on(&dataset, &law),
-        deadline: options.time_limit.map(|limit| start + limit),
-    };
+    let mut tiles = job.tiles(&header, &part);
+    tiles.bytes_of_sun = suns.iter().flatten().map(|section| section.bytes.len() as u64).sum();
+    tiles.deadline = options.time_limit.map(|limit| start + limit);
+    if options.merge {
+        let (chosen, _) = tiles.chosen(console)?;
+        tiles.expect_trained(&chosen)?;
+        job.check(console)?;
+    }
+    let checked = start.elapsed().as_secs_f64();
     let mut work = tiles.work(console)?;
     for ([sun, shadows], payload) in suns.into_iter().zip(&mut work.payloads) {
         (payload.sun, payload.shadows) = (sun, shadows);
@@ -234,10 +196,10 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let shadows = work.payloads.iter().any(|payload| !payload.shadows.bytes.is_empty());
     let header = Header { shadows, ..header };
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
-    write_atomically(&out, &bytes)?;
+    write_atomically(&job.out, &bytes)?;
 
-    let outcome = Outcome::new(&header, out.clone(), bytes.len() as u64, &work, start, checked);
-    outcome::write(&out, &outcome)?;
+    let outcome = Outcome::new(&header, job.out.clone(), bytes.len() as u64, &work, start, checked);
+    outcome::write(&job.out, &outcome)?;
     let folder = part.folder().to_owned();
     let left = part.remove();
     if left > 0 {
@@ -248,6 +210,206 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         ));
     }
     Ok(outcome)
+}
+
+/// What a shard did.
+#[derive(Clone, Debug)]
+pub enum Sharded {
+    /// All tiles of its share are trained.
+    Trained(Note),
+    /// The trial fits of its share are there. Others' may be missing, or nobody has chosen by them yet.
+    Tried(Note),
+    /// The bundle is there already.
+    UpToDate(PathBuf),
+}
+
+/// Trains one share of the tiles into the work folder `<bundle>.part/`, which other shards use at the same time. No bundle is written:
+/// [`compress`] with [`Options::merge`] does that when all shards are done. Towards a target the first call makes trial fits, and once a
+/// merge has chosen by those of all shards, the next call trains.
+///
+/// # Errors
+/// As [`compress`], of the rows of pages that it reads; [`Error::Unsupported`] with a time limit.
+pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Console) -> Result<Sharded> {
+    if options.time_limit.is_some() {
+        return Err(Error::unsupported(
+            "time_limit",
+            "shards do not know of each other's time: expected no time limit",
+        ));
+    }
+    let dataset = Dataset::open(root)?;
+    let job = Job::new(&dataset, options, console)?;
+    let part = Part::share(&job.out)?;
+    // All that a bundle's header says takes long to find: only where there is a bundle.
+    if job.out.exists()
+        && let Some(outcome) = job.existing(&job.header_with_sun(&part, console)?, console)?
+    {
+        part.remove();
+        return Ok(Sharded::UpToDate(outcome.bundle));
+    }
+    let header = job.header(&part)?;
+    let tiles = job.tiles(&header, &part);
+    let own = tiles.share(shard);
+    job.check_bands(&own, console)?;
+    tiles.train_shard(shard, &own, console)
+}
+
+/// What all who work on a bundle know before the first tile.
+struct Job<'a> {
+    dataset: &'a Dataset,
+    /// With the rate settled.
+    options: Options,
+    out: PathBuf,
+    masks: Vec<Mask>,
+    law: Law,
+    sunlight: Option<Sunlight<'a>>,
+    trained_on: String,
+}
+
+impl<'a> Job<'a> {
+    fn new(dataset: &'a Dataset, options: &Options, console: &Console) -> Result<Self> {
+        if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
+            return Err(Error::unsupported("time_limit", "a target of quality or size has no time limit"));
+        }
+        dataset.expect_moments()?;
+        let root = dataset.root.display();
+        let config = &dataset.config;
+        if options.without_sun && !can_leave_sun_out(config) {
+            let layers = &config.layers;
+            // Light of others, and of version 1, is one sum.
+            let is_whole =
+                |layer: &Layer| (layer.light, layer.part) == (Light::Sun, dataset::config::Part::All);
+            if layers.is_empty() || layers.iter().any(is_whole) {
+                let what = "does not keep the sun's direct light as a layer, so that it cannot be left out; expected no --without-sun";
+                return Err(Error::invalid(root, what));
+            }
+            console.warn(format!("--without-sun: {root} has no direct light of the sun to leave out"));
+        }
+        let law =
+            Law::new(dataset, is_sun_apart(config) || options.without_sun && can_leave_sun_out(config))?;
+        let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
+        let rate = match (options.rate, usual) {
+            (Rate::Usual, Some(profile)) => Rate::Profile(profile),
+            (rate, _) => rate,
+        };
+        let sunlight = match options.without_sun {
+            true => None,
+            false => Sunlight::new(dataset, !options.still_shadows)?,
+        };
+        Ok(Job {
+            out: options.out.clone().unwrap_or_else(|| default_bundle(dataset)),
+            masks: (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?,
+            trained_on: trained_on(dataset, &law),
+            options: Options { rate, ..options.clone() },
+            dataset,
+            law,
+            sunlight,
+        })
+    }
+
+    /// Reads all that tiles are trained to once, so that a bad texel or a torn file stops the run before it has trained anything.
+    fn check(&self, console: &Console) -> Result<()> {
+        check_texels(self.dataset, console)?;
+        if self.law.is_apart {
+            // Tiles are trained to layers then.
+            let mut seen = BTreeSet::new();
+            let mut files = self.dataset.config.layers.iter().flat_map(Layer::files);
+            files.try_for_each(|file| match seen.insert(&file.path) {
+                true => self.dataset.check_content(file),
+                false => Ok(()),
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The same for some tiles alone, of which the rows are read but no whole file.
+    fn check_bands(&self, places: &[Place], console: &Console) -> Result<()> {
+        let bands: BTreeSet<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
+        let progress = console.progress("checking", bands.len() as u64);
+        for (page, row) in bands {
+            stop_if_interrupted()?;
+            drop(Band::load(self.dataset, &self.law, &self.masks[page], page, row)?);
+            progress.advance(1);
+        }
+        Ok(())
+    }
+
+    /// The bundle's header but for the sun's stream. Where the means of tiles between sets belong is found in light of all pages, so it is
+    /// kept in the work folder: of many shards only the first need read it all.
+    fn header(&self, part: &Part) -> Result<Header> {
+        let key = blake3::hash(
+            json!(["hours", program(), self.trained_on, self.law.is_apart]).to_string().as_bytes(),
+        );
+        let key = &key.to_hex()[..32];
+        let hours = || self.law.hours(self.dataset, &self.masks, &timeline(self.dataset));
+        let between = match part.read::<Vec<f64>>(key) {
+            Some((_, between)) => between,
+            None => hours()?,
+        };
+        if !part.has(key) {
+            part.write(key, &Payload::default(), &between)?;
+        }
+        Ok(header(self, between))
+    }
+
+    /// The whole header.
+    fn header_with_sun(&self, part: &Part, console: &Console) -> Result<Header> {
+        let sun = self.sunlight.as_ref().map(|sunlight| sunlight.coded(&self.masks, console)).transpose()?;
+        if self.options.still_shadows && sun.is_none() {
+            console.warn(format!(
+                "--still-shadows: {} has no shadows of the sun to tell of",
+                self.dataset.root.display()
+            ));
+        }
+        let shadows = self.sunlight.as_ref().is_some_and(Sunlight::moves);
+        Ok(Header { sun, shadows, ..self.header(part)? })
+    }
+
+    /// The bundle that is there, if it is the one that is asked for; an error if it must not be replaced.
+    fn existing(&self, header: &Header, console: &Console) -> Result<Option<Outcome>> {
+        if self.options.force {
+            return Ok(None);
+        }
+        match standing(&self.out, header) {
+            Standing::Same(outcome) => return Ok(Some(*outcome)),
+            Standing::Kept(what) => {
+                return Err(Error::invalid(
+                    self.out.display(),
+                    format!("{what}; expected --out FILE for one of its own, or --force to replace it"),
+                ));
+            }
+            Standing::Other(what) => console.say(format!("{}, {what}, is replaced", self.out.display())),
+            Standing::None => {}
+        }
+        Ok(None)
+    }
+
+    /// The work to do, without the sun's stream and without a deadline.
+    fn tiles<'b>(&'b self, header: &'b Header, part: &'b Part) -> Tiles<'b> {
+        Tiles {
+            bytes_of_sun: 0,
+            dataset: self.dataset,
+            law: &self.law,
+            masks: &self.masks,
+            options: &self.options,
+            header,
+            part,
+            trained_on: &self.trained_on,
+            deadline: None,
+        }
+    }
+}
+
+/// Digest of the program that runs: tiles of another build may be other bytes, and are trained again.
+pub(crate) fn program() -> &'static str {
+    static PROGRAM: LazyLock<String> = LazyLock::new(|| {
+        let digest = |path: PathBuf| {
+            let mut hasher = blake3::Hasher::new();
+            std::io::copy(&mut std::fs::File::open(path)?, &mut hasher)?;
+            Ok(hasher.finalize().to_hex()[..16].to_owned())
+        };
+        std::env::current_exe().and_then(digest).unwrap_or_else(|_| env!("CARGO_PKG_VERSION").to_owned())
+    });
+    &PROGRAM
 }
 
 /// The bundle where a new one is to go.
@@ -342,13 +504,14 @@ fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
     faults.into_iter().collect()
 }
 
-/// What the bundle says of itself.
-fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Result<Header> {
+/// What the bundle says of itself, but for the sun's stream; `between`: [`Law::hours`].
+fn header(job: &Job, between: Vec<f64>) -> Header {
+    let Job { dataset, law, options, .. } = job;
     let config = &dataset.config;
     let mut info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
         "inputs": dataset.config.digest_of_light(),
-        "trained_on": trained_on(dataset, law),
+        "trained_on": job.trained_on,
         "unit": config.unit,
         "profile": match options.rate {
             Rate::Profile(profile) => json!(profile.name),
@@ -374,9 +537,7 @@ fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Re
     }
     let grid =
         |page: &dataset::config::Page| Grid { width: page.width as usize, height: page.height as usize };
-    let mut timeline = timeline(dataset);
-    timeline.between = law.hours(dataset, masks, &timeline)?;
-    Ok(Header {
+    Header {
         scene: config.scene.clone(),
         info: info.to_string(),
         pages: config.pages.iter().map(grid).collect(),
@@ -390,8 +551,8 @@ fn header(dataset: &Dataset, masks: &[Mask], law: &Law, options: &Options) -> Re
         sun: None,
         shadows: false,
         groups: config.groups.iter().map(|group| group.name.clone()).collect(),
-        timeline,
-    })
+        timeline: Timeline { between, ..timeline(dataset) },
+    }
 }
 
 /// The dataset's hours, schedules and states.

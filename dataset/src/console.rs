@@ -191,7 +191,7 @@ pub fn catch_interrupts() {
     signals::catch(|error| line(&format!("error: {error}")));
 }
 
-/// Prints an error with its causes and gives the exit code of a failed command ([`signals::exit_code`] when interrupted, else 1).
+/// Prints an error with its causes and gives the exit code of a failed command, [`crate::Error::exit_code`].
 pub fn fail(error: &crate::Error) -> ExitCode {
     if matches!(error, crate::Error::Interrupted) && !signals::is_first_to_say() {
         return ExitCode::from(signals::exit_code());
@@ -203,10 +203,7 @@ pub fn fail(error: &crate::Error) -> ExitCode {
         line(&format!("  because: {deeper}"));
         cause = deeper.source();
     }
-    match error {
-        crate::Error::Interrupted => ExitCode::from(signals::exit_code()),
-        _ => ExitCode::FAILURE,
-    }
+    ExitCode::from(error.exit_code())
 }
 
 /// Why a line of the answer could not be written.

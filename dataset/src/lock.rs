@@ -28,6 +28,12 @@ pub struct Lock {
     _claim: Option<Claim>,
 }
 
+/// A folder that is open to those who [`share`] it until this is dropped, or the process ends.
+#[derive(Debug)]
+pub struct Shared {
+    _file: File,
+}
+
 /// The file that says whose a folder is, and what keeps this machine's other processes from taking it over at the same time.
 #[derive(Debug)]
 struct Claim {
@@ -54,10 +60,33 @@ struct System<'a> {
 /// Locks a folder. `who` says in an error what the other process does there, `advice` what else can be done.
 ///
 /// # Errors
-/// [`Error::Invalid`] for the folder where another process has it, or may have it.
+/// [`Error::Unready`] for the folder where another process has it, or may have it.
 pub fn lock(folder: &Path, who: &str, advice: &str) -> Result<Lock> {
     let system = System { flock: &File::try_lock, is_local: &is_local, process: Process::this() };
     system.lock(folder, who, advice)
+}
+
+/// Keeps those out who [`lock`] the folder, as far as the file system can, and lets others in who share it: for processes that write
+/// files of their own there.
+///
+/// # Errors
+/// As [`lock`], which says what `who` and `advice` are.
+pub fn share(folder: &Path, who: &str, advice: &str) -> Result<Shared> {
+    let path = folder.join(LOCK);
+    let open = || File::options().read(true).write(true).create(true).truncate(false).open(&path);
+    let mut file = open().map_err(Error::io(&path))?;
+    let busy = |by: Option<Process>| {
+        let by = by.map_or(String::new(), |by| format!(" ({})", told(&by)));
+        Error::unready(folder.display(), format!("{who}{by}; {advice}"))
+    };
+    if matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
+        return Err(busy(holder(&mut file)));
+    }
+    // (Of another machine, which the file system did not tell.)
+    match File::open(folder.join(CLAIM)).ok().map(|mut claim| holder(&mut claim)) {
+        Some(by) if !by.as_ref().is_some_and(Process::is_gone) => Err(busy(by)),
+        _ => Ok(Shared { _file: file }),
+    }
 }
 
 impl System<'_> {
@@ -65,7 +94,7 @@ impl System<'_> {
         let path = folder.join(LOCK);
         let open = || File::options().read(true).write(true).create(true).truncate(false).open(&path);
         let mut file = open().map_err(Error::io(&path))?;
-        let busy = |by: String| Error::invalid(folder.display(), format!("{who}{by}; {advice}"));
+        let busy = |by: String| Error::unready(folder.display(), format!("{who}{by}; {advice}"));
         let is_locked = match (self.flock)(&file) {
             Ok(()) => true,
             Err(TryLockError::WouldBlock) => {
@@ -97,7 +126,7 @@ impl System<'_> {
 
     fn claim(&self, folder: &Path, who: &str, advice: &str) -> Result<Claim> {
         let path = folder.join(CLAIM);
-        let busy = |by: &str| Error::invalid(folder.display(), format!("{who}{by}; {advice}"));
+        let busy = |by: &str| Error::unready(folder.display(), format!("{who}{by}; {advice}"));
         // Of this machine's processes one at a time gets beyond this line, whatever the file system does.
         let socket = match guard(folder) {
             Err(e) if e.kind() == ErrorKind::AddrInUse => return Err(busy("")),

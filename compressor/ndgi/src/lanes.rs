@@ -6,6 +6,8 @@
 
 #![allow(unsafe_code, reason = "instructions of processors")]
 
+use std::sync::atomic::{AtomicU8, Ordering};
+
 /// A vector of [`Lanes::N`] f32.
 pub trait Lanes: Copy {
     /// Number of lanes; divides 16.
@@ -68,6 +70,9 @@ pub enum Instructions {
     Avx512,
 }
 
+/// The best [`Instructions`] that may be used.
+static LIMIT: AtomicU8 = AtomicU8::new(u8::MAX);
+
 /// Instructions that this processor has: made here alone, after asking it, so that code compiled for them may be entered.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Tier(Instructions);
@@ -90,9 +95,17 @@ impl Tier {
         self.0
     }
 
-    /// The best this processor has.
+    /// The best this processor has, up to [`Tier::limit`].
     pub fn detect() -> Self {
-        *Self::available().last().expect("the portable tier is always there")
+        let limit = LIMIT.load(Ordering::Relaxed);
+        let mut allowed = Self::available();
+        allowed.retain(|tier| tier.0 as u8 <= limit);
+        *allowed.last().expect("the portable tier is always there")
+    }
+
+    /// Makes this the best that any thread of the process uses from now on: for the same bytes on machines of other processors.
+    pub fn limit(self) {
+        LIMIT.store(self.0 as u8, Ordering::Relaxed);
     }
 
     /// All that this processor has, slowest first.

@@ -1,10 +1,10 @@
 //! The work folder `<bundle>.part/`: one file per finished tile and per finished list of trials, named by what decided it.
 
-use super::beside;
+use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
 use dataset::files::{remove_stale_temporaries, write_atomically};
-use dataset::lock::{LOCK, Lock, lock};
+use dataset::lock::{LOCK, Lock, Shared, lock, share};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
@@ -15,11 +15,22 @@ use std::sync::Mutex;
 /// Extension of the files.
 const EXTENSION: &str = "tile";
 
+/// Whose the folder is.
+enum Held {
+    /// This run's alone.
+    Alone(#[allow(dead_code, reason = "held, not asked")] Lock),
+    /// That of all shards.
+    Together(#[allow(dead_code, reason = "held, not asked")] Shared),
+}
+
+/// Who else there may be, and what to do.
+const BUSY: [&str; 2] = ["another run is making this bundle", "wait for it, or choose another --out"];
+
 /// The folder.
 pub(super) struct Part {
     folder: PathBuf,
     /// Keeps other runs out.
-    _lock: Lock,
+    _held: Held,
     /// The files that this run asked for or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
@@ -29,19 +40,21 @@ pub(super) struct Part {
 impl Part {
     /// Opens or creates the work folder of a bundle, for this run alone; with `fresh`, empties it.
     pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
-        let folder = beside(out, ".part");
-        match fs::create_dir(&folder) {
-            Err(error) if !folder.is_dir() => return Err(Error::io(&folder)(error)),
-            _ => {}
-        }
-        let lock =
-            lock(&folder, "another run is making this bundle", "wait for it, or choose another --out")?;
+        let folder = created(out)?;
+        let held = Held::Alone(lock(&folder, BUSY[0], BUSY[1])?);
         remove_stale_temporaries(&folder)?;
-        let part = Part { folder, _lock: lock, own: Mutex::default(), written: Mutex::default() };
+        let part = Part { folder, _held: held, own: Mutex::default(), written: Mutex::default() };
         if fresh {
             part.files().for_each(remove);
         }
         Ok(part)
+    }
+
+    /// Opens or creates it together with others who share it. What killed ones left stays until one has the folder alone.
+    pub(super) fn share(out: &Path) -> Result<Self> {
+        let folder = created(out)?;
+        let held = Held::Together(share(&folder, BUSY[0], BUSY[1])?);
+        Ok(Part { folder, _held: held, own: Mutex::default(), written: Mutex::default() })
     }
 
     fn path(&self, key: &str) -> PathBuf {
@@ -86,6 +99,19 @@ impl Part {
         Ok(())
     }
 
+    /// The names of the files that this run asked for or wrote.
+    pub(super) fn own(&self) -> Vec<String> {
+        let own = self.own.lock().unwrap_or_else(|e| e.into_inner());
+        own.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect()
+    }
+
+    /// Counts files of other runs as this one's, to be removed with them.
+    pub(super) fn adopt(&self, names: &[String]) {
+        let is_tile = |path: &PathBuf| path.extension().is_some_and(|extension| extension == EXTENSION);
+        let plain = names.iter().filter(|name| !name.contains('/')).map(|name| self.folder.join(name));
+        self.own.lock().unwrap_or_else(|e| e.into_inner()).extend(plain.filter(is_tile));
+    }
+
     /// Whether a file of that name is there, whole or not.
     pub(super) fn has(&self, key: &str) -> bool {
         self.path(key).exists()
@@ -99,6 +125,7 @@ impl Part {
     /// Removes the tiles of this run, and the folder if nothing is left in it; how many files of runs of other settings are.
     pub(super) fn remove(self) -> usize {
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
+        shard::files(&self.folder).for_each(remove);
         let left = self.files().count();
         // What cannot be removed is no harm: the bundle stands.
         if left == 0 {
@@ -111,6 +138,15 @@ impl Part {
     fn files(&self) -> impl Iterator<Item = PathBuf> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
         entries.filter(|path| path.extension().is_some_and(|extension| extension == EXTENSION))
+    }
+}
+
+/// The folder's path; it is made where it is not there.
+fn created(out: &Path) -> Result<PathBuf> {
+    let folder = beside(out, ".part");
+    match fs::create_dir(&folder) {
+        Err(error) if !folder.is_dir() => Err(Error::io(&folder)(error)),
+        _ => Ok(folder),
     }
 }
 

@@ -3,8 +3,9 @@
 use super::allocate::{self, Goal};
 use super::pace::{self, Pace};
 use super::part::Part;
+use super::shard::{self, Notes, Shard, Stage};
 use super::stats::TileStats;
-use super::{Options, Rate};
+use super::{Options, Rate, Sharded};
 use crate::bundle::{self, Header, Payload};
 use crate::clock::Clock;
 use crate::grid::Place;
@@ -18,6 +19,7 @@ use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::Mask;
 use dataset::store::Dataset;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -41,6 +43,26 @@ pub(super) struct Work {
     pub resumed: usize,
     /// CPU seconds of trials.
     pub trial_seconds: f64,
+}
+
+/// What a tile's trial fits gave, and their CPU seconds.
+type Tried = (Vec<Trial>, f64);
+
+/// What the trials of all tiles chose for each, in the order of the index.
+#[derive(Debug, Serialize, Deserialize)]
+struct Choice {
+    /// Words of [`Contents`].
+    words: Vec<Option<u32>>,
+    /// CPU seconds of the trials.
+    trial_seconds: f64,
+    /// The trials' files, and those of tiles that were trained to choose by.
+    files: Vec<String>,
+}
+
+impl Choice {
+    fn contents(&self) -> Vec<Option<Contents>> {
+        self.words.iter().map(|word| word.and_then(Contents::of_word)).collect()
+    }
 }
 
 /// A finished tile.
@@ -71,7 +93,7 @@ pub(super) struct Tiles<'a> {
     pub header: &'a Header,
     pub part: &'a Part,
     /// Digest of what of the dataset decides a tile.
-    pub trained_on: String,
+    pub trained_on: &'a str,
     /// Bytes of what tiles see of the sun.
     pub bytes_of_sun: u64,
     /// When training is to end.
@@ -88,10 +110,100 @@ impl Tiles<'_> {
         Ok(Work { payloads, stats, resumed, trial_seconds })
     }
 
+    /// An error unless shards have done their part: trained every tile, or towards a target that nobody has chosen for yet, tried every one.
+    pub(super) fn expect_shards(&self) -> Result<()> {
+        match self.known_choice() {
+            Some(chosen) => self.expect_trained(&chosen),
+            None => {
+                self.expect("trial fits", |place| self.part.read::<Tried>(&self.trial_key(place)).is_some())
+            }
+        }
+    }
+
+    /// An error unless every tile is trained as was chosen.
+    pub(super) fn expect_trained(&self, chosen: &[Option<Contents>]) -> Result<()> {
+        let is_there = |place| self.finished(&self.key(place, self.contents(chosen, place))).is_some();
+        self.expect("trained tiles", is_there)
+    }
+
+    fn expect(&self, what: &str, is_there: impl Fn(Place) -> bool) -> Result<()> {
+        let places = self.lit();
+        let missing: Vec<Place> = places.iter().filter(|place| !is_there(**place)).copied().collect();
+        match missing.is_empty() {
+            true => Ok(()),
+            false => Err(shard::missing(self.part.folder(), what, &missing, places.len())),
+        }
+    }
+
+    /// What tiles are to have, where that is the same for all or has been chosen.
+    fn known_choice(&self) -> Option<Vec<Option<Contents>>> {
+        match self.options.rate {
+            Rate::Usual | Rate::Profile(_) => Some(Vec::new()),
+            _ => self.part.read::<Choice>(&self.choice_key()).map(|(_, choice)| choice.contents()),
+        }
+    }
+
+    /// The tiles that have a valid texel, in the order of the index.
+    fn lit(&self) -> Vec<Place> {
+        self.header.places().filter(|place| tile::valid_texels(&self.masks[place.page], *place) > 0).collect()
+    }
+
+    /// The tiles of a shard.
+    pub(super) fn share(&self, shard: Shard) -> Vec<Place> {
+        let lit = self.lit();
+        lit[shard.share(lit.len())].to_vec()
+    }
+
+    /// Trains the tiles of a shard, or tries them where nobody has chosen yet what they are to have.
+    pub(super) fn train_shard(&self, shard: Shard, own: &[Place], console: &Console) -> Result<Sharded> {
+        let Some(chosen) = self.known_choice() else {
+            let is_open = |place: &&Place| self.part.read::<Tried>(&self.trial_key(**place)).is_none();
+            let work = |place: Place, band: &Band| self.try_tile(place, band).map(|_| (0, None));
+            return Ok(Sharded::Tried(self.shard_of(shard, Stage::Trials, own, is_open, work, console)?));
+        };
+        let is_open =
+            |place: &&Place| self.finished(&self.key(**place, self.contents(&chosen, **place))).is_none();
+        let work = |place: Place, band: &Band| {
+            let contents = self.contents(&chosen, place);
+            let tile = self.train(place, contents, band, self.options.iterations)?;
+            self.part.write(&self.key(place, contents), &tile.payload, &tile.stats)?;
+            Ok((tile.stats.texels, tile.stats.psnr_db))
+        };
+        Ok(Sharded::Trained(self.shard_of(shard, Stage::Training, own, is_open, work, console)?))
+    }
+
+    /// Does something with those tiles of a shard that are open; what that gives, its texels and PSNR, goes into the shard's notes.
+    fn shard_of(
+        &self,
+        shard: Shard,
+        stage: Stage,
+        own: &[Place],
+        is_open: impl Fn(&&Place) -> bool,
+        work: impl Fn(Place, &Band) -> Result<(usize, Option<f64>)> + Sync,
+        console: &Console,
+    ) -> Result<shard::Note> {
+        let open: Vec<Place> = own.iter().filter(is_open).copied().collect();
+        let notes = Notes::begin(self.part, shard, stage, own.len(), own.len() - open.len())?;
+        let what = if stage == Stage::Trials { "trying" } else { "training" };
+        let progress = console.progress(what, open.len() as u64);
+        self.some_tiles(&open, |place, band| {
+            stop_if_interrupted()?;
+            let (texels, psnr_db) = work(place, band)?;
+            progress.advance(1);
+            notes.finished(texels, psnr_db)
+        })?;
+        Ok(notes.last())
+    }
+
+    /// What a tile is to have.
+    fn contents(&self, chosen: &[Option<Contents>], place: Place) -> Option<Contents> {
+        self.header.position(place).and_then(|at| chosen.get(at).copied().flatten())
+    }
+
     /// All tiles in the order of the bundle's index, as [`Tiles::chosen`] chose.
     fn trained(&self, chosen: &[Option<Contents>], console: &Console) -> Result<Vec<Tile>> {
         let so_far = std::sync::Mutex::new((0.0, 0));
-        let contents = |place| self.header.position(place).and_then(|at| chosen.get(at).copied().flatten());
+        let contents = |place| self.contents(chosen, place);
         let note = |tile: &Tile| {
             let (Some(db), Ok(mut so_far)) = (tile.stats.psnr_db, so_far.lock()) else { return None };
             so_far.0 += tile.stats.texels as f64 * db;
@@ -155,23 +267,22 @@ impl Tiles<'_> {
 
     /// What the trials chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
     /// seconds. No list where all tiles have the same profile.
-    fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
+    pub(super) fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
         if let Rate::Usual | Rate::Profile(_) = self.options.rate {
             return Ok((Vec::new(), 0.0));
         }
-        type Tried = (Vec<Trial>, f64);
+        if let Some((_, choice)) = self.part.read::<Choice>(&self.choice_key()) {
+            self.part.adopt(&choice.files);
+            return Ok((choice.contents(), choice.trial_seconds));
+        }
         let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
             0 => Some(Tried::default()),
             _ => self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried),
         };
-        let work = |place: Place, band: &Band| {
-            let clock = Clock::start();
-            let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
-                .map_err(|error| of_tile(place, error))?;
-            let tried = (trials, clock.seconds());
-            self.part.write(&self.trial_key(place), &Payload::default(), &tried)?;
-            Ok(tried)
-        };
+        if self.options.merge {
+            self.expect_shards()?;
+        }
+        let work = |place: Place, band: &Band| self.try_tile(place, band);
         let tried = self.each_tile(console, "trying", finished, work, |_| None)?;
         let (trials, seconds): (Vec<Vec<Trial>>, Vec<f64>) = tried.into_iter().unzip();
         let contents = |tile: usize, at: Option<usize>| {
@@ -185,7 +296,21 @@ impl Tiles<'_> {
             Rate::Bpp(bpp) => allocate::choose(&trials, self.bytes(bpp)?),
             Rate::Usual | Rate::Profile(_) => Vec::new(),
         };
-        Ok((contents(&chosen), seconds.iter().sum()))
+        let chosen = contents(&chosen);
+        let words = chosen.iter().map(|contents| contents.and_then(|contents| contents.word())).collect();
+        let choice = Choice { words, trial_seconds: seconds.iter().sum(), files: self.part.own() };
+        self.part.write(&self.choice_key(), &Payload::default(), &choice)?;
+        Ok((chosen, choice.trial_seconds))
+    }
+
+    /// Tries a tile, and keeps what that gave.
+    fn try_tile(&self, place: Place, band: &Band) -> Result<Tried> {
+        let clock = Clock::start();
+        let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
+            .map_err(|error| of_tile(place, error))?;
+        let tried = (trials, clock.seconds());
+        self.part.write(&self.trial_key(place), &Payload::default(), &tried)?;
+        Ok(tried)
     }
 
     /// The cheapest choice found whose tiles reach a pooled PSNR, by what training gains on some of them: from choices that foresee a
@@ -370,7 +495,7 @@ impl Tiles<'_> {
     fn name(&self, place: Place, values: &serde_json::Value) -> String {
         let Place { page, column, row } = place;
         let tier = format!("{:?}", Tier::detect());
-        let program = json!([env!("CARGO_PKG_VERSION"), bundle::VERSION, tier]);
+        let program = json!([super::program(), bundle::VERSION, tier]);
         let all = json!([
             program,
             self.trained_on,
@@ -398,6 +523,13 @@ impl Tiles<'_> {
     /// The same for its trials.
     fn trial_key(&self, place: Place) -> String {
         self.name(place, &json!(["trials"]))
+    }
+
+    /// The name of what was chosen by all trials.
+    fn choice_key(&self) -> String {
+        let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
+        let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
+        self.name(Place { page: 0, column: 0, row: 0 }, &json!(["choice", options]))
     }
 
     /// The tile as a stopped run left it, if it did.

@@ -2,7 +2,8 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use compressor::Result;
-use compressor::compress::{PRESETS, Preset};
+use compressor::compress::{PRESETS, Preset, Shard};
+use compressor::lanes::Tier;
 use compressor::model::{PROFILES, Profile};
 use dataset::console::ConsoleArgs;
 use dataset::typed;
@@ -22,9 +23,14 @@ Examples:
   compress sweep dataset/yard --tiles 4 --presets draft     profiles side by side
   compress compare dataset/yard --draft                     other methods beside it
   compress info dataset/yard/yard.ndgi
+  compress dataset/city --shard 3/16                        one of sixteen array jobs; then, once all are done,
+  compress dataset/city --merge                             (compressor/CLUSTER.md has whole scripts)
   compress view dataset/yard                                a page that plays the day in a browser
 
 A run that was stopped continues where it was when the same command is given again (a time limit begins anew).
+
+Exit codes: 0 done; 1 bad input, 2 a command line that is none: no use to try again; 75 try again (another run works there, shards are missing, a full
+disk); 143, 130, 129 ended by SIGTERM, Ctrl-C, a closing terminal.
 
 Keys of the --json object (null where there is none):
   psnr_db                mean PSNR over (tile, set) pairs, peak = the tile's largest valid value
@@ -91,6 +97,14 @@ tiles_of, sets, draft, ablations, noise_ceiling_db, rows (family, method, bpp, p
 decode_milliseconds of 1024x1024 texels, note), left_out, rendered, report, seconds. With --render, rendered has cameras, moments (hour, what, set), views (camera, hour, method,
 bpp, bytes, psnr_db, ssim, flip), crops (what, place, hour, method, psnr_db, bytes), lapse (method, error, relative_error, worst, steps),
 lapse_camera, lapse_change, left_out and page; it is null otherwise.";
+
+const STATUS_EXAMPLES: &str = "\
+Examples:
+  compress status dataset/city
+  watch -n 10 compress status dataset/city
+
+With --json: bundle, working (whether any shard has said a word), and then stage (trials or training), done, tiles, psnr_db, seconds_left, of, and
+shards: a list of shard (number, of), stage, done, tiles, resumed, psnr_db, seconds, process, instructions, program, at (seconds since 1970).";
 
 const VIEW_EXAMPLES: &str = "\
 Examples:
@@ -173,6 +187,15 @@ pub enum Command {
     /// Write a page that plays a compressed day in a browser: one self-contained HTML file.
     #[command(after_help = VIEW_EXAMPLES)]
     View(View),
+    /// Show how far the shards of a bundle are, in one line.
+    #[command(after_help = STATUS_EXAMPLES)]
+    Status {
+        /// The dataset's folder.
+        dataset: PathBuf,
+        /// The bundle that the shards work for [default: <dataset>/<scene>.ndgi].
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Show what a bundle says of itself.
     #[command(after_help = INFO_EXAMPLES)]
     Info {
@@ -325,11 +348,23 @@ pub struct Compress {
     /// nobody looks between the sets.
     #[arg(long, conflicts_with = "without_sun")]
     pub still_shadows: bool,
+    /// Train one of N equal shares of the tiles, and write no bundle: for array jobs on many machines that share the dataset's folder. Shards
+    /// are numbered from 1, run in any order, and may be run twice. Give all the same options; then --merge.
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "time_limit", "levels", "report"])]
+    pub shard: Option<Shard>,
+    /// Train nothing: write the bundle from what the shards have trained. Ends with exit code 75 and names the tiles where some are missing.
+    /// Towards a target, shards make trial fits first: the first merge chooses by them what each tile gets, and the shards are to be run again.
+    #[arg(long, conflicts_with_all = ["time_limit", "levels"])]
+    pub merge: bool,
+    /// Vector instructions to use: portable, avx2 or avx512 [default: the best this processor has]. They decide the last bits of what is
+    /// trained: give the same to all machines that work on a bundle.
+    #[arg(long, value_name = "NAME", value_parser = parse_instructions)]
+    pub instructions: Option<Tier>,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Train every tile again, even those a stopped run finished; replace a bundle that was trained for more steps, or another
-    /// scene's bundle, or a file that is not a bundle.
+    /// scene's bundle, or a file that is not a bundle. With --shard and --merge it only allows to replace the bundle.
     #[arg(long)]
     pub force: bool,
 }
@@ -350,6 +385,15 @@ fn parse_profile(name: &str) -> Result<Profile, String> {
 fn parse_preset(name: &str) -> Result<Preset, String> {
     let found = PRESETS.into_iter().find(|preset| preset.name == name);
     found.ok_or_else(|| format!("expected one of {}", PRESETS.map(|preset| preset.name).join(", ")))
+}
+
+fn parse_instructions(name: &str) -> Result<Tier, String> {
+    let available = Tier::available();
+    let named = |tier: &&Tier| format!("{tier:?}").eq_ignore_ascii_case(name);
+    available.iter().find(named).copied().ok_or_else(|| {
+        let names: Vec<String> = available.iter().map(|tier| format!("{tier:?}").to_lowercase()).collect();
+        format!("this processor has {}", names.join(", "))
+    })
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {

@@ -2,6 +2,7 @@
 
 mod args;
 mod info;
+mod shards;
 mod view;
 
 use args::{Command, Compare, Compress, LightName, LooksArgs, Sweep};
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
         }
         Some(Command::Sweep(args)) => run_sweep(args, &console),
         Some(Command::Compare(args)) => run_compare(args, &console),
+        Some(Command::Status { dataset, out }) => shards::status(&dataset, out, &console),
         Some(Command::Info { bundle }) => info::info(bundle, &console),
         Some(Command::View(args)) => view::view(args, &console),
     };
@@ -66,7 +68,8 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
         Some(iterations) => iterations as usize,
         None => preset.iterations,
     };
-    let Compress { time_limit, seed, out, force, without_sun, still_shadows, .. } = args;
+    args.instructions.iter().for_each(|tier| tier.limit());
+    let Compress { time_limit, seed, out, force, merge, without_sun, still_shadows, .. } = args;
     let options = Options {
         rate,
         iterations,
@@ -74,12 +77,16 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
         seed,
         out,
         force,
+        merge,
         without_sun,
         still_shadows,
         ..Options::of(preset)
     };
     for (path, extension, option) in [(&options.out, "ndgi", "--out"), (&args.report, "html", "--report")] {
         path.as_ref().map_or(Ok(()), |path| expect_output(path, extension, option))?;
+    }
+    if let Some(shard) = args.shard {
+        return shards::train(&root, &options, shard, console);
     }
     let of_full = match args.levels {
         true => levels::options(&options, &Dataset::open_manifest(&root)?.config.pages, 0),

@@ -1,0 +1,411 @@
+//! One machine's share of a bundle's tiles, for schedulers that run the same command on many: which tiles it has, and a note for others of
+//! how far it is. Shards write into the same work folder; whoever merges finds every tile there.
+
+use super::part::Part;
+use crate::clock::seconds_since_1970;
+use crate::grid::Place;
+use crate::lanes::Tier;
+use crate::{Error, Result};
+use dataset::console::count;
+use dataset::files::write_unsynced_with;
+use dataset::process::Process;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io::Write;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// A shard that wrote nothing for so many seconds may be dead: a tile of the longest training takes less.
+const SILENT: u64 = 300;
+/// Seconds between two notes of a shard.
+const NOTE_INTERVAL: f64 = 2.0;
+
+/// One of several equal shares of the work: `2/7`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// Which, from 1.
+    pub number: u32,
+    /// Of how many.
+    pub of: u32,
+}
+
+impl Shard {
+    /// Its share of so many things in order: neighbours, so that it reads few rows of the pages.
+    pub fn share(self, things: usize) -> Range<usize> {
+        let end = |shards: u32| (things as u64 * u64::from(shards) / u64::from(self.of)) as usize;
+        end(self.number - 1)..end(self.number)
+    }
+
+    /// The file of its note.
+    fn name(self) -> String {
+        format!("shard-{}-of-{}.json", self.number, self.of)
+    }
+}
+
+impl std::fmt::Display for Shard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
+            Some((0, of)) if of > 0 => {
+                Err(format!("shards are numbered from 1: expected 1/{of} to {of}/{of}"))
+            }
+            _ => Err("expected a shard's number and how many there are, such as 2/7".to_owned()),
+        }
+    }
+}
+
+/// What a shard is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stage {
+    /// Trial fits, from which a target's bits are shared out.
+    Trials,
+    /// Training.
+    Training,
+}
+
+/// What a shard says of itself, as a file in the work folder. For people alone: no tile depends on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Note {
+    /// Which.
+    pub shard: Shard,
+    /// What it is at.
+    pub stage: Stage,
+    /// Tiles of its share that are finished.
+    pub done: usize,
+    /// Tiles of its share that have something to train.
+    pub tiles: usize,
+    /// Of these, finished by an earlier run.
+    pub resumed: usize,
+    /// Mean PSNR of those that are trained, by their texels.
+    pub psnr_db: Option<f64>,
+    /// Seconds that this run has taken.
+    pub seconds: f64,
+    /// Its process.
+    pub process: Process,
+    /// Its vector instructions: tiles of others are not the same bytes.
+    pub instructions: String,
+    /// Its program: tiles of another build are trained again.
+    pub program: String,
+    /// When it said so, in seconds since 1970 by its machine's clock.
+    pub at: u64,
+}
+
+impl Note {
+    /// Whether nothing is left to do at its stage.
+    pub fn is_finished(&self) -> bool {
+        self.done == self.tiles
+    }
+
+    /// For how many seconds it has been silent, if it is not finished and that is too long.
+    pub fn silent_for(&self, now: u64) -> Option<u64> {
+        let silence = now.saturating_sub(self.at);
+        (!self.is_finished() && (silence > SILENT || self.process.is_gone())).then_some(silence)
+    }
+}
+
+/// Writes a shard's note as tiles are finished.
+pub(super) struct Notes<'a> {
+    part: &'a Part,
+    shard: Shard,
+    start: Instant,
+    state: Mutex<State>,
+}
+
+struct State {
+    note: Note,
+    /// Sums over trained tiles of texels × dB, and texels.
+    db: (f64, usize),
+    /// Seconds at the last note.
+    last: f64,
+}
+
+impl<'a> Notes<'a> {
+    pub(super) fn begin(
+        part: &'a Part,
+        shard: Shard,
+        stage: Stage,
+        tiles: usize,
+        resumed: usize,
+    ) -> Result<Self> {
+        let note = Note {
+            shard,
+            stage,
+            done: resumed,
+            tiles,
+            resumed,
+            psnr_db: None,
+            seconds: 0.0,
+            process: Process::this().clone(),
+            instructions: format!("{:?}", Tier::detect()),
+            program: super::program().to_owned(),
+            at: 0,
+        };
+        let state = Mutex::new(State { note, db: (0.0, 0), last: f64::NEG_INFINITY });
+        let notes = Notes { part, shard, start: Instant::now(), state };
+        notes.write(|_| ())?;
+        Ok(notes)
+    }
+
+    /// A tile of so many texels is finished; with its PSNR where it was trained.
+    pub(super) fn finished(&self, texels: usize, psnr_db: Option<f64>) -> Result<()> {
+        self.write(|state| {
+            state.note.done += 1;
+            if let Some(db) = psnr_db {
+                state.db = (state.db.0 + texels as f64 * db, state.db.1 + texels);
+                state.note.psnr_db = Some(state.db.0 / state.db.1 as f64);
+            }
+        })
+    }
+
+    /// What was said last.
+    pub(super) fn last(self) -> Note {
+        self.state.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).note
+    }
+
+    /// The note, if the last is long enough ago or this one is the last.
+    fn write(&self, change: impl FnOnce(&mut State)) -> Result<()> {
+        let mut state = self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        change(&mut state);
+        let seconds = self.start.elapsed().as_secs_f64();
+        if !state.note.is_finished() && seconds - state.last < NOTE_INTERVAL {
+            return Ok(());
+        }
+        state.last = seconds;
+        (state.note.seconds, state.note.at) = (seconds, seconds_since_1970());
+        let path = self.part.folder().join(self.shard.name());
+        let text = serde_json::to_vec(&state.note).map_err(|error| Error::invalid(path.display(), error))?;
+        write_unsynced_with(&path, |file| file.write_all(&text))
+    }
+}
+
+/// The notes of the shards that last worked in a folder, by number; of those cut into as many shares as the latest was.
+pub fn notes(folder: &Path) -> Vec<Note> {
+    let read = |path: PathBuf| serde_json::from_slice::<Note>(&fs::read(path).ok()?).ok();
+    let mut notes: Vec<Note> = files(folder).filter_map(read).collect();
+    let latest = notes.iter().max_by_key(|note| note.at).map(|note| note.shard.of);
+    notes.retain(|note| Some(note.shard.of) == latest);
+    notes.sort_by_key(|note| note.shard.number);
+    notes
+}
+
+/// The files of all notes in a folder.
+pub(super) fn files(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    entries.filter(|path| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        name.starts_with("shard-") && name.ends_with(".json")
+    })
+}
+
+/// Which tiles are missing, and what to do about it, for people.
+pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize) -> Error {
+    const NAMED: usize = 4;
+    let mut names: Vec<String> = missing
+        .iter()
+        .take(NAMED)
+        .map(|Place { page, column, row }| format!("page {page} ({column}, {row})"))
+        .collect();
+    if missing.len() > NAMED {
+        names.push(format!("{} more", missing.len() - NAMED));
+    }
+    let mut text = format!(
+        "{what} of {} of {} are not there: {}",
+        missing.len(),
+        count(tiles, "tile"),
+        names.join(", ")
+    );
+    let notes = notes(folder);
+    let unlike = notes.iter().find(|note| {
+        note.program != super::program() || note.instructions != format!("{:?}", Tier::detect())
+    });
+    if let Some(note) = unlike {
+        let what = match note.program == super::program() {
+            true => format!(
+                "with {} instructions, this process has {:?}: give all of them --instructions with what every machine has",
+                note.instructions,
+                Tier::detect()
+            ),
+            false => "by another build of this program: run the same one everywhere".to_owned(),
+        };
+        text += &format!("; shard {} (on {}) works {what}", note.shard, note.process.host);
+    } else {
+        text += "; give the shards again with the same options, then this command";
+    }
+    let ill = ill(&notes, seconds_since_1970());
+    if !ill.is_empty() {
+        text += &format!(" (unfinished: {})", ill.join(", "));
+    }
+    Error::unready(folder.display(), text)
+}
+
+/// Shards that are unfinished, and those that never said a word, in words.
+fn ill(notes: &[Note], now: u64) -> Vec<String> {
+    let of = notes.first().map_or(0, |note| note.shard.of);
+    let told = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
+        None => Some(format!("{number}/{of} never began")),
+        Some(note) if note.is_finished() => None,
+        Some(note) => Some(match note.silent_for(now) {
+            Some(silence) => {
+                format!("{} on {} silent for {}", note.shard, note.process.host, minutes(silence))
+            }
+            None => format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles),
+        }),
+    };
+    (1..=of).filter_map(told).collect()
+}
+
+/// A time in seconds, in words.
+pub(super) fn minutes(seconds: u64) -> String {
+    match seconds {
+        0..120 => format!("{seconds} s"),
+        120..7200 => format!("{} min", seconds / 60),
+        _ => format!("{} h", seconds / 3600),
+    }
+}
+
+/// How all shards are doing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Status {
+    /// What they are at: trial fits as long as one of them is.
+    pub stage: Stage,
+    /// Tiles that are finished at that stage, and all.
+    pub done: usize,
+    /// All tiles of the shards that have said a word.
+    pub tiles: usize,
+    /// Mean PSNR so far.
+    pub psnr_db: Option<f64>,
+    /// Seconds until the slowest is finished, if all go on as they do.
+    pub seconds_left: Option<f64>,
+    /// Every shard that has said a word.
+    pub shards: Vec<Note>,
+    /// How many shards there are.
+    pub of: u32,
+}
+
+/// How the shards are doing that work for the bundle at `out`; `None` where none does.
+pub fn status(out: &Path) -> Option<Status> {
+    let shards = notes(&super::beside(out, ".part"));
+    let of = shards.first()?.shard.of;
+    let trials = shards.iter().any(|note| note.stage == Stage::Trials);
+    let stage = if trials { Stage::Trials } else { Stage::Training };
+    // (Whoever trains already has tried all it has.)
+    let done = |note: &Note| if note.stage == stage { note.done } else { note.tiles };
+    let left = shards
+        .iter()
+        .filter(|note| !note.is_finished() && note.done > note.resumed)
+        .map(|note| note.seconds * (note.tiles - note.done) as f64 / (note.done - note.resumed) as f64);
+    let db = || shards.iter().filter_map(|note| Some((note.psnr_db?, note.done)));
+    Some(Status {
+        stage,
+        done: shards.iter().map(done).sum(),
+        tiles: shards.iter().map(|note| note.tiles).sum(),
+        psnr_db: crate::mean::weighted_mean(db()),
+        seconds_left: left.max_by(f64::total_cmp),
+        of,
+        shards,
+    })
+}
+
+impl Status {
+    /// One line.
+    pub fn line(&self) -> String {
+        let stage = if self.stage == Stage::Trials { "trial fits" } else { "training" };
+        let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(100);
+        let finished = self.shards.iter().filter(|note| note.is_finished()).count();
+        let mut line = format!(
+            "{stage}: {} of {} ({percent} %); {finished} of {} finished",
+            self.done,
+            count(self.tiles, "tile"),
+            count(self.of as usize, "shard")
+        );
+        let ill = ill(&self.shards, seconds_since_1970());
+        if !ill.is_empty() {
+            line += &format!(" ({})", ill.join(", "));
+        }
+        self.psnr_db.iter().for_each(|db| line += &format!("; {db:.1} dB"));
+        self.seconds_left.iter().for_each(|left| line += &format!("; about {} left", minutes(*left as u64)));
+        line
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn note(number: u32, done: usize, at: u64) -> Note {
+        Note {
+            shard: Shard { number, of: 3 },
+            stage: Stage::Training,
+            done,
+            tiles: 10,
+            resumed: 0,
+            psnr_db: Some(30.0),
+            seconds: 20.0,
+            process: Process {
+                host: "node".to_owned(),
+                machine: "other".to_owned(),
+                ..Process::this().clone()
+            },
+            instructions: String::new(),
+            program: String::new(),
+            at,
+        }
+    }
+
+    #[test]
+    fn shares_are_neighbours_and_together_all() {
+        for things in [0, 1, 5, 64, 1000] {
+            for of in [1, 3, 7, 100] {
+                let shares: Vec<_> = (1..=of).map(|number| Shard { number, of }.share(things)).collect();
+                let all: Vec<usize> = shares.iter().cloned().flatten().collect();
+                assert_eq!(all, (0..things).collect::<Vec<_>>());
+                let lengths = || shares.iter().map(|share| share.len());
+                assert!(lengths().max().unwrap() - lengths().min().unwrap() <= 1);
+            }
+        }
+    }
+
+    #[test]
+    fn shards_are_numbered_from_one() {
+        assert_eq!("2/7".parse(), Ok(Shard { number: 2, of: 7 }));
+        assert!("0/7".parse::<Shard>().unwrap_err().contains("from 1"));
+        for wrong in ["8/7", "2", "2/", "/7", "-1/7", "a/b", "0/0", "1/0", "2 / 7", "1/2/3"] {
+            assert!(wrong.parse::<Shard>().unwrap_err().contains("expected"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_status_names_the_silent_and_the_late() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("a.ndgi");
+        assert_eq!(status(&out), None);
+        let part = super::super::beside(&out, ".part");
+        fs::create_dir(&part).unwrap();
+        let now = seconds_since_1970();
+        // The third never began; another cut into fewer shares, from before, does not count.
+        let old = Note { shard: Shard { number: 2, of: 2 }, ..note(2, 0, now - 9000) };
+        for note in [note(1, 10, now - 5000), note(2, 5, now - 900), old] {
+            fs::write(part.join(note.shard.name()), serde_json::to_vec(&note).unwrap()).unwrap();
+        }
+        fs::write(part.join("shard-3-of-3.json"), b"torn").unwrap();
+        let status = status(&out).unwrap();
+        let line = status.line();
+        assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 20, 2, 3));
+        assert!(line.starts_with("training: 15 of 20 tiles (75 %); 1 of 3 shards finished ("), "{line}");
+        assert!(line.contains("2/3 on node silent for 15 min, 3/3 never began"), "{line}");
+        assert!(line.ends_with("; 30.0 dB; about 20 s left"), "{line}");
+    }
+}
