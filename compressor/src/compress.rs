@@ -249,8 +249,8 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     let header = job.header(&part)?;
     let tiles = job.tiles(&header, &part);
     let own = tiles.share(shard);
-    job.check_bands(&own, console)?;
-    tiles.train_shard(shard, &own, console)
+    let done = job.check_bands(&own, console).and_then(|()| tiles.train_shard(shard, &own, console));
+    done.inspect_err(|error| shard::note_failure(&part, shard, error))
 }
 
 /// What all who work on a bundle know before the first tile.

@@ -212,6 +212,10 @@ fn what_shards_cannot_do_is_refused() {
     bytes[middle..].iter_mut().for_each(|byte| *byte ^= 0x55);
     fs::write(&map, bytes).unwrap();
     let recipe = [".", "--iterations", "60", "--out", "b.ndgi"];
-    refused(&[&recipe[..], &["--shard", "3/3"]].concat(), folder, 1);
+    for number in ["1/3", "2/3", "3/3"] {
+        run(&[&recipe[..], &["--shard", number]].concat(), folder);
+    }
+    let told = refused(&[&recipe[..], &["--merge"]].concat(), folder, 1);
+    assert!(told.contains(" on ") && told.contains(" failed: ") && told.contains(".exr"), "{told}");
     assert!(!folder.join("b.ndgi").exists());
 }

@@ -99,14 +99,40 @@ pub struct Note {
     pub instructions: String,
     /// Its program: tiles of another build are trained again.
     pub program: String,
+    /// Why it ended, where no retry helps.
+    pub error: Option<String>,
     /// When it said so, in seconds since 1970 by its machine's clock.
     pub at: u64,
 }
 
 impl Note {
+    /// Of this process.
+    fn new(shard: Shard) -> Self {
+        Note {
+            shard,
+            stage: Stage::Training,
+            done: 0,
+            tiles: 0,
+            resumed: 0,
+            psnr_db: None,
+            seconds: 0.0,
+            process: Process::this().clone(),
+            instructions: format!("{:?}", Tier::detect()),
+            program: super::program().to_owned(),
+            error: None,
+            at: seconds_since_1970(),
+        }
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join(self.shard.name());
+        let text = serde_json::to_vec(self).map_err(|error| Error::invalid(path.display(), error))?;
+        write_unsynced_with(&path, |file| file.write_all(&text))
+    }
+
     /// Whether nothing is left to do at its stage.
     pub fn is_finished(&self) -> bool {
-        self.done == self.tiles
+        self.done == self.tiles && self.error.is_none()
     }
 
     /// For how many seconds it has been silent, if it is not finished and that is too long.
@@ -119,7 +145,6 @@ impl Note {
 /// Writes a shard's note as tiles are finished.
 pub(super) struct Notes<'a> {
     part: &'a Part,
-    shard: Shard,
     start: Instant,
     state: Mutex<State>,
 }
@@ -140,21 +165,9 @@ impl<'a> Notes<'a> {
         tiles: usize,
         resumed: usize,
     ) -> Result<Self> {
-        let note = Note {
-            shard,
-            stage,
-            done: resumed,
-            tiles,
-            resumed,
-            psnr_db: None,
-            seconds: 0.0,
-            process: Process::this().clone(),
-            instructions: format!("{:?}", Tier::detect()),
-            program: super::program().to_owned(),
-            at: 0,
-        };
+        let note = Note { stage, done: resumed, tiles, resumed, ..Note::new(shard) };
         let state = Mutex::new(State { note, db: (0.0, 0), last: f64::NEG_INFINITY });
-        let notes = Notes { part, shard, start: Instant::now(), state };
+        let notes = Notes { part, start: Instant::now(), state };
         notes.write(|_| ())?;
         Ok(notes)
     }
@@ -185,9 +198,15 @@ impl<'a> Notes<'a> {
         }
         state.last = seconds;
         (state.note.seconds, state.note.at) = (seconds, seconds_since_1970());
-        let path = self.part.folder().join(self.shard.name());
-        let text = serde_json::to_vec(&state.note).map_err(|error| Error::invalid(path.display(), error))?;
-        write_unsynced_with(&path, |file| file.write_all(&text))
+        state.note.write(self.part.folder())
+    }
+}
+
+/// Notes why a shard ended, where that is no use to try again: the merge says it then.
+pub(super) fn note_failure(part: &Part, shard: Shard, error: &Error) {
+    if error.exit_code() == 1 {
+        // (What cannot be noted is in the shard's own output.)
+        let _ = Note { error: Some(error.to_string()), ..Note::new(shard) }.write(part.folder());
     }
 }
 
@@ -228,6 +247,10 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
         names.join(", ")
     );
     let notes = notes(folder);
+    if let Some((note, error)) = notes.iter().find_map(|note| Some((note, note.error.as_ref()?))) {
+        let what = format!("shard {} on {} failed: {error}", note.shard, note.process.host);
+        return Error::invalid(folder.display(), format!("{what}; give it again once that is mended"));
+    }
     let unlike = notes.iter().find(|note| {
         note.program != super::program() || note.instructions != format!("{:?}", Tier::detect())
     });
@@ -257,11 +280,14 @@ fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let told = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
         None => Some(format!("{number}/{of} never began")),
         Some(note) if note.is_finished() => None,
-        Some(note) => Some(match note.silent_for(now) {
-            Some(silence) => {
+        Some(note) => Some(match (&note.error, note.silent_for(now)) {
+            (Some(error), _) => format!("{} on {} failed: {error}", note.shard, note.process.host),
+            (None, Some(silence)) => {
                 format!("{} on {} silent for {}", note.shard, note.process.host, minutes(silence))
             }
-            None => format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles),
+            (None, None) => {
+                format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles)
+            }
         }),
     };
     (1..=of).filter_map(told).collect()
@@ -347,11 +373,8 @@ mod tests {
 
     fn note(number: u32, done: usize, at: u64) -> Note {
         Note {
-            shard: Shard { number, of: 3 },
-            stage: Stage::Training,
             done,
             tiles: 10,
-            resumed: 0,
             psnr_db: Some(30.0),
             seconds: 20.0,
             process: Process {
@@ -359,9 +382,9 @@ mod tests {
                 machine: "other".to_owned(),
                 ..Process::this().clone()
             },
-            instructions: String::new(),
-            program: String::new(),
+            error: None,
             at,
+            ..Note::new(Shard { number, of: 3 })
         }
     }
 
