@@ -92,7 +92,7 @@ pub fn compare(
     if set.tiles.is_empty() {
         return Err(Error::invalid(
             dataset.root.display(),
-            "no tile has a valid texel: nothing to compare on",
+            "no tile has a valid texel, so there is nothing to compare; check the dataset's masks",
         ));
     }
     let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &set)).transpose()?;
@@ -138,11 +138,11 @@ pub fn compare(
 /// What is said where PRT is not in the table.
 fn without_transfer(config: &Config) -> String {
     if config.source.is_some() {
-        return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this set was imported".to_owned();
+        return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this dataset was imported".to_owned();
     }
     format!(
-        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer, which the command that baked this set makes \
-         with --transfer instead of --hours; then `--transfer DIR` here, by default dataset/{}-transfer",
+        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer: run the command that baked this dataset \
+         with --transfer instead of --hours, then add `--transfer DIR` here (by default dataset/{}-transfer)",
         config.scene
     )
 }
@@ -158,7 +158,7 @@ fn measure<'a>(set: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row
         if !way.coded.decoded.iter().flatten().flatten().all(is_number) {
             return Err(Error::invalid(
                 &method.name,
-                "decodes to what is no finite number: a fault of this method",
+                "decodes to a value that is not finite: a fault of this method",
             ));
         }
         let judged = judge.judge(&way.coded)?;
@@ -169,7 +169,7 @@ fn measure<'a>(set: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row
         }
     }
     let (mut row, judged, way) =
-        best.ok_or_else(|| Error::invalid(method.name.clone(), "has no way to run"))?;
+        best.ok_or_else(|| Error::invalid(method.name.clone(), "cannot run"))?;
     if notes.len() > 1 {
         let others = notes.iter().filter(|(note, _)| *note != row.note);
         let others: Vec<String> = others.map(|(note, db)| format!("({note}: {db} dB)")).collect();

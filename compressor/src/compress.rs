@@ -204,7 +204,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let left = part.remove();
     if left > 0 {
         console.say(format!(
-            "{}: left for the runs of other settings that were stopped: {} (--force removes them)",
+            "{}: {} of stopped runs with other settings remain (--force removes them)",
             folder.display(),
             count(left, "finished part")
         ));
@@ -233,7 +233,7 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     if options.time_limit.is_some() {
         return Err(Error::unsupported(
             "time_limit",
-            "shards do not know of each other's time: expected no time limit",
+            "a time limit is not supported with shards; omit it",
         ));
     }
     let dataset = Dataset::open(root)?;
@@ -268,7 +268,7 @@ struct Job<'a> {
 impl<'a> Job<'a> {
     fn new(dataset: &'a Dataset, options: &Options, console: &Console) -> Result<Self> {
         if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
-            return Err(Error::unsupported("time_limit", "a target of quality or size has no time limit"));
+            return Err(Error::unsupported("time_limit", "a time limit is not supported with a target quality or size; omit one of them"));
         }
         dataset.expect_moments()?;
         let root = dataset.root.display();
@@ -279,10 +279,10 @@ impl<'a> Job<'a> {
             let is_whole =
                 |layer: &Layer| (layer.light, layer.part) == (Light::Sun, dataset::config::Part::All);
             if layers.is_empty() || layers.iter().any(is_whole) {
-                let what = "does not keep the sun's direct light as a layer, so that it cannot be left out; expected no --without-sun";
+                let what = "does not store the sun's direct light as a separate layer, so it cannot be omitted; drop --without-sun, or bake the dataset again";
                 return Err(Error::invalid(root, what));
             }
-            console.warn(format!("--without-sun: {root} has no direct light of the sun to leave out"));
+            console.warn(format!("--without-sun has no effect: {root} has no direct light of the sun"));
         }
         let law =
             Law::new(dataset, is_sun_apart(config) || options.without_sun && can_leave_sun_out(config))?;
@@ -356,7 +356,7 @@ impl<'a> Job<'a> {
         let sun = self.sunlight.as_ref().map(|sunlight| sunlight.coded(&self.masks, console)).transpose()?;
         if self.options.still_shadows && sun.is_none() {
             console.warn(format!(
-                "--still-shadows: {} has no shadows of the sun to tell of",
+                "--still-shadows has no effect: {} has no shadows of the sun",
                 self.dataset.root.display()
             ));
         }
@@ -374,10 +374,10 @@ impl<'a> Job<'a> {
             Standing::Kept(what) => {
                 return Err(Error::invalid(
                     self.out.display(),
-                    format!("{what}; expected --out FILE for one of its own, or --force to replace it"),
+                    format!("{what}; choose another file with --out, or replace it with --force"),
                 ));
             }
-            Standing::Other(what) => console.say(format!("{}, {what}, is replaced", self.out.display())),
+            Standing::Other(what) => console.say(format!("replacing {}: {what}", self.out.display())),
             Standing::None => {}
         }
         Ok(None)
@@ -432,13 +432,13 @@ fn standing(out: &Path, header: &Header) -> Standing {
     }
     let Ok(there) = Bundle::open(out) else {
         return match bundle::begins_like_one(out) {
-            true => Standing::Other("which this program cannot read".to_owned()),
-            false => Standing::Kept("is no bundle".to_owned()),
+            true => Standing::Other("this program cannot read it".to_owned()),
+            false => Standing::Kept("is not a bundle".to_owned()),
         };
     };
     if there.header.scene != header.scene {
         return Standing::Kept(format!(
-            "is a bundle of the scene {}, not of {}",
+            "is a bundle of scene {}, not of {}",
             printable(&there.header.scene),
             header.scene
         ));
@@ -459,20 +459,20 @@ fn standing(out: &Path, header: &Header) -> Standing {
     if let Some(steps) = steps.filter(|&steps| !differs("inputs") && new["iterations"].as_u64() < Some(steps))
     {
         let what = format!(
-            "is a bundle of this light trained for {steps} steps, and {} would replace it",
+            "is a bundle of the same light trained for {steps} steps, more than the {} requested",
             new["iterations"]
         );
         return Standing::Kept(what);
     }
     let what = match () {
-        () if is_same => "whose record of training (.run.json) is not there, or of another bundle".to_owned(),
-        () if differs("inputs") => "compressed from a different bake".to_owned(),
-        () if differs("trained_on") => "made where other layers told which lamps light a tile".to_owned(),
+        () if is_same => "its training record (.run.json) is missing or belongs to another bundle".to_owned(),
+        () if differs("inputs") => "it was compressed from a different bake".to_owned(),
+        () if differs("trained_on") => "it was trained on different layers".to_owned(),
         () if differs("iterations") => {
-            format!("trained for {} steps", printable(&old["iterations"].to_string()))
+            format!("it was trained for {} steps", printable(&old["iterations"].to_string()))
         }
-        () if there.header == *header => "of an earlier run under a time limit".to_owned(),
-        () => "made with other settings".to_owned(),
+        () if there.header == *header => "it is of an earlier run with a time limit".to_owned(),
+        () => "it was made with other settings".to_owned(),
     };
     Standing::Other(what)
 }

@@ -395,7 +395,7 @@ pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
             pages(config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect()),
         ),
         (
-            "sets at the hours",
+            "frames at the hours",
             hours(header.timeline.hours.clone()),
             hours(config.frames.iter().map(|set| set.hour).collect()),
         ),
@@ -403,7 +403,7 @@ pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
     for (what, bundle, of_dataset) in kinds {
         if bundle != of_dataset {
             let (scene, root) = (printable(&header.scene), dataset.root.display());
-            let what = format!("has {what} {bundle}; expected those of the dataset {root}, {of_dataset}");
+            let what = format!("has {what} {bundle}; the dataset {root} has {of_dataset}; expected the same");
             return Err(Error::invalid(format!("bundle of scene {scene}"), what));
         }
     }

@@ -125,7 +125,7 @@ impl Law {
         }
         let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
         if config.layers.is_empty() || config.layers.iter().any(is_whole) {
-            let what = "keeps no layers of the sun's direct light: what is left without it cannot be told";
+            let what = "has no separate layers of the sun's direct light, so the light without it is unknown";
             return Err(Error::unsupported(dataset.root.display(), what));
         }
         // ((sun indirect + sky) + local), as in frames but for the sun's direct light.

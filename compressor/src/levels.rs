@@ -85,8 +85,8 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
     }
     let lock = lock(
         &work,
-        "another run is making the levels of this bundle",
-        "wait for it, or choose another --out",
+        "another run is writing the levels of this bundle",
+        "wait until it ends, or choose another --out",
     )?;
     let mut done = Vec::new();
     for level in 1..=count(&pages) {
@@ -173,8 +173,8 @@ impl Level {
 pub fn section(levels: &[Level]) -> Section {
     let mut section = Section::new("Coarser levels");
     section.paragraph(
-        "For virtual texturing: bundles of half the resolution, a quarter, and so on. A texel at level m is the mean of the valid texels \
-         under it, and what is at texel position p of a page is at p ÷ 2^m.",
+        "For virtual texturing: bundles at half the resolution, a quarter, and so on. A texel at level m is the mean of the valid texels \
+         it covers; texel position p of a page is at p ÷ 2^m.",
     );
     let row = |level: &Level| {
         let name = level.bundle.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());

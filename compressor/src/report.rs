@@ -31,9 +31,9 @@ pub fn training(outcome: &Outcome) -> Section {
     let mut section = Section::new("Training");
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
     section.paragraph(&format!(
-        "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
-         training. Steps per tile: {}. What maps hold, mean over tiles by their texels: before quantisation {}, with features of \
-         8 bits {}, as stored in BC7 {}.",
+        "{} tiles, {} of them without light, {} reused from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
+         training. Steps per tile: {}. PSNR of the maps, mean over tiles weighted by their texels: before quantisation {}, with \
+         8-bit features {}, as stored in BC7 {}.",
         outcome.tiles,
         outcome.empty,
         outcome.resumed,
@@ -55,11 +55,11 @@ pub fn training(outcome: &Outcome) -> Section {
         section.plot(&Plot {
             title: "Quality against training time".to_owned(),
             x: "CPU seconds per tile".to_owned(),
-            y: "PSNR in dB; falls where the maps are quantised".to_owned(),
+            y: "PSNR in dB; drops where the maps are quantised".to_owned(),
             log_x: false,
             log_y: false,
             lines: vec![
-                ("mean over tiles, by texels".to_owned(), line(&|point| point.mean_db)),
+                ("mean over tiles, weighted by texels".to_owned(), line(&|point| point.mean_db)),
                 ("worst tile".to_owned(), line(&|point| point.worst_db)),
             ],
         });
@@ -107,7 +107,7 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     };
     if evaluation.steps.each.iter().any(|step| step.error.is_some()) {
         section.plot(&Plot {
-            title: "Error of the change of light to the next set".to_owned(),
+            title: "Error of the change of light to the next frame".to_owned(),
             x: "hour".to_owned(),
             y: "RMS of the error ÷ RMS of the change".to_owned(),
             log_x: false,
@@ -122,13 +122,13 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
 /// Means by measures besides those of the table.
 fn other_measures(evaluation: &Evaluation, section: &mut Section) {
     let (all, large) = (&evaluation.all, &evaluation.large);
-    section.subheading("By other measures");
+    section.subheading("Other metrics");
     let row = |name: &str, value: String| vec![name.to_owned(), value];
     section.table(
         &["measure", "value"],
         &[
             row("PSNR dB, peak = largest − smallest", cell(all.psnr_range_db, 2)),
-            row("1 − SSIM, windows of 7×7 texels alike", cell(all.one_minus_ssim_uniform, 5)),
+            row("1 − SSIM, 7×7 box window", cell(all.one_minus_ssim_uniform, 5)),
             row("PSNR dB, tiles of 256×256", cell(large.psnr_db, 2)),
             row("PSNR dB, tiles of 256×256, peak = largest − smallest", cell(large.psnr_range_db, 2)),
             row("1 − SSIM, tiles of 256×256", cell(large.one_minus_ssim, 5)),
@@ -167,7 +167,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         })
         .collect();
     section.subheading("The worst tiles");
-    section.paragraph("Of sets that are alike the first alone.");
+    section.paragraph("Of identical frames, only the first.");
     section.table(&["hour", "page", "texels x, y", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
 }
 
@@ -178,7 +178,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
 pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     let mut section = Section::new("Decoded and reference");
     section.paragraph(&format!(
-        "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour at its own exposure."
+        "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour with its own exposure."
     ));
     let (sets, law) = (&dataset.config.frames, reference_law(decoder));
     for k in shown_sets(&dataset.config) {
@@ -242,8 +242,8 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
     let bright = exposure(&reference, &mask);
     let picture = |image: &Image| tone_mapped_png(image, &mask, bright, PICTURE_SIDE);
     section.paragraph(match decoder.bundle().header.shadows {
-        true => "Between two sets the bundle's shadows of the sun move. Beside them stands what the dataset knows of the sun at that moment.",
-        false => "Between two sets the sun's shadows fade from one place to the next; the dataset knows where they are.",
+        true => "Between two frames the bundle's shadows of the sun move. They are compared with the dataset's visibility of the sun at that time.",
+        false => "Between two frames the bundle's shadows of the sun cross-fade; the dataset's visibility shows where they are.",
     });
     section.pictures(&[
         (format!("page 0, {hour} h, the dataset's light"), picture(&reference)),
@@ -254,7 +254,7 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
 
 /// What tiles have, and what training left out and why; the sun's direct light too, if it was.
 pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
-    let mut section = Section::new("What tiles have, and what the compressor left out");
+    let mut section = Section::new("Tile configurations, and what the compressor omitted");
     let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();
     for tile in &outcome.per_tile {
         kinds.entry(tile.has.as_deref().unwrap_or("nothing")).or_default().push(tile);
@@ -272,7 +272,7 @@ pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
         outcome.left_out.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
     if outcome.left_out.len() > LISTED {
         let rest = outcome.left_out[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
-        items.push(format!("{rest} further remarks; all of them stand in the bundle's run.json"));
+        items.push(format!("{rest} further remarks; all are in the bundle's run.json"));
     }
     if is_sun {
         items.insert(0, "the bundle: the sun's direct light (--without-sun)".to_owned());

@@ -36,7 +36,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
     let outcome = compress(root, options, console)?;
     if outcome.up_to_date {
         let path = outcome.bundle.display();
-        console.say(format!("{path} already holds this dataset so compressed (--force trains it again)"));
+        console.say(format!("{path} is up to date (--force retrains it)"));
     }
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle).map_err(of_bundle)?;
@@ -72,7 +72,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
 fn quantisation(outcome: &Outcome) -> Option<String> {
     let (unquantised, stored) = outcome.psnr_unquantised_db.zip(outcome.psnr_trained_db)?;
     Some(format!(
-        "what maps hold, mean over tiles by their texels: {unquantised:.2} dB with unquantised features, {:.2} dB with features of 8 bits, {stored:.2} dB \
+        "PSNR of the maps, mean over tiles weighted by their texels: {unquantised:.2} dB with unquantised features, {:.2} dB with 8-bit features, {stored:.2} dB \
          as stored, in BC7",
         outcome.psnr_8bit_features_db?
     ))
@@ -84,7 +84,7 @@ fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
     let [least, most] = outcome.steps?;
     (least < options.iterations).then(|| {
         format!(
-            "steps per tile: {least} to {most} of {} at most; under a time limit other machines, or other days, may give other bytes",
+            "steps per tile: {least} to {most}, of at most {}; under a time limit, another run can give different bytes",
             options.iterations
         )
     })
@@ -101,23 +101,23 @@ fn missed(rate: Rate, evaluation: &Evaluation) -> Option<(String, bool)> {
         Rate::Psnr(target) => {
             let reached = evaluation.all.psnr_pooled_db?;
             if reached > target + FAR_DB {
-                let why = "the least that tiles can have gives more, or all of them gained more than those that were measured";
-                return Some((format!("--target-psnr {target}: {reached:.2} dB were reached: {why}"), false));
+                let why = "even the smallest configurations exceed the target, or training gained more than the measured tiles predicted";
+                return Some((format!("--target-psnr {target}: reached {reached:.2} dB: {why}"), false));
             }
             if reached >= target {
                 return None;
             }
             let what = format!(
-                "--target-psnr {target}: {reached:.2} dB were reached, less than brief trials foretold"
+                "--target-psnr {target}: reached {reached:.2} dB, less than the trial fits predicted"
             );
             Some(match reached < target - NEAR_DB {
-                true => (format!("{what}, or the most that the dearest of them give"), true),
+                true => (format!("{what}, or the most that the largest configurations give"), true),
                 false => (what, false),
             })
         }
         Rate::Bpp(target) if evaluation.bpp > target => {
             let what = format!(
-                "--target-bpp {target}: {:.3} bits are the least that the tiles with light take at this size",
+                "--target-bpp {target}: the smallest configurations take {:.3} bits per texel and frame; raise the target",
                 evaluation.bpp
             );
             Some((what, true))
@@ -188,7 +188,7 @@ mod tests {
         let above = missed(Rate::Psnr(38.6));
         assert!(above.is_some_and(|(what, is_far)| what.contains("gained more") && !is_far));
         let near = missed(Rate::Psnr(40.0));
-        assert!(near.is_some_and(|(what, is_far)| what.contains("39.70 dB were reached") && !is_far));
+        assert!(near.is_some_and(|(what, is_far)| what.contains("reached 39.70 dB") && !is_far));
         assert!(missed(Rate::Psnr(40.3)).is_some_and(|(_, is_far)| is_far));
         assert_eq!(missed(Rate::Bpp(0.5)), None);
         assert!(missed(Rate::Bpp(0.49)).is_some_and(|(_, is_far)| is_far));

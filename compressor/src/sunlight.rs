@@ -103,7 +103,7 @@ impl<'a> Sunlight<'a> {
     pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<[Section; 2]>> {
         let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(sun));
         let search = self.moves().then(Search::of_table);
-        let what = if search.is_some() { "how shadows move" } else { "the sun" };
+        let what = if search.is_some() { "moving shadows" } else { "the sun" };
         let sections = self.each_tile(what, masks, console, |band, column, seen| {
             let (section, told) = band.told(column, &coder, &decoder)?;
             let moving = match search.as_ref().zip(told) {

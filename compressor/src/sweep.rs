@@ -246,13 +246,13 @@ impl Sweep {
     pub fn table(&self) -> Vec<String> {
         let mut lines = aligned(&HEADER, &self.rows());
         lines.push(format!(
-            "{} of {} tiles with valid texels, weighed by those; only their texels count in bpp. BC7 may be above \
-             unquantised: training goes on around its blocks",
+            "{} of {} tiles with valid texels, weighted by these; only their texels count in bpp. BC7 may exceed \
+             unquantised, because training continues on its blocks",
             self.tiles, self.tiles_of
         ));
         if self.is_sun_apart {
             lines.push(
-                "the sun's direct light, a stream of its own in a bundle, is not in these maps".to_owned(),
+                "the sun's direct light, a separate stream in bundles, is not in these maps".to_owned(),
             );
         }
         lines
@@ -275,10 +275,10 @@ impl Sweep {
     pub fn section(&self) -> Section {
         let mut section = Section::new("Profiles and presets");
         section.paragraph(&format!(
-            "{} of {} tiles with valid texels, each trained by every profile with every preset. PSNR: mean over tiles weighed by their \
-             valid texels, of each over its sets, peak = the set's largest valid value; of the float model, with its \
-             features rounded to 8 bits, and of the stored tile in BC7 as it decodes, which may be above both, for training goes on \
-             around its blocks. Bits of the tiles' payloads over those tiles' texels. CPU seconds per tile, quantisation included.",
+            "{} of {} tiles with valid texels, each trained with every profile and preset. PSNR: mean over tiles weighted by their \
+             valid texels and over frames, peak = the frame's largest valid value; of the float model, with its \
+             features rounded to 8 bits, and of the decoded BC7 tile, which may exceed both, because training continues \
+             on its blocks. Bits of the tiles' payloads per texel of these tiles. CPU seconds per tile, quantisation included.",
             self.tiles, self.tiles_of
         ));
         section.table(&HEADER, &self.rows());

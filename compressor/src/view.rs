@@ -51,7 +51,7 @@ pub fn page(source: &Source) -> Result<String> {
     let mut names = source.names(&sets);
     let bytes = names.iter().map(|name| source.len(name)).sum::<Result<u64>>()?;
     if bytes > MOST_BYTES {
-        let what = format!("{bytes} bytes are too much for one page, which holds {MOST_BYTES}: use --serve");
+        let what = format!("{bytes} bytes are too many for one page, which holds up to {MOST_BYTES}; use --serve");
         return Err(Error::unsupported(source.bundle.display(), what));
     }
     names.sort();
@@ -89,13 +89,13 @@ pub fn expect_replaceable(path: &Path, force: bool) -> Result<()> {
     if is_report && path.with_file_name(MANIFEST).exists() {
         return Err(Error::invalid(
             path.display(),
-            "is the report of a dataset; expected another --out FILE",
+            "is a dataset's report; choose another file with --out",
         ));
     }
     if force || !path.exists() || is_page(path) {
         return Ok(());
     }
-    let what = "is no page of `compress view`; expected another --out FILE, or --force to replace it";
+    let what = "was not written by `compress view`; choose another file with --out, or replace it with --force";
     Err(Error::invalid(path.display(), what))
 }
 
@@ -138,10 +138,10 @@ fn meta(source: &Source, sets: &[usize]) -> Value {
     let note = match (sets.len(), &source.left_out) {
         (0, Some(why)) => format!("There is no reference: {why}."),
         (0, None) => {
-            "There is no reference: no dataset lies beside the bundle, or it was left out.".to_owned()
+            "There is no reference: the bundle is not in a dataset's folder, or the reference was omitted.".to_owned()
         }
         (n, _) => format!(
-            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5 times a power of two for each page and set: 9 bits a channel with \
+            "The reference is the dataset's lightmaps of {n} of {} frames, as RGB9E5 times a power of two for each page and frame: 9 bits per channel with \
              a common exponent, error at most 1/1024 of the power of two above the texel's brightest channel, down to 2⁻³⁰ of the page's. The dataset \
              itself has 32-bit floats. Reference views go by the stored hours. PSNR here is that of the bundle's tiles, which own 126² texels; \
              `compress evaluate` judges blocks of 128² texels, so that its numbers differ.",
@@ -177,6 +177,6 @@ mod tests {
         }
         assert!(expect_replaceable(&report, true).is_ok());
         std::fs::write(folder.path().join(MANIFEST), "{}").unwrap();
-        assert!(expect_replaceable(&report, true).unwrap_err().to_string().contains("report of a dataset"));
+        assert!(expect_replaceable(&report, true).unwrap_err().to_string().contains("dataset's report"));
     }
 }

@@ -79,7 +79,7 @@ fn shards_give_the_bytes_of_one_process() {
     {
         let out = format!("{of}.ndgi");
         let merge = [&["."][..], &recipe, &["--out", &out, "--merge"]].concat();
-        assert!(refused(&merge, folder, 75).contains("trained tiles of 8 of 8 tiles are not there"));
+        assert!(refused(&merge, folder, 75).contains("trained tiles of 8 of 8 tiles are missing"));
         let names: Vec<String> = order.iter().map(|number| format!("{number}/{of}")).collect();
         let shard = |name| [&["."][..], &recipe, &["--out", &out, "--shard", name]].concat();
         match of {
@@ -118,14 +118,14 @@ fn a_killed_shard_is_named_and_goes_on() {
         std::thread::sleep(Duration::from_millis(2));
     }
     // While it works nobody else has the folder alone; those who share it may come in.
-    assert!(refused(&recipe, folder, 75).contains("another run is making this bundle"));
-    assert!(refused(&merge, folder, 75).contains("another run is making this bundle"));
+    assert!(refused(&recipe, folder, 75).contains("another run is writing this bundle"));
+    assert!(refused(&merge, folder, 75).contains("another run is writing this bundle"));
     child.kill().unwrap();
     child.wait().unwrap();
     json(&shard("2/2"), folder);
     let told = refused(&merge, folder, 75);
     assert!(
-        told.contains("of 8 tiles are not there: page 0 (") && told.contains("unfinished: 1/2 on "),
+        told.contains("of 8 tiles are missing: page 0 (") && told.contains("unfinished: 1/2 on "),
         "{told}"
     );
     let status = json(&["status", ".", "--out", "a.ndgi"], folder);
@@ -167,7 +167,7 @@ fn a_target_is_tried_chosen_and_trained_by_shards() {
         assert_eq!(json(&with(&["--out", "b.ndgi", "--force", "--shard", "1/2"]), folder)["stage"], "trials");
         let told = refused(&merge, folder, 75);
         assert!(
-            told.contains("trial fits of 3 of 5 tiles are not there") && told.contains("2/2 never began"),
+            told.contains("trial fits of 3 of 5 tiles are missing") && told.contains("2/2 not started"),
             "{told}"
         );
         shards("trials");

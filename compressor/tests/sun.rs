@@ -352,7 +352,7 @@ fn a_bundle_of_all_light_is_judged_as_one() {
     Writer::create(&summed).unwrap().commit(&config).unwrap();
     let refused = Options { without_sun: true, ..options(&folder.path().join("summed.ndgi")) };
     let error = compress(&summed, &refused, &Console::silent()).unwrap_err().to_string();
-    assert!(error.contains("cannot be left out"), "{error}");
+    assert!(error.contains("cannot be omitted"), "{error}");
     let decoder = Decoder::open(&out).unwrap();
     assert!(decoder.bundle().header.sun.is_none());
     let judged =

@@ -46,15 +46,15 @@ impl Curve {
     fn fault(&self) -> Option<String> {
         let (hours, values) = (self.hours.len(), self.values.len());
         if hours != values {
-            return Some(format!("{hours} hours, {values} values: expected as many of each"));
+            return Some(format!("{hours} hours and {values} values; expected one value per hour"));
         }
         let ascend = self.hours.windows(2).all(|pair| pair[0] < pair[1]);
         if !ascend || self.hours.first() != Some(&0.0) || self.hours.last() != Some(&24.0) {
-            return Some("hours: expected ascending ones, the first 0, the last 24".to_owned());
+            return Some("hours: expected ascending hours from 0 to 24".to_owned());
         }
         let is_light = |value: &[f32; 3]| value.iter().all(|x| x.is_finite() && *x >= 0.0);
         let i = self.values.iter().position(|value| !is_light(value))?;
-        Some(format!("value {i}: {:?}: expected finite numbers, 0 or more", self.values[i]))
+        Some(format!("value {i}: {:?}; expected finite numbers ≥ 0", self.values[i]))
     }
 
     /// Its value at an hour.

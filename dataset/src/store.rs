@@ -29,7 +29,7 @@ pub const DATA: &str = "data";
 /// Where `bake` keeps its work until the set is whole.
 pub const WORK: &str = ".bake";
 /// What is said of a folder that holds such work and no manifest yet.
-pub const UNFINISHED: &str = "a bake there is not finished; the same `bake` command continues it";
+pub const UNFINISHED: &str = "the bake in it is not finished; the same `bake` command continues it";
 /// Hexadecimal digits of the hash in a file's name.
 const HASH_DIGITS: usize = 12;
 
@@ -202,7 +202,7 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
     let config = match version {
         Some(version) if version > u64::from(VERSION) => {
             return unsupported(format!(
-                "format version {version}; this program reads up to {VERSION}: use a newer one"
+                "format version {version}; this program reads up to {VERSION}; use a newer one"
             ));
         }
         Some(1) => serde_json::from_slice(bytes).map(Config1::upgrade),
@@ -212,7 +212,7 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
         {
             Some((page, _)) => {
                 return unsupported(format!(
-                    "page {page}: kind is \"probes\"; this program reads pages of the kind \"atlas\" alone: use a newer one"
+                    "page {page}: kind is \"probes\"; this program reads only pages of the kind \"atlas\"; use a newer one"
                 ));
             }
             None => serde_json::from_slice(bytes),
@@ -288,13 +288,13 @@ impl Dataset {
         if !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
                 (true, _) if root.join(WORK).is_dir() => UNFINISHED.to_owned(),
-                (true, _) => format!("there is no {MANIFEST} in it"),
-                (false, true) => "it is a file".to_owned(),
+                (true, _) => format!("it has no {MANIFEST}"),
+                (false, true) => "it is not a folder".to_owned(),
                 (false, false) => "it does not exist".to_owned(),
             };
             let expected =
-                format!("expected the folder that `bake` or `dataset import` made, with {MANIFEST} in it");
-            let what = format!("not a temporal lightmap set: {found}; {expected}");
+                format!("expected a folder with {MANIFEST}, as `bake` and `dataset import` write it");
+            let what = format!("not a dataset: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }
         let (config, version) = parse(&manifest, &read(&manifest)?)?;
@@ -456,7 +456,7 @@ impl Dataset {
     /// An error where the frames are no moments of a day: those of a transfer.
     pub fn expect_moments(&self) -> Result<()> {
         let Some(transfer) = &self.config.transfer else { return Ok(()) };
-        let what = format!("holds the transfer of {}; expected sets that are moments", transfer.scene);
+        let what = format!("is the transfer of {}; expected a dataset of a day", transfer.scene);
         Err(Error::unsupported(self.root.display(), what))
     }
 

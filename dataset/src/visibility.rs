@@ -158,7 +158,7 @@ impl Visibility {
         let head = read(HEAD, "a header")?;
         if head[..6] != MAGIC[..6] {
             return Err(invalid(
-                "not a file of the sun's visibility: expected it to begin with TLMVIS01".into(),
+                "not a visibility file; expected it to begin with TLMVIS01".into(),
             ));
         }
         if head[..8] != *MAGIC {
@@ -195,7 +195,7 @@ impl Visibility {
             if !matches!((bytes, channels), (0, 0) | (1.., 1 | 3)) {
                 let expected = "expected 1 or 3 channels, or 0 of no bytes";
                 let place = format!("tile at texel ({}, {})", rect.x0, rect.y0);
-                return Err(invalid(format!("{place}: {channels} channels in {bytes} bytes: {expected}")));
+                return Err(invalid(format!("{place}: {channels} channels in {bytes} bytes; {expected}")));
             }
             places.push((at, bytes, channels));
             at += u64::from(bytes);
@@ -238,7 +238,7 @@ impl Visibility {
         stream
             .take(expected as u64 + 1)
             .read_to_end(&mut levels)
-            .map_err(|error| format!("not a whole .xz stream: {error}"))?;
+            .map_err(|error| format!("not a complete .xz stream: {error}"))?;
         if levels.len() != expected {
             return Err(format!("unpacks to {} bytes or more, expected {expected}", levels.len()));
         }

@@ -69,7 +69,7 @@ fn what_is_no_set_is_said_with_its_name_once() {
     fs::write(&file, "name = 1").unwrap();
     for command in ["info", "check"] {
         for (path, found) in [
-            (file.clone(), "it is a file"),
+            (file.clone(), "it is not a folder"),
             (folder.path().join("none"), "it does not exist"),
             (folder.path().to_owned(), "there is no config.json in it"),
         ] {
@@ -77,7 +77,7 @@ fn what_is_no_set_is_said_with_its_name_once() {
             let message = String::from_utf8_lossy(&output.stderr);
             assert_eq!(output.status.code(), Some(1), "{message}");
             let error = message.lines().find(|line| line.starts_with("error: ")).unwrap();
-            assert!(error.contains(found) && error.contains("expected the folder"), "{error}");
+            assert!(error.contains(found) && error.contains("expected a folder"), "{error}");
             assert_eq!(error.matches(path.to_str().unwrap()).count(), 1, "{error}");
         }
     }

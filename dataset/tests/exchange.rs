@@ -68,7 +68,7 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
         }
     }
     let exported = export_folder(&set, Layout::Hprc2, &back);
-    assert_eq!(exported.left_out, Vec::<String>::new());
+    assert_eq!(exported.omitted, Vec::<String>::new());
     assert_eq!(content(&back), content(&source));
 }
 
@@ -92,7 +92,7 @@ fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
     // In the other layout it keeps its numbers.
     let other = folder.path().join("other");
     let exported = export_folder(&set, Layout::Hprc2, &other);
-    assert!(exported.left_out.iter().any(|what| what.contains("layers")), "{:?}", exported.left_out);
+    assert!(exported.omitted.iter().any(|what| what.contains("layers")), "{:?}", exported.omitted);
     let written = fs::read_to_string(other.join("config.json")).unwrap();
     assert!(written.contains("\"id\": 7") && written.contains("\"level\": \"set\""), "{written}");
 }
@@ -120,8 +120,8 @@ fn a_baked_day_goes_out_and_comes_back() {
     ] {
         let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
         let exported = export_folder(&root, layout, &at("out"));
-        assert_eq!((exported.hours.len(), &*exported.left_out[0]), (hours, reason));
-        let told = exported.left_out.join("\n");
+        assert_eq!((exported.hours.len(), &*exported.omitted[0]), (hours, reason));
+        let told = exported.omitted.join("\n");
         assert!(told.contains("geometry") && told.contains("noise"), "{told}");
         let bytes: u64 = content(&at("out")).values().map(|bytes| bytes.len() as u64).sum();
         assert_eq!(exported.bytes, bytes);

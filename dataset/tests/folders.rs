@@ -405,7 +405,7 @@ fn a_corrupt_geometry_file_is_a_named_fault_though_its_checksum_is_right() {
     };
     assert_eq!(check(&whole), "");
     let torn = check(&whole[..whole.len() - 4]);
-    assert!(torn.contains(".glb: ") && torn.contains("expected a whole GLB file"), "{torn}");
+    assert!(torn.contains(".glb: ") && torn.contains("expected a complete GLB file"), "{torn}");
     let mut flipped = whole.clone();
     flipped[20] = b'[';
     let flipped = check(&flipped);

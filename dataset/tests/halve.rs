@@ -118,7 +118,7 @@ fn where_it_comes_from_is_told_and_equal_sources_give_equal_bytes() {
     assert_eq!((page.width, page.height), (1, 1));
     // Another source's half is not believed, nor half of a source that changed.
     assert!(open(&at("one"), &config).is_ok());
-    assert!(open(&at("two"), &config).unwrap_err().to_string().contains("not half of that dataset"));
+    assert!(open(&at("two"), &config).unwrap_err().to_string().contains("not made from the present state"));
     let other = write_set(&at("other"), &[(9, 5)], 4).unwrap();
     assert!(open(&at("one"), &other).is_err());
 }
@@ -368,6 +368,6 @@ fn the_command_makes_a_level_and_names_it() {
     assert_eq!(again.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&again.stderr).contains("half: stands there already"), "{again:?}");
     let missing = run(&["halve", "none", "--out", "other"]);
-    assert!(String::from_utf8_lossy(&missing.stderr).contains("not a temporal lightmap set"), "{missing:?}");
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("not a dataset"), "{missing:?}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }

@@ -48,8 +48,8 @@ fn every_rule_that_layers_break_is_named() {
         (|c| c.layers[6].group = Some(u32::MAX), "group is 4294967295; expected one of 2"),
         (|c| c.layers[3].group = None, "(group, direct): group is null; expected the index"),
         (|c| c.layers[2].group = Some(0), "(sky \"porch\", all): group is 0; expected null"),
-        (|c| c.layers[2].light = Light::Lamps, "expected the light \"lamps\" in imported datasets only"),
-        (imported, "expected none of a light group in an imported dataset"),
+        (|c| c.layers[2].light = Light::Lamps, "light is \"lamps\"; expected this only in imported datasets"),
+        (imported, "a light group's layer in an imported dataset"),
         (
             |c| {
                 imported(c);
@@ -137,7 +137,7 @@ fn words_that_the_manifest_does_not_know_are_refused() {
         (
             "/pages/0/kind",
             "probes".into(),
-            "page 0: kind is \"probes\"; this program reads pages of the kind \"atlas\" alone",
+            "page 0: kind is \"probes\"; this program reads only pages of the kind \"atlas\"",
         ),
         ("/pages/0/kind", "voxels".into(), "unknown variant `voxels`"),
         ("/sun/baked", "half".into(), "unknown variant `half`"),

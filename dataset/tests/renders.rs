@@ -167,7 +167,7 @@ fn a_table_gives_pages_hours_and_lamps() {
         ("unit", "units", &["hall.toml:1: unknown field `units`"][..]),
         ("hour = 18.1", "hour = 24.0", &["set of hour 24: expected an hour from 0 to below 24"]),
         ("hour = 18.1", "hour = nan", &["set of hour NaN"]),
-        ("hour = 18.1", "hour = 18.0", &["hall.toml:", "hour 18 is there twice"]),
+        ("hour = 18.1", "hour = 18.0", &["hall.toml:", "hour 18 occurs twice"]),
         ("[[18.0, ", "[[36.0, ", &["hall.toml:", "on 36 to", "expected two different hours in [0, 24]"]),
         (
             ", \"small.exr\"]\n[[set]]",

@@ -174,7 +174,7 @@ fn every_rule_that_the_manifest_breaks_is_named() {
             },
             "sun_path: expected none where sun is null",
         ),
-        (|c| c.sun_path = None, "visibility: expected a sun_path beside it"),
+        (|c| c.sun_path = None, "visibility without sun_path; expected both or neither"),
         (|c| of(c).minutes = 0.0, "minutes is 0; expected a number above 0"),
         (|c| drop(of(c).files.pop()), "visibility: files for 1 page; expected 2"),
         (|c| of(c).normals.clear(), "visibility: normals for 0 pages; expected 2"),

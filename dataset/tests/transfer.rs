@@ -70,9 +70,9 @@ fn what_breaks_a_transfer_is_named() {
     let cases: [Case; 9] = [
         (|t| t.scene = "a/b".into(), "transfer: scene is \"a/b\""),
         (|t| t.parts.truncate(2), "transfer: 2 parts; expected 3, one per frame"),
-        (|t| t.parts[2].negative = false, "the positive part of function 1 is there twice"),
+        (|t| t.parts[2].negative = false, "the positive part of function 1 occurs twice"),
         (|t| t.parts[0].function = 2, "no part of function 0; expected functions from 0 on"),
-        (|t| t.light.clear(), "light of no moment"),
+        (|t| t.light.clear(), "light has no entries"),
         (|t| t.light[1].hour = 24.0, "light at hour 24; expected ascending hours in [0, 24)"),
         (|t| t.light.swap(0, 1), "light at hour 0; expected ascending"),
         (|t| t.light[1].coefficients.truncate(1), "light at hour 12.5 has 1 coefficient; expected 2"),

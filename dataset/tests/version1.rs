@@ -114,7 +114,7 @@ fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
     let [out, back] = ["out", "imported"].map(|name| folder.path().join(name));
     let dataset = open(IMPORTED);
     let exported = export(&dataset, Layout::Hprc1, &out, &Console::silent()).unwrap();
-    assert_eq!((exported.hours.len(), &*exported.left_out), (24, &[][..]));
+    assert_eq!((exported.hours.len(), &*exported.omitted), (24, &[][..]));
     let again = import(&Origin::Folder(Layout::Hprc1, out), &back, &Console::silent()).unwrap();
     assert_eq!((again.version, again.digest_of_light()), (2, dataset.config.digest_of_light()));
     assert_eq!(again.inputs, dataset.config.inputs);
@@ -188,7 +188,7 @@ fn keys_of_the_other_version_and_wrong_shapes_are_refused() {
         ),
         (
             &|m| m["sets"][1]["maps"][0]["local"] = file.clone(),
-            "expected the light \"lamps\" in imported datasets only",
+            "light is \"lamps\"; expected this only in imported datasets",
         ),
         (&|m| drop(m["sets"][1]["maps"][0].as_object_mut().unwrap().remove("sky")), "missing field `sky`"),
     ];

@@ -57,7 +57,7 @@ pub(super) fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>>
             run: Box::new(move || {
                 let (coded, networks) = ntc::code(set, preset, options.effort, options.seed)?;
                 let note =
-                    format!("networks not counted: {networks:.2} bpp more if only these tiles shared them");
+                    format!("networks not counted: {networks:.2} bpp more if shared only by these tiles");
                 Ok(vec![Way::new(coded, note)])
             }),
         });
@@ -85,7 +85,7 @@ fn keys<'a>(
 ) -> Method<'a> {
     Method {
         family: "keyframes",
-        name: format!("{KEPT} sets, {codec_name}"),
+        name: format!("{KEPT} frames, {codec_name}"),
         run: Box::new(move || {
             let (coded, kept) = keyframes::code(set, &*codec())?;
             let hours: Vec<String> = kept.iter().map(|&k| set.timeline.hours[k].to_string()).collect();
@@ -97,7 +97,7 @@ fn keys<'a>(
 #[cfg(not(feature = "baselines"))]
 pub(super) fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, left_out: &mut Vec<String>) {
     left_out.push(
-        "BC6H, BC7 and ASTC: this build has no foreign codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
+        "BC6H, BC7 and ASTC: this build lacks these codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
     );
 }
 

@@ -51,7 +51,7 @@ impl<'a> Transfer<'a> {
         let scene = &dataset.config.scene;
         let Some(basis) = &transfer.config.transfer else {
             return Err(wrong(format!(
-                "holds no transfer; expected what the `bake` of the scene {scene} makes with --transfer"
+                "is not a transfer; expected the output of `bake --transfer` of the scene {scene}"
             )));
         };
         if basis.scene != *scene {
@@ -72,7 +72,7 @@ impl<'a> Transfer<'a> {
             let found = basis.light.iter().position(|light| (light.hour - hour).abs() < 1e-6);
             found.ok_or_else(|| {
                 wrong(format!(
-                    "has no light for {hour} h, of which {} has a set; expected a dataset of the moments of --hours 0..24",
+                    "has no light for {hour} h, of which {} has a frame; expected a dataset baked with --hours 0..24",
                     dataset.root.display()
                 ))
             })
@@ -82,14 +82,14 @@ impl<'a> Transfer<'a> {
         let is_kept = |group: u32| dataset.config.layers_of(Light::Group, Some(group)).next().is_some();
         if let Some((_, group)) = groups.find(|(index, _)| !is_kept(*index)) {
             let what = format!(
-                "keeps no layer of the light group {:?}; expected one for PRT, which has lamps by group",
+                "has no layer of the light group {:?}; PRT needs the light of each group",
                 group.name
             );
             return Err(Error::invalid(dataset.root.display(), what));
         }
         if basis.inputs != dataset.config.inputs {
             return Err(wrong(format!(
-                "goes with another bake than {there}: scene file, models or settings differ; expected both by the same `bake` command, \
+                "belongs to a different bake than {there}: scene file, models or settings differ; expected both from the same `bake` command, \
                  with and without --transfer, for --hours 0..24"
             )));
         }
@@ -216,7 +216,7 @@ pub(super) fn methods<'a>(set: &'a TileSet, transfer: &'a Transfer) -> Vec<Metho
             "PRT, clustered PCA",
             Box::new(move || {
                 let coded = each(set, transfer, code::clustered)?;
-                let what = "per tile the clusters and components that are best at these bits";
+                let what = "per tile the best clusters and components at these bits";
                 Ok(vec![Way::new(coded, note(what))])
             }),
         ),

@@ -92,10 +92,10 @@ impl<'a> Stage<'a> {
         if views.is_empty() {
             let what = match &dataset.config.geometry {
                 None => {
-                    "has no geometry file, so there is nothing to render; expected a dataset of `bake`, or no --render"
+                    "has no geometry file, so nothing can be rendered; use a dataset made by `bake`, or omit --render"
                 }
                 Some(_) => {
-                    "nothing in its geometry has texels, so there is nothing to render; expected no --render"
+                    "nothing in its geometry has texels, so nothing can be rendered; omit --render"
                 }
             };
             return Err(Error::invalid(dataset.root.display(), what));
@@ -178,7 +178,7 @@ impl<'a> Stage<'a> {
             config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
         let bpp = 8.0 * bytes / (texels * config.frames.len() as f64);
         let method = match bundle.header.sun {
-            Some(_) => "bundle, sun apart",
+            Some(_) => "bundle, separate sun",
             None => "bundle",
         };
         self.add(&Part { method, bpp, bytes, at_sets: true }, &|stage, hour| {
@@ -254,7 +254,7 @@ fn with_texels(view: &View) -> Mask {
 fn bundle(dataset: &Dataset, left_out: &mut Vec<String>) -> Result<Option<Decoder>> {
     let path = default_bundle(dataset);
     if !path.exists() {
-        let how = format!("its own bundle: there is none at {}; `compress` writes it", name(&path));
+        let how = format!("its own bundle: {} does not exist; `compress` writes it", name(&path));
         left_out.push(how);
         return Ok(None);
     }

@@ -243,7 +243,7 @@ impl Comparison {
             "NTC L",
             "PRT, clustered PCA",
             "ASTC 12×12",
-            "8 sets, ASTC 8×8",
+            "8 frames, ASTC 8×8",
             "BC7",
             "BC6H",
         ]
@@ -298,7 +298,7 @@ impl Comparison {
             n => format!("; {} {} not measured", missing.join(" and "), if n == 1 { "is" } else { "are" }),
         };
         format!(
-            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB{missing}",
+            "{} of {} tiles with valid texels, {} frames, {effort}; noise ceiling {} dB{missing}",
             self.tiles,
             self.tiles_of,
             self.sets,
@@ -333,10 +333,10 @@ impl Comparison {
     pub fn section(&self) -> Section {
         let mut section = Section::new(if self.ablations { "Ablations" } else { "Methods" });
         section.paragraph(&format!(
-            "{}. All methods compress the same tiles of 128×128 texels. PSNR: mean over tiles and sets, valid texels, linear RGB, peak = \
+            "{}. All methods compress the same tiles of 128×128 texels. PSNR: mean over tiles and frames, valid texels, linear RGB, peak = \
              the tile's largest valid value; pooled: from the mean squared error relative to the peak; log: of ln(1 + E/ε), ε a \
-             thousandth of the set's mean. Step error: of the change of light from set to set under the same lamps, beside that change. \
-             Bits: all that a decoder needs, over the tile's texels and sets; NDGI's with the border of a bundle's tiles. Seconds of one \
+             thousandth of the frame's mean. Step error: of the change of light between frames with the same light groups on, relative to that change. \
+             Bits: all that a decoder needs, per texel of the tile and frame; NDGI's with the border of a bundle's tiles. Seconds of one \
              processor core.",
             self.basis()
         ));
@@ -373,7 +373,7 @@ impl Comparison {
         };
         Plot {
             title: "Rate and distortion".to_owned(),
-            x: "bits per texel and set".to_owned(),
+            x: "bits per texel and frame".to_owned(),
             y: y.to_owned(),
             log_x: true,
             log_y: y.starts_with('1'),

@@ -99,11 +99,11 @@ impl TileSet {
         let texels: usize = chosen.iter().map(|(_, rect)| rect.width() * rect.height()).sum();
         let bytes = (HELD * texels * dataset.config.frames.len() * size_of::<[f32; 3]>()) as u64;
         if bytes > MEMORY {
-            let hint = if options.render { "run without --render" } else { "choose fewer with --tiles" };
+            let hint = if options.render { "omit --render" } else { "use fewer --tiles" };
             let what = format!(
-                "{} with {} would take about {} GB of memory; expected at most {}: {hint}",
+                "{} with {} would need about {} GB of memory; expected at most {}: {hint}",
                 count(chosen.len(), "tile"),
-                count(dataset.config.frames.len(), "set"),
+                count(dataset.config.frames.len(), "frame"),
                 bytes >> 30,
                 MEMORY >> 30
             );

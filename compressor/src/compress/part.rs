@@ -18,13 +18,13 @@ const EXTENSION: &str = "tile";
 /// Whose the folder is.
 enum Held {
     /// This run's alone.
-    Alone(#[allow(dead_code, reason = "held, not asked")] Lock),
+    Alone(#[allow(dead_code, reason = "held, never read")] Lock),
     /// That of all shards.
-    Together(#[allow(dead_code, reason = "held, not asked")] Shared),
+    Together(#[allow(dead_code, reason = "held, never read")] Shared),
 }
 
 /// Who else there may be, and what to do.
-const BUSY: [&str; 2] = ["another run is making this bundle", "wait for it, or choose another --out"];
+const BUSY: [&str; 2] = ["another run is writing this bundle", "wait until it ends, or choose another --out"];
 
 /// The folder.
 pub(super) struct Part {
@@ -182,7 +182,7 @@ mod tests {
         part.write("k", &payload, &stats).unwrap();
         assert!(part.wrote("k"));
         let busy = Part::open(&out, false).err().map(|error| error.to_string()).unwrap_or_default();
-        assert!(busy.contains("another run is making this bundle"), "{busy}");
+        assert!(busy.contains("another run is writing this bundle"), "{busy}");
         drop(part);
         let part = Part::open(&out, false).unwrap();
         assert!(!part.wrote("k"));

@@ -59,9 +59,9 @@ impl FromStr for Shard {
         match numbers {
             Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
             Some((0, of)) if of > 0 => {
-                Err(format!("shards are numbered from 1: expected 1/{of} to {of}/{of}"))
+                Err(format!("shards are numbered from 1; expected 1/{of} to {of}/{of}"))
             }
-            _ => Err("expected a shard's number and how many there are, such as 2/7".to_owned()),
+            _ => Err("expected a shard's number and the number of shards, such as 2/7".to_owned()),
         }
     }
 }
@@ -222,7 +222,7 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
         names.push(format!("{} more", missing.len() - NAMED));
     }
     let mut text = format!(
-        "{what} of {} of {} are not there: {}",
+        "{what} of {} of {} are missing: {}",
         missing.len(),
         count(tiles, "tile"),
         names.join(", ")
@@ -234,15 +234,15 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     if let Some(note) = unlike {
         let what = match note.program == super::program() {
             true => format!(
-                "with {} instructions, this process has {:?}: give all of them --instructions with what every machine has",
+                "uses {} instructions, but this process {:?}; give all of them the same --instructions",
                 note.instructions,
                 Tier::detect()
             ),
-            false => "by another build of this program: run the same one everywhere".to_owned(),
+            false => "is of another build of this program; run the same build everywhere".to_owned(),
         };
-        text += &format!("; shard {} (on {}) works {what}", note.shard, note.process.host);
+        text += &format!("; shard {} (on {}) {what}", note.shard, note.process.host);
     } else {
-        text += "; give the shards again with the same options, then this command";
+        text += "; run the shards again with the same options, then this command";
     }
     let ill = ill(&notes, seconds_since_1970());
     if !ill.is_empty() {
@@ -255,11 +255,11 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
 fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let of = notes.first().map_or(0, |note| note.shard.of);
     let told = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
-        None => Some(format!("{number}/{of} never began")),
+        None => Some(format!("{number}/{of} not started")),
         Some(note) if note.is_finished() => None,
         Some(note) => Some(match note.silent_for(now) {
             Some(silence) => {
-                format!("{} on {} silent for {}", note.shard, note.process.host, minutes(silence))
+                format!("{} on {} not heard from for {}", note.shard, note.process.host, minutes(silence))
             }
             None => format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles),
         }),
@@ -336,7 +336,7 @@ impl Status {
             line += &format!(" ({})", ill.join(", "));
         }
         self.psnr_db.iter().for_each(|db| line += &format!("; {db:.1} dB"));
-        self.seconds_left.iter().for_each(|left| line += &format!("; about {} left", minutes(*left as u64)));
+        self.seconds_left.iter().for_each(|left| line += &format!("; about {} remaining", minutes(*left as u64)));
         line
     }
 }
@@ -405,7 +405,7 @@ mod tests {
         let line = status.line();
         assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 20, 2, 3));
         assert!(line.starts_with("training: 15 of 20 tiles (75 %); 1 of 3 shards finished ("), "{line}");
-        assert!(line.contains("2/3 on node silent for 15 min, 3/3 never began"), "{line}");
+        assert!(line.contains("2/3 on node not heard from for 15 min, 3/3 not started"), "{line}");
         assert!(line.ends_with("; 30.0 dB; about 20 s left"), "{line}");
     }
 }

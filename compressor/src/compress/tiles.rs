@@ -219,7 +219,7 @@ impl Tiles<'_> {
         let left = left.filter(|&place| tile::valid_texels(&self.masks[place.page], place) > 0).count();
         if left > 0 {
             console.say(format!(
-                "continuing: {left} of {} tiles stand from an earlier run",
+                "continuing: {left} of {} tiles are reused from an earlier run",
                 self.header.tiles()
             ));
         }
@@ -376,7 +376,7 @@ impl Tiles<'_> {
         let finished = |place: Place| self.finished(&self.key(place, chosen_for(place)));
         let open = worst.iter().map(|&(_, tile)| places[tile]).filter(|&place| finished(place).is_none());
         let open: Vec<Place> = open.collect();
-        let progress = console.progress("measuring what training gains", open.len() as u64);
+        let progress = console.progress("measuring the gain of full training", open.len() as u64);
         self.some_tiles(&open, |place, band| {
             stop_if_interrupted()?;
             let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;

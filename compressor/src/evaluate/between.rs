@@ -65,7 +65,7 @@ pub fn between(
     };
     let strips: Vec<_> = masks.iter().map(strips).collect();
     let total = moments.len() * strips.iter().map(Vec::len).sum::<usize>();
-    let progress = console.progress("between sets", total as u64);
+    let progress = console.progress("between frames", total as u64);
     let mut pools: Vec<[Pool; 2]> = moments.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
         if let Some(withheld) = withheld {
@@ -152,7 +152,7 @@ fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
     if found == expected {
         return Ok(());
     }
-    let what = format!("{found}; expected that of {}: {expected}", dataset.root.display());
+    let what = format!("{found}; expected the same as {}: {expected}", dataset.root.display());
     Err(Error::invalid(withheld.root.display(), what))
 }
 

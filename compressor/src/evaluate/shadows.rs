@@ -40,7 +40,7 @@ pub(super) fn shadows(dataset: &Dataset, decoder: &Decoder, console: &Console) -
     let hours: Vec<f64> =
         (0..MOMENTS).map(|i| rise + (set - rise) * (i as f64 + 0.5) / MOMENTS as f64).collect();
     let (mut errors, mut decibels) = (Vec::new(), Vec::new());
-    let progress = console.progress("the sun between sets", dataset.config.pages.len() as u64);
+    let progress = console.progress("the sun between frames", dataset.config.pages.len() as u64);
     for page in 0..dataset.config.pages.len() {
         let mask = dataset.mask(page)?;
         let Some(sunlight) = dataset.sunlight(page)? else { return Ok(None) };

@@ -60,7 +60,7 @@ pub(super) fn steps(dataset: &Dataset, law: &Law, decoder: &Decoder, console: &C
         return Ok(Steps::default());
     }
     let mut errors = vec![StepError::default(); n];
-    let progress = console.progress("from set to set", (n * dataset.config.pages.len()) as u64);
+    let progress = console.progress("frame to frame", (n * dataset.config.pages.len()) as u64);
     for page in 0..dataset.config.pages.len() {
         let mask = dataset.mask(page)?;
         for rows in strips(&mask) {

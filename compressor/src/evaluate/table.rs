@@ -83,8 +83,8 @@ impl Evaluation {
         let q = &self.all;
         let [of_valid, of_distinct] = self.bits_of_valid;
         let mut remarks = vec![format!(
-            "{:.3} bits per texel and set; {of_valid:.3} per valid texel and set, {of_distinct:.3} where equal sets count once; {} bytes, {:.0} a \
-             tile; {} (tile, set) pairs judged",
+            "{:.3} bits per texel and frame; {of_valid:.3} per valid texel and frame, {of_distinct:.3} where equal frames count once; {} bytes, {:.0} per \
+             tile; {} (tile, frame) pairs evaluated",
             self.bpp,
             self.bytes,
             self.bytes as f64 / self.tiles.max(1) as f64,
@@ -96,11 +96,11 @@ impl Evaluation {
             format!("mean {mean} dB, pooled {pooled} dB, worst 1 % {worst} dB")
         };
         if let Some(sunny) = &self.sunny {
-            remarks.push(format!("over the sets that the sun lights directly: {}", figures(sunny)));
+            remarks.push(format!("over the frames that the sun lights directly: {}", figures(sunny)));
         }
         if self.sun_is_left_out {
             remarks.push(
-                "the sun's direct light was left out (--without-sun), here and in what the bundle is compared with".to_owned(),
+                "the sun's direct light is omitted (--without-sun), in the bundle and in its reference".to_owned(),
             );
         }
         if let Some(baked) = &self.without_sun {
@@ -108,7 +108,7 @@ impl Evaluation {
                 [self.bytes_of_sun, self.bytes_of_shadows].map(|n| n as f64 / self.bytes as f64 * of_valid);
             let moving = match self.bytes_of_shadows {
                 0 => String::new(),
-                _ => format!(" and {shadows:.3} for its shadows to move between its times"),
+                _ => format!(" and {shadows:.3} for moving shadows"),
             };
             remarks.push(format!(
                 "without the sun's direct light, which takes {sun:.3} of these bits{moving}: {}",
@@ -117,20 +117,20 @@ impl Evaluation {
         }
         if q.black > 0 {
             remarks.push(format!(
-                "{} (tile, set) pairs are black and not judged; largest error there {}",
+                "{} (tile, frame) pairs are black and not evaluated; their largest error is {}",
                 q.black, q.black_largest_error
             ));
         }
         if q.constant > 0 {
             let error = cell(q.constant_relative_error, 6);
             remarks.push(format!(
-                "{} (tile, set) pairs are constant in space and judged apart: mean relative error {error}",
+                "{} (tile, frame) pairs are constant in space and evaluated separately: mean relative error {error}",
                 q.constant
             ));
         }
         if self.distinct_sets < self.by_hour.len() {
             remarks.push(format!(
-                "{} of {} sets differ; over these alone the mean is {} dB, pooled {} dB",
+                "{} of {} frames differ; over only these the mean is {} dB, pooled {} dB",
                 self.distinct_sets,
                 self.by_hour.len(),
                 cell(self.distinct.psnr_db, 2),
@@ -143,8 +143,8 @@ impl Evaluation {
         let noisy = self.samples.iter().filter(noisy).count();
         if noisy > 0 {
             remarks.push(format!(
-                "in {noisy} (tile, set) pairs the bake's own sampling error is larger than the codec's: a better bake, not a better \
-                 codec, would bring them closer to the truth"
+                "in {noisy} (tile, frame) pairs the bake's sampling error is larger than the codec's: bake with more samples rather than \
+                 compressing with more bits"
             ));
         }
         let below =
@@ -158,8 +158,8 @@ impl Evaluation {
             .collect();
         if dark.contains(&true) {
             remarks.push(format!(
-                "in the darkest quarter of {} of {} sets the error is larger than the light, which PSNR does not see ({} h; sets below {VISIBLE_LUX} lux \
-                 in the mean are not looked at)",
+                "in the darkest quarter of {} of {} frames the error exceeds the light, which PSNR does not show ({} h; frames with a mean below {VISIBLE_LUX} lux \
+                 are ignored)",
                 dark.iter().filter(|dark| **dark).count(),
                 self.by_hour.len(),
                 ranges(&hours, &dark)
@@ -167,7 +167,7 @@ impl Evaluation {
         }
         if met.contains(&true) {
             remarks.push(format!(
-                "the PSNR of {} of {} sets is above their noise ceiling: it says how well the bake's noise is met ({} h)",
+                "the PSNR of {} of {} frames is above their noise ceiling ({} h): there it measures how closely the bake's noise is reproduced",
                 met.iter().filter(|met| **met).count(),
                 self.by_hour.len(),
                 ranges(&hours, &met)
@@ -176,24 +176,24 @@ impl Evaluation {
         if let Some(Between { median_db, worst, linear_median_db, moments }) = self.between {
             let (worst, hour) = worst;
             let decoder = format!(
-                "the decoder has {median_db:.2} dB, pooled, in the median (least {worst:.2} dB at {hour:.2} h)"
+                "median pooled PSNR of the decoder {median_db:.2} dB (lowest {worst:.2} dB, at {hour:.2} h)"
             );
-            let sun = if self.without_sun.is_some() { ", the sun's direct light left out" } else { "" };
+            let sun = if self.without_sun.is_some() { ", without the sun's direct light" } else { "" };
             remarks.push(match linear_median_db {
                 None => format!(
-                    "between sets, at {moments} moments: {decoder} against the dataset's light as its layers go from set to set{sun}"
+                    "between frames, at {moments} times: {decoder} against the dataset's light, interpolated by its layers{sun}"
                 ),
                 Some(linear) => format!(
-                    "between sets, at {moments} moments of the withheld bake: {decoder}; light interpolated linearly between the \
-                     uncompressed sets has {linear:.2} dB"
+                    "between frames, at {moments} times of the withheld bake: {decoder}; linear interpolation of the \
+                     uncompressed frames: {linear:.2} dB"
                 ),
             });
         }
         if let Some(Shadows { pooled_db, mean_db, worst_db, pairs }) = self.shadows {
             let how = if self.bytes_of_shadows > 0 { "move" } else { "fade" };
             remarks.push(format!(
-                "the sun's direct light between sets, against the dataset's visibility, {pairs} (tile, moment) pairs: pooled {pooled_db:.2} dB, mean \
-                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows {how} from one time of visibility to the next"
+                "the sun's direct light between frames, against the dataset's visibility, {pairs} (tile, time) pairs: pooled {pooled_db:.2} dB, mean \
+                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB; shadows {how} between the times of the visibility"
             ));
         }
         if self.steps.smooth.or(self.steps.switch).is_some() {
@@ -201,20 +201,20 @@ impl Evaluation {
                 error.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error))
             };
             remarks.push(format!(
-                "from set to set the change of light is wrong by {} of itself, each change counting as it is large; across switches of lamps by {}",
+                "error of the change of light between consecutive frames, RMS, relative to the change: {}; across switches of light groups: {}",
                 percent(self.steps.smooth),
                 percent(self.steps.switch)
             ));
         }
         if let Some(lpips) = self.all.lpips {
-            remarks.push(format!("LPIPS {lpips:.4} in the mean"));
+            remarks.push(format!("mean LPIPS {lpips:.4}"));
         }
         if let Some(flip) = self.all.flip {
-            remarks.push(format!("HDR-ꟻLIP {flip:.4} in the mean"));
+            remarks.push(format!("mean HDR-ꟻLIP {flip:.4}"));
         }
         if let Some(ratio) = self.seam_ratio {
             remarks.push(format!(
-                "the step from a texel to its neighbour is wrong by {ratio:.3} times as much across tile borders as inside tiles"
+                "the error of differences between neighbouring texels is {ratio:.3} times as large across tile borders as inside tiles"
             ));
         }
         remarks

@@ -67,11 +67,11 @@ fn pictures(
     }
     section.row(&stacks);
     let sun = match evaluation.sun_is_left_out {
-        true => " Both are without the sun's direct light, which was left out of the bundle.",
+        true => " Both are without the sun's direct light, which the bundle omits.",
         false => "",
     };
     section.paragraph(&format!(
-        "Above what was baked, below what the bundle decodes to.{sun} {}",
+        "Above: baked. Below: decoded from the bundle.{sun} {}",
         of_view(view)
     ));
     Ok(())
@@ -103,8 +103,8 @@ fn how_good(evaluation: &Evaluation) -> String {
     let [mean, worst] = [all.psnr_db, all.psnr_worst_percent_db].map(|db| cell(db, 1));
     let ceiling = all
         .noise_ceiling_db
-        .map_or(String::new(), |db| format!("; the bake's own sampling error, as a PSNR, is {db:.1} dB"));
-    format!("PSNR {mean} dB on average over tiles and sets, {worst} dB in the worst 1 %{ceiling}.")
+        .map_or(String::new(), |db| format!("; the bake's sampling error, as a PSNR, is {db:.1} dB"));
+    format!("PSNR {mean} dB on average over tiles and frames, {worst} dB in the worst 1 %{ceiling}.")
 }
 
 fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> String {
@@ -112,7 +112,7 @@ fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> S
     let texels: f64 = config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
     let raw = texels * 12.0 * config.frames.len() as f64;
     format!(
-        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and set; {} of CPU time to train, {} to decode {}.",
+        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and frame; {} of CPU time to train, {} to decode {}.",
         bytes(size),
         bytes(raw),
         raw / size,
@@ -128,9 +128,9 @@ fn advice(all: &Quality, remark: Option<&str>) -> String {
     match (all.psnr_db.zip(all.noise_ceiling_db), remark) {
         (_, Some(remark)) => format!("{remark}."),
         (Some((psnr, ceiling)), _) if psnr > ceiling - CLOSE_DB => {
-            "More samples in the bake: its own error is about as large as that of the bundle, or larger.".to_owned()
+            "Bake with more samples: the bake's sampling error is about as large as the bundle's error, or larger.".to_owned()
         }
-        _ => "To come closer to the bake: --preset final trains longer, --profile M or H hold more; compress sweep tells what each gives."
+        _ => "For a smaller error: --preset final trains longer, --profile M or H store more; compress sweep shows what each gains."
             .to_owned(),
     }
 }
@@ -162,7 +162,7 @@ mod tests {
             ..Quality::default()
         };
         for (all, remark, expected) in [
-            (at(46.0, Some(46.2)), None, "More samples in the bake"),
+            (at(46.0, Some(46.2)), None, "Bake with more samples"),
             (at(46.0, Some(60.0)), None, "--preset final"),
             (at(46.0, None), None, "--preset final"),
             (at(46.0, Some(46.2)), Some("--target-psnr 50: missed"), "--target-psnr 50: missed."),

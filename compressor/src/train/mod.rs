@@ -123,7 +123,7 @@ pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<
 /// As [`train`].
 pub fn train_chosen(source: &TileSource, contents: &Contents, recipe: &Recipe) -> Result<TrainedTile> {
     train_as(source, recipe, |_, left_out| {
-        left_out.push(format!("chosen by trial: {contents}"));
+        left_out.push(format!("chosen by trial fits: {contents}"));
         *contents
     })
 }
@@ -173,8 +173,8 @@ fn train_coded(
         left_out.push(NO_TEXEL.to_owned());
     } else if black > 0 {
         left_out.push(match light.lit() {
-            0 => "black at every set".to_owned(),
-            _ => format!("black at {black} of {} sets", source.sets.len()),
+            0 => "black in every frame".to_owned(),
+            _ => format!("black in {black} of {} frames", source.sets.len()),
         });
     }
     if light.lit() == 0 {
@@ -219,7 +219,7 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<
     if light.distinct > 1 {
         return all;
     }
-    left_out.push("the same at every hour, means apart: F_uv alone".to_owned());
+    left_out.push("the same at every hour except for its mean: F_uv alone".to_owned());
     Contents { uv: true, hidden: all.hidden, ..Contents::NONE }
 }
 
@@ -247,25 +247,25 @@ fn check(source: &TileSource) -> Result<()> {
     }
     if source.hours.len() != source.sets.len() {
         return wrong(format!(
-            "{} hours; expected one for each of {} sets",
+            "{} hours; expected one for each of {} frames",
             source.hours.len(),
             source.sets.len()
         ));
     }
     if source.sets.is_empty() || source.coverage.len() != texels {
         return wrong(format!(
-            "{} sets and {} coverages; expected at least one set and {texels} coverages",
+            "{} frames and {} coverages; expected at least one frame and {texels} coverages",
             source.sets.len(),
             source.coverage.len()
         ));
     }
     for (k, set) in source.sets.iter().enumerate() {
         if set.len() != texels {
-            return wrong(format!("set {k} has {} texels; expected {texels}", set.len()));
+            return wrong(format!("frame {k} has {} texels; expected {texels}", set.len()));
         }
         if let Some(i) = set.iter().position(|e| !e.iter().all(|c| c.is_finite() && *c >= 0.0)) {
             let (x, y) = (i % source.width, i / source.width);
-            return wrong(format!("set {k}, texel ({x}, {y}): {:?}; expected finite light ≥ 0", set[i]));
+            return wrong(format!("frame {k}, texel ({x}, {y}): {:?}; expected finite light ≥ 0", set[i]));
         }
     }
     Ok(())
@@ -296,8 +296,8 @@ fn restarting<T>(
             return Ok(finished);
         }
         if retry < RETRIES {
-            remarks.push(format!("training diverged; restarted at 1/{} of the rate", 2 << retry));
+            remarks.push(format!("training diverged; restarted at 1/{} of the learning rate", 2 << retry));
         }
     }
-    Err(Error::invalid("tile", format!("training diverges even at 1/{} of the rate", 1 << RETRIES)))
+    Err(Error::invalid("tile", format!("training diverges even at 1/{} of the learning rate", 1 << RETRIES)))
 }

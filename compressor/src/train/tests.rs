@@ -238,7 +238,7 @@ fn a_tile_that_never_changes_is_one_map() {
     };
     let still = TileSource { gates: source.gates.clone(), ..tile(64, 64, 26, still) };
     let trained = train(&still, &M, &recipe(1500)).unwrap();
-    assert_eq!(trained.left_out, ["the same at every hour, means apart: F_uv alone"]);
+    assert_eq!(trained.left_out, ["the same at every hour except for its mean: F_uv alone"]);
     let stored = trained.params.unwrap();
     assert_eq!((stored.f_uvt.len(), stored.f_ut.len(), stored.f_vt.len(), stored.gates.len()), (0, 0, 0, 0));
     assert_eq!((stored.axis.length, &stored.axis.places[..]), (1, &[0; 26][..]));
@@ -374,13 +374,13 @@ fn other_profiles_train() {
 fn black_sets_and_tiles_are_left_out() {
     let half = tile(16, 16, 6, |k, x, _| if k < 2 { [0.0; 3] } else { [0.1 + x as f32; 3] });
     let trained = train(&half, &M, &recipe(50)).unwrap();
-    let same = "the same at every hour, means apart: F_uv alone";
+    let same = "the same at every hour except for its mean: F_uv alone";
     assert_eq!(trained.left_out, ["black at 2 of 6 sets", same]);
     assert_eq!(means_of(&trained.params.unwrap())[..2], [[0.0; 3]; 2]);
     let black = tile(16, 16, 3, |_, _, _| [0.0; 3]);
     let mut outside = tile(16, 16, 3, |_, _, _| [1.0; 3]);
     outside.coverage.fill(Coverage::Gutter);
-    for (source, why) in [(black, "black at every set"), (outside, "no valid texel")] {
+    for (source, why) in [(black, "black in every frame"), (outside, "no valid texel")] {
         let trained = train(&source, &M, &recipe(50)).unwrap();
         assert!(trained.params.is_none() && trained.psnr_db.is_none());
         assert_eq!(trained.left_out, [why]);

@@ -79,7 +79,7 @@ impl Source {
         let other = dataset.as_ref().and_then(|dataset| difference(&header, &dataset.config));
         let how = match (is_folder, &options.scene) {
             (true, _) => Some(format!("`compress {}` makes one of this dataset", folder.display())),
-            (false, None) => Some("--scene names the geometry of a bundle beside another dataset".to_owned()),
+            (false, None) => Some("for a bundle of another dataset, name its geometry with --scene".to_owned()),
             (false, Some(_)) => None,
         };
         if let Some((what, how)) = other.as_ref().zip(how) {
@@ -97,7 +97,7 @@ impl Source {
         let cameras = dataset.iter().flat_map(|dataset| Camera::of_manifest(&dataset.config)).collect();
         let (reference, left_out) = match other {
             Some(_) if !options.no_reference => {
-                (None, Some("the dataset beside the bundle is of another scene".to_owned()))
+                (None, Some("the dataset in the bundle's folder is of another scene".to_owned()))
             }
             _ => reference_of(dataset, &header, options.no_reference),
         };
@@ -240,7 +240,7 @@ fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Resu
 fn difference(header: &Header, config: &Config) -> Option<String> {
     let (found, expected) = (&header.scene, &config.scene);
     if found != expected {
-        return Some(format!("is a bundle of the scene {found:?}; expected one of {expected:?}"));
+        return Some(format!("is a bundle of scene {found:?}; expected one of {expected:?}"));
     }
     let text = |sizes: Vec<(usize, usize)>| {
         let of = |(width, height): &(usize, usize)| format!("{width} × {height}");
@@ -259,13 +259,13 @@ fn doubts_of(path: &Path, header: &Header, placed: &[u64]) -> Vec<String> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let dataset = Dataset::open_manifest(folder).ok();
     if let Some(what) = dataset.and_then(|dataset| difference(header, &dataset.config)) {
-        doubt(format!("it lies in a dataset of which the bundle is none, for that {what}"));
+        doubt(format!("it belongs to a dataset that the bundle was not made from: the bundle {what}"));
     }
     let pages = header.pages.len() as u64;
     match placed.iter().max() {
-        None => doubt("no mesh has a place on a lightmap (extras lightmapPage)".to_owned()),
+        None => doubt("no mesh has a chart placement on a page (extras lightmapPage)".to_owned()),
         Some(&page) if page >= pages => {
-            doubt(format!("it has meshes on page {page}; the bundle's {pages} are numbered from 0"));
+            doubt(format!("it has meshes on page {page}, but the bundle has {pages}, numbered from 0"));
         }
         Some(_) => {}
     }

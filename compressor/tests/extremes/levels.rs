@@ -19,14 +19,14 @@ fn noise(k: usize, x: usize, y: usize, c: usize) -> f32 {
 }
 
 /// Said of a tile whose sets differ in their means alone.
-const STATIC: &str = "the same at every hour, means apart: F_uv alone";
+const STATIC: &str = "the same at every hour except for its mean: F_uv alone";
 
 #[test]
 fn a_black_tile_beside_a_lit_one_stays_black_and_takes_no_payload() {
     let lit = |x: usize| x >= 130;
     let result = Case::new(200, 40, 4, |_, x, y| if lit(x) { [texture(x, y); 3] } else { [0.0; 3] }).run();
     assert_eq!((result.outcome.tiles, result.outcome.empty), (2, 1));
-    assert_eq!(result.left_out(), ["black at every set", STATIC]);
+    assert_eq!(result.left_out(), ["black in every frame", STATIC]);
     for image in &result.decoded {
         assert!((0..40).all(|y| (0..126).all(|x| image.texels[y * 200 + x] == [0.0; 3])));
     }

@@ -43,7 +43,7 @@ pub(super) fn convert(
         let mask = page.mask()?;
         if !mask.valid.contains(&true) {
             console.warn(format!(
-                "no texel of page {index} is valid: is its mask the right one, and not inverted?"
+                "no texel of page {index} is valid; check that its mask is the right one and not inverted"
             ));
         }
         let png = writer.add(&format!("mask{index}"), "png", &mask.to_png())?;
@@ -215,8 +215,8 @@ impl Job<'_> {
                     let (x, y) = (i % width, y0 + i / width);
                     let place = format!("{}, texel ({x}, {y})", whole.path(y).display());
                     let what = format!(
-                        "{texel:?}; its shares sum to {sum:?}: expected the same to 1/1024 (without the folders of shares, \
-                         lightmaps are imported alone)"
+                        "{texel:?}; its shares sum to {sum:?}; expected equality within 1/1024 (remove the folders of shares \
+                         to import only the lightmaps)"
                     );
                     return Err(Error::invalid(place, what));
                 }

@@ -20,7 +20,7 @@ pub struct Exported {
     /// Hours of the sets that were written.
     pub hours: Vec<f64>,
     /// What of the dataset the layout does not hold, and why.
-    pub left_out: Vec<String>,
+    pub omitted: Vec<String>,
     /// Files written.
     pub files: usize,
     /// Their length.
@@ -35,40 +35,40 @@ pub struct Exported {
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
     if layout == Layout::Exr {
-        return Err(Error::unsupported(out.display(), "EXR files are a layout to import from alone"));
+        return Err(Error::unsupported(out.display(), "EXR files can only be imported; expected --layout hprc1 or hprc2"));
     }
     dataset.expect_moments()?;
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
-    let (hours, mut left_out, (config, planned)) = match kept(dataset, Some(layout))? {
+    let (hours, mut omitted, (config, planned)) = match kept(dataset, Some(layout))? {
         Some(own) => (dataset.config.frames.iter().map(|frame| frame.hour).collect(), Vec::new(), own),
         None => {
-            let (hours, mut left_out) = hours(dataset, layout)?;
+            let (hours, mut omitted) = hours(dataset, layout)?;
             let plan = plan(dataset, layout, &hours)?;
             if !dataset.config.groups.is_empty() {
-                left_out
-                    .push("light groups, their names and hours: the layout has no place for them".to_owned());
+                omitted
+                    .push("names and hours of light groups: the layout cannot store them".to_owned());
             }
-            (hours, left_out, plan)
+            (hours, omitted, plan)
         }
     };
     let layered = !dataset.config.layers.is_empty();
     if layout == Layout::Hprc1 && !layered {
-        left_out.push(format!("{}: the set has no layers", layout1::SHARES.join(", ")));
+        omitted.push(format!("{}: the dataset has no layers", layout1::SHARES.join(", ")));
     }
     if layout == Layout::Hprc2 && layered {
-        left_out.push("layers of sun, sky and lamps: the layout has no place for them".to_owned());
+        omitted.push("layers of sun, sky and light groups: the layout cannot store them".to_owned());
     }
     let set = &dataset.config;
     for (what, is_there) in [
         ("geometry", set.geometry.is_some()),
-        ("places of instances", !set.instances.is_empty()),
+        ("chart placements of instances", !set.instances.is_empty()),
         ("noise", set.noise.is_some()),
         ("the sun's path", set.sun_path.is_some()),
         ("the sun's visibility", set.visibility.is_some()),
     ] {
         if is_there {
-            left_out.push(format!("{what}: the layout has no place for it"));
+            omitted.push(format!("{what}: the layout cannot store it"));
         }
     }
 
@@ -88,7 +88,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
     written.push(config.len() as u64);
     drop(progress);
     folder.finish()?;
-    Ok(Exported { hours, left_out, files: written.len(), bytes: written.iter().sum() })
+    Ok(Exported { hours, omitted, files: written.len(), bytes: written.iter().sum() })
 }
 
 /// The hours that the layout takes, and why not the others.
@@ -99,7 +99,7 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         Layout::Hprc1 => {
             let missing: Vec<f64> = layout1::hours().filter(|hour| !all.contains(hour)).collect();
             if !missing.is_empty() {
-                let what = format!("no frame at {} h; the layout holds all 24 hours", list(&missing));
+                let what = format!("no frame at {} h; the layout needs all 24 whole hours: export to hprc2, or bake with --hours 0..24", list(&missing));
                 return Err(Error::unsupported(dataset.root.display(), what));
             }
             all.iter().partition(|&&hour| layout1::hours().any(|whole| whole == hour))
@@ -107,12 +107,12 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
     };
     if taken.is_empty() {
-        let what = format!("no frame at a whole hour; frames at {} h have no time key", list(&others));
+        let what = format!("only frames between whole hours, at {} h; the layout needs whole hours", list(&others));
         return Err(Error::unsupported(dataset.root.display(), what));
     }
     let reason = match layout {
-        Layout::Hprc1 => "the layout holds whole hours",
-        _ => "the layout holds whole hours, 5.9 and 18.1",
+        Layout::Hprc1 => "the layout stores only whole hours",
+        _ => "the layout stores only whole hours, 5.9 and 18.1",
     };
     let told = (!others.is_empty())
         .then(|| format!("{} at {} h: {reason}", count(others.len(), "frame"), list(&others)));

@@ -42,7 +42,7 @@ pub(super) fn by_pattern(
             Some(hour) if hour <= 24.0 => found.push((hour % 24.0, name)),
             Some(hour) => {
                 let what =
-                    format!("hour {hour}; expected 0 to 24 (a table can give other names their hours)");
+                    format!("hour {hour}; expected 0 to 24 (for other names, give the hours in a TOML file)");
                 return Err(Error::invalid(folder.join(name).display(), what));
             }
             None if name.to_ascii_lowercase().ends_with(".exr") => others.push(name),
@@ -54,7 +54,7 @@ pub(super) fn by_pattern(
         return Err(wrong(format!("no file in {} matches", folder.display())));
     }
     if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        return Err(wrong(format!("{} and {} are both for {} h", pair[0].1, pair[1].1, pair[0].0)));
+        return Err(wrong(format!("{} and {} both name {} h; expected one file per hour", pair[0].1, pair[1].1, pair[0].0)));
     }
     let mask = mask.map(|mask| MaskFile::Picture(mask.to_owned()));
     others.retain(|name| !matches!(&mask, Some(MaskFile::Picture(path)) if path.ends_with(name)));
@@ -122,7 +122,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut sets = table.set;
     sets.sort_by(|a, b| a.hour.as_ref().total_cmp(b.hour.as_ref()));
-    let Some(first) = sets.first() else { return Err(wrong(None, "no [[set]]")) };
+    let Some(first) = sets.first() else { return Err(wrong(None, "no [[set]]; expected one per hour")) };
     let pages_told = if table.page.is_empty() { first.files.len() } else { table.page.len() };
     for set in &sets {
         let (hour, span) = (set.hour.as_ref(), Some(set.hour.span()));
@@ -137,7 +137,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         }
     }
     if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour.as_ref() == pair[1].hour.as_ref()) {
-        let what = format!("hour {} is there twice", pair[1].hour.as_ref());
+        let what = format!("hour {} occurs twice; expected one file or [[set]] per hour", pair[1].hour.as_ref());
         return Err(wrong(Some(pair[1].hour.span()), &what));
     }
     let mut groups = Vec::with_capacity(table.group.len());

@@ -69,7 +69,7 @@ fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
     let there: Vec<&str> = layout1::SHARES.into_iter().filter(|share| root.join(share).exists()).collect();
     if layout == Layout::Hprc1 && !matches!(there.len(), 0 | 3) {
         let what = format!(
-            "there is {} alone; expected {} or none of them",
+            "only {} exists; expected {}, or none of them",
             there.join(", "),
             layout1::SHARES.join(", ")
         );

@@ -92,7 +92,7 @@ impl IncomingPage {
                         let place = format!("{}, texel ({x}, {y})", file.path(y).display());
                         let told = |valid: bool| if valid { "valid" } else { "not valid" };
                         let what = format!(
-                            "{}; {} in {}: expected one mask for all hours",
+                            "{}, but {} in {}; expected the same mask at all hours",
                             told(rows[i]),
                             told(own[i]),
                             first_file.path(y).display()

@@ -56,7 +56,7 @@ pub(super) fn parse(place: &Path, bytes: &[u8]) -> Result<impl Iterator<Item = R
 fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
     let Entry { id, resolution: Resolution { width, height }, parts } = *entry;
     if !(1..=MAX_PARTS).contains(&parts) || !height.is_multiple_of(parts) {
-        let expected = format!("expected 1 to {MAX_PARTS} that divide the height, {height}");
+        let expected = format!("expected a divisor of the height, {height}, from 1 to {MAX_PARTS}");
         let what = format!("lightmap {id}: {parts} parts; {expected}");
         return Err(Error::invalid(place.display(), what));
     }

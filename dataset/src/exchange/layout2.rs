@@ -59,7 +59,7 @@ impl<'de> Deserialize<'de> for Names {
                 let mut known = BTreeSet::new();
                 while let Some((key, name)) = map.next_entry::<String, String>()? {
                     if !known.insert(key.clone()) {
-                        return Err(serde::de::Error::custom(format!("time key {key:?} is there twice")));
+                        return Err(serde::de::Error::custom(format!("time key {key:?} occurs twice")));
                     }
                     names.push((key, name));
                 }
@@ -122,7 +122,7 @@ fn planned(place: &Path, entry: Entry) -> Result<Planned> {
     let light = read("lightmaps", &lightmaps)?;
     let masks = read("masks", &masks)?;
     if let Some((hour, _)) = masks.iter().find(|(hour, _)| light.iter().all(|(lit, _)| lit != hour)) {
-        return Err(wrong(format!("masks has {hour} h; lightmaps has not")));
+        return Err(wrong(format!("masks has {hour} h, which lightmaps lacks; expected the same hours")));
     }
     // One file often serves all times.
     let mut masks: Vec<PathBuf> = masks.into_iter().map(|(_, path)| path).collect();

@@ -33,7 +33,7 @@ pub(super) fn parse(
         let planned = planned?;
         let Lightmap { id, width, height, .. } = planned.lightmap;
         if !ids.insert(id) {
-            return wrong(format!("lightmap {id} is there twice; expected ids that differ"));
+            return wrong(format!("lightmap {id} occurs twice; expected distinct ids"));
         }
         let side = 1..=MAX_SIDE as u32;
         if !side.contains(&width) || !side.contains(&height) {
@@ -57,14 +57,14 @@ pub(super) fn parse(
 pub(super) fn read_config(path: &Path) -> Result<Vec<u8>> {
     let refused = |what: String| Err(Error::invalid(path.display(), what));
     if !path.metadata().map_err(Error::io(path))?.is_file() {
-        return refused("no plain file; expected a configuration".to_owned());
+        return refused("not a regular file; expected a configuration file".to_owned());
     }
     let mut bytes = Vec::new();
     let mut file = std::fs::File::open(path).map_err(Error::io(path))?.take(MAX_CONFIG_BYTES + 1);
     file.read_to_end(&mut bytes).map_err(Error::io(path))?;
     if bytes.len() as u64 > MAX_CONFIG_BYTES {
         return refused(format!(
-            "longer than {MAX_CONFIG_BYTES} bytes; expected a configuration of at most that"
+            "more than {MAX_CONFIG_BYTES} bytes; expected a smaller configuration file"
         ));
     }
     Ok(bytes)

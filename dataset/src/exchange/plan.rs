@@ -61,7 +61,7 @@ pub(super) fn expect_count(place: &Path, lightmap_count: u64, listed: usize) -> 
     }
     let found = count(listed, "lightmap");
     let what = format!(
-        "lightmap_count is {lightmap_count}, lightmap_list has {found}; expected as many, and one at least"
+        "lightmap_count is {lightmap_count}, but lightmap_list has {found} entries; expected equal numbers ≥ 1"
     );
     Err(Error::invalid(place.display(), what))
 }

@@ -51,7 +51,7 @@ pub fn halved_inputs(config: &Config) -> String {
 fn expect_day(dataset: &Dataset) -> Result<()> {
     let Some(transfer) = &dataset.config.transfer else { return Ok(()) };
     let what = format!(
-        "holds the transfer of {:?}, which goes with a dataset of full resolution; expected a dataset of a day",
+        "is the transfer of {:?}, which exists only at full resolution; expected a dataset of a day",
         transfer.scene
     );
     Err(Error::unsupported(dataset.root.display(), what))
@@ -153,7 +153,7 @@ pub fn extent(config: &Config) -> (usize, u64) {
 pub fn open(root: &Path, source: &Config) -> Result<Dataset> {
     let dataset = Dataset::open(root)?;
     if dataset.config.inputs != halved_inputs(source) {
-        let what = "is not half of that dataset as it is now; expected what `dataset halve` made of it";
+        let what = "was not made from the present state of that dataset; run `dataset halve` again";
         return Err(Error::invalid(root.join(MANIFEST).display(), what));
     }
     Ok(dataset)

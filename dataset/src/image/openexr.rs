@@ -159,7 +159,7 @@ fn rows_of(path: &Path, reader: Reader, names: &Channels, y0: usize, y1: usize) 
     // Every row must have come, once.
     match samples_in_row.iter().position(|&samples| samples != 3 * width) {
         Some(row) => {
-            Err(Error::invalid(path.display(), format!("row {} is missing or there twice", y0 + row)))
+            Err(Error::invalid(path.display(), format!("row {} is missing or occurs twice", y0 + row)))
         }
         None => Ok(texels),
     }
@@ -179,7 +179,7 @@ fn open_rgb(path: &Path) -> Result<Reader> {
     let header = &reader.headers()[0];
     let compression = header.compression;
     if header.channels.list.iter().any(|channel| !compression.is_lossless_for(channel.sample_type)) {
-        let what = format!("{compression}; expected a lossless one: none, RLE, ZIP or PIZ");
+        let what = format!("{compression}; expected lossless compression: none, RLE, ZIP or PIZ");
         return Err(Error::unsupported(path.display(), what));
     }
     Ok(reader)
@@ -226,7 +226,7 @@ pub(crate) fn find_channels(path: &Path, layer: Option<&str>) -> Result<(Channel
         // Channels without a layer are the image itself.
         (None, several) => match several.iter().find(|(layer, _)| layer.is_empty()) {
             Some((_, channels)) => Ok(channels.clone()),
-            None => Err(told("expected R, G, B of one layer: say which")),
+            None => Err(told("expected R, G, B of one layer; choose it with --layer")),
         },
     };
     let channels = found.map_err(|what| Error::unsupported(path.display(), what))?;

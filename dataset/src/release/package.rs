@@ -31,7 +31,7 @@ pub struct Packaged {
     /// Names of the scenes.
     pub scenes: Vec<String>,
     /// What the layouts of exchange have no place for.
-    pub left_out: Vec<String>,
+    pub omitted: Vec<String>,
     /// Files in the release folder.
     pub files: usize,
     /// Their length.
@@ -63,7 +63,7 @@ pub fn release(
             return Err(Error::unsupported(path.display(), what));
         }
         if !names.insert(scene.clone()) {
-            return Err(Error::invalid(path.display(), format!("scene {scene:?} is there twice")));
+            return Err(Error::invalid(path.display(), format!("scene {scene:?} occurs twice; expected distinct scene names")));
         }
         datasets.push(dataset);
     }
@@ -84,7 +84,7 @@ pub fn release(
 
     let reader = include_bytes!("../../python/read_dataset.py");
     write_atomically(&root.join(READER), reader)?;
-    let left_out = scenes.iter().flat_map(|(_, left_out)| left_out.clone()).collect();
+    let omitted = scenes.iter().flat_map(|(_, omitted)| omitted.clone()).collect();
     let manifest = Manifest {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -96,7 +96,7 @@ pub fn release(
     stop_if_interrupted()?;
     folder.finish()?;
     let files = bytes.len();
-    Ok(Packaged { scenes: names.into_iter().collect(), left_out, files, bytes: bytes.iter().sum() })
+    Ok(Packaged { scenes: names.into_iter().collect(), omitted, files, bytes: bytes.iter().sum() })
 }
 
 /// The first fault of any, as an error.
@@ -119,7 +119,7 @@ struct Plan {
     archives: Vec<(String, Vec<Member>)>,
     /// Folders of exported layouts, to be removed once they are packed.
     exported: Vec<PathBuf>,
-    left_out: Vec<String>,
+    omitted: Vec<String>,
 }
 
 impl Plan {
@@ -147,19 +147,19 @@ impl Plan {
             }));
             archives.push((holds.to_owned(), members));
         }
-        let (mut exported, mut left_out) = (Vec::new(), Vec::new());
+        let (mut exported, mut omitted) = (Vec::new(), Vec::new());
         for &layout in layouts {
             let name = format!("{scene}-{}", layout.name());
             let folder = root.join(format!("{name}.export"));
-            let told = export(dataset, layout, &folder, console)?.left_out;
-            left_out.extend(told.into_iter().map(|what| format!("{name}: {what}")));
+            let told = export(dataset, layout, &folder, console)?.omitted;
+            omitted.extend(told.into_iter().map(|what| format!("{name}: {what}")));
             let mut files = Vec::new();
             list(&folder, &name, &mut files)?;
             files.sort_by(|a, b| a.path.cmp(&b.path));
             archives.push((layout.name().to_owned(), files));
             exported.push(folder);
         }
-        Ok(Plan { archives, exported, left_out })
+        Ok(Plan { archives, exported, omitted })
     }
 
     /// Writes the scene's files; gives its entry of the manifest, and what was left out.
@@ -192,8 +192,8 @@ impl Plan {
                 previews.push(name);
             }
         }
-        let (archives_of, left_out) = (&archives, &self.left_out);
-        let files = Files { archives: archives_of, bundles: &bundles, previews: &previews, left_out, cc0 };
+        let (archives_of, omitted) = (&archives, &self.omitted);
+        let files = Files { archives: archives_of, bundles: &bundles, previews: &previews, omitted, cc0 };
         let name = format!("{scene}.md");
         expect_free(root, &name)?;
         write_atomically(&root.join(&name), datasheet(config, &files).as_bytes())?;
@@ -204,7 +204,7 @@ impl Plan {
             bundles: bundles.into_iter().map(|(name, _)| name).collect(),
             previews,
         };
-        Ok((entry, self.left_out))
+        Ok((entry, self.omitted))
     }
 }
 
@@ -256,7 +256,7 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
         let name = if own { name.to_owned() } else { format!("{scene}-{name}") };
         if let Some(other) = found.insert(name.clone(), path.clone()) {
             let what =
-                format!("would be {name} in the release, and so would {}; rename one", other.display());
+                format!("would be {name} in the release, as would {}; rename one", other.display());
             return Err(Error::invalid(path.display(), what));
         }
     }
@@ -288,7 +288,7 @@ fn write_sums(root: &Path, console: &Console) -> Result<Vec<u64>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(root).map_err(Error::io(root))? {
         let name = entry.map_err(Error::io(root))?.file_name();
-        names.push(name.into_string().map_err(|name| Error::invalid(name.display(), "not a name in UTF-8"))?);
+        names.push(name.into_string().map_err(|name| Error::invalid(name.display(), "the name is not UTF-8"))?);
     }
     names.sort();
     let lengths = names.iter().map(|name| length(&root.join(name))).collect::<Result<Vec<u64>>>()?;

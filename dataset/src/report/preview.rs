@@ -74,16 +74,16 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
     let groups = group_by_exposure(&reduced.chunks(masks.len().max(1)).map(of_set).collect::<Vec<_>>());
     if groups.len() > 1 {
         section.paragraph(
-            "Pictures under one heading share an exposure and can be compared with each other; ×N: N times that of the brightest.",
+            "Pictures under one heading share an exposure; ×N is N times that of the brightest.",
         );
     }
     let brightest = groups.first().map_or(1.0, |(exposure, _)| *exposure);
     for (i, (exposure, sets)) in groups.iter().enumerate() {
         section.subheading(&match (i, exposure.is_finite()) {
-            (_, false) => "Sets without light".to_owned(),
+            (_, false) => "Frames without light".to_owned(),
             (0, _) if groups.len() == 1 => "By hour, at one exposure".to_owned(),
-            (0, _) => "By hour, the brightest sets".to_owned(),
-            _ => format!("Darker sets, exposure ×{}", short(f64::from(*exposure) / f64::from(brightest))),
+            (0, _) => "By hour, the brightest frames".to_owned(),
+            _ => format!("Darker frames, exposure ×{}", short(f64::from(*exposure) / f64::from(brightest))),
         });
         let exposure = if exposure.is_finite() { *exposure } else { 1.0 };
         let indices: Vec<usize> = (0..pairs.len()).filter(|&i| sets.contains(&pairs[i].0)).collect();
@@ -156,7 +156,7 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
     let errors = config.frames.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
     if let Some((error, at)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         rows.push(row(
-            "Estimated error of a set",
+            "Estimated error of a frame",
             format!(
                 "at most {:.2} % (at {} h): the sampling's standard error, root mean square over the page, ÷ the page's mean light",
                 100.0 * error,

@@ -33,10 +33,10 @@ pub fn remark(view: &View) -> String {
     let plain = match with_texels.iter().all(|share| *share == 1.0) {
         true => "",
         false => {
-            " What has no texels is lit evenly, without shadows; panes, the glow of lamps and the look of the sky are left out."
+            " Surfaces without texels are lit evenly, without shadows; panes, glowing lamps and the sky's appearance are omitted."
         }
     };
-    format!("From the camera “{}”, each hour at its own exposure.{plain}", view.camera.name)
+    format!("From the camera “{}”, each hour with its own exposure.{plain}", view.camera.name)
 }
 
 /// The scene in a dataset's light. `None` without a geometry file, and for the transfer of a scene, which is not the light of a day. If the geometry file is

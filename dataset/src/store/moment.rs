@@ -30,7 +30,7 @@ impl Dataset {
     pub fn moment(&self, hour: f64, page: usize) -> Result<Image> {
         self.expect_moments()?;
         if !(0.0..=24.0).contains(&hour) {
-            let what = format!("the hour {hour}: expected one from 0 to 24");
+            let what = format!("hour {hour}; expected 0 to 24");
             return Err(Error::invalid(self.root.display(), what));
         }
         if let Some(path) = self.sun_path()?

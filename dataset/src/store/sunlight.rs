@@ -72,7 +72,7 @@ impl Dataset {
         let normals = self.normals(normals, page)?;
         let within = |hour: &f64| path.at(*hour).is_some();
         if let Some(hour) = visibility.hours.iter().find(|hour| !within(hour)) {
-            let what = format!("the time {hour} h: expected those of the sun's path alone");
+            let what = format!("time {hour} h; expected a time of the sun's path");
             return Err(Error::invalid(self.path(&files.files[page]).display(), what));
         }
         Ok(Some(Sunlight { path, visibility, normals }))

@@ -186,7 +186,7 @@ impl Dataset {
             // (A folder that cannot be listed is told by who opens its files.)
             for path in crate::files::temporaries(&folder).unwrap_or_default() {
                 left.push(format!(
-                    "{}: a temporary file; if nothing writes here now, a writer was killed, and the file can be removed",
+                    "{}: a temporary file; if no process is writing here, a killed process left it and it can be removed",
                     path.display()
                 ));
             }
@@ -218,8 +218,8 @@ impl Dataset {
                 for on in [before, after].into_iter().flatten().filter(|&on| !shown(at, on)) {
                     let (name, state) = (&group.name, if on { "on" } else { "off" });
                     unseen.push(format!(
-                        "group {name:?} switches at {at} h; no frame within {SWITCH_REACH} h shows it {state}, so that light \
-                         near the switch is that of a frame farther away"
+                        "group {name:?} switches at {at} h, but no frame within {SWITCH_REACH} h has it {state}, so light \
+                         near the switch is taken from a frame farther away"
                     ));
                 }
             }

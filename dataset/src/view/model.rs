@@ -179,7 +179,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> 
     let model = reader.model;
     let triangles: usize = model.parts.iter().map(|part| model.shapes[part.shape].triangles.len()).sum();
     if triangles > MOST_TRIANGLES {
-        let what = format!("{triangles} triangles; at most {MOST_TRIANGLES} are drawn");
+        let what = format!("{triangles} triangles; expected at most {MOST_TRIANGLES}");
         return Err(Error::unsupported(path.display(), what));
     }
     Ok(model)

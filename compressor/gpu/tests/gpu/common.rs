@@ -138,8 +138,8 @@ pub fn tile_by_cpu(at: &At, bundle: &Bundle, place: Place, moment: &Moment) -> V
     let tile = at.tile(place).unwrap();
     let mut texels = vec![[0.0; 3]; tile.width() * tile.height()];
     tile.decode_into(&mut texels);
-    let params = bundle.tile(place).unwrap().filter(|_| moment.lights != Lights::Sun);
-    let means = params.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.moment()).means);
+    let stored = bundle.tile(place).unwrap().filter(|_| moment.lights != Lights::Sun);
+    let means = stored.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.moment()).means);
     let of_sun = at.sun_of(place).unwrap().and(at.sun()).map(|sun| sun.irradiance);
     let mean = [0, 1, 2].map(|c| means.unwrap_or_default()[c].max(of_sun.unwrap_or_default()[c]));
     texels.into_iter().map(|texel| (texel, mean)).collect()

@@ -63,7 +63,7 @@ impl Lapse {
         let view = view.ok_or_else(|| {
             Error::invalid(
                 dataset.root.display(),
-                "no pixel of a small picture shows texels; expected no --render",
+                "no pixel of a small picture shows texels; omit --render",
             )
         })?;
         let judged = with_texels(&view).valid;

@@ -46,18 +46,18 @@ pub(super) fn choose(dataset: &Dataset) -> Result<(Vec<Shown>, Vec<String>)> {
     match later {
         Some(hour) if is_baked(dataset, hour)? => {
             let minutes = (60.0 * (hour - shown[0].hour)).round() as usize;
-            let what = format!("between sets, {} after the {}", count(minutes, "minute"), shown[0].what);
+            let what = format!("between frames, {} after the {}", count(minutes, "minute"), shown[0].what);
             shown.push(Shown { hour, what, set: None });
         }
-        _ => left_out.push("a moment between sets: none was baked".to_owned()),
+        _ => left_out.push("a time between frames: none was baked".to_owned()),
     }
     match last_switch(dataset)? {
         Some((hour, group)) => {
-            let what = format!("beside a switch, 3 minutes after “{group}” went on");
+            let what = format!("near a switch, 3 minutes after “{group}” went on");
             let set = frames.iter().position(|set| set.hour == hour);
             shown.push(Shown { hour, what, set });
         }
-        None => left_out.push("a moment beside a switch: no light group goes on in the baked day".to_owned()),
+        None => left_out.push("a time near a switch: no light group goes on in the baked day".to_owned()),
     }
     Ok((shown, left_out))
 }

@@ -26,7 +26,7 @@ impl Network {
         let model = Model::load(bytes).map_err(|e| {
             Error::invalid(
                 path.display(),
-                format!("{e}: expected an ONNX file, as export_lpips.py writes it"),
+                format!("{e}; expected an ONNX file written by export_lpips.py"),
             )
         })?;
         let (inputs, outputs) = (model.input_ids().to_vec(), model.output_ids().to_vec());

@@ -115,9 +115,9 @@ fn what_is_wrong_is_named() {
             |r, _| r["buffers"][0]["byteLength"] = json!(1000),
             "expected one buffer, inside the file's binary part",
         ),
-        (|r, _| r["meshes"][0]["primitives"][0]["indices"] = json!(9), "its JSON is no glTF"),
-        (|r, _| r["nodes"] = json!("floor"), "its JSON is no glTF"),
-        (|r, _| r["nodes"][0]["mesh"] = json!(5), "its JSON is no glTF"),
+        (|r, _| r["meshes"][0]["primitives"][0]["indices"] = json!(9), "its JSON is not glTF"),
+        (|r, _| r["nodes"] = json!("floor"), "its JSON is not glTF"),
+        (|r, _| r["nodes"][0]["mesh"] = json!(5), "its JSON is not glTF"),
     ];
     for (spoil, expected) in cases {
         let (mut root, mut binary) = triangle();
