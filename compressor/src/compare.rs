@@ -23,11 +23,11 @@ mod methods;
 mod ablations;
 mod render;
 
-pub use render::{Crop, Line, Rendered, Seen, ShownMoment};
+pub use render::{Crop, Line, Rendered, Seen, ShownTime};
 pub use table::{Comparison, Row};
 
 use crate::compress::{DRAFT, MEDIUM, Preset};
-use crate::evaluate::Looks;
+use crate::evaluate::SlowMetrics;
 use crate::{Error, Result};
 use dataset::config::Config;
 use dataset::console::{Console, stop_if_interrupted};
@@ -83,40 +83,40 @@ impl Effort {
 pub fn compare(
     dataset: &Dataset,
     transfer: Option<&Dataset>,
-    looks: Looks,
+    slow_metrics: SlowMetrics,
     options: &Options,
     console: &Console,
 ) -> Result<Comparison> {
-    dataset.expect_moments()?;
-    let set = TileSet::load(dataset, options)?;
-    if set.tiles.is_empty() {
+    dataset.expect_day()?;
+    let frame = TileSet::load(dataset, options)?;
+    if frame.tiles.is_empty() {
         return Err(Error::invalid(
             dataset.root.display(),
             "no tile has a valid texel, so there is nothing to compare; check the dataset's masks",
         ));
     }
-    let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &set)).transpose()?;
+    let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &frame)).transpose()?;
     let noise = dataset.noise()?;
-    let judge = Judge::new(&set, noise.as_ref(), looks);
-    let mut comparison = Comparison::new(&set, options);
-    let mut left_out = Vec::new();
+    let judge = Judge::new(&frame, noise.as_ref(), slow_metrics);
+    let mut comparison = Comparison::new(&frame, options);
+    let mut skipped = Vec::new();
     let methods = if options.ablations {
-        ablations::methods(&set, options)
+        ablations::methods(&frame, options)
     } else {
-        let mut methods = own(&set, options);
+        let mut methods = own(&frame, options);
         match &transfer {
-            Some(transfer) => methods.extend(prt::methods(&set, transfer)),
-            None => left_out.push(without_transfer(&dataset.config)),
+            Some(transfer) => methods.extend(prt::methods(&frame, transfer)),
+            None => skipped.push(without_transfer(&dataset.config)),
         }
-        foreign(&set, options, &mut methods, &mut left_out);
+        foreign(&frame, options, &mut methods, &mut skipped);
         named(methods, &options.methods)?
     };
-    let mut stage = options.render.then(|| Stage::new(dataset, &set, console)).transpose()?;
+    let mut stage = options.render.then(|| Stage::new(dataset, &frame, console)).transpose()?;
     let progress = console.progress("comparing", methods.len() as u64);
     let mut shown = Vec::new();
     for method in methods {
         progress.note(&method.name);
-        let (row, judged, way) = measure(&set, &judge, &method)?;
+        let (row, judged, way) = measure(&frame, &judge, &method)?;
         stage.iter_mut().try_for_each(|stage| stage.show(&row, &way))?;
         // The same for all.
         comparison.noise_ceiling_db = judged.quality.noise_ceiling_db;
@@ -125,13 +125,13 @@ pub fn compare(
         progress.advance(1);
     }
     if options.ablations {
-        comparison.rows.extend(ablations::sizes(&set, options)?);
+        comparison.rows.extend(ablations::sizes(&frame, options)?);
     }
-    comparison.left_out = left_out;
+    comparison.skipped = skipped;
     if let Some(stage) = stage {
         comparison.rendered = Some(stage.finish(&comparison, &judge.shown, &shown)?);
     }
-    comparison.finish(&set, &judge.shown, shown);
+    comparison.finish(&frame, &judge.shown, shown);
     Ok(comparison)
 }
 
@@ -148,7 +148,7 @@ fn without_transfer(config: &Config) -> String {
 }
 
 /// Runs a method; the best of its ways counts.
-fn measure<'a>(set: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row, Judged, Way<'a>)> {
+fn measure<'a>(frame: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row, Judged, Way<'a>)> {
     stop_if_interrupted()?;
     let mut best: Option<(Row, Judged, Way)> = None;
     let mut notes = Vec::new();
@@ -162,7 +162,7 @@ fn measure<'a>(set: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row
             ));
         }
         let judged = judge.judge(&way.coded)?;
-        let row = Row::new(set, method.family, &method.name, &way.coded, &judged);
+        let row = Row::new(frame, method.family, &method.name, &way.coded, &judged);
         notes.push((way.note.clone(), table::decibels(row.psnr_db)));
         if best.as_ref().is_none_or(|(best, ..)| row.psnr_db > best.psnr_db) {
             best = Some((Row { note: way.note.clone(), ..row }, judged, way));

@@ -16,7 +16,7 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Bundle, Header, Payload};
 use crate::grid::{Grid, Place};
-use crate::law::{Law, can_leave_sun_out, is_sun_apart};
+use crate::law::{Law, can_omit_sun, is_sun_apart};
 use crate::model::{PROFILES, Profile};
 use crate::sunlight::Sunlight;
 use crate::tile::Band;
@@ -69,7 +69,7 @@ pub enum Rate {
     Profile(Profile),
     /// What brief trials of each tile find: so much that all tiles together reach this pooled PSNR in dB, about.
     Psnr(f64),
-    /// The same, within so many bits per texel and set for the whole bundle.
+    /// The same, within so many bits per texel and frame for the whole bundle.
     Bpp(f64),
 }
 
@@ -87,7 +87,7 @@ pub struct Options {
     pub time_limit: Option<Duration>,
     /// Leave out the sun's direct light where the dataset keeps it apart: the bundle's reader draws the sun itself.
     pub without_sun: bool,
-    /// Shadows of the sun fade from where they are at one set to where they are at the next, instead of moving there.
+    /// Shadows of the sun fade from where they are at one frame to where they are at the next, instead of moving there.
     pub still_shadows: bool,
     /// Seed of all randomness.
     pub seed: u64,
@@ -145,7 +145,7 @@ pub fn light_of(header: &Header) -> Option<String> {
 }
 
 /// Whether a bundle lacks the sun's direct light, which its dataset keeps apart.
-pub(crate) fn sun_is_left_out(header: &Header) -> bool {
+pub(crate) fn sun_is_omitted(header: &Header) -> bool {
     let info: serde_json::Value = serde_json::from_str(&header.info).unwrap_or_default();
     info["sun"] == "left out"
 }
@@ -218,7 +218,7 @@ pub enum Sharded {
     /// All tiles of its share are trained.
     Trained(Note),
     /// The trial fits of its share are there. Others' may be missing, or nobody has chosen by them yet.
-    Tried(Note),
+    TrialFits(Note),
     /// The bundle is there already.
     UpToDate(PathBuf),
 }
@@ -270,10 +270,10 @@ impl<'a> Job<'a> {
         if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
             return Err(Error::unsupported("time_limit", "a time limit is not supported with a target quality or size; omit one of them"));
         }
-        dataset.expect_moments()?;
+        dataset.expect_day()?;
         let root = dataset.root.display();
         let config = &dataset.config;
-        if options.without_sun && !can_leave_sun_out(config) {
+        if options.without_sun && !can_omit_sun(config) {
             let layers = &config.layers;
             // Light of others, and of version 1, is one sum.
             let is_whole =
@@ -285,7 +285,7 @@ impl<'a> Job<'a> {
             console.warn(format!("--without-sun has no effect: {root} has no direct light of the sun"));
         }
         let law =
-            Law::new(dataset, is_sun_apart(config) || options.without_sun && can_leave_sun_out(config))?;
+            Law::new(dataset, is_sun_apart(config) || options.without_sun && can_omit_sun(config))?;
         let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
         let rate = match (options.rate, usual) {
             (Rate::Usual, Some(profile)) => Rate::Profile(profile),
@@ -333,7 +333,7 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    /// The bundle's header but for the sun's stream. Where the means of tiles between sets belong is found in light of all pages, so it is
+    /// The bundle's header but for the sun's stream. Where the means of tiles between frames belong is found in light of all pages, so it is
     /// kept in the work folder: of many shards only the first need read it all.
     fn header(&self, part: &Part) -> Result<Header> {
         let key = blake3::hash(
@@ -369,16 +369,16 @@ impl<'a> Job<'a> {
         if self.options.force {
             return Ok(None);
         }
-        match standing(&self.out, header) {
-            Standing::Same(outcome) => return Ok(Some(*outcome)),
-            Standing::Kept(what) => {
+        match existing_bundle(&self.out, header) {
+            Existing::Same(outcome) => return Ok(Some(*outcome)),
+            Existing::Protected(what) => {
                 return Err(Error::invalid(
                     self.out.display(),
                     format!("{what}; choose another file with --out, or replace it with --force"),
                 ));
             }
-            Standing::Other(what) => console.say(format!("replacing {}: {what}", self.out.display())),
-            Standing::None => {}
+            Existing::Other(what) => console.say(format!("replacing {}: {what}", self.out.display())),
+            Existing::None => {}
         }
         Ok(None)
     }
@@ -413,12 +413,12 @@ pub(crate) fn program() -> &'static str {
 }
 
 /// The bundle where a new one is to go.
-enum Standing {
+enum Existing {
     /// The bundle that would be written, but for bytes that go by the instruction set, and how it came to be.
     Same(Box<Outcome>),
     /// What a run without `--force` does not replace, in words: no bundle at all, one of another scene, or one of the same light that
     /// was trained for more steps.
-    Kept(String),
+    Protected(String),
     /// One of another bake or other settings, or a broken one, in words.
     Other(String),
     /// None.
@@ -426,32 +426,32 @@ enum Standing {
 }
 
 /// What stands at `out`, beside what is asked for. Under a time limit no two runs are the same.
-fn standing(out: &Path, header: &Header) -> Standing {
+fn existing_bundle(out: &Path, header: &Header) -> Existing {
     if !out.exists() {
-        return Standing::None;
+        return Existing::None;
     }
     let Ok(there) = Bundle::open(out) else {
         return match bundle::begins_like_one(out) {
-            true => Standing::Other("this program cannot read it".to_owned()),
-            false => Standing::Kept("is not a bundle".to_owned()),
+            true => Existing::Other("this program cannot read it".to_owned()),
+            false => Existing::Protected("is not a bundle".to_owned()),
         };
     };
     if there.header.scene != header.scene {
-        return Standing::Kept(format!(
+        return Existing::Protected(format!(
             "is a bundle of scene {}, not of {}",
             printable(&there.header.scene),
             header.scene
         ));
     }
-    let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
-    let (old, new) = (told(&there.header), told(header));
+    let reported = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
+    let (old, new) = (reported(&there.header), reported(header));
     let is_limited = !new["time_limit_secs"].is_null();
     // (Whether there are shadows that move is known only when they have been looked for, at the times that the header names.)
     let header = &Header { shadows: header.shadows && there.header.shadows, ..header.clone() };
     let is_same = there.header == *header && !is_limited;
     let kept = outcome::read(out).filter(|outcome| is_same && outcome.bytes == there.bytes);
     if let Some(outcome) = kept {
-        return Standing::Same(Box::new(outcome));
+        return Existing::Same(Box::new(outcome));
     }
     let differs = |key: &str| old[key] != new[key];
     // (Under a time limit they are the most that any tile gets.)
@@ -462,7 +462,7 @@ fn standing(out: &Path, header: &Header) -> Standing {
             "is a bundle of the same light trained for {steps} steps, more than the {} requested",
             new["iterations"]
         );
-        return Standing::Kept(what);
+        return Existing::Protected(what);
     }
     let what = match () {
         () if is_same => "its training record (.run.json) is missing or belongs to another bundle".to_owned(),
@@ -474,28 +474,28 @@ fn standing(out: &Path, header: &Header) -> Standing {
         () if there.header == *header => "it is of an earlier run with a time limit".to_owned(),
         () => "it was made with other settings".to_owned(),
     };
-    Standing::Other(what)
+    Existing::Other(what)
 }
 
 /// Reads every lightmap once, band by band, so that a bad texel or a torn file stops the run before it has trained anything.
 fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
-    let sets = &dataset.config.frames;
+    let frames = &dataset.config.frames;
     let mut seen = BTreeSet::new();
-    let maps: Vec<(usize, usize)> = (0..sets.len())
-        .flat_map(|set| (0..dataset.config.pages.len()).map(move |page| (set, page)))
-        .filter(|&(set, page)| seen.insert(&sets[set].maps[page].path))
+    let maps: Vec<(usize, usize)> = (0..frames.len())
+        .flat_map(|frame| (0..dataset.config.pages.len()).map(move |page| (frame, page)))
+        .filter(|&(frame, page)| seen.insert(&frames[frame].maps[page].path))
         .collect();
     let progress = console.progress("checking", maps.len() as u64);
     let faults: Vec<Result<()>> = maps
         .par_iter()
-        .map(|&(set, page)| {
+        .map(|&(frame, page)| {
             stop_if_interrupted()?;
             let height = dataset.config.pages[page].height as usize;
             for y in (0..height).step_by(crate::model::STORED) {
-                dataset.map_rows(set, page, y, (y + crate::model::STORED).min(height))?;
+                dataset.map_rows(frame, page, y, (y + crate::model::STORED).min(height))?;
             }
             // After the texels' check: that says more than "the checksum differs".
-            dataset.check_content(&sets[set].maps[page])?;
+            dataset.check_content(&frames[frame].maps[page])?;
             progress.advance(1);
             Ok(())
         })
@@ -559,9 +559,9 @@ fn header(job: &Job, between: Vec<f64>) -> Header {
 pub(crate) fn timeline(dataset: &Dataset) -> Timeline {
     let config = &dataset.config;
     Timeline {
-        hours: config.frames.iter().map(|set| set.hour).collect(),
+        hours: config.frames.iter().map(|frame| frame.hour).collect(),
         intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
-        states: config.frames.iter().map(|set| set.groups_on.clone()).collect(),
+        states: config.frames.iter().map(|frame| frame.groups_on.clone()).collect(),
         between: vec![],
         coding: Coding::Standard,
     }

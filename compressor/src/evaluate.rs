@@ -1,7 +1,7 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
-//! Every set is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
-//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, set). A tile without a valid texel is none; those that are all zero are counted apart;
+//! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
+//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, frame). A tile without a valid texel is none; those that are all zero are counted apart;
 //! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
 
 mod strips;
@@ -18,7 +18,7 @@ pub use between::Between;
 pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
-pub use sample::{Looks, Sample};
+pub use sample::{SlowMetrics, Sample};
 pub use shadows::Shadows;
 pub use steps::{Step, Steps};
 pub(crate) use strips::{decode, read, strips, valid};
@@ -42,7 +42,7 @@ use std::ops::Range;
 /// Side of the large tiles that quality is told of too.
 pub const LARGE: usize = 2 * TILE;
 
-/// Means over (large tile, set), of those that are neither black nor constant in space.
+/// Means over (large tile, frame), of those that are neither black nor constant in space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Large {
     /// Mean PSNR; peak = the tile's largest valid value.
@@ -56,29 +56,29 @@ pub struct Large {
 /// A bundle's quality.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// Every (tile, set) that has a valid texel, set by set, page by page, row by row.
+    /// Every (tile, frame) that has a valid texel, frame by frame, page by page, row by row.
     pub samples: Vec<Sample>,
-    /// Over all sets.
+    /// Over all frames.
     pub all: Quality,
-    /// Over the sets that the sun lights directly, where the dataset tells which.
+    /// Over the frames that the sun lights directly, where the dataset tells which.
     pub sunny: Option<Quality>,
-    /// Of what maps hold, without the sun's direct light, where this is a stream of its own: over all sets, without looks and noise.
+    /// Of what maps hold, without the sun's direct light, where this is a stream of its own: over all frames, without looks and noise.
     pub without_sun: Option<Quality>,
     /// Whether the sun's direct light was left out of the bundle, and so of what it is compared with.
-    pub sun_is_left_out: bool,
-    /// Per set: hour and quality.
+    pub sun_is_omitted: bool,
+    /// Per frame: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
-    /// Over the sets that differ: nights under the same lamps are one image, which `all` counts once per set.
+    /// Over the frames that differ: nights with the same light groups on are one image, which `all` counts once per frame.
     pub distinct: Quality,
-    /// How many sets differ.
-    pub distinct_sets: usize,
-    /// Over all sets, on tiles of [`LARGE`]² texels.
+    /// How many frames differ.
+    pub distinct_frames: usize,
+    /// Over all frames, on tiles of [`LARGE`]² texels.
     pub large: Large,
-    /// How well the change from set to set is met.
+    /// How well the change from frame to frame is met.
     pub steps: Steps,
-    /// Length of the bundle file × 8 ÷ (texels of all pages × sets), texels without a surface included.
+    /// Length of the bundle file × 8 ÷ (texels of all pages × frames), texels without a surface included.
     pub bpp: f64,
-    /// The same ÷ (valid texels × sets), and ÷ (valid texels × sets that differ).
+    /// The same ÷ (valid texels × frames), and ÷ (valid texels × frames that differ).
     pub bits_of_valid: [f64; 2],
     /// Bytes of the bundle's tiles of the sun.
     pub bytes_of_sun: u64,
@@ -89,11 +89,11 @@ pub struct Evaluation {
     /// Bytes of the bundle file.
     pub bytes: u64,
     /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
-    /// page and set weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
+    /// page and frame weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
-    /// The sun's direct light between the sets, where it is a stream of its own.
+    /// The sun's direct light between the frames, where it is a stream of its own.
     pub shadows: Option<Shadows>,
-    /// Quality between the sets, where light is interpolated anywhere.
+    /// Quality between the frames, where light is interpolated anywhere.
     pub between: Option<Between>,
     /// Wall-clock seconds of decoding alone.
     pub decode_seconds: f64,
@@ -105,10 +105,10 @@ pub struct Measures<'a> {
     /// A bake of the same scene at other hours: between the sets it is the truth.
     pub withheld: Option<&'a Dataset>,
     /// What is measured of the looks of tiles.
-    pub looks: Looks<'a>,
+    pub slow_metrics: SlowMetrics<'a>,
 }
 
-/// Decodes every set of `decoder`'s bundle and compares it with `dataset`.
+/// Decodes every frame of `decoder`'s bundle and compares it with `dataset`.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged; [`Error::Io`];
@@ -133,13 +133,13 @@ pub fn evaluate(
         noise,
         masks,
         strips,
-        looks: measures.looks,
+        slow_metrics: measures.slow_metrics,
     };
     let found = found(&lightmaps, "evaluating", console)?;
     let mut indirect = None;
     if decoder.bundle().header.sun.is_some() {
         (lightmaps.law, lightmaps.lights) = (Law::of(true), Lights::Baked);
-        (lightmaps.noise, lightmaps.looks) = (None, Looks::default());
+        (lightmaps.noise, lightmaps.slow_metrics) = (None, SlowMetrics::default());
         let found = self::found(&lightmaps, "evaluating without the sun", console)?;
         indirect = Some(Quality {
             dark_relative_error: mean(found.dark.into_iter().flatten()),
@@ -166,16 +166,16 @@ fn visible(dataset: &Dataset) -> f64 {
 
 /// What of a dataset's light a bundle is to be compared with: all, or where the sun was left out, all but its direct light.
 pub(crate) fn reference_law(decoder: &Decoder) -> Law {
-    Law::of(crate::compress::sun_is_left_out(&decoder.bundle().header))
+    Law::of(crate::compress::sun_is_omitted(&decoder.bundle().header))
 }
 
-/// Compares all sets.
+/// Compares all frames.
 fn found(lightmaps: &Lightmaps, what: &str, console: &Console) -> Result<Found> {
-    let sets = lightmaps.dataset.config.frames.len();
-    let progress = console.progress(what, (sets * lightmaps.masks.len()) as u64);
+    let frames = lightmaps.dataset.config.frames.len();
+    let progress = console.progress(what, (frames * lightmaps.masks.len()) as u64);
     let mut found = Found::default();
-    for set in 0..sets {
-        found.add_set(lightmaps, set, &progress)?;
+    for frame in 0..frames {
+        found.add_frame(lightmaps, frame, &progress)?;
     }
     Ok(found)
 }
@@ -188,13 +188,13 @@ struct Lightmaps<'a> {
     lights: Lights,
     decoder: &'a Decoder,
     noise: Option<Noise>,
-    /// Sets of a lower mean are too dark to be judged in their darkest texels.
+    /// Frames of a lower mean are too dark to be judged in their darkest texels.
     visible: f64,
     /// Of each page.
     masks: Vec<Mask>,
     /// Of each page, the rows of its strips.
     strips: Vec<Vec<Range<usize>>>,
-    looks: Looks<'a>,
+    slow_metrics: SlowMetrics<'a>,
 }
 
 /// What was found so far.
@@ -203,19 +203,19 @@ struct Found {
     samples: Vec<Sample>,
     large: Vec<TileQuality>,
     seams: Seams,
-    /// Per set, the relative error of its darkest texels.
+    /// Per frame, the relative error of its darkest texels.
     dark: Vec<Option<f64>>,
     decode_seconds: f64,
 }
 
 impl Found {
-    /// Adds all pages of a set.
-    fn add_set(&mut self, of: &Lightmaps, set: usize, progress: &Progress) -> Result<()> {
+    /// Adds all pages of a frame.
+    fn add_frame(&mut self, of: &Lightmaps, frame: usize, progress: &Progress) -> Result<()> {
         let first = self.samples.len();
         let (mut sum, mut texels) = (0.0, 0);
         let mut brightnesses = Brightnesses::default();
         for page in 0..of.masks.len() {
-            let (page_sum, page_texels) = self.add_page(of, set, page, &mut brightnesses)?;
+            let (page_sum, page_texels) = self.add_page(of, frame, page, &mut brightnesses)?;
             sum += page_sum;
             texels += page_texels;
             progress.advance(1);
@@ -230,17 +230,17 @@ impl Found {
         Ok(())
     }
 
-    /// Adds a page of a set; gives the sum of its valid texels' channels, and how many texels these are.
+    /// Adds a page of a frame; gives the sum of its valid texels' channels, and how many texels these are.
     fn add_page(
         &mut self,
         of: &Lightmaps,
-        set: usize,
+        frame: usize,
         page: usize,
         brightnesses: &mut Brightnesses,
     ) -> Result<(f64, usize)> {
         let (dataset, mask) = (of.dataset, &of.masks[page]);
-        let sets = &dataset.config.frames;
-        let mut references = References { dataset, law: &of.law, set, page, height: mask.height, last: None };
+        let frames = &dataset.config.frames;
+        let mut references = References { dataset, law: &of.law, frame, page, height: mask.height, last: None };
         // The mean first: it is the unit of what follows.
         let (mut sum, mut texels) = (0.0, 0);
         for rows in &of.strips[page] {
@@ -249,7 +249,7 @@ impl Found {
             sum += of_strip.0;
             texels += of_strip.1;
         }
-        dataset.check_content(&sets[set].maps[page])?;
+        dataset.check_content(&frames[frame].maps[page])?;
         let page_mean = mean_of(sum, texels);
         for rows in &of.strips[page] {
             stop_if_interrupted()?;
@@ -257,7 +257,7 @@ impl Found {
             let more = rows.start..(rows.end + 1).min(mask.height);
             let mut reference = references.take(rows)?;
             let start = std::time::Instant::now();
-            let mut decoded = strips::decode(of.decoder, of.lights, page, sets[set].hour, &more)?;
+            let mut decoded = strips::decode(of.decoder, of.lights, page, frames[frame].hour, &more)?;
             self.decode_seconds += start.elapsed().as_secs_f64();
             let mut mask = strips::cut(mask, &more);
             self.seams.add(&decoded, &reference, &mask, rows, page_mean);
@@ -268,15 +268,15 @@ impl Found {
             mask.height = rows.len();
             mask.valid.truncate(rows.len() * mask.width);
             let strip = Strip {
-                set,
+                frame,
                 page,
                 row: rows.start,
                 decoded: &decoded,
                 reference: &reference,
                 mask: &mask,
                 page_mean,
-                noise: of.noise.as_ref().map(|noise| &noise.mse[set][page][..]),
-                looks: of.looks,
+                noise: of.noise.as_ref().map(|noise| &noise.mse[frame][page][..]),
+                slow_metrics: of.slow_metrics,
             };
             self.large.extend(strip.qualities(LARGE));
             self.samples.extend(strip.samples()?);
@@ -285,7 +285,7 @@ impl Found {
         Ok((sum, texels))
     }
 
-    /// Sums up, and adds what is measured between the sets.
+    /// Sums up, and adds what is measured between the frames.
     fn into_evaluation(
         self,
         dataset: &Dataset,
@@ -294,17 +294,17 @@ impl Found {
         withheld: Option<&Dataset>,
         console: &Console,
     ) -> Result<Evaluation> {
-        let (bundle, sets, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
-        // The quality over some of the sets.
+        let (bundle, frames, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
+        // The quality over some of the frames.
         let over = |wanted: &dyn Fn(usize) -> bool| Quality {
-            dark_relative_error: mean((0..sets.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
-            ..quality(self.samples.iter().filter(|sample| wanted(sample.set)))
+            dark_relative_error: mean((0..frames.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
+            ..quality(self.samples.iter().filter(|sample| wanted(sample.frame)))
         };
         let over_large = |of: fn(&TileQuality) -> Option<f64>| mean(self.large.iter().filter_map(of));
         let texels: u64 = pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
-        let files = |k: usize| sets[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
+        let files = |k: usize| frames[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
         let mut seen = std::collections::BTreeSet::new();
-        let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
+        let firsts: Vec<usize> = (0..frames.len()).filter(|&k| seen.insert(files(k))).collect();
         let valid = (0..pages.len())
             .map(|page| Ok(dataset.mask(page)?.valid.iter().filter(|valid| **valid).count()))
             .sum::<Result<usize>>()?;
@@ -312,24 +312,24 @@ impl Found {
             let mut direct = dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
             direct.any(|layer| (0..pages.len()).any(|page| layer.file(k, page).is_some()))
         };
-        let sunny = (0..sets.len()).any(is_sunny);
+        let sunny = (0..frames.len()).any(is_sunny);
         Ok(Evaluation {
             without_sun: None,
-            sun_is_left_out: crate::compress::sun_is_left_out(&decoder.bundle().header),
+            sun_is_omitted: crate::compress::sun_is_omitted(&decoder.bundle().header),
             sunny: sunny.then(|| over(&is_sunny)),
             all: over(&|_| true),
-            by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
+            by_hour: frames.iter().enumerate().map(|(k, frame)| (frame.hour, over(&|of| of == k))).collect(),
             distinct: over(&|k| firsts.binary_search(&k).is_ok()),
-            distinct_sets: firsts.len(),
+            distinct_frames: firsts.len(),
             large: Large {
                 psnr_db: over_large(|quality| quality.psnr_db),
                 psnr_range_db: over_large(|quality| quality.psnr_range_db),
                 one_minus_ssim: over_large(|quality| quality.ssim).map(|ssim| 1.0 - ssim),
             },
             steps: steps::steps(dataset, law, decoder, console)?,
-            bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
-            bits_of_valid: [sets.len(), firsts.len()]
-                .map(|sets| bundle.bytes as f64 * 8.0 / (valid as f64 * sets as f64)),
+            bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * frames.len() as f64),
+            bits_of_valid: [frames.len(), firsts.len()]
+                .map(|frames| bundle.bytes as f64 * 8.0 / (valid as f64 * frames as f64)),
             bytes_of_sun: bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum(),
             bytes_of_shadows: bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum(),
             tiles: bundle.index.iter().filter(|entry| entry.bytes() > 0).count(),
@@ -348,12 +348,12 @@ fn mean_of(sum: f64, texels: usize) -> f64 {
     if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
 }
 
-/// One page of one set by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is
+/// One page of one frame by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is
 /// read once.
 struct References<'a> {
     dataset: &'a Dataset,
     law: &'a Law,
-    set: usize,
+    frame: usize,
     page: usize,
     height: usize,
     last: Option<(usize, Image)>,
@@ -370,7 +370,7 @@ impl References<'_> {
             Some((first, image)) if first == rows.start => Ok(image),
             _ => {
                 let more = rows.start..(rows.end + 1).min(self.height);
-                strips::read(self.dataset, self.law, self.set, self.page, &more)
+                strips::read(self.dataset, self.law, self.frame, self.page, &more)
             }
         }
     }
@@ -397,7 +397,7 @@ pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
         (
             "frames at the hours",
             hours(header.timeline.hours.clone()),
-            hours(config.frames.iter().map(|set| set.hour).collect()),
+            hours(config.frames.iter().map(|frame| frame.hour).collect()),
         ),
     ];
     for (what, bundle, of_dataset) in kinds {

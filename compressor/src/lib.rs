@@ -1,4 +1,4 @@
-//! NDGI compression of temporal lightmap sets (terms and equations follow the paper
+//! NDGI compression of temporal lightmap frames (terms and equations follow the paper
 //! "Neural Dynamic GI: Random-Access Neural Compression for Temporal Lightmaps in Dynamic Lighting Environments").
 //!
 //! Modules in the order the data passes them; a module imports only what stands above it. The decoding half is a crate of its own,

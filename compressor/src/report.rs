@@ -13,7 +13,7 @@ use dataset::image::Image;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
 use dataset::report::preview::{Reduction, exposure, tone_mapped_png};
-use dataset::report::scene::shown_sets;
+use dataset::report::scene::shown_frames;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
@@ -137,7 +137,7 @@ fn other_measures(evaluation: &Evaluation, section: &mut Section) {
     );
 }
 
-/// The (tile, set) pairs of least PSNR.
+/// The (tile, frame) pairs of least PSNR.
 fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
     let mut worst: Vec<_> = evaluation
         .samples
@@ -146,7 +146,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         .filter_map(|s| Some((s.quality.psnr_db?, s)))
         .collect();
     worst.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Sets of one picture have one PSNR, texel for texel: of these the first stands for all.
+    // Frames of one picture have one PSNR, texel for texel: of these the first stands for all.
     let mut shown = std::collections::BTreeSet::new();
     worst.retain(|(db, s)| shown.insert((s.page, s.rect.y0, s.rect.x0, db.to_bits())));
     let rows: Vec<Vec<String>> = worst
@@ -155,7 +155,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         .map(|(db, s)| {
             let place = format!("{}–{}, {}–{}", s.rect.x0, s.rect.x1, s.rect.y0, s.rect.y1);
             let ceiling = cell(s.noise_ceiling_db, 2);
-            let hour = evaluation.by_hour[s.set].0;
+            let hour = evaluation.by_hour[s.frame].0;
             vec![
                 hour.to_string(),
                 s.page.to_string(),
@@ -180,10 +180,10 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     section.paragraph(&format!(
         "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour with its own exposure."
     ));
-    let (sets, law) = (&dataset.config.frames, reference_law(decoder));
-    for k in shown_sets(&dataset.config) {
+    let (frames, law) = (&dataset.config.frames, reference_law(decoder));
+    for k in shown_frames(&dataset.config) {
         for page in 0..dataset.config.pages.len() {
-            let hour = sets[k].hour;
+            let hour = frames[k].hour;
             let mask = dataset.mask(page)?;
             let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
             let mut reductions = [new(), new(), new()];
@@ -211,26 +211,26 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
             ]);
         }
     }
-    between_sets(dataset, decoder, &mut section)?;
+    between_frames(dataset, decoder, &mut section)?;
     Ok(section)
 }
 
-/// A quarter of an hour after the set in the middle of the day, or between it and the next where they are closer: the first page, where it is
+/// A quarter of an hour after the frame in the middle of the day, or between it and the next where they are closer: the first page, where it is
 /// of modest size and the bundle has a sun, beside the dataset's own light there.
-fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
+fn between_frames(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
     let Some(sun) = &decoder.bundle().header.sun else { return Ok(()) };
     let mask = dataset.mask(0)?;
     if mask.valid.len() > SMALL {
         return Ok(());
     }
     let middle = sun.times.len().saturating_sub(1) / 2;
-    let Some([set, next]) = sun.times.get(middle..middle + 2) else { return Ok(()) };
-    let hour = set + 0.25_f64.min((next - set) / 2.0);
+    let Some([frame, next]) = sun.times.get(middle..middle + 2) else { return Ok(()) };
+    let hour = frame + 0.25_f64.min((next - frame) / 2.0);
     // The middle of the day may lie in hours that were not baked.
     if dataset.sun_path()?.is_none_or(|path| path.at(hour).is_none()) {
         return Ok(());
     }
-    let reference = dataset.moment(hour, 0)?;
+    let reference = dataset.light_at(hour, 0)?;
     let decoded = decode(decoder, Lights::All, 0, hour, &(0..mask.height))?;
     let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
     let reduced = [&reference, &decoded].map(|image| {
@@ -253,7 +253,7 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
 }
 
 /// What tiles have, and what training left out and why; the sun's direct light too, if it was.
-pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
+pub fn omitted(outcome: &Outcome, is_sun: bool) -> Section {
     let mut section = Section::new("Tile configurations, and what the compressor omitted");
     let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();
     for tile in &outcome.per_tile {
@@ -269,9 +269,9 @@ pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
     section.table(&["maps and inputs", "tiles", "bytes", "mean PSNR of the maps, dB"], &rows);
     let tiles = |n: usize| if n == 1 { "1 tile".to_owned() } else { format!("{n} tiles") };
     let mut items: Vec<String> =
-        outcome.left_out.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
-    if outcome.left_out.len() > LISTED {
-        let rest = outcome.left_out[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
+        outcome.omitted.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
+    if outcome.omitted.len() > LISTED {
+        let rest = outcome.omitted[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
         items.push(format!("{rest} further remarks; all are in the bundle's run.json"));
     }
     if is_sun {

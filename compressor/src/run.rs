@@ -63,7 +63,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         if shows_scene { pictures.folded() } else { pictures },
         report::quality(&evaluation, &remarks).folded(),
         report::training(&outcome).folded(),
-        report::left_out(&outcome, evaluation.sun_is_left_out).folded(),
+        report::omitted(&outcome, evaluation.sun_is_omitted).folded(),
     ];
     Ok(Judged { outcome, evaluation, lead, sections, seconds: start.elapsed().as_secs_f64() })
 }
@@ -145,8 +145,8 @@ impl Judged {
         object["tiles_empty"] = json!(outcome.empty);
         object["up_to_date"] = json!(outcome.up_to_date);
         object["tiles_resumed"] = json!(outcome.resumed);
-        object["steps_least"] = json!(outcome.steps.map(|steps| steps[0]));
-        object["steps_most"] = json!(outcome.steps.map(|steps| steps[1]));
+        object["steps_min"] = json!(outcome.steps.map(|steps| steps[0]));
+        object["steps_max"] = json!(outcome.steps.map(|steps| steps[1]));
         object["seconds"] = json!(self.seconds);
         object["training_cpu_seconds"] = json!(outcome.training_seconds);
         object
@@ -165,11 +165,11 @@ mod tests {
             samples: vec![],
             sunny: None,
             without_sun: None,
-            sun_is_left_out: false,
+            sun_is_omitted: false,
             all,
             by_hour: vec![],
             distinct: all,
-            distinct_sets: 0,
+            distinct_frames: 0,
             bpp: 0.5,
             bits_of_valid: [0.7; 2],
             bytes_of_sun: 0,

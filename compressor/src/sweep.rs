@@ -52,16 +52,16 @@ const COLUMNS: [&str; 8] = [
 const HEADER: [&str; 8] =
     ["profile", "preset", "bpp", "unquantised dB", "8-bit dB", "BC7 dB", "1 − SSIM", "CPU s per tile"];
 
-/// What a profile reaches with a preset: means over tiles, weighed by their valid texels, of each tile over its lit sets.
+/// What a profile reaches with a preset: means over tiles, weighed by their valid texels, of each tile over its lit frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the profile.
     pub profile: &'static str,
     /// Name of the preset.
     pub preset: &'static str,
-    /// Bits of the payloads per texel and set.
+    /// Bits of the payloads per texel and frame.
     pub bpp: f64,
-    /// PSNR of the float model; peak = the set's largest valid value in the tile.
+    /// PSNR of the float model; peak = the frame's largest valid value in the tile.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all its features rounded to 8 bits.
     pub psnr_8bit_features_db: Option<f64>,
@@ -91,7 +91,7 @@ struct Measured {
     /// What it weighs: valid texels, its border with them.
     weight: usize,
     bits: f64,
-    /// Texels the tile owns × sets.
+    /// Texels the tile owns × frames.
     values: f64,
     unquantised: Option<f64>,
     of_8bit: Option<f64>,
@@ -105,7 +105,7 @@ struct Measured {
 /// # Errors
 /// As [`crate::compress::compress`].
 pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<Sweep> {
-    dataset.expect_moments()?;
+    dataset.expect_day()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let (places, of) = choose(&masks, options);
     let timeline = timeline(dataset);
@@ -196,7 +196,7 @@ fn measure(
     Ok(Some(Measured {
         weight,
         bits: 8.0 * payload.bytes() as f64,
-        values: (own * source.sets.len()) as f64,
+        values: (own * source.frames.len()) as f64,
         unquantised: trained.psnr_unquantised_db,
         of_8bit: trained.psnr_8bit_features_db,
         bc7: mean(qualities.iter().filter_map(|quality| quality.psnr_db)),
@@ -205,7 +205,7 @@ fn measure(
     }))
 }
 
-/// A stored tile against its light, at every set.
+/// A stored tile against its light, at every frame.
 fn qualities(
     source: &TileSource,
     params: &TileParams,
@@ -216,12 +216,12 @@ fn qualities(
     let valid = source.coverage.iter().map(|coverage| *coverage == Coverage::Valid).collect();
     let mask = Mask { width, height, valid };
     let all = Rect { x0: 0, y0: 0, x1: width, y1: height };
-    let quality = |(hour, set): (&f64, &Vec<[f32; 3]>)| {
+    let quality = |(hour, frame): (&f64, &Vec<[f32; 3]>)| {
         let decoded = Image { width, height, texels: decoder.decode_tile(&timeline.at(*hour)) };
-        let reference = Image { width, height, texels: set.clone() };
+        let reference = Image { width, height, texels: frame.clone() };
         metrics::compare(&decoded, &reference, &mask, all)
     };
-    Ok(source.hours.iter().zip(&source.sets).map(quality).collect())
+    Ok(source.hours.iter().zip(&source.frames).map(quality).collect())
 }
 
 impl Sweep {

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 /// What one page holds at most, in bytes before base64; `--serve` has no such bound.
 pub const MOST_BYTES: u64 = 128 << 20;
-/// What references may take of a page: 4 bytes a texel, as many sets as fit.
+/// What references may take of a page: 4 bytes a texel, as many frames as fit.
 const REFERENCE_BYTES: u64 = 4 << 20;
 /// The hours whose references are wanted first.
 const WANTED: [f64; 8] = [12.0, 18.5, 21.0, 7.0, 15.0, 9.5, 0.0, 4.0];
@@ -47,8 +47,8 @@ const SCRIPTS: [&str; 6] = [
 /// # Errors
 /// `Unsupported` past [`MOST_BYTES`]; what cannot be read.
 pub fn page(source: &Source) -> Result<String> {
-    let sets = source.sets_within(REFERENCE_BYTES);
-    let mut names = source.names(&sets);
+    let frames = source.sets_within(REFERENCE_BYTES);
+    let mut names = source.names(&frames);
     let bytes = names.iter().map(|name| source.len(name)).sum::<Result<u64>>()?;
     if bytes > MOST_BYTES {
         let what = format!("{bytes} bytes are too many for one page, which holds up to {MOST_BYTES}; use --serve");
@@ -61,14 +61,14 @@ pub fn page(source: &Source) -> Result<String> {
         STANDARD.encode_string(source.read(&name)?, &mut data);
         data += "</script>\n";
     }
-    Ok(shell(source, &sets, &data))
+    Ok(shell(source, &frames, &data))
 }
 
 /// Writes the page of a dataset's bundle beside it, and names it; `None` where it is too large for one page.
 ///
 /// # Errors
 /// What [`Source::open`], [`expect_replaceable`] and writing say.
-pub fn write_beside(dataset: &Path, force: bool) -> Result<Option<PathBuf>> {
+pub fn write_into_dataset(dataset: &Path, force: bool) -> Result<Option<PathBuf>> {
     let source = Source::open(dataset, &Options::default())?;
     let html = match page(&source) {
         Err(Error::Unsupported { .. }) => return Ok(None),
@@ -108,13 +108,13 @@ fn is_page(path: &Path) -> bool {
 
 /// The page that fetches its data from where it came from.
 pub(crate) fn shell_of_server(source: &Source) -> String {
-    let all: Vec<usize> = (0..source.sets()).collect();
+    let all: Vec<usize> = (0..source.frames()).collect();
     shell(source, &all, "")
 }
 
-fn shell(source: &Source, sets: &[usize], data: &str) -> String {
+fn shell(source: &Source, frames: &[usize], data: &str) -> String {
     // `<` starts no tag within the JSON.
-    let meta = meta(source, sets).to_string().replace('<', "\\u003c");
+    let meta = meta(source, frames).to_string().replace('<', "\\u003c");
     let title = escape(&format!("{}: the day", source.scene_name));
     let fields: [(&str, &str); 5] = [
         ("{{title}}", &title),
@@ -133,9 +133,9 @@ fn shell(source: &Source, sets: &[usize], data: &str) -> String {
     page + rest
 }
 
-fn meta(source: &Source, sets: &[usize]) -> Value {
-    let hours: Vec<f64> = sets.iter().map(|&set| source.hour(set)).collect();
-    let note = match (sets.len(), &source.left_out) {
+fn meta(source: &Source, frames: &[usize]) -> Value {
+    let hours: Vec<f64> = frames.iter().map(|&frame| source.hour(frame)).collect();
+    let note = match (frames.len(), &source.omitted) {
         (0, Some(why)) => format!("There is no reference: {why}."),
         (0, None) => {
             "There is no reference: the bundle is not in a dataset's folder, or the reference was omitted.".to_owned()
@@ -145,14 +145,14 @@ fn meta(source: &Source, sets: &[usize]) -> Value {
              a common exponent, error at most 1/1024 of the power of two above the texel's brightest channel, down to 2⁻³⁰ of the page's. The dataset \
              itself has 32-bit floats. Reference views go by the stored hours. PSNR here is that of the bundle's tiles, which own 126² texels; \
              `compress evaluate` judges blocks of 128² texels, so that its numbers differ.",
-            source.sets()
+            source.frames()
         ),
     };
     json!({
         "title": source.title(),
         "scene_file": source.scene.is_some(),
         "cameras": source.cameras,
-        "reference": { "hours": hours, "sets": sets, "precision": "RGB9E5", "note": note },
+        "reference": { "hours": hours, "sets": frames, "precision": "RGB9E5", "note": note },
     })
 }
 

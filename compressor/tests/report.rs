@@ -92,7 +92,7 @@ fn the_scene_comes_first_then_a_summary_then_tables_folded() {
     let titles: Vec<&str> =
         summary.split("<dt>").skip(1).map(|rest| rest.split('<').next().unwrap()).collect();
     assert_eq!(titles, ["How good", "How large, how long", "What next"]);
-    assert!(summary.contains("PSNR ") && summary.contains("bits per texel and set"), "{summary}");
+    assert!(summary.contains("PSNR ") && summary.contains("bits per texel and frame"), "{summary}");
     // Everything else is behind its heading.
     assert_eq!(rest.matches("<section").count(), 5);
     assert_eq!(rest.matches("<details>").count(), 5);

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 mod check;
-mod moment;
+mod light_at;
 mod stage;
 mod sunlight;
 mod verify;
@@ -454,7 +454,7 @@ impl Dataset {
     }
 
     /// An error where the frames are no moments of a day: those of a transfer.
-    pub fn expect_moments(&self) -> Result<()> {
+    pub fn expect_day(&self) -> Result<()> {
         let Some(transfer) = &self.config.transfer else { return Ok(()) };
         let what = format!("is the transfer of {}; expected a dataset of a day", transfer.scene);
         Err(Error::unsupported(self.root.display(), what))

@@ -47,12 +47,12 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
     assert_eq!(dataset.config, config);
     let sizes: Vec<_> = config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect();
     assert_eq!(sizes, lightmaps.iter().map(|l| (l.width, l.height)).collect::<Vec<_>>());
-    let told = lightmaps_of(&dataset).unwrap().unwrap();
+    let reported = lightmaps_of(&dataset).unwrap().unwrap();
     assert_eq!(
-        told.iter().map(|l| l.id).collect::<Vec<_>>(),
+        reported.iter().map(|l| l.id).collect::<Vec<_>>(),
         lightmaps.iter().map(|l| l.id).collect::<Vec<_>>()
     );
-    assert_eq!(told[1].level.as_deref(), Some("Level \u{e9}"));
+    assert_eq!(reported[1].level.as_deref(), Some("Level \u{e9}"));
     let lit: Vec<(f64, bool)> = config.frames.iter().map(|set| (set.hour, set.groups_on[0])).collect();
     assert_eq!(
         lit,
@@ -121,8 +121,8 @@ fn a_baked_day_goes_out_and_comes_back() {
         let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
         let exported = export_folder(&root, layout, &at("out"));
         assert_eq!((exported.hours.len(), &*exported.omitted[0]), (hours, reason));
-        let told = exported.omitted.join("\n");
-        assert!(told.contains("geometry") && told.contains("noise"), "{told}");
+        let reported = exported.omitted.join("\n");
+        assert!(reported.contains("geometry") && reported.contains("noise"), "{reported}");
         let bytes: u64 = content(&at("out")).values().map(|bytes| bytes.len() as u64).sum();
         assert_eq!(exported.bytes, bytes);
 

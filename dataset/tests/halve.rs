@@ -276,7 +276,7 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let config = write_set(&source, &[(20, 20)], 3).unwrap();
-    let told = || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
+    let reported = || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
 
     // A file whose content changed; one that is torn is told when the set is opened.
     for file in [
@@ -291,7 +291,7 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
         fs::write(&path, bad).unwrap();
         // Lightmaps are summed anew, so that only their layers are read.
         if file != &config.frames[2].maps[0] {
-            let error = told();
+            let error = reported();
             assert!(error.contains(&file.path), "{error}");
         }
         fs::write(&path, good).unwrap();
@@ -313,7 +313,7 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
 
     fs::create_dir(&out).unwrap();
     fs::write(out.join("mine"), b"x").unwrap();
-    assert!(told().contains("stands there already"));
+    assert!(reported().contains("stands there already"));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 1);
 }
 
@@ -332,8 +332,8 @@ fn an_imported_set_keeps_its_source_without_the_layouts_configuration() {
     config.frames.remove(0);
     config.layers.iter_mut().for_each(|layer| drop(layer.files.remove(0)));
     let mut writer = Writer::create(&source).unwrap();
-    let told = writer.add("source", "json", b"{}").unwrap();
-    config.source = Some(Source { layout: Layout::Hprc2, config: Some(told), replaced_values: 3 });
+    let reported = writer.add("source", "json", b"{}").unwrap();
+    config.source = Some(Source { layout: Layout::Hprc2, config: Some(reported), replaced_values: 3 });
     config.noise = None;
     writer.commit(&config).unwrap();
     let half = half_of(&source, &out);

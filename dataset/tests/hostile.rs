@@ -138,11 +138,11 @@ fn every_broken_file_of_layout_2_is_refused() {
     );
     with(&light, &[&*whole, &[0]].concat(), &["649 bytes; expected 648"]);
     with(&light, &[], &["0 bytes; expected 648"]);
-    for (value, told) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-0.25, "-0.25")] {
+    for (value, reported) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-0.25, "-0.25")] {
         let mut bytes = whole.clone();
         bytes[4 * (3 * valid + 1)..][..4].copy_from_slice(&value.to_le_bytes());
         let place =
-            format!("raw_4_600.bin_0, texel ({x}, {y}): channel G is {told}; expected a finite value");
+            format!("raw_4_600.bin_0, texel ({x}, {y}): channel G is {reported}; expected a finite value");
         with(&light, &bytes, &[&place]);
     }
     let mut bytes = whole_mask.clone();

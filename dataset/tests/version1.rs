@@ -86,8 +86,8 @@ fn each_light_has_one_layer_and_maps_are_their_sums() {
             - dataset.files().map(|f| &f.path).collect::<std::collections::BTreeSet<_>>().len();
         assert!(images > frames, "{name}");
         assert!(dataset.verify(|| ()).faults.is_empty(), "{name}");
-        let told = command(&["check", "--json"], &fixture(name));
-        assert_eq!((&told["ok"], &told["frames"]), (&true.into(), &frames.into()), "{name}");
+        let reported = command(&["check", "--json"], &fixture(name));
+        assert_eq!((&reported["ok"], &reported["frames"]), (&true.into(), &frames.into()), "{name}");
         assert_eq!(command(&["info", "--json"], &fixture(name))["version"], 1, "{name}");
     }
 }
@@ -139,8 +139,8 @@ fn they_are_released_with_the_manifest_that_they_have() {
     release(&[baked, imported], &[], false, &out, &Console::silent()).unwrap();
     let verified = verify(&out, &Console::silent()).unwrap();
     assert!(verified.faults.is_empty(), "{:?}", verified.faults);
-    let told: Value = serde_json::from_slice(&fs::read(out.join("release.json")).unwrap()).unwrap();
-    for scene in told["scenes"].as_array().unwrap() {
+    let reported: Value = serde_json::from_slice(&fs::read(out.join("release.json")).unwrap()).unwrap();
+    for scene in reported["scenes"].as_array().unwrap() {
         let holds: Vec<&str> =
             scene["archives"].as_array().unwrap().iter().map(|a| a["holds"].as_str().unwrap()).collect();
         // At night the imported lightmaps are the lamps' light, so that its files are in the first archive.

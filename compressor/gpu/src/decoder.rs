@@ -2,7 +2,7 @@
 
 use crate::load::Data;
 use crate::place;
-use crate::request::{Moment, Options, Request, Target, Work};
+use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::stage::{self, Stage};
 use crate::sun::{Held, Seen};
 use crate::survey::Survey;
@@ -72,7 +72,7 @@ impl Decoder {
             let most = device.limits().max_storage_buffer_binding_size;
             if 4 * words > most {
                 let what =
-                    format!("the {what} buffer takes {} bytes; the device binds {most} at most", 4 * words);
+                    format!("the {what} buffer takes {} bytes; the device binds at most {most}", 4 * words);
                 return Err(Error::Device(what));
             }
         }
@@ -97,7 +97,7 @@ impl Decoder {
         self.stage.bytes
     }
 
-    /// Records the decoding of tiles at a moment: one dispatch for each width of hidden layers and precision that is among them, nearly always
+    /// Records the decoding of tiles at a time: one dispatch for each width of hidden layers and precision that is among them, nearly always
     /// one in all. Command buffers have to be submitted in the order in which they were recorded; after one was dropped instead, call
     /// [`Decoder::forget`].
     ///
@@ -109,13 +109,13 @@ impl Decoder {
         encoder: &mut wgpu::CommandEncoder,
         requests: &[Request],
         target: Target,
-        moment: &Moment,
+        params: &DecodeParams,
     ) -> Result<Work> {
-        stage::check(moment)?;
+        stage::check(params)?;
         let bundle = Arc::clone(&self.bundle);
-        let at = bundle.at(moment.hour)?.only(moment.lights);
+        let at = bundle.at(params.hour)?.only(params.lights);
         let mut uploads = Vec::new();
-        let planned = self.plan(&at, requests, moment, &mut uploads);
+        let planned = self.plan(&at, requests, params, &mut uploads);
         if planned.is_err() {
             // They are not recorded.
             uploads.iter().for_each(|upload| self.tiles[upload.tile].held = None);
@@ -138,12 +138,12 @@ impl Decoder {
         &mut self,
         at: &At,
         requests: &[Request],
-        moment: &Moment,
+        params: &DecodeParams,
         uploads: &mut Vec<Upload>,
     ) -> Result<(Work, Vec<Full>)> {
         let (mut work, mut jobs) = (Work::default(), Vec::new());
         for request in requests {
-            match self.job(at, *request, moment, uploads)? {
+            match self.job(at, *request, params, uploads)? {
                 None => work.black.push(*request),
                 Some(job) => {
                     work.count(&job);
@@ -154,15 +154,15 @@ impl Decoder {
         Ok((work, jobs))
     }
 
-    /// A tile's job at a moment; `None` where it is black.
+    /// A tile's job at a time; `None` where it is black.
     fn job(
         &mut self,
         at: &At,
         request: Request,
-        moment: &Moment,
+        params: &DecodeParams,
         uploads: &mut Vec<Upload>,
     ) -> Result<Option<Full>> {
-        let blank = tile::blank(&self.bundle, request, moment.exposure)?;
+        let blank = tile::blank(&self.bundle, request, params.exposure)?;
         let position = self.bundle.header.position(request.place).unwrap_or_default();
         let (tile, sun) = (&mut self.tiles[position], at.sun());
         if let Some((seen, sun)) = tile.seen.as_ref().zip(sun)
@@ -180,7 +180,7 @@ impl Decoder {
         let held = held.map(|(_, held)| held);
         let placed = Placed { maps: maps.as_ref(), seen: seen.as_ref(), site, held };
         let timeline = &self.bundle.header.timeline;
-        Ok(placed.job(timeline, at.moment(), moment.lights, sun.as_ref(), blank))
+        Ok(placed.job(timeline, at.point(), params.lights, sun.as_ref(), blank))
     }
 
     /// Records that tiles' places on a target become black.

@@ -129,7 +129,7 @@ impl Known {
         if entry == Some(&self.entry) && self.maps.as_ref().is_none_or(has_shape) {
             return Ok(());
         }
-        Err(Error::Invalid(format!("{:?} was read from another bundle", self.place)))
+        Err(Error::Invalid(format!("features of {:?} were read from another bundle", self.place)))
     }
 }
 

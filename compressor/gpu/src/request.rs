@@ -23,7 +23,7 @@ pub struct Options {
 
 /// Which light is decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
+pub struct DecodeParams {
     /// The hour, periodic in 24.
     pub hour: f64,
     /// All light, or some of it.
@@ -32,10 +32,10 @@ pub struct Moment {
     pub exposure: f32,
 }
 
-impl Moment {
+impl DecodeParams {
     /// All light at an hour, as it is.
     pub fn at(hour: f64) -> Self {
-        Moment { hour, lights: Lights::All, exposure: 1.0 }
+        DecodeParams { hour, lights: Lights::All, exposure: 1.0 }
     }
 }
 
@@ -77,7 +77,7 @@ pub struct Work<R = Request> {
     pub tiles: usize,
     /// Those of them whose network was evaluated; the others have the sun alone.
     pub networks: usize,
-    /// Tiles that are black at the moment. A [`Decoder`](crate::Decoder) dispatched nothing for them, and the target is as it was; a
+    /// Tiles that are black at the time. A [`Decoder`](crate::Decoder) dispatched nothing for them, and the target is as it was; a
     /// [`Pool`](crate::Pool) wrote black.
     pub black: Vec<R>,
     /// Bytes uploaded.

@@ -136,8 +136,8 @@ impl Shader {
         };
         let mut text = String::new();
         // An array of no biases there cannot be.
-        let is_left_out = |line: &str| line.starts_with("//$") || h == 0 && line.trim().starts_with("bias:");
-        for line in TEMPLATE.lines().filter(|line| !is_left_out(line)) {
+        let is_omitted = |line: &str| line.starts_with("//$") || h == 0 && line.trim().starts_with("bias:");
+        for line in TEMPLATE.lines().filter(|line| !is_omitted(line)) {
             let indent = line.len() - line.trim_start().len();
             match line.trim() {
                 "$HEADER" => text += &header,

@@ -1,6 +1,6 @@
 //! What a device has of bundles, and the dispatches that decode it: the same for a whole bundle and for a pool of tiles.
 
-use crate::request::{Moment, Options, Request, Target, Work};
+use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::shader::{self, Output, Precision, Shader};
 use crate::survey::Survey;
 use crate::tile::{self, Full, Job};
@@ -21,7 +21,7 @@ pub(crate) fn resolved(device: &wgpu::Device, options: Options) -> Result<Option
     let has = device.features();
     if options.precision == Precision::Half && !has.contains(wgpu::Features::SHADER_F16) {
         return Err(Error::Device(
-            "the device was made without the feature SHADER_F16; ask for it, or for Precision::Single"
+            "the device was created without the feature SHADER_F16; request it, or use Precision::Single"
                 .to_owned(),
         ));
     }
@@ -47,7 +47,7 @@ pub(crate) fn texture(
     let (most, side) = (limits.max_texture_array_layers, limits.max_texture_dimension_2d);
     if layers > most || width.max(height) > side {
         let what =
-            format!("the maps take {layers} layers of {width} × {height}; the device has {most} of {side}²");
+            format!("the maps take {layers} layers of {width} × {height} texels; the device has at most {most} of {side}²");
         return Err(Error::Device(what));
     }
     Ok(device.create_texture(&wgpu::TextureDescriptor {
@@ -226,15 +226,15 @@ impl<R> Work<R> {
     }
 }
 
-/// Whether a moment can be decoded.
+/// Whether a time can be decoded.
 ///
 /// # Errors
 /// [`Error::Invalid`] for an exposure that is not a finite number ≥ 0.
-pub(crate) fn check(moment: &Moment) -> Result<()> {
-    if moment.exposure.is_finite() && moment.exposure >= 0.0 {
+pub(crate) fn check(params: &DecodeParams) -> Result<()> {
+    if params.exposure.is_finite() && params.exposure >= 0.0 {
         return Ok(());
     }
-    Err(Error::Invalid(format!("exposure {}; expected a finite number ≥ 0", moment.exposure)))
+    Err(Error::Invalid(format!("exposure {}; expected a finite number ≥ 0", params.exposure)))
 }
 
 /// Merges jobs without a network into a dispatch that has one, if there is one.

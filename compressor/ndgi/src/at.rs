@@ -1,4 +1,4 @@
-//! A bundle at one moment, for those who ask for texels: tiles made ready once, then sampled without memory or a lock being taken.
+//! A bundle at one time, for those who ask for texels: tiles made ready once, then sampled without memory or a lock being taken.
 //!
 //! ```no_run
 //! let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
@@ -13,19 +13,19 @@ use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use crate::pack;
 use crate::sun::{Sun, TileSun, add_shares, around};
-use crate::time::{Moment, fold_hour};
+use crate::time::{TimePoint, fold_hour};
 use crate::{Error, Result};
 
 /// Tiles that a [`Page`] keeps at first: some 40 MB of whole tiles under a sun, twice that behind coloured glass.
 const KEPT: usize = 256;
 
-/// A bundle at one moment.
+/// A bundle at one time.
 #[derive(Clone, Debug)]
 pub struct At<'a> {
     bundle: &'a Bundle,
     lights: Lights,
     hour: f64,
-    moment: Moment,
+    point: TimePoint,
     /// Where the sun is up: the indices of the surrounding visibility times, and a copy of the sun restricted to them.
     sun: Option<(Vec<usize>, Sun)>,
 }
@@ -47,15 +47,15 @@ impl Bundle {
         if !hour.is_finite() {
             return Err(Error::invalid("hour", format!("{hour}; expected a finite number")));
         }
-        let (moment, hour) = (self.header.timeline.at(hour), fold_hour(hour));
+        let (point, hour) = (self.header.timeline.at(hour), fold_hour(hour));
         let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
         let sun = self.header.sun.as_ref().filter(is_up).map(|sun| sun.near(hour));
-        Ok(At { bundle: self, lights: Lights::All, hour, moment, sun })
+        Ok(At { bundle: self, lights: Lights::All, hour, point, sun })
     }
 }
 
 impl<'a> At<'a> {
-    /// The same moment, but only some of the light.
+    /// The same time, but only some of the light.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -97,7 +97,7 @@ impl<'a> At<'a> {
             _ => self.bundle.tile(place)?,
         };
         let maps = match &tile {
-            Some(tile) => Prepared::new(tile, &self.bundle.header.timeline, &self.moment)?,
+            Some(tile) => Prepared::new(tile, &self.bundle.header.timeline, &self.point)?,
             None => None,
         };
         let lit = match self.sun.as_ref().filter(|_| self.lights != Lights::Baked) {
@@ -116,9 +116,9 @@ impl<'a> At<'a> {
         })
     }
 
-    /// The moment on the bundle's timeline.
-    pub fn moment(&self) -> &Moment {
-        &self.moment
+    /// The time on the bundle's timeline.
+    pub fn point(&self) -> &TimePoint {
+        &self.point
     }
 
     /// The sun, where it is a stream of its own, up, and asked for.
@@ -131,7 +131,7 @@ impl<'a> At<'a> {
     }
 
     /// What a tile sees of the sun at the times of [`SunAt::times`] alone, and how shadows move between them; `None` where that is nothing, or
-    /// there is no sun at the moment.
+    /// there is no sun at the time.
     ///
     /// # Errors
     /// As [`At::tile`].
@@ -159,7 +159,7 @@ impl<'a> At<'a> {
     }
 }
 
-/// The sun at one moment.
+/// The sun at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunAt {
     /// The times of visibility around, as indices of [`Sun::times`]; twice the same outside of all.
@@ -174,10 +174,10 @@ pub struct SunAt {
 
 fn no_page(bundle: &Bundle, page: usize) -> Error {
     let pages = bundle.header.pages.len();
-    Error::invalid(format!("page {page}"), format!("expected a number below {pages}, the bundle's pages"))
+    Error::invalid(format!("page {page}"), format!("expected a number below {pages}, the bundle's number of pages"))
 }
 
-/// What a tile sees of the sun at one moment.
+/// What a tile sees of the sun at one time.
 #[derive(Clone, Debug)]
 struct Lit {
     /// By channel (one or three), the share of the irradiance on each stored texel.
@@ -185,7 +185,7 @@ struct Lit {
     irradiance: [f32; 3],
 }
 
-/// A tile at one moment, ready to be sampled. It holds all that it needs.
+/// A tile at one time, ready to be sampled. It holds all that it needs.
 ///
 /// Texels are those of its own part, its *payload*, (0, 0) the upper left one: [`Tile::width`] across, [`Tile::height`] down. Light is linear
 /// Rec. 709 irradiance, red, green, blue, in the bundle's unit, never a NaN and never infinite.
@@ -208,7 +208,7 @@ impl Tile {
         self.size.1
     }
 
-    /// Whether all of it is black at this moment.
+    /// Whether all of it is black at this time.
     pub fn is_black(&self) -> bool {
         self.maps.is_none() && self.lit.is_none()
     }
@@ -351,7 +351,7 @@ impl Tile {
     }
 }
 
-/// A page at one moment, whose tiles are made ready as they are asked for; those asked for last are kept.
+/// A page at one time, whose tiles are made ready as they are asked for; those asked for last are kept.
 #[derive(Clone, Debug)]
 pub struct Page<'a> {
     at: At<'a>,

@@ -62,7 +62,7 @@ pub struct Header {
     pub kinds: Vec<PageKind>,
     /// Names of the light groups, in the timeline's order.
     pub groups: Vec<String>,
-    /// Hours of the sets, schedules and states of the groups, and the coding.
+    /// Hours of the frames, schedules and states of the groups, and the coding.
     pub timeline: Timeline,
     /// The sun, where its direct light is a stream of its own.
     pub sun: Option<Sun>,
@@ -117,7 +117,7 @@ impl Header {
         }
         let axis = self.timeline.coding == Coding::Standard;
         let contents = payload::contents(word, self.groups.len(), axis).ok_or_else(|| {
-            format!("word {word:#x}, which stands for no contents that a tile here can have")
+            format!("word {word:#x}; expected the word of valid tile contents")
         })?;
         let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word, has_means);
         if !(least..=largest).contains(&length) || !length.is_multiple_of(ALIGN) {
@@ -250,7 +250,7 @@ impl Bundle {
     /// ```
     /// # let bytes: std::sync::Arc<[u8]> = ndgi::testing::sunny_bundle().into();
     /// let bundle = ndgi::Bundle::from_bytes(std::sync::Arc::clone(&bytes))?;
-    /// println!("{}: {} sets, {} tiles", bundle.header.scene, bundle.header.timeline.hours.len(), bundle.header.tiles());
+    /// println!("{}: {} frames, {} tiles", bundle.header.scene, bundle.header.timeline.hours.len(), bundle.header.tiles());
     /// # Ok::<(), ndgi::Error>(())
     /// ```
     pub fn from_bytes(bytes: impl AsRef<[u8]> + Send + Sync + 'static) -> Result<Self> {
@@ -266,7 +266,7 @@ impl Bundle {
         let io = |source| Error::Io { path: name.clone().into(), source };
         let bytes = source.size().map_err(io)?;
         if bytes < FIXED as u64 {
-            return Err(Error::invalid(&name, format!("{bytes} bytes; a bundle has at least {FIXED}")));
+            return Err(Error::invalid(&name, format!("{bytes} bytes; expected at least {FIXED}")));
         }
         let read = |offset: u64, length: usize| {
             let mut bytes = vec![0; length];
@@ -312,7 +312,7 @@ impl Bundle {
         let found = checksum(&[&bytes]);
         if found != part.checksum {
             let what =
-                format!("checksum {found:016x}; the index says {:016x}: the file is damaged", part.checksum);
+                format!("checksum {found:016x}, but the index says {:016x}: the file is damaged", part.checksum);
             return Err(Error::invalid(at(), what));
         }
         Ok(bytes)

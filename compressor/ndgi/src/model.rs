@@ -2,8 +2,8 @@
 //!
 //! A tile covers `width × height` stored texels (128×128; fewer, multiples of 4, at a page's right and bottom edge), of
 //! which [`BORDER`] on each side repeat the neighbouring texels. What of the following it has is its own choice ([`Contents`]).
-//! Its time coordinate τ is periodic with period 1: with `i_k` the place of set `k` on the tile's time axis of `m` places,
-//! `τ_k = (i_k + ½)/m`; sets that look alike share a place ([`crate::time`] has the moments between sets).
+//! Its time coordinate τ is periodic with period 1: with `i_k` the place of frame `k` on the tile's time axis of `m` places,
+//! `τ_k = (i_k + ½)/m`; frames that look alike share a place ([`crate::time`] has the times between frames).
 //! For the stored texel (x, y), with u = (x + ½)/width and v = (y + ½)/height:
 //!
 //! - `V_uv  = F_uv[x, y]` (no interpolation: F_uv has one texel per stored texel), 4 channels;
@@ -68,7 +68,7 @@ pub const PROFILES: [Profile; 8] = [
 ];
 
 impl Profile {
-    /// The profile's maps, all of them, for so many sets that look different and `gates` gates: min(12, ⌈distinct/2⌉) slices
+    /// The profile's maps, all of them, for so many frames that look different and `gates` gates: min(12, ⌈distinct/2⌉) slices
     /// of F_uvt, min(24, distinct) rows of F_ut and F_vt.
     pub fn contents(&self, distinct: usize, gates: usize) -> Contents {
         Contents {
@@ -199,8 +199,8 @@ pub struct Shape {
     pub width: usize,
     /// Stored texels down, a multiple of 4.
     pub height: usize,
-    /// Sets n.
-    pub sets: usize,
+    /// Frames n.
+    pub frames: usize,
     /// Texels of F_ut along u (64 for a full tile); 0 without it.
     pub ut: usize,
     /// Texels of F_vt along v; 0 without it.
@@ -217,13 +217,13 @@ pub struct Shape {
 
 impl Shape {
     /// The shape of a tile of `width × height` stored texels.
-    pub fn new(contents: &Contents, width: usize, height: usize, sets: usize, coding: Coding) -> Self {
+    pub fn new(contents: &Contents, width: usize, height: usize, frames: usize, coding: Coding) -> Self {
         let side = |stored: usize| (stored * contents.uvt).div_ceil(STORED).next_multiple_of(4);
         Shape {
             contents: *contents,
             width,
             height,
-            sets,
+            frames,
             ut: if contents.ut { width.div_ceil(2) } else { 0 },
             vt: if contents.vt { height.div_ceil(2) } else { 0 },
             rows: contents.rows,
@@ -251,9 +251,9 @@ impl Shape {
         let coding = if self.axis { Coding::Standard } else { Coding::Paper };
         side(self.width)
             && side(self.height)
-            && self.sets > 0
+            && self.frames > 0
             && self.contents.word().is_some()
-            && Shape::new(&self.contents, self.width, self.height, self.sets, coding) == *self
+            && Shape::new(&self.contents, self.width, self.height, self.frames, coding) == *self
     }
 
     /// The columns of W₁ of V_uvt, V_uv, V_ut, V_vt, γ and the gates, in this order; empty for what the tile does not have.
@@ -308,7 +308,7 @@ pub struct Knot {
     pub mean: [f32; 3],
     /// At least the tile's largest value, about, finite and ≥ 0: for output in few bits. Decoding does not need it.
     pub peak: f32,
-    /// Between two sets, the share of the light that is the second one's, from 0 to 1; 0 at a set.
+    /// Between two frames, the share of the light that is the second one's, from 0 to 1; 0 at a frame.
     pub share: f32,
 }
 
@@ -352,20 +352,20 @@ impl TileParams {
             ("texels of F_ut", self.f_ut.len(), ut),
             ("texels of F_vt", self.f_vt.len(), vt),
             ("decoder weights", self.mlp.len(), shape.mlp_len()),
-            ("places on the time axis", self.axis.places.len(), if shape.axis { shape.sets } else { 0 }),
+            ("coordinates on the time axis", self.axis.places.len(), if shape.axis { shape.frames } else { 0 }),
             ("gates", self.gates.len(), shape.contents.gates),
         ] {
             if found != expected {
                 return Err(format!("{found} {what}; expected {expected}"));
             }
         }
-        if self.knots.len() < shape.sets {
-            return Err(format!("{} knots; expected one for each of {} sets", self.knots.len(), shape.sets));
+        if self.knots.len() < shape.frames {
+            return Err(format!("{} knots; expected one for each of {} frames", self.knots.len(), shape.frames));
         }
         Ok(())
     }
 
-    /// The input of each gate at a set, whose state of the light groups is given; a group that it lacks is off.
+    /// The input of each gate at a frame, whose state of the light groups is given; a group that it lacks is off.
     pub fn gate_inputs<'a>(&'a self, state: &'a [bool]) -> impl Iterator<Item = f32> + 'a {
         self.gates.iter().map(|&group| gate(state.get(usize::from(group)).copied().unwrap_or(false)))
     }

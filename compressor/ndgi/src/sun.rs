@@ -94,7 +94,7 @@ impl Sun {
         }
         if self.times.len() > MOST_TIMES {
             return Err(format!(
-                "{} times of visibility; at most {MOST_TIMES} are possible",
+                "{} times of visibility; expected at most {MOST_TIMES}",
                 self.times.len()
             ));
         }
@@ -324,7 +324,7 @@ impl SunDecoder {
         self.tile_at(bytes, word, size, &all)
     }
 
-    /// Bytes at one moment of a section that [`SunDecoder::tile`] reads, in a compact layout: levels of two times in 3 bits, and normals as stored,
+    /// Bytes at one time of a section that [`SunDecoder::tile`] reads, in a compact layout: levels of two times in 3 bits, and normals as stored,
     /// with four bytes a block of 4×4 in place of runs: its kind, and where its directions are. `ndgi-gpu` needs more.
     pub(crate) fn held(&self, bytes: &[u8], word: u32, [width, height]: [usize; 2]) -> usize {
         let channels = (word & 3) as usize;
@@ -349,7 +349,7 @@ impl SunDecoder {
     ) -> Result<TileSun, String> {
         let (channels, has_normals, count) = (word & 3, word & 4 != 0, (word >> 8 & 255) as usize);
         if channels == 2 || word & 0xffff_00f8 != 0 || count > 0 && !has_normals {
-            return Err(format!("word {word:#x} of a sun, which stands for nothing"));
+            return Err(format!("word {word:#x} of a sun's section; expected a valid word"));
         }
         let [width, height] = size;
         let texels = width * height;
@@ -359,14 +359,14 @@ impl SunDecoder {
         } else {
             let planes = channels as usize * self.times;
             let (lengths, streams) =
-                rest.split_at_checked(2 * planes).ok_or("lengths of planes that are cut short")?;
+                rest.split_at_checked(2 * planes).ok_or("lengths of planes are cut short")?;
             rest = streams;
             levels.reserve_exact(channels as usize * times.len() * texels);
             for (plane, length) in lengths.as_chunks::<2>().0.iter().enumerate() {
                 let length = u16::from_le_bytes(*length);
                 let is_even = [DARK, LIT].contains(&length);
                 let stream = if is_even { 0 } else { usize::from(length) };
-                let (stream, tail) = rest.split_at_checked(stream).ok_or("levels that are cut short")?;
+                let (stream, tail) = rest.split_at_checked(stream).ok_or("levels are cut short")?;
                 rest = tail;
                 match times.contains(&(plane % self.times)) {
                     false => {}

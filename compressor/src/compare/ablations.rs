@@ -110,7 +110,7 @@ pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
             &params.shape.contents,
             tile.source.width,
             tile.source.height,
-            tile.source.sets.len(),
+            tile.source.frames.len(),
             Coding::Standard,
         );
         let [uv, uvt, ut, vt] = shape.counts();

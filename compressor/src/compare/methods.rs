@@ -77,7 +77,7 @@ pub(super) fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>>
     methods
 }
 
-/// Sets that are kept, by some codec.
+/// Frames that are kept, by some codec.
 fn keys<'a>(
     set: &'a TileSet,
     codec_name: &'a str,
@@ -95,8 +95,8 @@ fn keys<'a>(
 }
 
 #[cfg(not(feature = "baselines"))]
-pub(super) fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, left_out: &mut Vec<String>) {
-    left_out.push(
+pub(super) fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, skipped: &mut Vec<String>) {
+    skipped.push(
         "BC6H, BC7 and ASTC: this build lacks these codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
     );
 }

@@ -18,7 +18,7 @@ pub struct Row {
     pub family: &'static str,
     /// Name.
     pub method: String,
-    /// Bits per stored texel and set.
+    /// Bits per stored texel and frame.
     pub bpp: f64,
     /// Mean PSNR.
     pub psnr_db: Option<f64>,
@@ -38,15 +38,15 @@ pub struct Row {
     pub lpips: Option<f64>,
     /// Mean HDR-ꟻLIP.
     pub flip: Option<f64>,
-    /// Relative error in the darkest quarter of each set.
+    /// Relative error in the darkest quarter of each frame.
     pub dark_relative_error: Option<f64>,
-    /// Error of the change from set to set.
+    /// Error of the change from frame to frame.
     pub step_error: Option<f64>,
     /// The same across switches.
     pub switch_error: Option<f64>,
-    /// CPU seconds to encode a tile with all its sets.
+    /// CPU seconds to encode a tile with all its frames.
     pub encode_seconds: Option<f64>,
-    /// CPU milliseconds to decode 1024² texels of one set.
+    /// CPU milliseconds to decode 1024² texels of one frame.
     pub decode_milliseconds: Option<f64>,
     /// What was chosen.
     pub note: String,
@@ -81,7 +81,7 @@ const PAPER: [(&str, &str, f64); 6] = [
     ("endpoints and weights, plain BC7", "texel by texel, plain BC7", 6.24),
 ];
 
-/// A method's image of one set of each tile, with its PSNR.
+/// A method's image of one frame of each tile, with its PSNR.
 pub(super) struct Shown {
     pub method: String,
     pub images: Vec<(Texels, Option<f64>)>,
@@ -97,8 +97,8 @@ pub struct Comparison {
     pub tiles: usize,
     /// Tiles with valid texels that the dataset has.
     pub tiles_of: usize,
-    /// Sets.
-    pub sets: usize,
+    /// Frames.
+    pub frames: usize,
     /// True for a first look.
     pub draft: bool,
     /// True where the rows are the paper's ablations.
@@ -108,7 +108,7 @@ pub struct Comparison {
     /// Every method, by bits.
     pub rows: Vec<Row>,
     /// What is not there, and why.
-    pub left_out: Vec<String>,
+    pub skipped: Vec<String>,
     /// The scene in the light of some of the methods, where that was asked for.
     pub rendered: Option<Rendered>,
     /// Tiles shown: what and the pictures.
@@ -219,18 +219,18 @@ impl Comparison {
         Comparison {
             tiles: set.tiles.len(),
             tiles_of: set.of,
-            sets: set.timeline.hours.len(),
+            frames: set.timeline.hours.len(),
             draft: options.effort == Effort::Draft,
             ablations: options.ablations,
             noise_ceiling_db: None,
             rows: Vec::new(),
-            left_out: Vec::new(),
+            skipped: Vec::new(),
             rendered: None,
             pictures: Vec::new(),
         }
     }
 
-    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's set that is shown.
+    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's frame that is shown.
     pub(super) fn finish(&mut self, set: &TileSet, of_tiles: &[usize], shown: Vec<Shown>) {
         let near = self.method("NDGI M").map(|row| row.bpp);
         let equal = near.and_then(|bpp| self.no_fewer("SVD", bpp));
@@ -301,7 +301,7 @@ impl Comparison {
             "{} of {} tiles with valid texels, {} frames, {effort}; noise ceiling {} dB{missing}",
             self.tiles,
             self.tiles_of,
-            self.sets,
+            self.frames,
             decibels(self.noise_ceiling_db)
         )
     }
@@ -321,7 +321,7 @@ impl Comparison {
             let (db, a, b) = gap("NDGI M", &self.no_fewer("SVD", bpp)?)?;
             Some(format!("{a} − {b}, the next larger: {db:+.2} dB"))
         });
-        paper.chain(control).chain(self.left_out.iter().map(|what| format!("not run: {what}"))).collect()
+        paper.chain(control).chain(self.skipped.iter().map(|what| format!("not run: {what}"))).collect()
     }
 
     /// Comma-separated values, to full precision.
@@ -387,10 +387,10 @@ const ERROR_GAIN: f32 = 16.0;
 /// Screen pixels of a texel, along a side.
 const ZOOM: usize = 2;
 
-/// A tile at a set: the reference, and each method with its error.
+/// A tile at a frame: the reference, and each method with its error.
 fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec<Picture>) {
     let tile = &set.tiles[i];
-    let reference = image(tile, &tile.source.sets[k]);
+    let reference = image(tile, &tile.source.frames[k]);
     let bright = exposure(&reference, &tile.mask);
     let png = |image: &Image, gain: f32| {
         let (image, mask) = enlarged(image, &tile.mask, ZOOM);

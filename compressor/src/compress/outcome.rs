@@ -56,8 +56,8 @@ pub struct Outcome {
     pub trial_seconds: f64,
     /// Fewest and most steps of a tile with light.
     pub steps: Option<[usize; 2]>,
-    /// PSNR before quantisation, mean over tiles weighed by their valid texels, in dB (each tile: mean over its sets, peak = the
-    /// set's largest valid value).
+    /// PSNR before quantisation, mean over tiles weighed by their valid texels, in dB (each tile: mean over its frames, peak = the
+    /// frame's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
     /// The same with features of 8 bits, which BC7 is not.
     pub psnr_8bit_features_db: Option<f64>,
@@ -66,7 +66,8 @@ pub struct Outcome {
     /// PSNR against seconds.
     pub curve: Vec<CurvePoint>,
     /// What was left out and why, and what else is to be said, with the number of tiles, most frequent first.
-    pub left_out: Vec<(String, usize)>,
+    #[serde(rename = "left_out")]
+    pub omitted: Vec<(String, usize)>,
     /// Every tile, in the order of the bundle's index.
     pub per_tile: Vec<TileOutcome>,
 }
@@ -85,7 +86,8 @@ pub struct TileOutcome {
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
     /// What was left out and why, and what else is to be said.
-    pub left_out: Vec<String>,
+    #[serde(rename = "left_out")]
+    pub omitted: Vec<String>,
 }
 
 impl Outcome {
@@ -108,7 +110,7 @@ impl Outcome {
                 bytes: payload.bytes(),
                 steps: stats.steps,
                 psnr_db: stats.psnr_db,
-                left_out: stats.left_out.clone(),
+                omitted: stats.omitted.clone(),
             };
         let mean_of = |value: fn(&TileStats) -> Option<f64>| {
             weighted_mean(stats.iter().filter_map(|tile| Some((value(tile)?, tile.texels))))
@@ -131,7 +133,7 @@ impl Outcome {
             psnr_8bit_features_db: mean_of(|tile| tile.psnr_8bit_features_db),
             psnr_trained_db: mean_of(|tile| tile.psnr_db),
             curve: aggregate(stats),
-            left_out: count(stats),
+            omitted: count(stats),
             per_tile: header.places().zip(payloads.iter().zip(stats)).map(tile).collect(),
         }
     }
@@ -159,7 +161,7 @@ fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
 /// Distinct remarks with the number of tiles they were made of.
 fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
     let mut counts = BTreeMap::new();
-    for remark in stats.iter().flat_map(|tile| &tile.left_out) {
+    for remark in stats.iter().flat_map(|tile| &tile.omitted) {
         *counts.entry(remark.clone()).or_insert(0) += 1;
     }
     let mut counts: Vec<_> = counts.into_iter().collect();

@@ -158,8 +158,8 @@ impl State {
     /// Learns from a tile: the seconds of its steps, and all others. (One that was only tried stays open.)
     fn ended(&mut self, place: Place, steps: usize, stepping: f64, rest: f64) {
         let running = self.running.iter().position(|(running, ..)| *running == place);
-        let tried = || self.open.iter().find(|(open, _)| *open == place).map(|(_, size)| *size);
-        let Some(size) = running.map(|at| self.running.swap_remove(at).1).or_else(tried) else { return };
+        let trial_fits = || self.open.iter().find(|(open, _)| *open == place).map(|(_, size)| *size);
+        let Some(size) = running.map(|at| self.running.swap_remove(at).1).or_else(trial_fits) else { return };
         // A tile without light has no steps, and tells nothing.
         if steps == 0 || stepping <= 0.0 {
             return;
@@ -198,8 +198,8 @@ mod tests {
         let rest = |i: usize| 0.15 + 1.35 * size(i);
         let tiles = texels.iter().enumerate().map(|(i, texels)| (place(i), *texels));
         let mut state = State::new(threads, tiles.collect());
-        let tried = texels.iter().position(|n| *n == WHOLE).unwrap();
-        state.ended(place(tried), FLOOR, stepping(tried, FLOOR, 0.0), rest(tried));
+        let trial_fits = texels.iter().position(|n| *n == WHOLE).unwrap();
+        state.ended(place(trial_fits), FLOOR, stepping(trial_fits, FLOOR, 0.0), rest(trial_fits));
         // When each thread is free, and what it did.
         let mut busy: Vec<(f64, Option<(usize, f64)>)> = vec![(2.0, None); threads];
         let (mut steps, mut open) = (vec![0; texels.len()], 0..texels.len());

@@ -254,7 +254,7 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
 /// Shards that are unfinished, and those that never said a word, in words.
 fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let of = notes.first().map_or(0, |note| note.shard.of);
-    let told = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
+    let reported = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
         None => Some(format!("{number}/{of} not started")),
         Some(note) if note.is_finished() => None,
         Some(note) => Some(match note.silent_for(now) {
@@ -264,7 +264,7 @@ fn ill(notes: &[Note], now: u64) -> Vec<String> {
             None => format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles),
         }),
     };
-    (1..=of).filter_map(told).collect()
+    (1..=of).filter_map(reported).collect()
 }
 
 /// A time in seconds, in words.

@@ -17,12 +17,13 @@ pub struct TileStats {
     pub psnr_8bit_features_db: Option<f64>,
     /// The same as stored.
     pub psnr_db: Option<f64>,
-    /// Squared error as stored, as [`crate::train::Trial::error`] counts it.
+    /// Squared error as stored, as [`crate::train::TrialFit::error`] counts it.
     pub error: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
     /// What was left out and why, and what else is to be said.
-    pub left_out: Vec<String>,
+    #[serde(rename = "left_out")]
+    pub omitted: Vec<String>,
     /// CPU seconds.
     pub seconds: f64,
 }

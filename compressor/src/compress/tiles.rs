@@ -13,7 +13,7 @@ use crate::lanes::Tier;
 use crate::law::Law;
 use crate::model::{Contents, PROFILES, TileParams};
 use crate::tile::{self, Band};
-use crate::train::{self, Recipe, Trial};
+use crate::train::{self, Recipe, TrialFit};
 use crate::{Error, Result, of_bundle};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::Mask;
@@ -24,7 +24,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 sets).
+/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 frames).
 const TILES_PER_THREAD: usize = 8;
 
 /// Towards a target PSNR, so many tiles are trained before the rest to tell what training gains, so many times at most.
@@ -46,7 +46,7 @@ pub(super) struct Work {
 }
 
 /// What a tile's trial fits gave, and their CPU seconds.
-type Tried = (Vec<Trial>, f64);
+type TileTrials = (Vec<TrialFit>, f64);
 
 /// What the trials of all tiles chose for each, in the order of the index.
 #[derive(Debug, Serialize, Deserialize)]
@@ -77,7 +77,7 @@ struct Tile {
 impl Tile {
     /// One without a valid texel.
     fn empty() -> Self {
-        let stats = TileStats { left_out: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
+        let stats = TileStats { omitted: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
         Tile { payload: Payload::default(), stats, resumed: false }
     }
 }
@@ -115,7 +115,7 @@ impl Tiles<'_> {
         match self.known_choice() {
             Some(chosen) => self.expect_trained(&chosen),
             None => {
-                self.expect("trial fits", |place| self.part.read::<Tried>(&self.trial_key(place)).is_some())
+                self.expect("trial fits", |place| self.part.read::<TileTrials>(&self.trial_key(place)).is_some())
             }
         }
     }
@@ -157,9 +157,9 @@ impl Tiles<'_> {
     /// Trains the tiles of a shard, or tries them where nobody has chosen yet what they are to have.
     pub(super) fn train_shard(&self, shard: Shard, own: &[Place], console: &Console) -> Result<Sharded> {
         let Some(chosen) = self.known_choice() else {
-            let is_open = |place: &&Place| self.part.read::<Tried>(&self.trial_key(**place)).is_none();
+            let is_open = |place: &&Place| self.part.read::<TileTrials>(&self.trial_key(**place)).is_none();
             let work = |place: Place, band: &Band| self.try_tile(place, band).map(|_| (0, None));
-            return Ok(Sharded::Tried(self.shard_of(shard, Stage::Trials, own, is_open, work, console)?));
+            return Ok(Sharded::TrialFits(self.shard_of(shard, Stage::Trials, own, is_open, work, console)?));
         };
         let is_open =
             |place: &&Place| self.finished(&self.key(**place, self.contents(&chosen, **place))).is_none();
@@ -276,15 +276,15 @@ impl Tiles<'_> {
             return Ok((choice.contents(), choice.trial_seconds));
         }
         let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
-            0 => Some(Tried::default()),
-            _ => self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried),
+            0 => Some(TileTrials::default()),
+            _ => self.part.read::<TileTrials>(&self.trial_key(place)).map(|(_, trial_fits)| trial_fits),
         };
         if self.options.merge {
             self.expect_shards()?;
         }
         let work = |place: Place, band: &Band| self.try_tile(place, band);
-        let tried = self.each_tile(console, "trying", finished, work, |_| None)?;
-        let (trials, seconds): (Vec<Vec<Trial>>, Vec<f64>) = tried.into_iter().unzip();
+        let trial_fits = self.each_tile(console, "trying", finished, work, |_| None)?;
+        let (trials, seconds): (Vec<Vec<TrialFit>>, Vec<f64>) = trial_fits.into_iter().unzip();
         let contents = |tile: usize, at: Option<usize>| {
             at.and_then(|at| trials[tile].get(at)).and_then(|trial| Contents::of_word(trial.word))
         };
@@ -304,13 +304,13 @@ impl Tiles<'_> {
     }
 
     /// Tries a tile, and keeps what that gave.
-    fn try_tile(&self, place: Place, band: &Band) -> Result<Tried> {
+    fn try_tile(&self, place: Place, band: &Band) -> Result<TileTrials> {
         let clock = Clock::start();
         let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
             .map_err(|error| of_tile(place, error))?;
-        let tried = (trials, clock.seconds());
-        self.part.write(&self.trial_key(place), &Payload::default(), &tried)?;
-        Ok(tried)
+        let trial_fits = (trials, clock.seconds());
+        self.part.write(&self.trial_key(place), &Payload::default(), &trial_fits)?;
+        Ok(trial_fits)
     }
 
     /// The cheapest choice found whose tiles reach a pooled PSNR, by what training gains on some of them: from choices that foresee a
@@ -318,7 +318,7 @@ impl Tiles<'_> {
     fn calibrated(
         &self,
         db: f64,
-        trials: &[Vec<Trial>],
+        trials: &[Vec<TrialFit>],
         contents: impl Fn(&[Option<usize>]) -> Vec<Option<Contents>>,
         console: &Console,
     ) -> Result<Vec<Option<usize>>> {
@@ -362,7 +362,7 @@ impl Tiles<'_> {
     /// most will have what they were given here. `None` where no tile has light.
     fn measured_gain(
         &self,
-        trials: &[Vec<Trial>],
+        trials: &[Vec<TrialFit>],
         chosen: &[Option<usize>],
         contents: &[Option<Contents>],
         console: &Console,
@@ -384,12 +384,12 @@ impl Tiles<'_> {
             self.part.write(&self.key(place, chosen_for(place)), &tile.payload, &tile.stats)
         })?;
         let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.error);
-        let pairs = worst.iter().filter_map(|&(tried, tile)| Some((tried, stored(tile)?)));
-        let (tried, stored) = pairs.fold((0.0, 0.0), |(a, b), (tried, stored)| (a + tried, b + stored));
-        Ok((stored > 0.0).then(|| tried / stored))
+        let pairs = worst.iter().filter_map(|&(trial_fits, tile)| Some((trial_fits, stored(tile)?)));
+        let (trial_fits, stored) = pairs.fold((0.0, 0.0), |(a, b), (trial_fits, stored)| (a + trial_fits, b + stored));
+        Ok((stored > 0.0).then(|| trial_fits / stored))
     }
 
-    /// What is left for the features of all tiles of so many bits per texel and set.
+    /// What is left for the features of all tiles of so many bits per texel and frame.
     fn bytes(&self, bpp: f64) -> Result<Goal> {
         let none = vec![Payload::default(); self.header.tiles()];
         let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
@@ -576,7 +576,7 @@ impl Tiles<'_> {
                 .iter()
                 .map(|point| (point.iteration, point.seconds, point.psnr_db))
                 .collect(),
-            left_out: trained.left_out,
+            omitted: trained.omitted,
             seconds: clock.seconds(),
         };
         Ok(Tile { payload, stats, resumed: false })

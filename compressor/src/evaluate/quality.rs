@@ -4,7 +4,7 @@ use super::sample::Sample;
 use crate::mean::mean;
 use dataset::metrics;
 
-/// Means over samples, for all sets or for one.
+/// Means over samples, for all frames or for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Mean PSNR; peak = the sample's largest valid value.
@@ -31,7 +31,7 @@ pub struct Quality {
     pub flip: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,
-    /// Relative error over the darkest quarter of the valid texels of a set; the mean over sets.
+    /// Relative error over the darkest quarter of the valid texels of a frame; the mean over frames.
     pub dark_relative_error: Option<f64>,
     /// Samples behind the means above.
     pub samples: usize,
@@ -45,7 +45,7 @@ pub struct Quality {
     pub black_largest_error: f64,
 }
 
-/// The means over samples; without the error in the dark, which is a set's.
+/// The means over samples; without the error in the dark, which is a frame's.
 pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
     let (black, lit): (Vec<&Sample>, Vec<&Sample>) =
         samples.partition(|sample| sample.quality.psnr_db.is_none());
@@ -92,7 +92,7 @@ mod tests {
     fn sample(texels: usize, mse: f64, peak: f64, constant: bool) -> Sample {
         let psnr = (peak > 0.0).then(|| metrics::psnr_db(peak, mse));
         Sample {
-            set: 0,
+            frame: 0,
             page: 0,
             rect: Rect { x0: 0, y0: 0, x1: 1, y1: 1 },
             quality: TileQuality {

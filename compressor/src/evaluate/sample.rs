@@ -1,4 +1,4 @@
-//! One tile of one set, as it was decoded and as it should be.
+//! One tile of one frame, as it was decoded and as it should be.
 
 use super::rgbe::{from_rgbe, to_rgbe};
 use crate::Result;
@@ -7,11 +7,11 @@ use dataset::metrics::{self, Lpips, TileQuality};
 use dataset::tiles::{Rect, TILE, tiles};
 use rayon::prelude::*;
 
-/// One tile of one set.
+/// One tile of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Index of the set.
-    pub set: usize,
+    /// Index of the frame.
+    pub frame: usize,
     /// Page.
     pub page: usize,
     /// The tile's texels.
@@ -36,17 +36,17 @@ pub struct Sample {
 
 /// Measures of how like two images look; they take long, and are made where they are asked for.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Looks<'a> {
+pub struct SlowMetrics<'a> {
     /// The network that LPIPS is measured by.
     pub lpips: Option<&'a Lpips>,
     /// Whether HDR-ꟻLIP is measured.
     pub flip: bool,
 }
 
-/// A strip of whole tiles of a page of a set.
+/// A strip of whole tiles of a page of a frame.
 pub(super) struct Strip<'a> {
-    /// Index of the set.
-    pub set: usize,
+    /// Index of the frame.
+    pub frame: usize,
     /// Page.
     pub page: usize,
     /// The strip's first row on the page, a multiple of [`TILE`].
@@ -62,11 +62,11 @@ pub(super) struct Strip<'a> {
     /// The page's sampling error as a mean square per tile, where the dataset states it.
     pub noise: Option<&'a [f64]>,
     /// What is measured of its looks.
-    pub looks: Looks<'a>,
+    pub slow_metrics: SlowMetrics<'a>,
 }
 
 impl Strip<'_> {
-    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the set's mean, is 0.
+    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the frame's mean, is 0.
     pub fn samples(&self) -> Result<Vec<Sample>> {
         let rects = tiles(self.mask.width, self.mask.height, TILE);
         let before = self.row / TILE * self.mask.width.div_ceil(TILE);
@@ -81,7 +81,7 @@ impl Strip<'_> {
         let quality = metrics::compare(decoded, reference, mask, rect);
         let lpips = |lpips: &Lpips| lpips.distance(decoded, reference, mask, rect, &quality).transpose();
         Ok(Sample {
-            set: self.set,
+            frame: self.frame,
             page: self.page,
             rect: Rect { y0: rect.y0 + self.row, y1: rect.y1 + self.row, ..rect },
             quality,
@@ -89,8 +89,8 @@ impl Strip<'_> {
             noise_ceiling_db: quality.psnr_db.and(noise.map(|mse| metrics::psnr_db(quality.peak, mse))),
             relative_error: 0.0,
             psnr_log_db: metrics::psnr_log_db(decoded, reference, mask, rect, self.page_mean),
-            lpips: self.looks.lpips.and_then(lpips).transpose()?,
-            flip: self.looks.flip.then(|| metrics::flip(decoded, reference, mask, rect, &quality)).flatten(),
+            lpips: self.slow_metrics.lpips.and_then(lpips).transpose()?,
+            flip: self.slow_metrics.flip.then(|| metrics::flip(decoded, reference, mask, rect, &quality)).flatten(),
             largest: largest(decoded, mask, rect),
         })
     }

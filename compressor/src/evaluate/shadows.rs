@@ -1,4 +1,4 @@
-//! The sun's direct light between the sets: what a bundle tells of it beside the dataset's visibility as a function of time. No rays.
+//! The sun's direct light between the frames: what a bundle tells of it beside the dataset's visibility as a function of time. No rays.
 
 use super::strips::decode;
 use crate::Result;
@@ -10,13 +10,13 @@ use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
 
-/// Moments of a day that are judged, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer moments too large a
+/// Times of a day that are judged, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer times too large a
 /// share of them may lie near one.
-const MOMENTS: usize = 40;
+const TIMES: usize = 40;
 /// Tiles whose light is below this share of the sun's are not judged: next to nothing is lit.
 const LIT: f64 = 0.01;
 
-/// PSNR of the sun's direct light over (tile, moment), peak = the tile's brightest at that moment.
+/// PSNR of the sun's direct light over (tile, time), peak = the tile's brightest at that time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadows {
     /// From the mean squared error relative to the peak.
@@ -36,9 +36,9 @@ pub(super) fn shadows(dataset: &Dataset, decoder: &Decoder, console: &Console) -
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let (first, last) = ((0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up));
     let Some((first, last)) = first.zip(last) else { return Ok(None) };
-    let (rise, set) = (path.hours[first], path.hours[last]);
+    let (rise, frame) = (path.hours[first], path.hours[last]);
     let hours: Vec<f64> =
-        (0..MOMENTS).map(|i| rise + (set - rise) * (i as f64 + 0.5) / MOMENTS as f64).collect();
+        (0..TIMES).map(|i| rise + (frame - rise) * (i as f64 + 0.5) / TIMES as f64).collect();
     let (mut errors, mut decibels) = (Vec::new(), Vec::new());
     let progress = console.progress("the sun between frames", dataset.config.pages.len() as u64);
     for page in 0..dataset.config.pages.len() {

@@ -54,7 +54,7 @@ fn row(name: String, q: &Quality) -> Vec<String> {
     ]
 }
 
-/// The hours of the sets that are marked, neighbours as one range.
+/// The hours of the frames that are marked, neighbours as one range.
 fn ranges(hours: &[f64], marked: &[bool]) -> String {
     let firsts = (0..marked.len()).filter(|&k| marked[k] && (k == 0 || !marked[k - 1]));
     let range = |first: usize| {
@@ -66,7 +66,7 @@ fn ranges(hours: &[f64], marked: &[bool]) -> String {
 }
 
 impl Evaluation {
-    /// The quality table's rows: every set, then all of them.
+    /// The quality table's rows: every frame, then all of them.
     pub fn rows(&self) -> Vec<Vec<String>> {
         let mut rows: Vec<_> = self.by_hour.iter().map(|(hour, q)| row(format!("{hour}"), q)).collect();
         rows.push(row("all".to_owned(), &self.all));
@@ -98,7 +98,7 @@ impl Evaluation {
         if let Some(sunny) = &self.sunny {
             remarks.push(format!("over the frames that the sun lights directly: {}", figures(sunny)));
         }
-        if self.sun_is_left_out {
+        if self.sun_is_omitted {
             remarks.push(
                 "the sun's direct light is omitted (--without-sun), in the bundle and in its reference".to_owned(),
             );
@@ -128,10 +128,10 @@ impl Evaluation {
                 q.constant
             ));
         }
-        if self.distinct_sets < self.by_hour.len() {
+        if self.distinct_frames < self.by_hour.len() {
             remarks.push(format!(
                 "{} of {} frames differ; over only these the mean is {} dB, pooled {} dB",
-                self.distinct_sets,
+                self.distinct_frames,
                 self.by_hour.len(),
                 cell(self.distinct.psnr_db, 2),
                 cell(self.distinct.psnr_pooled_db, 2)
@@ -173,7 +173,7 @@ impl Evaluation {
                 ranges(&hours, &met)
             ));
         }
-        if let Some(Between { median_db, worst, linear_median_db, moments }) = self.between {
+        if let Some(Between { median_db, worst, linear_median_db, points }) = self.between {
             let (worst, hour) = worst;
             let decoder = format!(
                 "median pooled PSNR of the decoder {median_db:.2} dB (lowest {worst:.2} dB, at {hour:.2} h)"
@@ -181,10 +181,10 @@ impl Evaluation {
             let sun = if self.without_sun.is_some() { ", without the sun's direct light" } else { "" };
             remarks.push(match linear_median_db {
                 None => format!(
-                    "between frames, at {moments} times: {decoder} against the dataset's light, interpolated by its layers{sun}"
+                    "between frames, at {points} times: {decoder} against the dataset's light, interpolated by its layers{sun}"
                 ),
                 Some(linear) => format!(
-                    "between frames, at {moments} times of the withheld bake: {decoder}; linear interpolation of the \
+                    "between frames, at {points} times of the withheld bake: {decoder}; linear interpolation of the \
                      uncompressed frames: {linear:.2} dB"
                 ),
             });
@@ -220,7 +220,7 @@ impl Evaluation {
         remarks
     }
 
-    /// Every (tile, set) that has a valid texel, black ones too, as comma-separated values.
+    /// Every (tile, frame) that has a valid texel, black ones too, as comma-separated values.
     pub fn csv(&self) -> String {
         let mut out = String::from(
             "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,lpips,flip,relative_error\n",
@@ -228,7 +228,7 @@ impl Evaluation {
         for s in &self.samples {
             let (q, r) = (&s.quality, &s.rect);
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-            let place = format!("{},{},{},{},{},{}", self.by_hour[s.set].0, s.page, r.x0, r.y0, r.x1, r.y1);
+            let place = format!("{},{},{},{},{},{}", self.by_hour[s.frame].0, s.page, r.x0, r.y0, r.x1, r.y1);
             let plain = format!("{},{},{},{},{},{}", q.texels, q.peak, q.range, q.mean, q.constant, q.mse());
             let rest = [
                 q.psnr_db,
@@ -274,7 +274,7 @@ impl Evaluation {
             "psnr_range_db": q.psnr_range_db,
             "psnr_pooled_db": q.psnr_pooled_db,
             "psnr_distinct_db": self.distinct.psnr_db,
-            "sets_distinct": self.distinct_sets,
+            "frames_distinct": self.distinct_frames,
             "psnr_8bit_db": q.psnr_8bit_db,
             "psnr_log_db": q.psnr_log_db,
             "psnr_worst_percent_db": q.psnr_worst_percent_db,

@@ -6,7 +6,7 @@ use crate::decode::{Decoder, Lights};
 use crate::evaluate::{Evaluation, Quality, cell, decode, read, reference_law};
 use dataset::console::count;
 use dataset::report::Section;
-use dataset::report::scene::{PICTURE, remark as of_view, shown_sets};
+use dataset::report::scene::{PICTURE, remark as of_view, shown_frames};
 use dataset::store::Dataset;
 use dataset::view::View;
 
@@ -43,7 +43,7 @@ pub fn lead(
     Ok((section, view.is_some()))
 }
 
-/// The scene at some sets, the dataset's light above the bundle's.
+/// The scene at some frames, the dataset's light above the bundle's.
 fn pictures(
     view: &View,
     dataset: &Dataset,
@@ -53,10 +53,10 @@ fn pictures(
 ) -> Result<()> {
     let law = reference_law(decoder);
     let mut stacks = Vec::new();
-    for set in shown_sets(&dataset.config) {
-        let hour = dataset.config.frames[set].hour;
+    for frame in shown_frames(&dataset.config) {
+        let hour = dataset.config.frames[frame].hour;
         let config = &dataset.config;
-        let baked = view.light(config, |page, rows| read(dataset, &law, set, page, &rows))?;
+        let baked = view.light(config, |page, rows| read(dataset, &law, frame, page, &rows))?;
         let decoded = view.light(config, |page, rows| decode(decoder, Lights::All, page, hour, &rows))?;
         let exposure = view.exposure(&baked);
         let pair = [baked, decoded].map(|light| view.to_png(&light, exposure));
@@ -66,7 +66,7 @@ fn pictures(
         stacks.push((format!("{hour} h{quality}"), pair.into()));
     }
     section.row(&stacks);
-    let sun = match evaluation.sun_is_left_out {
+    let sun = match evaluation.sun_is_omitted {
         true => " Both are without the sun's direct light, which the bundle omits.",
         false => "",
     };
@@ -119,7 +119,7 @@ fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> S
         evaluation.bpp,
         time(outcome.training_seconds),
         time(evaluation.decode_seconds),
-        count(config.frames.len(), "set")
+        count(config.frames.len(), "frame")
     )
 }
 
@@ -167,8 +167,8 @@ mod tests {
             (at(46.0, None), None, "--preset final"),
             (at(46.0, Some(46.2)), Some("--target-psnr 50: missed"), "--target-psnr 50: missed."),
         ] {
-            let told = advice(&all, remark);
-            assert!(told.contains(expected), "{told}");
+            let reported = advice(&all, remark);
+            assert!(reported.contains(expected), "{reported}");
         }
     }
 }

@@ -28,9 +28,9 @@ pub(super) fn pages(path: &Path) -> Result<Vec<u64>> {
     if &head[..4] != b"glTF" || word(4) != 2 {
         return refuse("is not a GLB file; expected a glTF 2 binary".to_owned());
     }
-    let (told, json) = (u64::from(word(8)), u64::from(word(HEADER)));
-    if told > length || json > length {
-        return refuse(format!("is cut short: it has {length} bytes of {}", told.max(json)));
+    let (reported, json) = (u64::from(word(8)), u64::from(word(HEADER)));
+    if reported > length || json > length {
+        return refuse(format!("is cut short: it has {length} bytes of {}", reported.max(json)));
     }
     let mut text = Vec::new();
     file.take(json).read_to_end(&mut text).map_err(Error::io(path))?;
@@ -49,7 +49,7 @@ mod tests {
     fn a_file_is_known_by_its_header_and_says_its_pages() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.glb");
-        let told = |bytes: &[u8]| {
+        let reported = |bytes: &[u8]| {
             std::fs::write(&path, bytes).unwrap();
             pages(&path).map_err(|error| error.to_string())
         };
@@ -58,13 +58,13 @@ mod tests {
         let words = |words: [u32; 2]| words.map(u32::to_le_bytes).concat();
         let whole =
             [&b"glTF"[..], &words([2, length]), &words([json.len() as u32, 0x4e4f_534a]), json].concat();
-        assert_eq!(told(&whole), Ok(vec![2]));
+        assert_eq!(reported(&whole), Ok(vec![2]));
         for (bytes, what) in [
             (&b"notes"[..], "is not a GLB file"),
             (b"notes that are longer than a header", "is not a GLB file"),
             (&whole[..whole.len() - 1], "is cut short"),
         ] {
-            let error = told(bytes).unwrap_err();
+            let error = reported(bytes).unwrap_err();
             assert!(error.contains(what) && error.contains("scene.glb"), "{error}");
         }
     }

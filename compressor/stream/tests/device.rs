@@ -442,6 +442,6 @@ fn a_reader_that_keeps_no_promise_is_told_of_and_the_frames_go_on() {
     let mut tiles: Vec<Tile> = failures.iter().map(|failure| failure.tile).collect();
     tiles.sort();
     assert!(tiles.is_sorted_by(|a, b| a < b), "each is told once: {failures:?}");
-    assert!(failures[0].what.contains("brought no features"), "{}", failures[0].what);
+    assert!(failures[0].what.contains("returned no features"), "{}", failures[0].what);
     probe.expect_exact(7.4 + 0.01 * 59.0);
 }

@@ -179,15 +179,15 @@ fn a_damaged_tile_is_told_once_and_what_covers_it_is_shown() {
     disk.damaged = Some(damaged);
     let seen = [Seen { tile: damaged, pixels: 100 }];
     let mut random = Random(3);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for step in 0..100 {
         let answers = disk.answers(step, &mut random);
         let commands = stream.step(Some(&seen), &answers, 8.3).unwrap();
         disk.start(step, &commands, &mut random);
-        told.extend(commands.failures);
+        reported.extend(commands.failures);
     }
-    assert_eq!(told.len(), 1);
-    assert_eq!((told[0].tile, told[0].what.as_str()), (damaged, "damaged"));
+    assert_eq!(reported.len(), 1);
+    assert_eq!((reported[0].tile, reported[0].what.as_str()), (damaged, "damaged"));
     assert!(matches!(stream.entry(damaged), Entry::Slot { level: 1.., .. }), "{:?}", stream.entry(damaged));
 }
 

@@ -1,4 +1,4 @@
-//! When: switches, few and many sets, uneven hours.
+//! When: switches, few and many frames, uneven hours.
 
 use crate::case::Case;
 
@@ -39,7 +39,7 @@ fn a_lamp_that_blinks_within_six_minutes_is_on_and_off_to_the_instant() {
     let error = result.worst_relative_error();
     assert!(error < 0.02, "{error}");
     let page = |hour| result.decoder.decode_page(0, hour).unwrap();
-    // Any instant of a blink is that blink's set.
+    // Any instant of a blink is that blink's frame.
     for i in 0..6 {
         for share in [0.1, 0.4, 0.9] {
             let found = page(12.0 + (f64::from(i) + share) / 60.0);
@@ -52,15 +52,15 @@ fn a_lamp_that_blinks_within_six_minutes_is_on_and_off_to_the_instant() {
 
 #[test]
 fn one_two_and_240_sets_are_met() {
-    for (sets, bound) in [(1, 50.0), (2, 43.0), (240, 42.0)] {
+    for (frames, bound) in [(1, 50.0), (2, 43.0), (240, 42.0)] {
         let light = |k: usize, x: usize, y: usize| {
-            let phase = std::f32::consts::TAU * k as f32 / sets as f32;
+            let phase = std::f32::consts::TAU * k as f32 / frames as f32;
             let sun = 1.0 / (1.0 + (-(x as f32 - 24.0 - 12.0 * phase.cos()) * 0.5).exp());
             [0.2 + sun, 0.2 + 0.9 * sun * lamp(x, y), 0.3]
         };
-        let result = Case::new(48, 48, sets, light).run();
+        let result = Case::new(48, 48, frames, light).run();
         let psnr = result.least_psnr_db();
-        assert!(psnr > bound && psnr < bound + 25.0, "{sets} sets: {psnr} dB");
+        assert!(psnr > bound && psnr < bound + 25.0, "{frames} sets: {psnr} dB");
     }
 }
 

@@ -37,7 +37,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
     if layout == Layout::Exr {
         return Err(Error::unsupported(out.display(), "EXR files can only be imported; expected --layout hprc1 or hprc2"));
     }
-    dataset.expect_moments()?;
+    dataset.expect_day()?;
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
     let (hours, mut omitted, (config, planned)) = match kept(dataset, Some(layout))? {
@@ -72,7 +72,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
         }
     }
 
-    let images = planned.iter().flat_map(|p| p.moments.iter().map(|_| u64::from(p.lightmap.height)));
+    let images = planned.iter().flat_map(|p| p.frames.iter().map(|_| u64::from(p.lightmap.height)));
     let kinds = if layout == Layout::Hprc1 && layered { 4 } else { 1 };
     let progress = console.progress("exporting", kinds * images.sum::<u64>());
     check_contents(dataset, &hours, layout)?;
@@ -81,7 +81,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
     let mut named = BTreeSet::new();
     for (page, mut planned) in planned.into_iter().enumerate() {
         planned.masks.retain(|parts| named.insert(parts.clone()));
-        planned.moments.retain(|moment| named.insert(moment.whole.clone()));
+        planned.frames.retain(|planned_frame| named.insert(planned_frame.whole.clone()));
         written.extend(write_page(dataset, page, &planned, root, layered, &progress)?);
     }
     write_atomically(&root.join(MANIFEST), &config)?;
@@ -114,9 +114,9 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         Layout::Hprc1 => "the layout stores only whole hours",
         _ => "the layout stores only whole hours, 5.9 and 18.1",
     };
-    let told = (!others.is_empty())
+    let reported = (!others.is_empty())
         .then(|| format!("{} at {} h: {reason}", count(others.len(), "frame"), list(&others)));
-    Ok((taken, told.into_iter().collect()))
+    Ok((taken, reported.into_iter().collect()))
 }
 
 /// The configuration to write, and the files it speaks of.
@@ -178,14 +178,14 @@ fn write_page(
         written.push(raw::write(&place(parts)?, size, rows)?);
     }
     drop(mask);
-    let moments: Vec<Result<Vec<u64>>> = planned
-        .moments
+    let frames: Vec<Result<Vec<u64>>> = planned
+        .frames
         .par_iter()
-        .map(|moment| {
-            let frame = dataset.config.frames.iter().position(|frame| frame.hour == moment.hour);
+        .map(|planned_frame| {
+            let frame = dataset.config.frames.iter().position(|frame| frame.hour == planned_frame.hour);
             let frame = frame.expect("hours were taken from the frames");
-            let mut kinds = vec![(&moment.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
-            if let Some([sun, sky, local]) = moment.shares.as_ref().filter(|_| layered) {
+            let mut kinds = vec![(&planned_frame.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
+            if let Some([sun, sky, local]) = planned_frame.shares.as_ref().filter(|_| layered) {
                 let of = |light| vec![dataset.config.files_of(light, None, frame, page)];
                 let lamps = dataset.config.files_of_local(frame, page);
                 kinds.extend([(sun, of(Light::Sun)), (sky, of(Light::Sky)), (local, lamps)]);
@@ -201,7 +201,7 @@ fn write_page(
             Ok(lengths)
         })
         .collect();
-    for lengths in moments {
+    for lengths in frames {
         written.extend(lengths?);
     }
     Ok(written)

@@ -1,6 +1,6 @@
 //! EXR files, one per hour: found by a pattern of their names, or told by a table.
 
-use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
+use super::incoming::{Incoming, IncomingPage, IncomingFrame, Light, MaskFile};
 use crate::config::{Baked, Group, Layout};
 use crate::image::find_channels;
 use crate::{Error, Result};
@@ -84,7 +84,7 @@ struct Table {
     layer: Option<String>,
     #[serde(default)]
     page: Vec<TablePage>,
-    set: Vec<TableSet>,
+    set: Vec<TableFrame>,
     #[serde(default)]
     group: Vec<TableGroup>,
 }
@@ -97,7 +97,7 @@ struct TablePage {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct TableSet {
+struct TableFrame {
     hour: Spanned<f64>,
     files: Vec<PathBuf>,
 }
@@ -188,10 +188,10 @@ fn pages(
                 );
                 return Err(Error::invalid(path.display(), what));
             }
-            own.push(IncomingSet { whole: Light::Exr(path, channels), shares: None });
+            own.push(IncomingFrame { whole: Light::Exr(path, channels), shares: None });
         }
         let (width, height) = size.map_or((0, 0), |(_, size)| size);
-        Ok(IncomingPage { width, height, masks: mask.into_iter().collect(), sets: own })
+        Ok(IncomingPage { width, height, masks: mask.into_iter().collect(), frames: own })
     };
     masks.into_iter().enumerate().map(page).collect()
 }

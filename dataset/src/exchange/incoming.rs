@@ -27,11 +27,11 @@ pub(super) struct IncomingPage {
     /// All are to agree; without any, every texel is valid.
     pub masks: Vec<MaskFile>,
     /// One per hour.
-    pub sets: Vec<IncomingSet>,
+    pub frames: Vec<IncomingFrame>,
 }
 
 /// A lightmap at one hour.
-pub(super) struct IncomingSet {
+pub(super) struct IncomingFrame {
     pub whole: Light,
     /// The shares of sun, sky and lamps.
     pub shares: Option<[Light; 3]>,
@@ -90,11 +90,11 @@ impl IncomingPage {
                     Some(i) => {
                         let (x, y) = (i % width, y0 + i / width);
                         let place = format!("{}, texel ({x}, {y})", file.path(y).display());
-                        let told = |valid: bool| if valid { "valid" } else { "not valid" };
+                        let reported = |valid: bool| if valid { "valid" } else { "not valid" };
                         let what = format!(
                             "{}, but {} in {}; expected the same mask at all hours",
-                            told(rows[i]),
-                            told(own[i]),
+                            reported(rows[i]),
+                            reported(own[i]),
                             first_file.path(y).display()
                         );
                         Err(Error::invalid(place, what))

@@ -4,7 +4,7 @@
 //! stands in `Original/` and, where it is kept apart, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
 //! `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of a dataset. Lightmaps are cut by height into `parts` equal files.
 
-use super::plan::{Lightmap, Moment, Parts, Planned, Resolution, expect_count, to_json};
+use super::plan::{Lightmap, PlannedFrame, Parts, Planned, Resolution, expect_count, to_json};
 use crate::store::json_error;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -67,14 +67,14 @@ fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
         (0..parts).map(|part| PathBuf::from(folder).join(name(part))).collect()
     };
     let light = |folder: &str, hour: f64| files(folder, "lightmapRawData", time(hour));
-    let moments = hours().map(|hour| Moment {
+    let frames = hours().map(|hour| PlannedFrame {
         hour,
         whole: light(WHOLE, hour),
         shares: Some(SHARES.map(|folder| light(folder, hour))),
     });
     Ok(Planned {
         lightmap: Lightmap { id, level: None, width, height },
-        moments: moments.collect(),
+        frames: frames.collect(),
         masks: vec![files(MASK, "lightmapCoverage", 1)],
     })
 }

@@ -4,7 +4,7 @@
 //! and `masks`, from time keys to names in `Data/`. A time key is the hour × 100: `"0"` to `"2300"`, and `"590"` and `"1810"` on the
 //! lit side of a switch at 6 and 18 h.
 
-use super::plan::{Lightmap, Moment, Planned, Resolution, expect_count, to_json};
+use super::plan::{Lightmap, PlannedFrame, Planned, Resolution, expect_count, to_json};
 use crate::store::{is_component, json_error};
 use crate::{Error, Result};
 use serde::de::{MapAccess, Visitor};
@@ -128,10 +128,10 @@ fn planned(place: &Path, entry: Entry) -> Result<Planned> {
     let mut masks: Vec<PathBuf> = masks.into_iter().map(|(_, path)| path).collect();
     masks.sort();
     masks.dedup();
-    let moment = |(hour, path)| Moment { hour, whole: vec![path], shares: None };
+    let planned_frame = |(hour, path)| PlannedFrame { hour, whole: vec![path], shares: None };
     Ok(Planned {
         lightmap: Lightmap { id, level: Some(level), width, height },
-        moments: light.into_iter().map(moment).collect(),
+        frames: light.into_iter().map(planned_frame).collect(),
         masks: masks.into_iter().map(|path| vec![path]).collect(),
     })
 }

@@ -26,20 +26,20 @@ pub(super) type Parts = Vec<PathBuf>;
 pub(super) struct Planned {
     pub lightmap: Lightmap,
     /// By ascending hour.
-    pub moments: Vec<Moment>,
+    pub frames: Vec<PlannedFrame>,
     /// At least one; all are to agree.
     pub masks: Vec<Parts>,
 }
 
 impl Planned {
     pub fn hours(&self) -> Vec<f64> {
-        self.moments.iter().map(|moment| moment.hour).collect()
+        self.frames.iter().map(|planned_frame| planned_frame.hour).collect()
     }
 }
 
 /// A lightmap's files of one moment.
 #[derive(Clone, Debug)]
-pub(super) struct Moment {
+pub(super) struct PlannedFrame {
     pub hour: f64,
     pub whole: Parts,
     /// The shares of sun, sky and lamps, in layouts that have them.

@@ -213,20 +213,20 @@ pub(crate) fn find_channels(path: &Path, layer: Option<&str>) -> Result<(Channel
     layers.dedup();
     let candidates: Vec<(&String, Channels)> =
         layers.iter().filter_map(|layer| Some((layer, of_layer(layer)?))).collect();
-    let told = |what: &str| format!("channels {}; {what}", all.join(", "));
+    let reported = |what: &str| format!("channels {}; {what}", all.join(", "));
     let found = match (layer, &*candidates) {
         (Some(layer), _) => {
-            of_layer(layer).ok_or_else(|| told(&format!("expected R, G, B of the layer {layer:?}")))
+            of_layer(layer).ok_or_else(|| reported(&format!("expected R, G, B of the layer {layer:?}")))
         }
         (None, []) => match &*all {
             [only] => Ok(Channels([(); 3].map(|()| only.clone()))),
-            _ => Err(told("expected R, G, B")),
+            _ => Err(reported("expected R, G, B")),
         },
         (None, [(_, channels)]) => Ok(channels.clone()),
         // Channels without a layer are the image itself.
         (None, several) => match several.iter().find(|(layer, _)| layer.is_empty()) {
             Some((_, channels)) => Ok(channels.clone()),
-            None => Err(told("expected R, G, B of one layer; choose it with --layer")),
+            None => Err(reported("expected R, G, B of one layer; choose it with --layer")),
         },
     };
     let channels = found.map_err(|what| Error::unsupported(path.display(), what))?;

@@ -26,10 +26,10 @@ pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
         let what = format!("a bundle of version {version}; expected {} or {}", TEXTS[0].0, TEXTS[1].0);
         return Err(Error::unsupported(bundle.display(), what));
     };
-    let told = u64::from_le_bytes(std::array::from_fn(|i| start[16 + i]));
+    let reported = u64::from_le_bytes(std::array::from_fn(|i| start[16 + i]));
     let length = file.metadata().map_err(Error::io(bundle))?.len();
-    if told != length {
-        let what = format!("not a complete bundle: {length} bytes; expected {told}");
+    if reported != length {
+        let what = format!("not a complete bundle: {length} bytes; expected {reported}");
         return Err(Error::invalid(bundle.display(), what));
     }
     file.seek(SeekFrom::Start(*texts as u64)).map_err(torn)?;

@@ -64,10 +64,10 @@ fn contents(text: &mut String, config: &Config, files: &Files) {
         (config.visibility.is_some(), ", the sun's visibility as a function of time"),
     ];
     let more: String = more.into_iter().filter(|(there, _)| *there).map(|(_, what)| what).collect();
-    let sets = format!("config.json, masks, the lightmaps of all frames{more}");
+    let frames = format!("config.json, masks, the lightmaps of all frames{more}");
     for (archive, bytes) in files.archives {
         let what = match &*archive.holds {
-            "sets" => &*sets,
+            "sets" => &*frames,
             "sun" => "the sun's share of each lightmap",
             "sky" => "the sky's share of each lightmap",
             "lamps" => "the light of each light group",
@@ -145,12 +145,12 @@ fn frames_table(text: &mut String, config: &Config) {
         "The standard error of sampling, root mean square over surfaces, ÷ their mean light. Errors by tile are in the file that \
          `noise` of `config.json` names.\n\n| hour | light groups on | error, % |\n|---|---|---|\n",
     );
-    for set in &config.frames {
-        let on = config.groups.iter().zip(&set.groups_on).filter(|(_, on)| **on);
+    for frame in &config.frames {
+        let on = config.groups.iter().zip(&frame.groups_on).filter(|(_, on)| **on);
         let on: Vec<String> = on.map(|(group, _)| plain(&group.name)).collect();
         let error =
-            set.relative_error.map_or("not known".to_owned(), |error| format!("{:.2}", 100.0 * error));
-        let _ = writeln!(text, "| {} | {} | {error} |", set.hour, on.join(", "));
+            frame.relative_error.map_or("not known".to_owned(), |error| format!("{:.2}", 100.0 * error));
+        let _ = writeln!(text, "| {} | {} | {error} |", frame.hour, on.join(", "));
     }
 }
 

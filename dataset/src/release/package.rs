@@ -134,8 +134,8 @@ impl Plan {
             let mut members = Vec::new();
             if holds == "sets" {
                 match without_layers(config) {
-                    Some(sets) => {
-                        members.push(memory(store::MANIFEST, json(&place, &sets)?));
+                    Some(frames) => {
+                        members.push(memory(store::MANIFEST, json(&place, &frames)?));
                         members.push(memory(LAYERS, own.clone()));
                     }
                     None => members.push(memory(store::MANIFEST, own.clone())),
@@ -151,8 +151,8 @@ impl Plan {
         for &layout in layouts {
             let name = format!("{scene}-{}", layout.name());
             let folder = root.join(format!("{name}.export"));
-            let told = export(dataset, layout, &folder, console)?.omitted;
-            omitted.extend(told.into_iter().map(|what| format!("{name}: {what}")));
+            let reported = export(dataset, layout, &folder, console)?.omitted;
+            omitted.extend(reported.into_iter().map(|what| format!("{name}: {what}")));
             let mut files = Vec::new();
             list(&folder, &name, &mut files)?;
             files.sort_by(|a, b| a.path.cmp(&b.path));
@@ -183,10 +183,10 @@ impl Plan {
         self.exported.iter().try_for_each(|folder| remove_folder(folder))?;
         let bundles = copy_bundles(dataset, root)?;
         let mut previews = Vec::new();
-        for set in preview_sets(dataset) {
-            for (page, png) in pictures(dataset, set, PREVIEW_SIDE)?.iter().enumerate() {
+        for frame in preview_frames(dataset) {
+            for (page, png) in pictures(dataset, frame, PREVIEW_SIDE)?.iter().enumerate() {
                 let page = if config.pages.len() > 1 { format!("-page{page}") } else { String::new() };
-                let name = format!("{scene}-{}h{page}.png", config.frames[set].hour);
+                let name = format!("{scene}-{}h{page}.png", config.frames[frame].hour);
                 expect_free(root, &name)?;
                 write_atomically(&root.join(&name), png)?;
                 previews.push(name);
@@ -222,14 +222,14 @@ fn list(folder: &Path, prefix: &str, files: &mut Vec<Member>) -> Result<()> {
 }
 
 /// The sets that pictures are made of, ascending; one at least.
-fn preview_sets(dataset: &Dataset) -> BTreeSet<usize> {
-    let sets = &dataset.config.frames;
-    let away = |set: usize, hour: f64| {
-        let straight = (sets[set].hour - hour).abs();
+fn preview_frames(dataset: &Dataset) -> BTreeSet<usize> {
+    let frames = &dataset.config.frames;
+    let away = |frame: usize, hour: f64| {
+        let straight = (frames[frame].hour - hour).abs();
         straight.min(24.0 - straight)
     };
     let nearest = PREVIEW_HOURS.iter().filter_map(|&hour| {
-        let nearest = (0..sets.len()).min_by(|&a, &b| away(a, hour).total_cmp(&away(b, hour)))?;
+        let nearest = (0..frames.len()).min_by(|&a, &b| away(a, hour).total_cmp(&away(b, hour)))?;
         (away(nearest, hour) <= PREVIEW_REACH).then_some(nearest)
     });
     let nearest: BTreeSet<usize> = nearest.collect();

@@ -13,15 +13,15 @@ const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
 pub const PICTURE: [usize; 2] = [480, 270];
 
 /// The sets to show, each once.
-pub fn shown_sets(config: &Config) -> Vec<usize> {
-    let sets = &config.frames;
+pub fn shown_frames(config: &Config) -> Vec<usize> {
+    let frames = &config.frames;
     let mut shown: Vec<usize> = Vec::new();
     for wanted in SHOWN_HOURS {
         let distance = |k: &usize| {
-            let d = (sets[*k].hour - wanted).abs();
+            let d = (frames[*k].hour - wanted).abs();
             d.min(24.0 - d)
         };
-        let nearest = (0..sets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let nearest = (0..frames.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         shown.extend(nearest.filter(|k| !shown.contains(k)));
     }
     shown
@@ -58,16 +58,16 @@ pub fn section(dataset: &Dataset) -> Result<Option<Section>> {
         }
     };
     let config = &dataset.config;
-    let picture = |set: usize| {
+    let picture = |frame: usize| {
         let light = view.light(config, |page, rows| {
             let width = config.pages[page].width as usize;
-            let texels = dataset.map_rows(set, page, rows.start, rows.end)?;
+            let texels = dataset.map_rows(frame, page, rows.start, rows.end)?;
             Ok(Image { width, height: rows.len(), texels })
         })?;
         let png = view.to_png(&light, view.exposure(&light));
-        Ok((format!("{} h", config.frames[set].hour), vec![png]))
+        Ok((format!("{} h", config.frames[frame].hour), vec![png]))
     };
-    let pictures: Vec<_> = shown_sets(config).into_iter().map(picture).collect::<Result<_>>()?;
+    let pictures: Vec<_> = shown_frames(config).into_iter().map(picture).collect::<Result<_>>()?;
     section.row(&pictures).paragraph(&remark(&view));
     Ok(Some(section))
 }

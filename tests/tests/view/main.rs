@@ -149,7 +149,7 @@ fn no_other_scene_is_taken_for_it(root: &Path) {
     let scene = Some(root.join("scene.glb"));
     let source = open(&other, view::Options { scene, ..view::Options::default() }).unwrap();
     assert!(source.doubts[0].contains("a dataset that the bundle was not made from"), "{:?}", source.doubts);
-    assert!(source.cameras.is_empty() && source.sets() == 0 && source.left_out.is_some());
+    assert!(source.cameras.is_empty() && source.frames() == 0 && source.omitted.is_some());
     std::fs::remove_file(other).unwrap();
 }
 

@@ -88,7 +88,7 @@ impl Bundle {
         self.read_sun(place, true)
     }
 
-    /// Bytes of a tile's streams of the sun at one moment, at most, in a compact layout: levels of two times in 3 bits, normals as stored, and the
+    /// Bytes of a tile's streams of the sun at one time, at most, in a compact layout: levels of two times in 3 bits, normals as stored, and the
     /// moving shadows between. `ndgi-gpu` needs more. (All other times stay on disk, or as they are stored.)
     ///
     /// # Errors

@@ -69,7 +69,7 @@ Keys of the --json object (null where not available):
   tiles, seconds         tiles of the bundle, wall-clock seconds of the command
   bundle, report         paths written (compress only)
   levels                 with --levels, a list of level, bundle, pages, tiles, bytes, psnr_db, psnr_pooled_db, up_to_date (compress only)
-  steps_least, steps_most   training steps of a tile with light (compress only)
+  steps_min, steps_max     training steps of a tile with light (compress only)
   tiles_empty, tiles_resumed, training_cpu_seconds, up_to_date   (compress only; seconds of the run that trained it)
   matches_dataset        whether the bundle was made from the dataset's present light (evaluate only)
   decode_seconds         wall-clock seconds of decoding all frames (evaluate only)";
@@ -173,7 +173,7 @@ pub enum Command {
         #[arg(long, value_name = "DATASET")]
         withheld: Option<PathBuf>,
         #[command(flatten)]
-        looks: LooksArgs,
+        slow_metrics: SlowMetricsArgs,
         /// Write one line per (tile, frame) to this file.
         #[arg(long)]
         csv: Option<PathBuf>,
@@ -255,7 +255,7 @@ pub struct Sweep {
 
 /// Slow quality metrics.
 #[derive(Debug, Args)]
-pub struct LooksArgs {
+pub struct SlowMetricsArgs {
     /// Also measure LPIPS with this network: an ONNX file written by dataset/python/export_lpips.py (builds with --features lpips).
     #[arg(long, value_name = "FILE")]
     pub lpips: Option<PathBuf>,
@@ -288,7 +288,7 @@ pub struct Compare {
     #[arg(long, conflicts_with_all = ["ablations", "tiles"])]
     pub render: bool,
     #[command(flatten)]
-    pub looks: LooksArgs,
+    pub slow_metrics: SlowMetricsArgs,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

@@ -160,12 +160,12 @@ mod tests {
     fn no_name_of_a_bundle_steers_the_terminal() {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let mut bundle = open(&root.join("../tests/fuzz/corpus/bundle/lamps.ndgi")).unwrap();
-        bundle.header.scene = "yard\u{1b}[2J\nsets".to_owned();
+        bundle.header.scene = "yard\u{1b}[2J\nframes".to_owned();
         bundle.header.groups.iter_mut().for_each(|name| *name = "\u{9b}31mporch\u{7}".to_owned());
         let written = json!({ "generator": "\u{1b}]0;title\u{7}", "profile": "\u{1b}c", "iterations": "\u{9b}", "seed": 1 });
         let lines = in_words(&bundle, &written, 1.0, 0);
         assert!(lines.iter().all(|(_, text)| !text.contains(char::is_control)), "{lines:?}");
-        assert_eq!(lines[0], ("scene", "yard\\u{1b}[2J\\nsets".to_owned()));
+        assert_eq!(lines[0], ("scene", "yard\\u{1b}[2J\\nframes".to_owned()));
         let groups = lines.iter().filter(|(name, _)| *name == "group");
         assert!(groups.clone().count() > 0);
         assert!(groups.into_iter().all(|(_, text)| text.starts_with("\\u{9b}31mporch\\u{7}, ")), "{lines:?}");

@@ -17,7 +17,7 @@ pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) ->
             console.say(format!("{} is up to date (--force retrains it)", bundle.display()));
             ("up to date", None)
         }
-        Sharded::Tried(note) => {
+        Sharded::TrialFits(note) => {
             let tiles = count(note.tiles, "tile");
             console.say(format!(
                 "shard {shard}: trial fits of {tiles} are done; once all shards are, run --merge to choose configurations, then the shards again"

@@ -12,7 +12,7 @@ pub fn view(args: View, console: &Console) -> Result<()> {
     let options = Options { bundle, scene, no_reference };
     let source = Source::open(&input, &options)?;
     source.doubts.iter().for_each(|doubt| console.warn(doubt));
-    if let Some(why) = &source.left_out {
+    if let Some(why) = &source.omitted {
         console.warn(format!("the page has no reference: {why}"));
     }
     if source.scene.is_none() {

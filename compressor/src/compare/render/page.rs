@@ -2,7 +2,7 @@
 
 use super::super::table::Comparison;
 use super::FRAMES;
-use super::told::{Rendered, Seen, short, size};
+use super::results::{Rendered, Seen, short, size};
 use crate::mean::mean;
 use dataset::console::count;
 use dataset::report::plot::Plot;
@@ -20,11 +20,11 @@ impl Rendered {
                 continue;
             }
             let of = || self.views.iter().filter(|seen| seen.method == *method);
-            let is_between = |hour: f64| self.moments.iter().any(|m| m.hour == hour && m.set.is_none());
+            let is_between = |hour: f64| self.times.iter().any(|m| m.hour == hour && m.frame.is_none());
             let cell = |value: Option<f64>, digits: usize| {
                 value.map_or("–".to_owned(), |value| format!("{value:.digits$}"))
             };
-            // What is only shown between sets has no mean over all.
+            // What is only shown between frames has no mean over all.
             let all = || of().filter(|_| method != FRAMES);
             let line = self.lapse.iter().find(|line| line.method == *method);
             rows.push(vec![
@@ -48,10 +48,10 @@ impl Rendered {
         lines.push(format!(
             "pictures by {} at {}; temporal error as a fraction of white, compared with a change of {:.5}",
             count(self.cameras.len(), "camera"),
-            count(self.moments.len(), "moment"),
+            count(self.times.len(), "time"),
             self.lapse_change
         ));
-        lines.extend(self.left_out.iter().map(|what| format!("not rendered: {what}")));
+        lines.extend(self.skipped.iter().map(|what| format!("not rendered: {what}")));
         lines
     }
 
@@ -135,7 +135,7 @@ impl Rendered {
              are lit evenly and not evaluated."
                 .to_owned(),
         ];
-        let missing = self.left_out.iter().chain(&comparison.left_out);
+        let missing = self.skipped.iter().chain(&comparison.skipped);
         lines.extend(missing.map(|what| format!("Not shown: {what}.")));
         lines
     }

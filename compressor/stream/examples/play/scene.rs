@@ -40,7 +40,7 @@ impl Scene {
             copies: Vec::new(),
         };
         let Some(root) = document.default_scene().or(document.scenes().next()) else {
-            return Err(wrong(&"it has no scene").into());
+            return Err(wrong(&"it contains no scene").into());
         };
         for node in root.nodes() {
             scene.add(&node, Mat4::IDENTITY, &blob);

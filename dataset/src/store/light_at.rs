@@ -27,8 +27,8 @@ impl Dataset {
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
-    pub fn moment(&self, hour: f64, page: usize) -> Result<Image> {
-        self.expect_moments()?;
+    pub fn light_at(&self, hour: f64, page: usize) -> Result<Image> {
+        self.expect_day()?;
         if !(0.0..=24.0).contains(&hour) {
             let what = format!("hour {hour}; expected 0 to 24");
             return Err(Error::invalid(self.root.display(), what));
@@ -39,7 +39,7 @@ impl Dataset {
             return Err(path.outside(self.root.display(), hour));
         }
         if self.config.layers.is_empty() {
-            let mix = self.mix_of_lamps(hour);
+            let mix = self.mix_of_groups(hour);
             return self.mixed(|frame| vec![&self.config.frames[frame].maps[page]], page, &mix);
         }
         // ((sun direct + sun indirect) + sky) + local, as in frames.
@@ -69,7 +69,7 @@ impl Dataset {
             add(&mut local, &self.light(Light::Group, Some(index as u32), 0, page)?);
         }
         if self.config.layers_of(Light::Lamps, None).next().is_some() {
-            let mix = self.mix_of_lamps(hour);
+            let mix = self.mix_of_groups(hour);
             add(
                 &mut local,
                 &self.mixed(|frame| self.config.files_of(Light::Lamps, None, frame, page), page, &mix)?,
@@ -105,7 +105,7 @@ impl Dataset {
         Ok(Mix { frames, weights })
     }
 
-    fn mix_of_lamps(&self, hour: f64) -> Mix {
+    fn mix_of_groups(&self, hour: f64) -> Mix {
         let frames = self.frames_around(hour);
         let [before, after] = frames.map(|frame| &self.config.frames[frame]);
         let part = way([before.hour, after.hour], hour);

@@ -105,13 +105,13 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
                     })
                 })
                 .collect();
-            assert_close(&dataset.moment(hour, page).unwrap(), &expected, &format!("{hour} h, page {page}"));
+            assert_close(&dataset.light_at(hour, page).unwrap(), &expected, &format!("{hour} h, page {page}"));
         }
     }
     let map = dataset.map(2, 0).unwrap().texels.iter().map(|texel| texel.map(f64::from)).collect::<Vec<_>>();
-    assert_close(&dataset.moment(18.5, 0).unwrap(), &map, "a frame");
+    assert_close(&dataset.light_at(18.5, 0).unwrap(), &map, "a frame");
     for hour in [-0.1, 24.1, f64::NAN] {
-        let said = dataset.moment(hour, 0).unwrap_err().to_string();
+        let said = dataset.light_at(hour, 0).unwrap_err().to_string();
         assert!(said.contains("expected 0 to 24"), "{said}");
     }
 }
@@ -126,7 +126,7 @@ fn without_layers_light_goes_linearly_and_never_between_other_lamps() {
     let map = |frame| dataset.map(frame, 0).unwrap().texels;
     // Between 3 h (porch) and 12 h (none): the porch is off from 6 h on. 18.5 h has the porch, 22 h both.
     for (hour, frame) in [(5.0, 0), (7.0, 1), (16.0, 1), (18.3, 2), (20.5, 3), (23.5, 0)] {
-        assert_eq!(dataset.moment(hour, 0).unwrap().texels, map(frame), "{hour}");
+        assert_eq!(dataset.light_at(hour, 0).unwrap().texels, map(frame), "{hour}");
     }
 }
 
@@ -150,7 +150,7 @@ fn a_curve_that_is_none_is_a_fault() {
         let dataset = Dataset::open(folder.path()).unwrap();
         let faults: Vec<String> = dataset.verify(|| ()).faults.iter().map(ToString::to_string).collect();
         assert!(faults.len() == 1 && faults[0].contains(expected), "{expected}: {faults:?}");
-        assert!(dataset.moment(15.0, 0).unwrap_err().to_string().contains(expected));
+        assert!(dataset.light_at(15.0, 0).unwrap_err().to_string().contains(expected));
     }
 }
 
@@ -204,7 +204,7 @@ for folder in sys.argv[2:]:
         let dataset = Dataset::open(&folder).unwrap();
         for hour in [0.5, 4.5, 12.0, 15.0, 18.6, 20.25, 23.0, 24.0] {
             for page in 0..dataset.config.pages.len() {
-                let light = dataset.moment(hour, page).unwrap();
+                let light = dataset.light_at(hour, page).unwrap();
                 for expected in light.texels.into_iter().flatten() {
                     let found = found.next().unwrap();
                     let place = folder.display();

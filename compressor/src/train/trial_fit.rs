@@ -22,12 +22,12 @@ pub fn gain(iterations: usize) -> f64 {
 
 /// Contents and what they cost and reach.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Trial {
+pub struct TrialFit {
     /// The contents' word.
     pub word: u32,
     /// Length of the payload in bytes.
     pub bytes: u64,
-    /// Squared error after the trial relative to the set's peak, mean over channels, summed over valid texels and lit sets.
+    /// Squared error after the trial relative to the frame's peak, mean over channels, summed over valid texels and lit frames.
     pub error: f64,
     /// Terms of that sum.
     pub terms: u64,
@@ -37,7 +37,7 @@ pub struct Trial {
 ///
 /// # Errors
 /// As [`super::train`].
-pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<Trial>> {
+pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<TrialFit>> {
     check(source)?;
     let recipe = Recipe { iterations: ITERATIONS, passes: 0, paper: false, seed, aim: Aim::PooledError };
     let light = Light::new(source, recipe.coding());
@@ -46,10 +46,10 @@ pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<Trial>> {
     }
     let mut trials = Vec::new();
     for contents in candidates(&light) {
-        let shape = Shape::new(&contents, source.width, source.height, source.sets.len(), recipe.coding());
+        let shape = Shape::new(&contents, source.width, source.height, source.frames.len(), recipe.coding());
         let problem = Problem::new(source, &light, shape, recipe.coding());
         let read = problem.blocks_read().map(|blocks| blocks.iter().filter(|read| **read).count());
-        let terms = (problem.valid * problem.sets) as u64;
+        let terms = (problem.valid * problem.frames) as u64;
         let tier = Tier::detect();
         let error = match contents.hidden {
             32 => Attempt::<32>::new(&problem, &recipe, 1.0, tier).trial(&recipe)?,
@@ -58,7 +58,7 @@ pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<Trial>> {
         };
         // One that diverges is none.
         if let (Some(error), Some(word)) = (error, contents.word()) {
-            trials.push(Trial { word, bytes: blocks_len(&shape, read) as u64, error, terms });
+            trials.push(TrialFit { word, bytes: blocks_len(&shape, read) as u64, error, terms });
         }
     }
     Ok(trials)
@@ -73,7 +73,7 @@ fn candidates(light: &Light) -> Vec<Contents> {
         let with = |contents: Contents| Contents { uv: true, ..contents };
         return vec![none, map(16, 1), map(64, 1), with(none), with(map(16, 1))];
     }
-    // Half as many slices as sets that differ, as a profile has; as many.
+    // Half as many slices as frames that differ, as a profile has; as many.
     let (half, all) = (distinct.div_ceil(2).min(12), distinct.min(24));
     let timed = Contents { gamma: true, gates, ..none };
     let map = |uvt: usize, slices: usize| Contents { uvt, slices, ..timed };

@@ -4,7 +4,7 @@ use super::super::judge::image;
 use super::super::table::{Comparison, Shown as ShownTiles, decibels, enlarged};
 use super::super::tiles::{Texels, TileSet};
 use super::lapse::Line;
-use super::moments::Shown;
+use super::times::Shown;
 use super::{Picture, SHOWN};
 use dataset::report::preview::{exposure, tone_mapped_png};
 use dataset::store::Dataset;
@@ -27,7 +27,7 @@ pub struct Seen {
     pub hour: f64,
     /// The method.
     pub method: String,
-    /// Its bits per texel and set.
+    /// Its bits per texel and frame.
     pub bpp: f64,
     /// Its size over the whole day.
     pub bytes: f64,
@@ -45,7 +45,7 @@ pub struct Crop {
     /// Which of the tiles it is.
     pub what: String,
     /// Its page, column and row.
-    pub place: [usize; 3],
+    pub tile: [usize; 3],
     /// The hour.
     pub hour: f64,
     /// The method.
@@ -66,7 +66,7 @@ pub struct Rendered {
     /// By which cameras.
     pub cameras: Vec<String>,
     /// At which times.
-    pub moments: Vec<Shown>,
+    pub times: Vec<Shown>,
     /// Every picture.
     pub views: Vec<Seen>,
     /// Tiles from near.
@@ -78,7 +78,7 @@ pub struct Rendered {
     /// How wrongly each method's light changes.
     pub lapse: Vec<Line>,
     /// What is not there, and why.
-    pub left_out: Vec<String>,
+    pub skipped: Vec<String>,
     #[serde(skip)]
     pub(super) rows: Vec<Pictures>,
     #[serde(skip)]
@@ -86,46 +86,46 @@ pub struct Rendered {
 }
 
 impl Rendered {
-    pub(super) fn new(dataset: &Dataset, views: &[View], moments: &[Shown], left_out: Vec<String>) -> Self {
+    pub(super) fn new(dataset: &Dataset, views: &[View], times: &[Shown], skipped: Vec<String>) -> Self {
         Rendered {
             scene: dataset.config.scene.clone(),
             cameras: views.iter().map(|view| view.camera.name.clone()).collect(),
-            moments: moments.to_vec(),
+            times: times.to_vec(),
             views: Vec::new(),
             crops: Vec::new(),
             lapse_camera: String::new(),
             lapse_change: 0.0,
             lapse: Vec::new(),
-            left_out,
+            skipped,
             rows: Vec::new(),
             near: Vec::new(),
         }
     }
 
-    /// The pictures of each moment and camera, the dataset's first.
-    pub(super) fn add_rows(&mut self, views: &[View], moments: &[Shown], pictures: Vec<Picture>) {
-        for (i, moment) in moments.iter().enumerate() {
+    /// The pictures of each time and camera, the dataset's first.
+    pub(super) fn add_rows(&mut self, views: &[View], times: &[Shown], pictures: Vec<Picture>) {
+        for (i, time) in times.iter().enumerate() {
             for (v, view) in views.iter().enumerate() {
                 let camera = &view.camera.name;
                 let caption = |method: &str| {
                     let is_it = |seen: &&Seen| {
-                        (seen.hour, &seen.camera, &*seen.method) == (moment.hour, camera, method)
+                        (seen.hour, &seen.camera, &*seen.method) == (time.hour, camera, method)
                     };
                     self.views.iter().find(is_it).map_or(method.to_owned(), Seen::caption)
                 };
-                let of = pictures.iter().filter(|picture| (picture.moment, picture.view) == (i, v));
+                let of = pictures.iter().filter(|picture| (picture.time, picture.view) == (i, v));
                 let mut of: Vec<&Picture> = of.collect();
                 of.sort_by_key(|picture| order(&picture.method));
                 let of = of.iter().map(|picture| (caption(&picture.method), picture.png.clone()));
                 self.rows
-                    .push((format!("{} h, {}: {camera}", short(moment.hour), moment.what), of.collect()));
+                    .push((format!("{} h, {}: {camera}", short(time.hour), time.what), of.collect()));
             }
         }
         self.views.sort_by_key(|seen| order(&seen.method));
         self.lapse.sort_by_key(|line| order(&line.method));
     }
 
-    /// The worst, the median and the best tile of NDGI M (of the first method without it), each at the set that is shown of it.
+    /// The worst, the median and the best tile of NDGI M (of the first method without it), each at the frame that is shown of it.
     pub(super) fn add_crops(
         &mut self,
         set: &TileSet,
@@ -147,13 +147,13 @@ impl Rendered {
         for (which, i) in chosen {
             let (tile, k) = (&set.tiles[i], of_tiles[i]);
             let (hour, place) = (set.timeline.hours[k], &tile.place);
-            let reference = image(tile, &tile.source.sets[k]);
+            let reference = image(tile, &tile.source.frames[k]);
             let bright = exposure(&reference, &tile.mask);
             let png = |texels: &Texels| {
                 let (image, mask) = enlarged(&image(tile, texels), &tile.mask, ZOOM);
                 tone_mapped_png(&image, &mask, bright, image.width.max(image.height))
             };
-            let mut pictures = vec![(REFERENCE.to_owned(), png(&tile.source.sets[k]))];
+            let mut pictures = vec![(REFERENCE.to_owned(), png(&tile.source.frames[k]))];
             for name in NEAR {
                 let Some(shown) = shown.iter().find(|shown| shown.method == name) else { continue };
                 let (texels, db) = &shown.images[i];
@@ -162,7 +162,7 @@ impl Rendered {
                 pictures.push((format!("{name}: {} dB, {}", decibels(*db), size(bytes)), png(texels)));
                 self.crops.push(Crop {
                     what: which.to_owned(),
-                    place: [place.page, place.column, place.row],
+                    tile: [place.page, place.column, place.row],
                     hour,
                     method: name.to_owned(),
                     psnr_db: *db,
