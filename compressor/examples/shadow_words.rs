@@ -19,7 +19,7 @@ const DRAWN: usize = 20_000;
 const LEAST: f32 = 2e-6;
 const LEAST_DOUBLED: f32 = 5e-6;
 const ROUNDS: usize = 8;
-/// After so many rounds, what a first word leaves of blocks is drawn too.
+/// After this many rounds, what a first word leaves of blocks is drawn too.
 const SECOND: usize = 3;
 /// An entry that gains less than this share of the mean is replaced.
 const DEAD: f32 = 0.08;

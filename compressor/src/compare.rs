@@ -1,4 +1,4 @@
-//! NDGI beside what else there is: every method on the same tiles, in the same run, judged by the same measures.
+//! NDGI beside what else there is: every method on the same tiles, in the same run, evaluated by the same measures.
 //!
 //! How each is set up stands in `BASELINES.md`. Methods of foreign codecs are there with the feature `baselines`.
 
@@ -153,7 +153,7 @@ fn measure<'a>(frame: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(R
     let mut best: Option<(Row, Judged, Way)> = None;
     let mut notes = Vec::new();
     for way in (method.run)()? {
-        // (Means leave out what is not a number: a method must not gain by that.)
+        // (Means omit what is not a number: a method must not gain by that.)
         let is_number = |texel: &[f32; 3]| texel.iter().all(|value| value.is_finite());
         if !way.coded.decoded.iter().flatten().flatten().all(is_number) {
             return Err(Error::invalid(

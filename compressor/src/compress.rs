@@ -65,11 +65,11 @@ pub const PRESETS: [Preset; 3] = [DRAFT, MEDIUM, FINAL];
 pub enum Rate {
     /// Profile M; S where the dataset keeps the sun's direct light apart: what is left is smooth in time.
     Usual,
-    /// The maps of a profile, all tiles alike; only what a tile does not need is left out.
+    /// The maps of a profile, all tiles alike; only what a tile does not need is omitted.
     Profile(Profile),
-    /// What brief trials of each tile find: so much that all tiles together reach this pooled PSNR in dB, about.
+    /// What trial fits of each tile find: so much that all tiles together reach this pooled PSNR in dB, about.
     Psnr(f64),
-    /// The same, within so many bits per texel and frame for the whole bundle.
+    /// The same, within this many bits per texel and frame for the whole bundle.
     Bpp(f64),
 }
 
@@ -78,12 +78,12 @@ pub enum Rate {
 pub struct Options {
     /// What tiles have.
     pub rate: Rate,
-    /// Steps of the main phase; with a time limit, at most so many.
+    /// Steps of the main phase; with a time limit, at most this many.
     pub iterations: usize,
     /// See [`Recipe::passes`].
     pub passes: usize,
-    /// Training is planned to end so long after the start of the run: all tiles get about as many steps, none of them is left out. The
-    /// bytes then depend on the machine and its load. Goes with [`Rate::Profile`] alone: trials take what time they take.
+    /// Training is planned to end so long after the start of the run: all tiles get about as many steps, none of them is omitted. The
+    /// bytes then depend on the machine and its load. Goes with [`Rate::Profile`] alone: trial fits take what time they take.
     pub time_limit: Option<Duration>,
     /// Leave out the sun's direct light where the dataset keeps it apart: the bundle's reader draws the sun itself.
     pub without_sun: bool,
@@ -144,7 +144,7 @@ pub fn light_of(header: &Header) -> Option<String> {
     Some(info["inputs"].as_str()?.to_owned())
 }
 
-/// Whether a bundle lacks the sun's direct light, which its dataset keeps apart.
+/// Whether a bundle lacks the sun's direct light, which its dataset stores separately.
 pub(crate) fn sun_is_omitted(header: &Header) -> bool {
     let info: serde_json::Value = serde_json::from_str(&header.info).unwrap_or_default();
     info["sun"] == "left out"
@@ -153,7 +153,7 @@ pub(crate) fn sun_is_omitted(header: &Header) -> bool {
 /// Trains every tile of the dataset in `root` and writes the bundle and, beside it, `<bundle>.run.json` with timings.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a dataset that breaks a rule (a torn file, a NaN, …), before anything is written;
+/// [`Error::Invalid`] for a dataset that is invalid (a truncated file, a NaN, …), before anything is written;
 /// [`Error::Unready`] where another run makes the bundle, or with [`Options::merge`] while tiles are missing;
 /// [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
@@ -219,7 +219,7 @@ pub enum Sharded {
     Trained(Note),
     /// The trial fits of its share are there. Others' may be missing, or nobody has chosen by them yet.
     TrialFits(Note),
-    /// The bundle is there already.
+    /// The bundle already exists.
     UpToDate(PathBuf),
 }
 
@@ -253,7 +253,7 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     tiles.train_shard(shard, &own, console)
 }
 
-/// What all who work on a bundle know before the first tile.
+/// What every process that works on a bundle knows before the first tile.
 struct Job<'a> {
     dataset: &'a Dataset,
     /// With the rate settled.
@@ -306,7 +306,7 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Reads all that tiles are trained to once, so that a bad texel or a torn file stops the run before it has trained anything.
+    /// Reads all that tiles are trained to once, so that a bad texel or a truncated file stops the run before it has trained anything.
     fn check(&self, console: &Console) -> Result<()> {
         check_texels(self.dataset, console)?;
         if self.law.is_apart {
@@ -364,7 +364,7 @@ impl<'a> Job<'a> {
         Ok(Header { sun, shadows, ..self.header(part)? })
     }
 
-    /// The bundle that is there, if it is the one that is asked for; an error if it must not be replaced.
+    /// The bundle that is there, if it is the one that is requested; an error if it must not be replaced.
     fn existing(&self, header: &Header, console: &Console) -> Result<Option<Outcome>> {
         if self.options.force {
             return Ok(None);
@@ -399,7 +399,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Digest of the program that runs: tiles of another build may be other bytes, and are trained again.
+/// Digest of the program that runs: tiles of another build may be other bytes, and are retrained.
 pub(crate) fn program() -> &'static str {
     static PROGRAM: LazyLock<String> = LazyLock::new(|| {
         let digest = |path: PathBuf| {
@@ -416,16 +416,16 @@ pub(crate) fn program() -> &'static str {
 enum Existing {
     /// The bundle that would be written, but for bytes that go by the instruction set, and how it came to be.
     Same(Box<Outcome>),
-    /// What a run without `--force` does not replace, in words: no bundle at all, one of another scene, or one of the same light that
+    /// What a run without `--force` does not replace, as text: no bundle at all, one of another scene, or one of the same light that
     /// was trained for more steps.
     Protected(String),
-    /// One of another bake or other settings, or a broken one, in words.
+    /// One of another bake or other settings, or a broken one, as text.
     Other(String),
     /// None.
     None,
 }
 
-/// What stands at `out`, beside what is asked for. Under a time limit no two runs are the same.
+/// What stands at `out`, beside what is requested. Under a time limit no two runs are the same.
 fn existing_bundle(out: &Path, header: &Header) -> Existing {
     if !out.exists() {
         return Existing::None;
@@ -477,7 +477,7 @@ fn existing_bundle(out: &Path, header: &Header) -> Existing {
     Existing::Other(what)
 }
 
-/// Reads every lightmap once, band by band, so that a bad texel or a torn file stops the run before it has trained anything.
+/// Reads every lightmap once, band by band, so that a bad texel or a truncated file stops the run before it has trained anything.
 fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
     let frames = &dataset.config.frames;
     let mut seen = BTreeSet::new();

@@ -2,7 +2,7 @@
 //!
 //! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
 //! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, frame). A tile without a valid texel is none; those that are all zero are counted apart;
-//! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
+//! those whose reference is constant in space have no dynamic range and are evaluated by relative error, apart from the rest.
 
 mod strips;
 mod rgbe;
@@ -62,9 +62,9 @@ pub struct Evaluation {
     pub all: Quality,
     /// Over the frames that the sun lights directly, where the dataset tells which.
     pub sunny: Option<Quality>,
-    /// Of what maps hold, without the sun's direct light, where this is a stream of its own: over all frames, without looks and noise.
+    /// Of what maps hold, without the sun's direct light, where this is a separate stream: over all frames, without looks and noise.
     pub without_sun: Option<Quality>,
-    /// Whether the sun's direct light was left out of the bundle, and so of what it is compared with.
+    /// Whether the sun's direct light was omitted of the bundle, and so of what it is compared with.
     pub sun_is_omitted: bool,
     /// Per frame: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
@@ -89,9 +89,9 @@ pub struct Evaluation {
     /// Bytes of the bundle file.
     pub bytes: u64,
     /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
-    /// page and frame weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
+    /// page and frame weighted by 1 ÷ its mean. 1 where tiles do not show; `None` if there are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
-    /// The sun's direct light between the frames, where it is a stream of its own.
+    /// The sun's direct light between the frames, where it is a separate stream.
     pub shadows: Option<Shadows>,
     /// Quality between the frames, where light is interpolated anywhere.
     pub between: Option<Between>,
@@ -99,10 +99,10 @@ pub struct Evaluation {
     pub decode_seconds: f64,
 }
 
-/// What is judged by besides the dataset.
+/// What is evaluated by besides the dataset.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measures<'a> {
-    /// A bake of the same scene at other hours: between the sets it is the truth.
+    /// A bake of the same scene at other hours: the reference between the frames.
     pub withheld: Option<&'a Dataset>,
     /// What is measured of the looks of tiles.
     pub slow_metrics: SlowMetrics<'a>,
@@ -164,7 +164,7 @@ fn visible(dataset: &Dataset) -> f64 {
     }
 }
 
-/// What of a dataset's light a bundle is to be compared with: all, or where the sun was left out, all but its direct light.
+/// What of a dataset's light a bundle is to be compared with: all, or where the sun was omitted, all but its direct light.
 pub(crate) fn reference_law(decoder: &Decoder) -> Law {
     Law::of(crate::compress::sun_is_omitted(&decoder.bundle().header))
 }
@@ -188,7 +188,7 @@ struct Lightmaps<'a> {
     lights: Lights,
     decoder: &'a Decoder,
     noise: Option<Noise>,
-    /// Frames of a lower mean are too dark to be judged in their darkest texels.
+    /// Frames of a lower mean are too dark to evaluate in their darkest texels.
     visible: f64,
     /// Of each page.
     masks: Vec<Mask>,
@@ -343,7 +343,7 @@ impl Found {
     }
 }
 
-/// The mean over the channels of so many texels; 0 of none.
+/// The mean over the channels of this many texels; 0 of none.
 fn mean_of(sum: f64, texels: usize) -> f64 {
     if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
 }

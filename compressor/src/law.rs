@@ -361,7 +361,7 @@ pub fn is_sun_apart(config: &Config) -> bool {
     config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
 }
 
-/// Whether a dataset has the sun's direct light as a layer, so that it can be left out.
+/// Whether a dataset has the sun's direct light as a layer, so that it can be omitted.
 pub fn can_omit_sun(config: &Config) -> bool {
     let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
     config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(is_whole)

@@ -20,7 +20,7 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A level that was written and judged.
+/// A level that was written and evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Level {
     /// How often the resolution was halved: from 1.

@@ -1,4 +1,4 @@
-//! Report sections: what is seen first (`lead`), training curves, quality table, pictures, what was left out.
+//! Report sections: what is seen first (`lead`), training curves, quality table, pictures, what was omitted.
 
 mod lead;
 
@@ -17,7 +17,7 @@ use dataset::report::scene::shown_frames;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
-/// A page of at most so many texels is decoded whole for a picture.
+/// A page of at most this many texels is decoded whole for a picture.
 const SMALL: usize = 1 << 22;
 /// Errors are shown this much brighter than the light.
 const ERROR_GAIN: f32 = 16.0;
@@ -252,7 +252,7 @@ fn between_frames(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -
     Ok(())
 }
 
-/// What tiles have, and what training left out and why; the sun's direct light too, if it was.
+/// What tiles have, and what training omitted and why; the sun's direct light too, if it was.
 pub fn omitted(outcome: &Outcome, is_sun: bool) -> Section {
     let mut section = Section::new("Tile configurations, and what the compressor omitted");
     let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// A bundle that was written and judged.
+/// A bundle that was written and evaluated.
 #[derive(Debug)]
 pub struct Judged {
     /// What compressing did.
@@ -49,7 +49,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         Some((what, false)) => remarks.push(what.clone()),
         None => {}
     }
-    // The bundle is what was asked for; the table comes besides.
+    // The bundle is what was requested; the table comes besides.
     if !console.quiet {
         print(&evaluation, console);
         remarks.iter().for_each(|what| console.print(what));
@@ -90,7 +90,7 @@ fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
     })
 }
 
-/// A pooled PSNR may be so far below its target before that is a warning: brief trials do not tell it closer.
+/// A pooled PSNR may be so far below its target before that is a warning: trial fits do not tell it closer.
 const NEAR_DB: f64 = 0.5;
 /// And so far above it before that is worth a remark.
 const FAR_DB: f64 = 1.0;

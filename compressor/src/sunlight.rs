@@ -1,4 +1,4 @@
-//! The sun as a stream of its own: which texels see it at the times of visibility, and how they face it. The times are the hours of the sunlit
+//! The sun as a separate stream: which texels see it at the times of visibility, and how they face it. The times are the hours of the sunlit
 //! frames and, where shadows are to move, sunrise, sunset and some in between.
 //!
 //! Visibility at a frame is its direct light over an unshadowed sun's, normal · direction · irradiance. So the frames are met up to the rounding
@@ -45,7 +45,7 @@ pub struct Sunlight<'a> {
 }
 
 impl<'a> Sunlight<'a> {
-    /// Of a dataset; `None` where the sun lights nothing directly at any frame. `moves`: whether shadows are to move between the times.
+    /// Of a dataset; `None` if the sun lights nothing directly at any frame. `moves`: whether shadows are to move between the times.
     pub fn new(dataset: &'a Dataset, moves: bool) -> Result<Option<Self>> {
         let config = &dataset.config;
         let Some(path) = dataset.sun_path()?.filter(|_| crate::law::is_sun_apart(config)) else {
@@ -98,7 +98,7 @@ impl<'a> Sunlight<'a> {
         Ok(sun)
     }
 
-    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where that is asked for, how shadows
+    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where that is requested, how shadows
     /// move.
     pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<[Section; 2]>> {
         let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(sun));
@@ -346,7 +346,7 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     let reported = std::mem::take(times);
     for pair in reported.windows(2) {
         let [from, to] = [pair[0].0, pair[1].0];
-        // Where the sun is down in between, as by the poles or where hours were left out, there is nothing to tell.
+        // Where the sun is down in between, as by the poles or where hours were omitted, there is nothing to tell.
         let parts = ((to - from - CLOSE) / APART).ceil().max(1.0);
         times.push(pair[0]);
         let between = (1..parts as usize).map(|k| from + (to - from) * k as f64 / parts);

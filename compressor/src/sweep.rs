@@ -52,7 +52,7 @@ const COLUMNS: [&str; 8] = [
 const HEADER: [&str; 8] =
     ["profile", "preset", "bpp", "unquantised dB", "8-bit dB", "BC7 dB", "1 − SSIM", "CPU s per tile"];
 
-/// What a profile reaches with a preset: means over tiles, weighed by their valid texels, of each tile over its lit frames.
+/// What a profile reaches with a preset: means over tiles, weighted by their valid texels, of each tile over its lit frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the profile.
@@ -80,7 +80,7 @@ pub struct Sweep {
     pub tiles: usize,
     /// Tiles with valid texels that there are.
     pub tiles_of: usize,
-    /// Whether the sun's direct light is left to a stream of its own.
+    /// Whether the sun's direct light is left to a separate stream.
     pub is_sun_apart: bool,
     /// Profile by profile, each preset by preset.
     pub rows: Vec<Row>,

@@ -203,7 +203,7 @@ impl Band {
         let config = &dataset.config;
         for i in 0..config.groups.len() {
             let on: Vec<bool> = config.frames.iter().map(|frame| frame.groups_on[i]).collect();
-            // The format counts so many groups as gates.
+            // The format counts this many groups as gates.
             if let Ok(group_index) = u16::try_from(i)
                 && on.contains(&true)
                 && on.contains(&false)

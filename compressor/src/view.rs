@@ -25,7 +25,7 @@ const REFERENCE_BYTES: u64 = 4 << 20;
 /// The hours whose references are wanted first.
 const WANTED: [f64; 8] = [12.0, 18.5, 21.0, 7.0, 15.0, 9.5, 0.0, 4.0];
 
-/// By this a page is known among other HTML files; it stands in `shell.html`, within so many bytes.
+/// By this a page is known among other HTML files; it stands in `shell.html`, within this many bytes.
 const MARK: &str = "<meta name=\"generator\" content=\"compress view\">";
 const MARK_WITHIN: u64 = 512;
 /// A dataset's report, by its name.
@@ -64,7 +64,7 @@ pub fn page(source: &Source) -> Result<String> {
     Ok(shell(source, &frames, &data))
 }
 
-/// Writes the page of a dataset's bundle beside it, and names it; `None` where it is too large for one page.
+/// Writes the page of a dataset's bundle beside it, and names it; `None` if it is too large for one page.
 ///
 /// # Errors
 /// What [`Source::open`], [`expect_replaceable`] and writing say.

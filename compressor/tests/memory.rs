@@ -78,7 +78,7 @@ fn peak(arguments: &[&str], folder: &Path) -> (u64, f64) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_compress"));
     let mut child = command.args(arguments).current_dir(folder).stdout(Stdio::piped()).spawn().unwrap();
     let mut peak = 0;
-    // The system forgets it with the process, so it is asked for while the command runs.
+    // The system forgets it with the process, so it is requested while the command runs.
     let status = loop {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -147,7 +147,7 @@ fn every_page_comes_back_as_itself() {
     assert_eq!([0, 1, 2].map(|page| of_page(page).count()), [3 * 6, 4 * 6, 0]);
     let bits = std::fs::metadata(&judged.outcome.bundle).unwrap().len() as f64 * 8.0;
     assert!((evaluation.bpp - bits / (3.0 * 150.0 * 140.0 * 6.0)).abs() < 1e-9);
-    let valid = |page: usize| of_page(page).filter(|s| s.set == 3).map(|s| s.quality.texels).sum::<usize>();
+    let valid = |page: usize| of_page(page).filter(|s| s.frame == 3).map(|s| s.quality.texels).sum::<usize>();
     assert_eq!([0, 1].map(valid), [islands().mask().count(); 2]);
 
     // Any place of any page, and no page beyond the last.

@@ -265,7 +265,7 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     assert_eq!(json(&run(&arguments, folder.path()))["tiles_resumed"], kept);
     assert!(!part.exists());
 
-    // What stands there is not trained again; an undisturbed run gives the same bytes, and --force starts over.
+    // What stands there is not retrained; an undisturbed run gives the same bytes, and --force starts over.
     let bytes = fs::read(folder.path().join("a.ndgi")).unwrap();
     assert_eq!(json(&run(&arguments, folder.path()))["up_to_date"], true);
     // One trained for less does not take its place unasked.
@@ -332,7 +332,7 @@ fn a_bad_texel_is_refused_and_nothing_overwritten() {
         assert!(before == fs::read(folder.path().join("isles.ndgi")).unwrap());
         assert!(!folder.path().join("isles.ndgi.part").exists());
     }
-    // A torn file likewise.
+    // A truncated file likewise.
     islands().write(folder.path());
     let dataset = Dataset::open(folder.path()).unwrap();
     let map = dataset.path(&dataset.config.frames[3].maps[0]);
@@ -676,7 +676,7 @@ fn the_command_line_answers_and_refuses() {
     }
     assert!(!folder.path().join("y.exr").exists());
 
-    // What was baked differently is judged, with a warning.
+    // What was baked differently is evaluated, with a warning.
     let light: fn(usize, usize, f64, bool) -> [f32; 3] =
         |x, y, h, on| (islands().light)(x, y, h, on).map(|e| 2.0 * e);
     Scene { light, ..islands() }.write(&folder.path().join("isles"));
@@ -685,7 +685,7 @@ fn the_command_line_answers_and_refuses() {
     let expected = "the bundle was compressed from a different bake; run `compress` again";
     assert!(output.status.success() && message.contains(expected), "{message}");
 
-    // A bundle of other hours is not judged against this dataset.
+    // A bundle of other hours is not evaluated against this dataset.
     let other = Scene { hours: vec![0.0, 12.0], ..islands() };
     other.write(&folder.path().join("isles"));
     let output = run(&["evaluate", "isles"], folder.path());

@@ -117,7 +117,7 @@ fn a_killed_shard_is_named_and_goes_on() {
         assert!(begun.elapsed() < Duration::from_secs(120) && child.try_wait().unwrap().is_none());
         std::thread::sleep(Duration::from_millis(2));
     }
-    // While it works nobody else has the folder alone; those who share it may come in.
+    // While it works nobody else has the folder alone; callers that share it may come in.
     assert!(refused(&recipe, folder, 75).contains("another run is writing this bundle"));
     assert!(refused(&merge, folder, 75).contains("another run is writing this bundle"));
     child.kill().unwrap();
@@ -135,7 +135,7 @@ fn a_killed_shard_is_named_and_goes_on() {
     let merged = fs::read(folder.join("a.ndgi")).unwrap();
     json(&[&recipe[..], &["--force"]].concat(), folder);
     assert!(merged == fs::read(folder.join("a.ndgi")).unwrap());
-    // A bundle of longer training gives way to none of shorter, unless that is asked for; nobody retries that.
+    // A bundle of longer training gives way to none of shorter, unless that is requested; nobody retries that.
     let shorter = [".", "--iterations", "100", "--out", "a.ndgi"];
     let reported = refused(&[&shorter[..], &["--shard", "1/1"]].concat(), folder, 1);
     assert!(reported.contains("trained for 1500 steps") && reported.contains("--force"), "{reported}");

@@ -1,4 +1,4 @@
-//! The sun as a stream of its own: from a dataset that keeps it apart, through the bundle and back, in Rust and in Python.
+//! The sun as a separate stream: from a dataset that keeps it apart, through the bundle and back, in Rust and in Python.
 
 mod common;
 
@@ -289,7 +289,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
             );
         }
 
-        // What is judged: all light, what maps hold, and both are good.
+        // What is evaluated: all light, what maps hold, and both are good.
         let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
         let baked = evaluation.without_sun.unwrap();
         assert!(baked.psnr_db.unwrap() > 40.0, "{baked:?}");
@@ -335,7 +335,7 @@ fn a_bundle_of_all_light_is_judged_as_one() {
     Writer::create(&plain).unwrap().commit(&config).unwrap();
     let out = folder.path().join("plain.ndgi");
     compress(&plain, &options(&out), &Console::silent()).unwrap();
-    // Its layers still tell of the sun's direct light, so it can be left out.
+    // Its layers still tell of the sun's direct light, so it can be omitted.
     let omitted = folder.path().join("left-out.ndgi");
     compress(&plain, &Options { without_sun: true, ..options(&omitted) }, &Console::silent()).unwrap();
     let apart = folder.path().join("apart.ndgi");

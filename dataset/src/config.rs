@@ -26,13 +26,13 @@ pub struct Config {
     pub version: u32,
     /// The scene's name, a single path component.
     pub scene: String,
-    /// What wrote the set, e.g. `bake 0.1.0`.
+    /// What wrote the dataset, e.g. `bake 0.1.0`.
     pub generator: String,
-    /// Unit of the texels, in words.
+    /// Unit of the texels, as text.
     pub unit: String,
     /// The seed all randomness derives from.
     pub seed: u64,
-    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets, but for noise that
+    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal datasets, but for noise that
     /// earlier bakes in the folder left, and for where a time limit fell.
     pub inputs: String,
     /// Samples of indirect light per texel that the last round went for: what a texel of mean deviation has, or at most has where the
@@ -40,7 +40,7 @@ pub struct Config {
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,
-    /// The sun; `None` where the scene has none, or the writer does not know of it.
+    /// The sun; `None` if the scene has none, or the writer does not know of it.
     #[serde(deserialize_with = "Option::deserialize")]
     pub sun: Option<Daylight>,
     /// The sky, in the same way.
@@ -69,7 +69,7 @@ pub struct Config {
     /// The sun's visibility as a function of time. Only datasets that hold it have the key; they have a `sun_path`, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visibility: Option<SunVisibility>,
-    /// Where an imported set comes from. Only imported sets have the key.
+    /// Where an imported dataset comes from. Only imported datasets have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Source>,
     /// What makes the frames a scene's transfer. Only transfers have the key.
@@ -120,11 +120,11 @@ impl SunVisibility {
 pub struct Transfer {
     /// The name of the scene whose transfer it is.
     pub scene: String,
-    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the set that it goes with.
+    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the dataset that it goes with.
     pub inputs: String,
     /// Per frame, the light that it shows.
     pub parts: Vec<TransferPart>,
-    /// The scene's sky and sun at its moments, by ascending hour.
+    /// The scene's sky and sun at its times, by ascending hour.
     pub light: Vec<TransferLight>,
 }
 
@@ -138,17 +138,17 @@ pub struct TransferPart {
     pub negative: bool,
 }
 
-/// The light of one moment in terms of the functions.
+/// The light of one time in terms of the functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransferLight {
-    /// The moment, in hours, 0 ≤ hour < 24.
+    /// The time, in hours, 0 ≤ hour < 24.
     pub hour: f64,
     /// Per function, by what it is multiplied, red, green and blue.
     pub coefficients: Vec<[f64; 3]>,
 }
 
-/// What an imported set was made of.
+/// What an imported dataset was made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
@@ -162,7 +162,7 @@ pub struct Source {
     pub replaced_values: u64,
 }
 
-/// A layout in which sets are exchanged.
+/// A layout in which datasets are exchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Layout {
@@ -170,7 +170,7 @@ pub enum Layout {
     Hprc1,
     /// `config.json` and `Data/`; see [`crate::exchange::layout2`].
     Hprc2,
-    /// One EXR file per moment and page.
+    /// One EXR file per time and page.
     Exr,
 }
 

@@ -49,7 +49,7 @@ pub struct Progress {
     what: String,
     /// Counts and estimates the time left; draws only where stderr is a terminal.
     bar: ProgressBar,
-    /// Where stderr is no terminal: when the next plain line is due. `None` where no lines are wanted.
+    /// Where stderr is no terminal: when the next plain line is due. `None` if no lines are wanted.
     next_line: Option<Mutex<Instant>>,
 }
 
@@ -126,7 +126,7 @@ impl Console {
     /// The result of a command: `object` under `--json` (one line on stdout), else nothing.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] where it cannot be written; a reader that closed the pipe is no failure of the command.
+    /// [`crate::Error::Io`] if it cannot be written; a reader that closed the pipe is no failure of the command.
     pub fn result(&self, object: &serde_json::Value) -> crate::Result<()> {
         let mut out = std::io::stdout().lock();
         let written = match self.json {

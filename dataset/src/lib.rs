@@ -1,4 +1,4 @@
-//! The seam of the pipeline: what a temporal lightmap set is on disk.
+//! The seam of the pipeline: what a dataset is on disk.
 //!
 //! The baker writes it, the compressor reads it; neither rendering nor training happens here.
 //! Modules in the order the data passes them; a module imports only what stands above it.

@@ -44,7 +44,7 @@ pub fn exit_code() -> u8 {
     128 + SIGNAL.load(Ordering::SeqCst) as u8
 }
 
-/// Whether nobody has said yet that the process stops; to be asked by who is about to.
+/// True if no message has said yet that the process stops; the caller is about to print one.
 pub(crate) fn is_first_to_say() -> bool {
     !SAID.swap(true, Ordering::SeqCst)
 }

@@ -26,7 +26,7 @@ pub(crate) use verify::{about_equal, geometry};
 pub const MANIFEST: &str = "config.json";
 /// The sub-folder of the files that carry their content's hash in their name.
 pub const DATA: &str = "data";
-/// Where `bake` keeps its work until the set is whole.
+/// Where `bake` keeps its work until the dataset is whole.
 pub const WORK: &str = ".bake";
 /// What is said of a folder that holds such work and no manifest yet.
 pub const UNFINISHED: &str = "the bake in it is not finished; the same `bake` command continues it";
@@ -46,7 +46,7 @@ pub struct Writer {
 
 impl Writer {
     /// Opens or creates the folder. Temporaries of dead runs are removed; a folder whose `config.json` is not a
-    /// temporal set's is refused, so that nothing foreign is overwritten.
+    /// dataset's is refused, so that nothing foreign is overwritten.
     pub fn create(root: &Path) -> Result<Self> {
         let data = root.join(DATA);
         let manifest = root.join(MANIFEST);
@@ -183,7 +183,7 @@ fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
     }
 }
 
-/// Reads a manifest of any version, and gives everything in it that breaks a rule; `place` names it in errors.
+/// Reads a manifest of any version, and gives everything in it that is invalid; `place` names it in errors.
 ///
 /// # Errors
 /// `Unsupported` for a version of the future, `Invalid` for what is no manifest.
@@ -281,7 +281,7 @@ impl Dataset {
         faults.into_iter().next().map_or(Ok(dataset), Err)
     }
 
-    /// Reads `config.json` and gives everything in it that breaks a rule. A set with faults is good for
+    /// Reads `config.json` and gives everything in it that is invalid. A dataset with faults is good for
     /// [`Dataset::verify_files`] alone.
     pub fn read_manifest(root: &Path) -> Result<(Self, Vec<Error>)> {
         let manifest = root.join(MANIFEST);
@@ -453,7 +453,7 @@ impl Dataset {
         Ok(Some(noise))
     }
 
-    /// An error where the frames are no moments of a day: those of a transfer.
+    /// An error where the frames are no times of a day: those of a transfer.
     pub fn expect_day(&self) -> Result<()> {
         let Some(transfer) = &self.config.transfer else { return Ok(()) };
         let what = format!("is the transfer of {}; expected a dataset of a day", transfer.scene);

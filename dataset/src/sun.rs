@@ -11,7 +11,7 @@ use std::path::Path;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SunPath {
-    /// Ascending, in hours from 0 to 24; one at least.
+    /// Ascending, in hours from 0 to 24; at least one.
     pub hours: Vec<f64>,
     /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
     /// one. x, y (up), z as in the geometry.

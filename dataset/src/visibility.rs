@@ -95,7 +95,7 @@ pub fn to_bytes(size: [u32; 2], top: u8, hours: &[f64], payloads: &[(Vec<u8>, u3
     bytes
 }
 
-/// A moment between two times: the indices of both, and how far it is from the first to the second.
+/// A time between two times: the indices of both, and how far it is from the first to the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
     /// The time before, or the first.
@@ -107,7 +107,7 @@ pub struct Between {
 }
 
 impl Between {
-    /// Where an hour lies among ascending `hours`, of which there is one at least.
+    /// Where an hour lies among ascending `hours`, of which there is at least one.
     pub fn new(hours: &[f64], hour: f64) -> Self {
         let next = hours.partition_point(|time| *time <= hour);
         let (before, after) = (next.saturating_sub(1), next.min(hours.len() - 1));
@@ -130,7 +130,7 @@ pub struct Visibility {
     pub size: [u32; 2],
     /// The level that stands for 1.
     pub top: u8,
-    /// The times in hours, ascending; one at least.
+    /// The times in hours, ascending; at least one.
     pub hours: Vec<f64>,
     /// The tiles of the page, row by row.
     pub tiles: Vec<Rect>,

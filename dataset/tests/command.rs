@@ -116,7 +116,7 @@ fn import_and_export_tell_what_they_did() {
     assert!(output.status.success() && output.stderr.is_empty() && output.stdout.is_empty(), "{output:?}");
     let [before, after] = ["contest", "back"].map(|name| common::layouts::content(Path::new(&at(name))));
     assert!(before == after);
-    // The layout must be told, and a set is not written over.
+    // The layout must be told, and a dataset is not written over.
     let output = run(&["import", "--out", &at("other")], Path::new(&at("contest")));
     assert!(
         String::from_utf8_lossy(&output.stderr).contains("expected --layout hprc1 or hprc2"),

@@ -11,7 +11,7 @@ use dataset::store::{DATA, Dataset};
 use std::fs;
 use std::path::Path;
 
-/// A day with both sides of the porch's switches, and one moment that no layout has a place for.
+/// A day with both sides of the porch's switches, and one time that no layout has a place for.
 fn day() -> Vec<f64> {
     let mut hours: Vec<f64> = (0..24).map(f64::from).chain([5.9, 18.1, 20.4]).collect();
     hours.sort_by(f64::total_cmp);
@@ -178,7 +178,7 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
     assert!(error.contains("no frame at 0 h; the layout holds all 24 hours"), "{error}");
     let error = refused(&[4.5, 20.4], Layout::Hprc2);
     assert!(error.contains("frames at 4.5, 20.4 h have no time key"), "{error}");
-    // A damaged set, though its texels can still be read.
+    // A damaged dataset, though its texels can still be read.
     write_hours(&root, &[(5, 5)], 1, &[0.0, 12.0]).unwrap();
     let dataset = Dataset::open(&root).unwrap();
     let victim = dataset.path(&dataset.config.frames[1].maps[0]);

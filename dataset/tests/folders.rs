@@ -274,7 +274,7 @@ fn verification_finds_what_opening_does_not() {
     let message = Dataset::open(folder.path()).unwrap().map(1, 0).unwrap_err().to_string();
     assert!(message.contains(&config.frames[1].maps[0].path), "{message}");
 
-    // A torn file, and a missing one: both are named.
+    // A truncated file, and a missing one: both are named.
     fs::write(&victim, &whole[..whole.len() / 2]).unwrap();
     fs::remove_file(folder.path().join(&config.pages[0].mask.path)).unwrap();
     let found = faults();
@@ -327,7 +327,7 @@ fn sets_must_show_the_lamps_as_the_schedule_has_them() {
         (found.faults.iter().map(ToString::to_string).collect::<Vec<_>>(), found.warnings)
     };
     assert_eq!(verify(&config), (vec![], vec![]));
-    // A switch without a set on its lit side is told, and is no fault. (The noise file is of all sets.)
+    // A switch without a frame on its lit side is told, and is no fault. (The noise file is of all frames.)
     config.noise = None;
     let frame = config.frames.remove(5);
     let by_hour = |layer: &&mut Layer| layer.light != Light::Group;
@@ -387,7 +387,7 @@ fn a_report_shows_every_set() {
     {
         assert!(html.contains(text), "{text}");
     }
-    // Two masks, three sets of two pages, and those again that are much darker, if any.
+    // Two masks, three frames of two pages, and those again that are much darker, if any.
     assert!(html.matches("<img").count() >= 8);
 }
 

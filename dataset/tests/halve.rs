@@ -278,7 +278,7 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
     let config = write_set(&source, &[(20, 20)], 3).unwrap();
     let reported = || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
 
-    // A file whose content changed; one that is torn is told when the set is opened.
+    // A file whose content changed; one that is torn is told when the dataset is opened.
     for file in [
         &config.frames[2].maps[0],
         config.layers[0].files[1][0].as_ref().unwrap(),
@@ -323,7 +323,7 @@ fn an_imported_set_keeps_its_source_without_the_layouts_configuration() {
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let mut config = write_set(&source, &[(7, 6)], 3).unwrap();
     config.layers.retain(|layer| layer.light != Light::Group);
-    // The rule of imported sets: lamps of all groups are one layer, black here.
+    // The rule of imported datasets: lamps of all groups are one layer, black here.
     config.frames.iter_mut().for_each(|frame| frame.groups_on.clear());
     config.groups.clear();
     config.frames.truncate(2);

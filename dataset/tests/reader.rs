@@ -99,7 +99,7 @@ fn the_reader_in_python_reads_the_same_texels() {
     with_hard_masks(&set);
     let dataset = Dataset::open(&set).unwrap();
     release(std::slice::from_ref(&set), &[], false, &out, &dataset::console::Console::silent()).unwrap();
-    // As an unpacked release has it: the layers stand in a manifest beside that of the sets.
+    // As an unpacked release has it: the layers stand in a manifest beside that of the datasets.
     fs::copy(set.join("config.json"), set.join("layers.json")).unwrap();
     fs::write(set.join("config.json"), b"{}").unwrap();
     let run = |arguments: &[&Path]| {

@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Two sets, one with a bundle beside it, and their release with a layout of exchange.
+/// Two datasets, one with a bundle beside it, and their release with a layout of exchange.
 struct Released {
     folder: tempfile::TempDir,
 }
@@ -126,7 +126,7 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
         assert!(datasheet.contains(word), "{word}: {datasheet}");
     }
 
-    // The sets alone are a dataset; with the layers and the manifest that names them, it is the one that was packaged.
+    // The datasets alone are a dataset; with the layers and the manifest that names them, it is the one that was packaged.
     let unpacked = released.at("unpacked");
     unpack(&folder.join("hut-sets.tar.zst"), &unpacked);
     let sets = Dataset::open(&unpacked.join("hut")).unwrap();

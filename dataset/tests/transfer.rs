@@ -11,7 +11,7 @@ use dataset::store::{Dataset, Writer};
 use std::path::Path;
 use std::process::Command;
 
-/// A set of three parts of two functions.
+/// A frame of three parts of two functions.
 fn write(root: &Path) -> Config {
     let mut config = write_set(root, &[(9, 5)], 3).unwrap();
     let light = |hour: f64| TransferLight { hour, coefficients: vec![[1.0, -2.0, 0.5]; 2] };

@@ -6,7 +6,7 @@ use crate::shader::Output;
 use crate::{Error, Result};
 use ndgi::grid::Place;
 
-/// A page's texture, and what is known to be on it.
+/// A page's texture, with the state of its tiles.
 #[derive(Debug)]
 pub struct Page {
     /// The texture: the page's size.
@@ -67,7 +67,7 @@ impl Decoder {
         Ok(Page { texture, view, output, page, is_black: vec![false; grid.tiles()], forgotten: None })
     }
 
-    /// Records the decoding of a whole page. Tiles that are black, and were before, are left out.
+    /// Records the decoding of a whole page. Tiles that are black and were black before are skipped.
     ///
     /// # Errors
     /// As [`Decoder::decode`].

@@ -55,7 +55,7 @@ struct Slot {
     site: Site,
     resident: Range<u32>,
     interval: Range<u32>,
-    /// The times that its part of the interval's buffer is of, and what is seen in it.
+    /// The times of its part of the interval's buffer, and the visibility in it.
     held: Option<([usize; 2], Held)>,
 }
 
@@ -123,7 +123,7 @@ impl Pool {
         self.stage.prepare(output);
     }
 
-    /// The options as the device can have them: what [`Features::read`] takes.
+    /// The options that the device supports: the argument of [`Features::read`].
     pub fn options(&self) -> &Options {
         &self.stage.options
     }
@@ -190,7 +190,7 @@ impl Pool {
         Ok(())
     }
 
-    /// Makes the resident buffer twice as large, or so that it has room for so many words at its end; gives whether it could grow.
+    /// Makes the resident buffer twice as large, or so that it has room for this many words at its end; gives whether it could grow.
     fn grow(&mut self, queue: &wgpu::Queue, words: u32) -> bool {
         let (old, device) = (&self.stage.resident, &self.stage.device);
         let now = old.size() / 4;
@@ -209,7 +209,7 @@ impl Pool {
         true
     }
 
-    /// Empties a slot. One that is empty, or that there is not, stays so.
+    /// Empties a slot; does nothing for an empty or missing slot.
     pub fn unload(&mut self, slot: u32) {
         if let Some(Slot { resident, interval, .. }) =
             self.slots.get_mut(slot as usize).and_then(Option::take)
@@ -219,7 +219,7 @@ impl Pool {
         }
     }
 
-    /// Uploads what a slot's tile sees of the sun in an interval, before the next submission.
+    /// Uploads the visibility of the sun of a slot's tile in an interval, before the next submission.
     ///
     /// # Errors
     /// [`Error::Invalid`] for an empty slot, or an interval of another tile.
@@ -243,7 +243,7 @@ impl Pool {
         Ok(())
     }
 
-    /// The times of the interval that was set for a slot's tile; `None` where none was, or the slot is empty.
+    /// The times of the interval that was set for a slot's tile; `None` if none was, or the slot is empty.
     pub fn interval_of(&self, slot: u32) -> Option<[usize; 2]> {
         self.slots.get(slot as usize)?.as_ref()?.held.map(|(times, _)| times)
     }
@@ -341,7 +341,7 @@ impl Slot {
     }
 }
 
-/// A part of a buffer of so many words, which may be none.
+/// A part of a buffer of this many words, which may be none.
 fn allocate(of: &mut RangeAllocator<u32>, words: u32, buffer: &'static str) -> Result<Range<u32>> {
     if words == 0 {
         return Ok(0..0);

@@ -1,4 +1,4 @@
-//! What a device has of bundles, and the dispatches that decode it: the same for a whole bundle and for a pool of tiles.
+//! A bundle's data on a device and the dispatches that decode them: shared by whole bundles and pools of tiles.
 
 use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::shader::{self, Output, Precision, Shader};
@@ -16,7 +16,7 @@ const MOST_JOBS: usize = 65_535;
 /// The options as a device can have them.
 ///
 /// # Errors
-/// [`Error::Device`] where it has no 16-bit floats and they are asked for.
+/// [`Error::Device`] if it has no 16-bit floats and they are requested.
 pub(crate) fn resolved(device: &wgpu::Device, options: Options) -> Result<Options> {
     let has = device.features();
     if options.precision == Precision::Half && !has.contains(wgpu::Features::SHADER_F16) {
@@ -65,7 +65,7 @@ pub(crate) fn texture(
     }))
 }
 
-/// A buffer of so many words, one at least.
+/// A buffer of this many words, at least one.
 pub(crate) fn buffer(device: &wgpu::Device, label: &str, words: u64) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
@@ -75,7 +75,7 @@ pub(crate) fn buffer(device: &wgpu::Device, label: &str, words: u64) -> wgpu::Bu
     })
 }
 
-/// What is on a device.
+/// The buffers and textures on a device.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pub device: wgpu::Device,
@@ -155,7 +155,7 @@ impl Stage {
         bytes
     }
 
-    /// Records that tiles' places on a target become black.
+    /// Records writing black to tiles' areas of a target.
     ///
     /// # Errors
     /// [`Error::Bundle`] for a place that the bundle does not have.
@@ -226,7 +226,7 @@ impl<R> Work<R> {
     }
 }
 
-/// Whether a time can be decoded.
+/// Checks that the parameters are valid.
 ///
 /// # Errors
 /// [`Error::Invalid`] for an exposure that is not a finite number ≥ 0.

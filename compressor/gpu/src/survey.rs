@@ -1,4 +1,4 @@
-//! What the index of a bundle tells of its tiles' sizes, before any is read.
+//! Bounds of tiles' sizes from a bundle's index, before any tile is read.
 
 use crate::place::shelves;
 use crate::shader;

@@ -1,4 +1,4 @@
-//! A tile's data as the shader reads it: what stays resident of its maps, and the job of a time.
+//! A tile's data as the shader reads them: resident maps, and the job for one time.
 
 use crate::place::Spot;
 use crate::request::Request;
@@ -98,7 +98,7 @@ impl Full {
 }
 
 impl Placed<'_> {
-    /// The tile's job at a time, made of a blank one; `None` where it is black. `sun`: within the interval that is held.
+    /// The tile's job at a time, made of a blank one; `None` if it is black. `sun`: within the interval that is held.
     pub fn job(
         &self,
         timeline: &Timeline,
@@ -168,7 +168,7 @@ impl Maps {
         self.params.shape.hidden
     }
 
-    /// Fills in what a job says of the maps at a time, and gives the biases of the first layer; `None` where they are black.
+    /// Fills in what a job says of the maps at a time, and gives the biases of the first layer; `None` if they are black.
     fn job(&self, site: &Site, timeline: &Timeline, point: &TimePoint, job: &mut Job) -> Option<Vec<f32>> {
         let (shape, has) = (&self.params.shape, &self.params.shape.contents);
         let inputs = Inputs::at(&self.params, timeline, point);

@@ -1,11 +1,11 @@
-//! Decoding: a stored tile, or a whole bundle, at any (u, v, t).
+//! Decoding: a stored tile, or a complete bundle, at any (u, v, t).
 //!
-//! Four ways to the same values, none of which ever gives a NaN or an infinity:
+//! Four ways to the same values; none ever returns a NaN or an infinity:
 //! - [`texel`] follows the formulae of [`crate::model`] literally for one texel of a tile's maps, reading only the blocks it needs.
 //!   The others are tested against it.
-//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any time: for tiles that stand in no bundle yet.
-//! - [`Decoder`] gives samples and pages of a bundle at any hour, with the sun: for tools.
-//! - [`At`](crate::at::At) is a bundle at one time, where what depends on the time alone is folded once per tile: for games, and
+//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any time: for tiles that are not in a bundle yet.
+//! - [`Decoder`] returns samples and pages of a bundle at any hour, with the sun: for tools.
+//! - [`At`](crate::at::At) is a bundle at one time, where everything that depends only on time is computed once per tile: for games, and
 //!   for the pages of [`Decoder`].
 
 mod kernel;
@@ -29,7 +29,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The decoder's output is cut here before it is raised to its power: the largest finite f16.
+/// Upper clamp of the decoder's output before it is raised to its power: the largest finite f16.
 const Y_MAX: f32 = 65504.0;
 
 /// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped at the ends,
@@ -74,7 +74,7 @@ fn tau_at(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> f64 {
     point.tau(&taus, brightness, |knot| f64::from(tile.knots[knot].share))
 }
 
-/// What a tile's decoder is given at a time beside its maps: for those who decode elsewhere, as shaders do.
+/// A tile's decoder inputs at one time, except for its maps: for decoding elsewhere, as in shaders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// The time coordinate: where the maps are read along τ.
@@ -86,7 +86,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Of a tile at a time of its bundle's timeline.
+    /// The inputs of a tile at a position on its bundle's timeline.
     ///
     /// ```no_run
     /// # let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
@@ -135,9 +135,9 @@ pub struct Image {
 pub enum Lights {
     /// All of it.
     All,
-    /// What the maps hold: without the sun's direct light, where that is a stream of its own.
+    /// The light of the maps: without the sun's direct light, if that is a separate stream.
     Baked,
-    /// The sun's direct light alone, where it is a stream of its own.
+    /// Only the sun's direct light, if it is a separate stream.
     Sun,
 }
 
@@ -161,7 +161,7 @@ pub struct Decoder {
     bundle: Bundle,
     /// Most recently read tiles by their place in the index, newest first.
     recent: Recent<TileParams>,
-    /// The same of what they see of the sun.
+    /// The same for their visibility of the sun.
     recent_sun: Recent<TileSun>,
 }
 
@@ -242,7 +242,7 @@ impl Decoder {
         recent(&self.recent, position, |_| 0, || self.bundle.tile(place))
     }
 
-    /// What a tile sees of the sun, in the same way; `None` where that is nothing, or no stream of its own.
+    /// A tile's visibility of the sun, cached in the same way; `None` if it sees nothing of the sun, or the sun is not a separate stream.
     pub fn sun(&self, place: Place) -> Result<Option<Arc<TileSun>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
         recent(&self.recent_sun, position, TileSun::bytes, || self.bundle.sun(place))

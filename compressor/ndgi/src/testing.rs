@@ -95,7 +95,7 @@ pub fn header() -> Header {
     }
 }
 
-/// The tiles of [`bundle`]: all maps and a gate; black; some of F_uv and F_uvt left out, no planes.
+/// The tiles of [`bundle`]: all maps and a gate; black; some of F_uv and F_uvt omitted, no planes.
 pub fn tile_of(header: &Header, i: usize, place: Place) -> Option<TileParams> {
     let all = PROFILES[1].contents(2, 1);
     let contents = match i {
@@ -253,7 +253,7 @@ pub fn dusk() -> Knot {
     Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 }
 }
 
-/// A bundle whose lamps switch at the hour of a frame, and blink: at noon, when the neighbouring frames lack what two others as near show, and at
+/// A bundle whose light groups switch at the hour of a frame, and blink: at noon, when the neighbouring frames lack what two others as near show, and at
 /// 9.77, 21 and 23.9 h, which no frame shows. Around 1.5 h the second tile is black.
 pub fn switching_bundle() -> Vec<u8> {
     let mut header = Header { pages: vec![Grid { width: 140, height: 10 }], ..header() };

@@ -1,9 +1,9 @@
-//! Hours to time coordinates: which frames surround a time, and how far along it stands.
+//! Hours to time coordinates: which frames surround an hour, and how far it lies between them.
 //!
-//! Light jumps where a lamp switches, so means and time coordinate interpolate only between neighbouring frames that show the
-//! light groups as they are at that time; next to a switch the frame on the time's own side is held, and its state with it.
+//! Light jumps where a light group switches, so means and time coordinate interpolate only between neighbouring frames that show the
+//! light groups in that hour's state; next to a switch, the frame on the hour's side of the switch is held.
 
-/// How time and light are coded in a tile's maps; one choice for a whole bundle.
+/// How time and light are coded in a tile's maps; one choice for a complete bundle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
     /// `τ = (i + ½)/m` for place i of m on the tile's own time axis, `γ` on 2πτ and 4πτ, `E = mean · y²`.
@@ -13,7 +13,7 @@ pub enum Coding {
 }
 
 impl Coding {
-    /// The time coordinate of every frame: of its place on a tile's time axis; under the paper's coding, of its hour.
+    /// The time coordinate of every frame: from its place on the tile's time axis, or with the paper's coding from its hour.
     pub fn taus(self, hours: &[f64], axis: &Axis) -> Vec<f64> {
         match self {
             Coding::Standard => {
@@ -52,7 +52,7 @@ impl Coding {
         }
     }
 
-    /// The output that stands for a ratio ≥ 0 of light to mean: the inverse of [`Self::light`].
+    /// The output for a ratio ≥ 0 of light to mean: the inverse of [`Self::light`].
     pub fn output(self, ratio: f64) -> f64 {
         match self {
             Coding::Standard => ratio.sqrt(),
@@ -66,12 +66,12 @@ impl Coding {
 pub struct Axis {
     /// Number of places.
     pub length: u16,
-    /// Per frame: its place. The first is 0; they do not step back, but that the last frames may be on place 0 again.
+    /// Per frame, its place. The first is 0 and places never decrease, except that the last frames may be at place 0 again.
     pub places: Vec<u16>,
 }
 
 impl Axis {
-    /// An error unless the places are as [`Axis::places`] says, and below the length.
+    /// Checks that the places follow the rules of [`Axis::places`] and are below the length.
     pub(crate) fn check(&self) -> Result<(), String> {
         let Some(&largest) = self.places.iter().max() else { return Ok(()) };
         let turn = self.places.iter().rposition(|&place| place == largest).map_or(0, |i| i + 1);
@@ -103,32 +103,32 @@ pub struct Timeline {
     pub between: Vec<f64>,
     /// Per light group: its open on-intervals `(from, to)` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
     pub intervals: Vec<Vec<[f64; 2]>>,
-    /// Per frame, per light group: whether the frame shows it on.
+    /// Per frame and light group: true if the group is on in the frame.
     pub states: Vec<Vec<bool>>,
     /// The bundle's coding.
     pub coding: Coding,
 }
 
-/// A time between (or at) frames.
+/// An hour's position between two frames, or at one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimePoint {
-    /// The frame before, or the one that is held.
+    /// Index of the frame before, or of the held frame.
     pub a: usize,
-    /// The frame after; equal to `a` at a frame's hour and where a frame is held.
+    /// Index of the frame after; equal to `a` at a frame's hour and where a frame is held.
     pub b: usize,
-    /// The knots around the time, as indices of [`Timeline::knots`], from that of `a` to that of `b`.
+    /// The surrounding knots, as indices of [`Timeline::knots`]; they lie between the knots of `a` and `b`.
     pub knots: [usize; 2],
-    /// Whether the second of them is that of `b`.
+    /// True if the second knot is that of frame `b`.
     pub reaches_b: bool,
-    /// Share of the second knot in the means, in [0, 1). In double precision, because where the second knot is far dimmer the result depends on
+    /// Weight of the second knot in the means, in [0, 1). In double precision because, where the second knot is far dimmer, the result depends on
     /// 1 − fraction.
     pub fraction: f64,
 }
 
 impl TimePoint {
     /// The interpolated time coordinate. `taus`: per frame; `brightness`: per knot; `share`: the part of a knot's light that comes from `b`,
-    /// 0 at `a`. It goes forwards from the coordinate of `a` to that of `b`, so far as `b` has a share of the light. Beside a frame a
-    /// thousand times brighter the picture is that frame's almost at once, and beside a black one light only fades. May pass 1.
+    /// 0 at `a`. It runs from the coordinate of `a` to that of `b` as the share of `b` grows. Next to a frame
+    /// a thousand times brighter it reaches that frame's coordinate almost at once; next to a black frame the light only fades. May exceed 1.
     pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {
         let [from, to] = self.knots;
         let shares = [share(from), if self.reaches_b { 1.0 } else { share(to) }];
@@ -137,7 +137,7 @@ impl TimePoint {
     }
 }
 
-/// The share of the light that is the second frame's at a fraction of the way between two knots of such brightnesses and shares; linear
+/// The second frame's share of the light at a fraction of the way between two knots with these brightnesses and shares; linear
 /// where both are black.
 fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
     let weights = [(1.0 - fraction) * a, fraction * b];
@@ -149,14 +149,14 @@ fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
     }
 }
 
-/// The fraction of the way at which the second of two frames, neither of them black, has this share of the light: the inverse of what
-/// [`TimePoint::tau`] does without knots between them.
+/// The fraction of the way between two lit frames at which the second has this share of the light: the inverse of what
+/// [`TimePoint::tau`] computes without knots between them.
 pub fn fraction_of_share(share: f64, a: f64, b: f64) -> f64 {
     let (a, b) = (share * a, (1.0 - share) * b);
     a / (a + b)
 }
 
-/// How bright a frame is for [`TimePoint::tau`]: the sum of its means.
+/// A frame's brightness for [`TimePoint::tau`]: the sum of its means.
 pub fn brightness(means: &[f32; 3]) -> f64 {
     means.iter().map(|&mean| f64::from(mean)).sum()
 }
@@ -174,7 +174,7 @@ pub fn is_on(intervals: &[[f64; 2]], hour: f64) -> bool {
     })
 }
 
-/// `hour` folded into [0, 24); what is not finite counts as midnight.
+/// `hour` folded into [0, 24); a value that is not finite counts as midnight.
 pub fn fold_hour(hour: f64) -> f64 {
     let folded = hour.rem_euclid(24.0);
     // A tiny negative hour folds to 24 by rounding.
@@ -187,7 +187,7 @@ impl Timeline {
         self.intervals.iter().map(|on| is_on(on, hour)).collect()
     }
 
-    /// Where the time `hour` (periodic in 24 h) stands.
+    /// The position of `hour` (periodic in 24 h) between the frames.
     pub fn at(&self, hour: f64) -> TimePoint {
         let hour = fold_hour(hour);
         let n = self.hours.len();
@@ -218,7 +218,7 @@ impl Timeline {
         }
     }
 
-    /// Whether the time that [`Timeline::at`] gives for an hour has the lamps as they are then.
+    /// True if the frames that [`Timeline::at`] gives for an hour have the light groups in that hour's state.
     pub fn shows(&self, hour: f64) -> bool {
         let hour = fold_hour(hour);
         let TimePoint { a, .. } = self.at(hour);
@@ -244,7 +244,7 @@ impl Timeline {
         k + self.between.partition_point(|&hour| hour < self.hours[k])
     }
 
-    /// What is wrong with the hours between frames: one that no decoder looks at.
+    /// An error if an hour between frames is never used by a decoder.
     pub(crate) fn check_between(&self) -> Result<(), String> {
         if !self.between.is_sorted_by(|a, b| a < b) || self.between.iter().any(|h| !(0.0..24.0).contains(h)) {
             return Err("hours between frames that are not strictly ascending in [0, 24)".to_owned());
@@ -255,7 +255,7 @@ impl Timeline {
         }
     }
 
-    /// Linearly between neighbouring frames, or between knots that lie between them, possibly across midnight.
+    /// The position between neighbouring frames, or between knots that lie between them, possibly across midnight.
     fn between(&self, a: usize, b: usize, hour: f64) -> TimePoint {
         let after = |x: f64| {
             let x = x - self.hours[a];
@@ -281,7 +281,7 @@ impl Timeline {
 mod tests {
     use super::*;
 
-    /// Hourly frames and the two switch extras of lamps that are on 18:00–06:00.
+    /// Hourly frames and the two extra times for lamps that are on 18:00–06:00.
     fn lamps_at_night() -> Timeline {
         let mut hours: Vec<f64> = (0..24).map(f64::from).collect();
         hours.extend([5.9, 18.1]);

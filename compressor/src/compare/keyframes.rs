@@ -99,7 +99,7 @@ fn choose(costs: &[Vec<f64>], number: usize) -> Vec<usize> {
 /// The best choice whose least is `first`, with its cost; none where too few frames follow it.
 fn from(costs: &[Vec<f64>], first: usize, number: usize) -> Option<(f64, Vec<usize>)> {
     let n = costs.len();
-    // Per last frame: the least cost up to it with so many kept, and the one before it, count by count.
+    // Per last frame: the least cost up to it with this many kept, and the one before it, count by count.
     let mut least = vec![f64::INFINITY; n];
     least[first] = 0.0;
     let mut before: Vec<Vec<usize>> = Vec::new();

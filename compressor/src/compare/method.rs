@@ -145,7 +145,7 @@ pub(super) fn relative_errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64
 /// Rounds of weighting; after the eighth little changes.
 pub(super) const ROUNDS: usize = 8;
 
-/// What has the highest mean PSNR of so many rounds, and the mean over the lit frames of the logarithm of its error. Each round encodes by
+/// What has the highest mean PSNR of this many rounds, and the mean over the lit frames of the logarithm of its error. Each round encodes by
 /// weights of the frames' squared errors: 1 at first, then 1 ÷ the last round's relative error, which is its derivative in Σ ln error;
 /// black frames have 0.
 pub(super) fn reweighted<S>(

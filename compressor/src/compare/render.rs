@@ -1,6 +1,6 @@
-//! The scene as cameras see it in the light of some methods, how that light moves over a day, and tiles from near: the paper's figures.
+//! The scene as cameras see it in the light of some methods, how that light moves over a day, and tiles close up: the paper's figures.
 //!
-//! A method is shown right after it is judged, from what it decoded then, and forgotten; what stays are 8-bit pictures. `times`: which
+//! A method is shown right after it is evaluated, from what it decoded then, and forgotten; what stays are 8-bit pictures. `times`: which
 //! times are shown; `pages`: light of tiles as pages; `lapse`: a day in half hours; `told`: what there is to
 //! tell; `page`: how it is laid out.
 
@@ -150,7 +150,7 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// The numbers and pictures of all that was shown, and tiles from near as `shown` has them, each at the frame `of_tiles`.
+    /// The numbers and pictures of all that was shown, and tiles close up as `shown` has them, each at the frame `of_tiles`.
     pub fn finish(
         mut self,
         comparison: &Comparison,

@@ -27,7 +27,7 @@ struct Stored {
     curves: Vec<f16>,
 }
 
-/// Compresses a tile to so many components.
+/// Compresses a tile to this many components.
 pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
     let encode = || {
         let (stored, _) = best(tile, rank, ROUNDS);
@@ -43,7 +43,7 @@ pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
     timed(encode, |stored| Ok(decode(tile, stored)))
 }
 
-/// What has the highest mean PSNR after so many rounds by each curve; and the mean over the lit frames of the logarithm of the error.
+/// What has the highest mean PSNR after this many rounds by each curve; and the mean over the lit frames of the logarithm of the error.
 fn best(tile: &Tile, rank: usize, rounds: usize) -> (Stored, f64) {
     let trial_fits = TRIED.map(|curve| {
         let rows = matrix(tile, curve);

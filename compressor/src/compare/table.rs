@@ -109,7 +109,7 @@ pub struct Comparison {
     pub rows: Vec<Row>,
     /// What is not there, and why.
     pub skipped: Vec<String>,
-    /// The scene in the light of some of the methods, where that was asked for.
+    /// The scene in the light of some of the methods, where that was requested.
     pub rendered: Option<Rendered>,
     /// Tiles shown: what and the pictures.
     #[serde(skip)]
@@ -306,7 +306,7 @@ impl Comparison {
         )
     }
 
-    /// Differences beside the paper's, the linear control at equal bits, and what is left out.
+    /// Differences beside the paper's, the linear control at equal bits, and what is omitted.
     fn remarks(&self) -> Vec<String> {
         let gap = |a: &str, b: &str| {
             let of = |name: &str| self.method(name).and_then(|row| row.psnr_db);

@@ -35,7 +35,7 @@ pub(super) struct Tile {
     pub source: TileSource,
     /// What a texture holds at every frame: where no texel is valid, what its neighbours have, so that no method spends bits there.
     pub filled: Vec<Texels>,
-    /// The texels that are judged.
+    /// The texels that are evaluated.
     pub mask: Mask,
     /// Per frame: the largest valid value.
     pub peaks: Vec<f32>,
@@ -89,7 +89,7 @@ impl TileSet {
         self.tiles.iter().map(|tile| (tile.texels() * tile.source.frames.len()) as f64).sum()
     }
 
-    /// Reads the tiles of a run: so many, drawn by the seed from all pages, or the first page's.
+    /// Reads the tiles of a run: this many, drawn by the seed from all pages, or the first page's.
     pub fn load(dataset: &Dataset, options: &Options) -> Result<Self> {
         let pages = &dataset.config.pages;
         let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
@@ -170,7 +170,7 @@ impl Fill {
         Fill::near(mask, usize::MAX)
     }
 
-    /// So many rings around valid texels.
+    /// This many rings around valid texels.
     pub fn near(mask: &Mask, most: usize) -> Self {
         let (width, height) = (mask.width, mask.height);
         let mut known = mask.valid.clone();

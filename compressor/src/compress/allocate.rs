@@ -1,13 +1,13 @@
-//! Bits to where they matter: one of every tile's trials, so that all tiles gain alike from their last bits.
+//! Bits to where they matter: one of every tile's trial fits, so that all tiles gain alike from their last bits.
 
 use crate::train::TrialFit;
 
 /// What all tiles together must keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Goal {
-    /// At most so many bytes.
+    /// At most this many bytes.
     Bytes(u64),
-    /// At most so large a sum of the trials' errors.
+    /// At most so large a sum of the trial fits' errors.
     Error(f64),
 }
 
@@ -53,7 +53,7 @@ pub(super) fn choose(tiles: &[Vec<TrialFit>], goal: Goal) -> Vec<Option<usize>> 
     chosen
 }
 
-/// The trials on the lower convex hull of error over bytes, cheapest first; those that are not better than a cheaper one are
+/// The trial fits on the lower convex hull of error over bytes, cheapest first; those that are not better than a cheaper one are
 /// not on it.
 fn hull(trials: &[TrialFit]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..trials.len()).collect();

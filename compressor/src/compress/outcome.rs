@@ -39,9 +39,9 @@ pub struct Outcome {
     pub tiles: usize,
     /// Of these, without light or valid texel, so nothing is stored.
     pub empty: usize,
-    /// Of these, taken over from a run that was stopped.
+    /// Of these, reused from a run that was stopped.
     pub resumed: usize,
-    /// Whether this very bundle stood there already, and nothing was trained.
+    /// Whether this very bundle already existed, and nothing was trained.
     #[serde(skip)]
     pub up_to_date: bool,
     /// Threads and vector instructions it ran with.
@@ -50,13 +50,13 @@ pub struct Outcome {
     pub seconds_checking: f64,
     /// Wall-clock seconds of this run.
     pub seconds: f64,
-    /// Sum over tiles of CPU seconds of training, trials included.
+    /// Sum over tiles of CPU seconds of training, trial fits included.
     pub training_seconds: f64,
-    /// Of these, of trials.
+    /// Of these, of trial fits.
     pub trial_seconds: f64,
     /// Fewest and most steps of a tile with light.
     pub steps: Option<[usize; 2]>,
-    /// PSNR before quantisation, mean over tiles weighed by their valid texels, in dB (each tile: mean over its frames, peak = the
+    /// PSNR before quantisation, mean over tiles weighted by their valid texels, in dB (each tile: mean over its frames, peak = the
     /// frame's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
     /// The same with features of 8 bits, which BC7 is not.
@@ -65,7 +65,7 @@ pub struct Outcome {
     pub psnr_trained_db: Option<f64>,
     /// PSNR against seconds.
     pub curve: Vec<CurvePoint>,
-    /// What was left out and why, and what else is to be said, with the number of tiles, most frequent first.
+    /// What was omitted and why, and what else is to be said, with the number of tiles, most frequent first.
     #[serde(rename = "left_out")]
     pub omitted: Vec<(String, usize)>,
     /// Every tile, in the order of the bundle's index.
@@ -77,7 +77,7 @@ pub struct Outcome {
 pub struct TileOutcome {
     /// Page, column and row.
     pub place: [usize; 3],
-    /// Its [`Contents`] in words; `None` for a tile of which nothing is stored.
+    /// Its [`Contents`] as text; `None` for a tile of which nothing is stored.
     pub has: Option<String>,
     /// Length of its payload.
     pub bytes: usize,
@@ -85,13 +85,13 @@ pub struct TileOutcome {
     pub steps: usize,
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
-    /// What was left out and why, and what else is to be said.
+    /// What was omitted and why, and what else is to be said.
     #[serde(rename = "left_out")]
     pub omitted: Vec<String>,
 }
 
 impl Outcome {
-    /// Of a run that began at `start` and wrote so many bytes.
+    /// Of a run that began at `start` and wrote this many bytes.
     pub(super) fn new(
         header: &Header,
         bundle: PathBuf,

@@ -134,7 +134,7 @@ impl State {
         steps
     }
 
-    /// Seconds from now to the end of a tile that begins now and of all open ones, at so many steps each. Each begins on the thread
+    /// Seconds from now to the end of a tile that begins now and of all open ones, at this many steps each. Each begins on the thread
     /// that is free first.
     fn needed(&self, now: f64, first: Size, steps: f64) -> f64 {
         let mut free: Vec<f64> = self.running.iter().map(|(.., ends)| (ends - now).max(0.0)).collect();
@@ -184,7 +184,7 @@ mod tests {
         Place { page: 0, column, row: 0 }
     }
 
-    /// Tiles of so many texels trained on so many threads until `limit` at most: the steps of each, and when the last one ended. `rate`: the
+    /// Tiles of this many texels trained on this many threads until `limit` at most: the steps of each, and when the last one ended. `rate`: the
     /// seconds of a step of a whole tile that begins at a time; all else takes it 1.5. Small tiles take less, not quite as `State` thinks.
     fn simulate(
         texels: &[usize],

@@ -1,4 +1,4 @@
-//! The work folder `<bundle>.part/`: one file per finished tile and per finished list of trials, named by what decided it.
+//! The work folder `<bundle>.part/`: one file per finished tile and per finished list of trial fits, named by what decided it.
 
 use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
@@ -31,7 +31,7 @@ pub(super) struct Part {
     folder: PathBuf,
     /// Keeps other runs out.
     _held: Held,
-    /// The files that this run asked for or wrote.
+    /// The files that this run looked up or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
     written: Mutex<BTreeSet<String>>,
@@ -50,7 +50,7 @@ impl Part {
         Ok(part)
     }
 
-    /// Opens or creates it together with others who share it. What killed ones left stays until one has the folder alone.
+    /// Opens or creates it together with others that share it. What killed ones left stays until one has the folder alone.
     pub(super) fn share(out: &Path) -> Result<Self> {
         let folder = created(out)?;
         let held = Held::Together(share(&folder, BUSY[0], BUSY[1])?);
@@ -68,7 +68,7 @@ impl Part {
         &self.folder
     }
 
-    /// A finished tile: its payload and what training told. `None` where there is none, or a damaged one.
+    /// A finished tile: its payload and what training told. `None` if there is none, or a damaged one.
     pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<(Payload, S)> {
         // Checksum of the rest, length of the statistics, statistics, word, length and bytes of the features, resident bytes.
         let bytes = fs::read(self.path(key)).ok()?;
@@ -99,7 +99,7 @@ impl Part {
         Ok(())
     }
 
-    /// The names of the files that this run asked for or wrote.
+    /// The names of the files that this run looked up or wrote.
     pub(super) fn own(&self) -> Vec<String> {
         let own = self.own.lock().unwrap_or_else(|e| e.into_inner());
         own.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect()

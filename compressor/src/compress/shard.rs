@@ -18,7 +18,7 @@ use std::str::FromStr;
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// A shard that wrote nothing for so many seconds may be dead: a tile of the longest training takes less.
+/// A shard that wrote nothing for this many seconds may be dead: a tile of the longest training takes less.
 const SILENT: u64 = 300;
 /// Seconds between two notes of a shard.
 const NOTE_INTERVAL: f64 = 2.0;
@@ -33,7 +33,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Its share of so many things in order: neighbours, so that it reads few rows of the pages.
+    /// Its share of this many things in order: neighbours, so that it reads few rows of the pages.
     pub fn share(self, things: usize) -> Range<usize> {
         let end = |shards: u32| (things as u64 * u64::from(shards) / u64::from(self.of)) as usize;
         end(self.number - 1)..end(self.number)
@@ -97,7 +97,7 @@ pub struct Note {
     pub process: Process,
     /// Its vector instructions: tiles of others are not the same bytes.
     pub instructions: String,
-    /// Its program: tiles of another build are trained again.
+    /// Its program: tiles of another build are retrained.
     pub program: String,
     /// When it said so, in seconds since 1970 by its machine's clock.
     pub at: u64,
@@ -159,7 +159,7 @@ impl<'a> Notes<'a> {
         Ok(notes)
     }
 
-    /// A tile of so many texels is finished; with its PSNR where it was trained.
+    /// A tile of this many texels is finished; with its PSNR where it was trained.
     pub(super) fn finished(&self, texels: usize, psnr_db: Option<f64>) -> Result<()> {
         self.write(|state| {
             state.note.done += 1;
@@ -251,7 +251,7 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     Error::unready(folder.display(), text)
 }
 
-/// Shards that are unfinished, and those that never said a word, in words.
+/// Shards that are unfinished, and those that never said a word, as text.
 fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let of = notes.first().map_or(0, |note| note.shard.of);
     let reported = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
@@ -267,7 +267,7 @@ fn ill(notes: &[Note], now: u64) -> Vec<String> {
     (1..=of).filter_map(reported).collect()
 }
 
-/// A time in seconds, in words.
+/// A time in seconds, as text.
 pub(super) fn minutes(seconds: u64) -> String {
     match seconds {
         0..120 => format!("{seconds} s"),
@@ -295,7 +295,7 @@ pub struct Status {
     pub of: u32,
 }
 
-/// How the shards are doing that work for the bundle at `out`; `None` where none does.
+/// How the shards are doing that work for the bundle at `out`; `None` if none does.
 pub fn status(out: &Path) -> Option<Status> {
     let shards = notes(&super::beside(out, ".part"));
     let of = shards.first()?.shard.of;

@@ -21,7 +21,7 @@ pub struct TileStats {
     pub error: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
-    /// What was left out and why, and what else is to be said.
+    /// What was omitted and why, and what else is to be said.
     #[serde(rename = "left_out")]
     pub omitted: Vec<String>,
     /// CPU seconds.

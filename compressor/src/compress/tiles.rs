@@ -1,4 +1,4 @@
-//! Works through the tiles of a dataset, in parallel: the trials of all, where a target asks for them, then the training of all.
+//! Works through the tiles of a dataset, in parallel: the trial fits of all, where a target asks for them, then the training of all.
 
 use super::allocate::{self, Goal};
 use super::pace::{self, Pace};
@@ -27,7 +27,7 @@ use std::time::Instant;
 /// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 frames).
 const TILES_PER_THREAD: usize = 8;
 
-/// Towards a target PSNR, so many tiles are trained before the rest to tell what training gains, so many times at most.
+/// Towards a target PSNR, this many tiles are trained before the rest to tell what training gains, this many times at most.
 const CALIBRATED: usize = 4;
 const CALIBRATIONS: usize = 4;
 /// An error that is so much larger reaches the target, about (0.3 dB): the tiles that are not measured mostly gain more.
@@ -41,21 +41,21 @@ pub(super) struct Work {
     pub stats: Vec<TileStats>,
     /// How many a stopped run had left.
     pub resumed: usize,
-    /// CPU seconds of trials.
+    /// CPU seconds of trial fits.
     pub trial_seconds: f64,
 }
 
 /// What a tile's trial fits gave, and their CPU seconds.
 type TileTrials = (Vec<TrialFit>, f64);
 
-/// What the trials of all tiles chose for each, in the order of the index.
+/// What the trial fits of all tiles chose for each, in the order of the index.
 #[derive(Debug, Serialize, Deserialize)]
 struct Choice {
     /// Words of [`Contents`].
     words: Vec<Option<u32>>,
-    /// CPU seconds of the trials.
+    /// CPU seconds of the trial fits.
     trial_seconds: f64,
-    /// The trials' files, and those of tiles that were trained to choose by.
+    /// The trial fits' files, and those of tiles that were trained to choose by.
     files: Vec<String>,
 }
 
@@ -101,7 +101,7 @@ pub(super) struct Tiles<'a> {
 }
 
 impl Tiles<'_> {
-    /// Trials and training of every tile that a stopped run has not left.
+    /// Trial fits and training of every tile that a stopped run has not left.
     pub(super) fn work(&self, console: &Console) -> Result<Work> {
         let (chosen, trial_seconds) = self.chosen(console)?;
         let tiles = self.trained(&chosen, console)?;
@@ -265,7 +265,7 @@ impl Tiles<'_> {
         Ok(pace)
     }
 
-    /// What the trials chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
+    /// What the trial fits chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
     /// seconds. No list where all tiles have the same profile.
     pub(super) fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
         if let Rate::Usual | Rate::Profile(_) = self.options.rate {
@@ -358,8 +358,8 @@ impl Tiles<'_> {
         Ok(met.map_or(chosen, |(_, chosen)| chosen))
     }
 
-    /// How much smaller the error of the tiles that have most of it is after their training than after their trials; they are kept, for
-    /// most will have what they were given here. `None` where no tile has light.
+    /// How much smaller the error of the tiles that have most of it is after their training than after their trial fits; they are kept, for
+    /// most will have what they were given here. `None` if no tile has light.
     fn measured_gain(
         &self,
         trials: &[Vec<TrialFit>],
@@ -389,7 +389,7 @@ impl Tiles<'_> {
         Ok((stored > 0.0).then(|| trial_fits / stored))
     }
 
-    /// What is left for the features of all tiles of so many bits per texel and frame.
+    /// What is left for the features of all tiles of this many bits per texel and frame.
     fn bytes(&self, bpp: f64) -> Result<Goal> {
         let none = vec![Payload::default(); self.header.tiles()];
         let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
@@ -520,12 +520,12 @@ impl Tiles<'_> {
         self.name(place, &json!(["tile", has, iterations, passes, limit, format!("{aim:?}")]))
     }
 
-    /// The same for its trials.
+    /// The same for its trial fits.
     fn trial_key(&self, place: Place) -> String {
         self.name(place, &json!(["trials"]))
     }
 
-    /// The name of what was chosen by all trials.
+    /// The name of what was chosen by all trial fits.
     fn choice_key(&self) -> String {
         let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
         let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
@@ -550,7 +550,7 @@ impl Tiles<'_> {
         let trained = match (self.options.rate, contents) {
             (Rate::Profile(profile), _) => train::train(&source, &profile, &recipe),
             (_, Some(contents)) => train::train_chosen(&source, &contents, &recipe),
-            // Nothing was tried, for there is nothing to store, or all trials diverged.
+            // Nothing was tried, for there is nothing to store, or all trial fits diverged.
             (_, None) => train::train(&source, &PROFILES[0], &recipe),
         };
         let trained = trained.map_err(|error| of_tile(place, error))?;

@@ -26,11 +26,11 @@ pub struct Between {
     pub worst: (f64, f64),
     /// The median of light linear between the dataset's uncompressed frames, against a withheld bake; without one it is the reference.
     pub linear_median_db: Option<f64>,
-    /// Times judged.
+    /// Times evaluated.
     pub points: usize,
 }
 
-/// Judges a bundle, which is the dataset's, between its frames. `None` where there is no time to be judged: light is held at all
+/// Evaluates a bundle, which is the dataset's, between its frames. `None` if there is no time to evaluate: light is held at all
 /// of them, or does not change.
 ///
 /// # Errors
@@ -52,7 +52,7 @@ pub fn between(
         }
     }
     let points = points(dataset, withheld, decoder);
-    // Without another bake, light between the frames is the dataset's own by the curves of its layers; the sun of a stream of its own is not
+    // Without another bake, light between the frames is the dataset's own by the curves of its layers; the sun of a separate stream is not
     // looked at then.
     let reference = reference_law(decoder);
     let has_sun = decoder.bundle().header.sun.is_some();

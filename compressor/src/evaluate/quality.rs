@@ -27,7 +27,7 @@ pub struct Quality {
     pub one_minus_ssim_uniform: Option<f64>,
     /// Mean LPIPS; `None` without a network.
     pub lpips: Option<f64>,
-    /// Mean HDR-ꟻLIP; `None` where it is not asked for.
+    /// Mean HDR-ꟻLIP; `None` if it is not requested.
     pub flip: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,

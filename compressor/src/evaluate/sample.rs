@@ -28,13 +28,13 @@ pub struct Sample {
     pub psnr_log_db: Option<f64>,
     /// LPIPS, where there is a network for it.
     pub lpips: Option<f64>,
-    /// HDR-ꟻLIP, where it is asked for.
+    /// HDR-ꟻLIP, where it is requested.
     pub flip: Option<f64>,
     /// Largest decoded value of a valid texel.
     pub largest: f32,
 }
 
-/// Measures of how like two images look; they take long, and are made where they are asked for.
+/// Measures of how like two images look; they take long, and are made where they are requested.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SlowMetrics<'a> {
     /// The network that LPIPS is measured by.

@@ -10,10 +10,10 @@ use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
 
-/// Times of a day that are judged, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer times too large a
+/// Times of a day that are evaluated, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer times too large a
 /// share of them may lie near one.
 const TIMES: usize = 40;
-/// Tiles whose light is below this share of the sun's are not judged: next to nothing is lit.
+/// Tiles whose light is below this share of the sun's are not evaluated: next to nothing is lit.
 const LIT: f64 = 0.01;
 
 /// PSNR of the sun's direct light over (tile, time), peak = the tile's brightest at that time.
@@ -23,13 +23,13 @@ pub struct Shadows {
     pub pooled_db: f64,
     /// The mean.
     pub mean_db: f64,
-    /// The mean of the worst 5 % of the pairs, one at least.
+    /// The mean of the worst 5 % of the pairs, at least one.
     pub worst_db: f64,
-    /// Pairs judged.
+    /// Pairs evaluated.
     pub pairs: usize,
 }
 
-/// Judges a bundle whose sun is a stream of its own, on tiles of 128×128 texels. `None` where nothing is lit.
+/// Evaluates a bundle whose sun is a separate stream, on tiles of 128×128 texels. `None` if nothing is lit.
 pub(super) fn shadows(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Option<Shadows>> {
     let path = dataset.sun_path()?.filter(|_| decoder.bundle().header.sun.is_some());
     let Some(path) = path else { return Ok(None) };

@@ -18,7 +18,7 @@ pub struct Step {
     pub to: f64,
     /// True where light groups switch in between.
     pub switch: bool,
-    /// As [`StepError::relative`]: `None` where the light does not change.
+    /// As [`StepError::relative`]: `None` if the light does not change.
     pub error: Option<f64>,
 }
 
@@ -52,7 +52,7 @@ impl Steps {
     }
 }
 
-/// Judges a bundle's steps; the bundle is the dataset's.
+/// Evaluates a bundle's steps; the bundle is the dataset's.
 pub(super) fn steps(dataset: &Dataset, law: &Law, decoder: &Decoder, console: &Console) -> Result<Steps> {
     let frames = &dataset.config.frames;
     let n = frames.len();

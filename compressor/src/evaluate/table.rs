@@ -78,7 +78,7 @@ impl Evaluation {
         aligned(&COLUMNS, &self.rows())
     }
 
-    /// What the table leaves out, in sentences.
+    /// What the table omits, in sentences.
     pub fn remarks(&self) -> Vec<String> {
         let q = &self.all;
         let [of_valid, of_distinct] = self.bits_of_valid;

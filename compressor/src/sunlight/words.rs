@@ -240,7 +240,7 @@ impl Search {
     pub fn best(&self, costs: &Costs) -> (usize, usize, f32) {
         let mut candidates = match self.tier.instructions() {
             Instructions::Portable => self.candidates(costs),
-            // SAFETY: the tier was asked for.
+            // SAFETY: the processor was asked for the tier.
             #[cfg(target_arch = "x86_64")]
             _ => unsafe { self.candidates_avx2(costs) },
         };
@@ -401,7 +401,7 @@ fn directions(entries: &[[u8; SAMPLES]]) -> (Vec<f32>, Vec<[f32; DIRECTIONS]>) {
     let mut mean = vec![0.0; FEATURES];
     let share = 1.0 / entries.len() as f32;
     entries.iter().for_each(|entry| features(entry).for_each(|feature| mean[feature] += share));
-    // Anything to begin with; a hash of the place.
+    // Anything initially; a hash of the place.
     let start = |feature: usize| {
         std::array::from_fn(|d| {
             let hash = (feature * DIRECTIONS + d + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);

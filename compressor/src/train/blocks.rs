@@ -2,7 +2,7 @@
 //!
 //! Everything is in units of one 8-bit step. The cost of a block is Σ_q (p_q − f_q)ᵀ M_q (p_q − f_q) over its texels q. Costs are
 //! taken of all 16 texels at once, so what belongs to a texel is stored channel by channel. (Loops where one would write `map`: of larger
-//! closures the compiler makes functions for the least instruction set.)
+//! closures the compiler makes functions for the lowest instruction set.)
 
 #![allow(
     clippy::needless_range_loop,
@@ -19,7 +19,7 @@ type Texels = [f32; 16];
 /// Rounds of indices ↔ endpoints in which a block is fitted.
 const ROUNDS: usize = 6;
 
-/// A mode, and endpoints to begin with.
+/// A mode, and endpoints initially.
 pub type Start = (Mode, [Quad; 2]);
 
 /// What a block is to come near to.

@@ -27,7 +27,7 @@ pub struct Sample {
 pub struct Descent<'a> {
     /// The tile.
     pub problem: &'a Problem,
-    /// Every so many frames are looked at.
+    /// Every this many frames are looked at.
     pub stride: usize,
     /// Per looked-at time point and stored texel; zero where a texel does not count. Residuals follow the blocks.
     pub samples: &'a mut [Sample],

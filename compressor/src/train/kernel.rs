@@ -116,7 +116,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
         let (mut x, mut dx) = (Rows::new(), Rows::new());
         let mut loss = 0.0;
         for (b, samples) in self.samples.iter().enumerate() {
-            // The targets of all frames do not fit the near caches: they are asked for one by one, for a cache waits for few.
+            // The targets of all frames do not fit the near caches: they are requested one by one, for a cache waits for few.
             let targets = self.problem.targets_at(samples.point);
             let ask = |texel: Texel| prefetch(&targets[texel.index()]);
             gather::<V>(&self.features, self.problem, samples, &mut x, ask);
@@ -149,7 +149,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
     }
 }
 
-/// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is asked for; the
+/// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is requested; the
 /// residual of a y that is not a number stays not a number.
 #[inline(always)]
 pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad) {
@@ -169,7 +169,7 @@ pub struct SquaredErrors<'a, const H: usize> {
     pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
-    /// So many of the problem's time points.
+    /// This many of the problem's time points.
     pub points: usize,
     /// On these texels.
     pub texels: &'a [Texel],

@@ -9,7 +9,7 @@ use crate::time::{Axis, Coding};
 pub const LEAST_MEAN_OF_PEAK: f64 = 0.01;
 /// A channel is divided by at least this share of the frame's strongest channel.
 const LEAST_MEAN_OF_CHANNELS: f64 = 0.003;
-/// Frames share a place on the time axis where their outputs (about 1 in the mean) differ by no more than this (RMS): 0.2 % in light.
+/// Frames share a place on the time axis where their outputs (about 1 in the mean) differ by at most this (RMS): 0.2 % in light.
 const ALIKE: f64 = 1e-3;
 /// And in no texel by more than this share of its own output: 2 % of its light, however dim beside the tile's brightest.
 const ALIKE_ANYWHERE: f64 = 0.01;
@@ -105,7 +105,7 @@ fn scales(light: &[[f32; 3]], valid: &[usize]) -> ([f32; 3], f32) {
     ([scale(0), scale(1), scale(2)], peak.iter().fold(0.0f64, |a, &b| a.max(b)) as f32)
 }
 
-/// Places from a frame to the next at the largest difference of a tile. They go by the difference's root: less even than all alike,
+/// Places from a frame to the next at the largest difference of a tile. They go by the difference's root: less even than all the same,
 /// which spends slices on hours at which little happens, and more than in proportion, which leaves small changes no room.
 const FINEST: f64 = 8.0;
 /// The share of a difference across a switch that counts: gates tell the rest.

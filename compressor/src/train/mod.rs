@@ -87,7 +87,7 @@ pub struct TrainedTile {
     pub stepping_seconds: f64,
     /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
     pub params: Option<TileParams>,
-    /// PSNR before quantisation over all valid texels; `None` where no frame has one.
+    /// PSNR before quantisation over all valid texels; `None` if no frame has one.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all features rounded to 8 bits, nothing trained after it.
     pub psnr_8bit_features_db: Option<f64>,
@@ -97,7 +97,7 @@ pub struct TrainedTile {
     pub error: Option<f64>,
     /// Quality against time.
     pub curve: Vec<Point>,
-    /// What was left out and why, and what else is to be said of the training, e.g. "black at 9 of 26 frames".
+    /// What was omitted and why, and what else is to be said of the training, e.g. "black at 9 of 26 frames".
     pub omitted: Vec<String>,
 }
 
@@ -117,7 +117,7 @@ pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<
     train_as(source, recipe, |light, omitted| needed(light, profile, recipe, omitted))
 }
 
-/// Trains a tile to contents that [`trials`] tried. Otherwise as [`train`].
+/// Trains a tile to contents that [`trial fits`] tried. Otherwise as [`train`].
 ///
 /// # Errors
 /// As [`train`].
@@ -225,7 +225,7 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, omitted: &mut Vec<S
 
 /// Share of the steps in which a tile of one picture learns all it can.
 const STILL_SHARE: f64 = 0.25;
-/// But so many, if the recipe does.
+/// But this many, if the recipe does.
 const LEAST_STEPS: usize = 1000;
 
 /// The recipe's steps, or fewer for a tile whose frames look alike.

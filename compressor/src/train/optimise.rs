@@ -239,7 +239,7 @@ impl<const H: usize> Trainer<H> {
         Ok(loss)
     }
 
-    /// Mean squared error in linear light of the first so many time points, over every `stride`-th valid texel.
+    /// Mean squared error in linear light of the first this many time points, over every `stride`-th valid texel.
     pub fn mean_squared_errors(&self, points: usize, stride: usize) -> Vec<f64> {
         let valid = &self.problem.texels[..self.problem.valid];
         let texels: Vec<Texel> = valid.iter().step_by(stride).copied().collect();
@@ -336,7 +336,7 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// An epoch visits one of so many samples of a time point between frames.
+/// An epoch visits one of this many samples of a time point between frames.
 const BETWEEN_SHARE: usize = 8;
 
 /// Draws batches: every valid texel of a frame once an epoch, and of the gutter one in [`GUTTER_SHARE`]. A time point goes through them in one of

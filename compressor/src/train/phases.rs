@@ -231,7 +231,7 @@ impl<const H: usize> Attempt<H> {
         if psnr < best.min(GOOD_DB) - LOST_DB && !self.last { Err(Stop::Diverged) } else { Ok(psnr) }
     }
 
-    /// Trains on around what is quantised already: so many steps, at a rate that rises and falls to 0.
+    /// Trains on around what is quantised already: this many steps, at a rate that rises and falls to 0.
     fn refit(&mut self, scope: Scope, (steps, rate, warm_up): (usize, f32, usize)) -> Result<(), Stop> {
         self.steps(scope, steps, |i| rate * schedule(i, steps, warm_up, 0.0))
     }

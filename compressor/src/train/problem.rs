@@ -8,7 +8,7 @@ use crate::model::{BORDER, Knot, STORED, Shape};
 use crate::tile::{Coverage, TileSource};
 use crate::time::{self, Axis, Coding};
 
-/// An epoch of training visits one of so many gutter texels.
+/// An epoch of training visits one of this many gutter texels.
 pub const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; most valid ones have 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
@@ -268,7 +268,7 @@ impl Problem {
         &self.targets[point * self.texels.len()..][..self.texels.len()]
     }
 
-    /// Every so many valid texels are some 2000: enough to judge a training by.
+    /// Every this many valid texels are some 2000: enough to judge a training by.
     pub fn coarse_stride(&self) -> usize {
         self.valid.div_ceil(2048)
     }

@@ -330,7 +330,7 @@ fn damp(metric: &mut [Matrix], share: f32) {
     }
 }
 
-/// Writes blocks' texels into a map of so many texels across.
+/// Writes blocks' texels into a map of this many texels across.
 fn show(blocks: &[Block], across: usize, map: &mut [Quad]) {
     for (block, corner) in blocks.iter().zip(corners(across)) {
         for (i, texel) in block.texels().iter().enumerate() {

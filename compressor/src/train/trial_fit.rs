@@ -11,10 +11,10 @@ use crate::model::{Contents, Shape};
 use crate::tile::TileSource;
 use serde::{Deserialize, Serialize};
 
-/// Steps of a trial.
+/// Steps of a trial fit.
 const ITERATIONS: usize = 400;
 
-/// How much smaller the pooled error is after a training of so many steps and quantisation than after a trial, about, to begin with:
+/// How much smaller the pooled error is after a training of this many steps and quantisation than after a trial fit, about, initially:
 /// 1.6, 1.9 and 2.4 after 1000, 2500 and 12,000 steps on the scene `yard`; twice that in rooms, whose light is smooth.
 pub fn gain(iterations: usize) -> f64 {
     (1.6 + 0.34 * (iterations as f64 / 1000.0).ln()).max(1.0)

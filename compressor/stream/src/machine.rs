@@ -45,7 +45,7 @@ pub enum Answer {
     Failed {
         /// Whether another try would fail too.
         is_lasting: bool,
-        /// Why, in words.
+        /// Why, as text.
         what: String,
     },
 }
@@ -110,7 +110,7 @@ pub enum Entry {
 pub struct Failure {
     /// The tile.
     pub tile: Tile,
-    /// Why, in words.
+    /// Why, as text.
     pub what: String,
 }
 
@@ -349,7 +349,7 @@ impl Stream {
         self.table[tile.0 as usize]
     }
 
-    /// The wanted tiles, no more than there are slots, and their pixels.
+    /// The wanted tiles, at most there are slots, and their pixels.
     pub fn wanted(&self) -> impl Iterator<Item = Seen> + '_ {
         self.wanted.iter().map(|(tile, pixels)| Seen { tile: *tile, pixels: *pixels })
     }

@@ -74,7 +74,7 @@ pub struct Now {
 #[derive(Clone, Debug)]
 struct OfLevel {
     point: TimePoint,
-    /// The times of visibility before and after the hour, and the sun's irradiance; `None` where it is down.
+    /// The times of visibility before and after the hour, and the sun's irradiance; `None` if it is down.
     sun: Option<([usize; 2], [f32; 3])>,
 }
 
@@ -160,7 +160,7 @@ impl Pyramid {
         Tile(level.first + level.pages[page])
     }
 
-    /// The tile at a level and place; `None` where there is none.
+    /// The tile at a level and place; `None` if there is none.
     pub fn tile(&self, Spot { level, place }: Spot) -> Option<Tile> {
         let grid = self.levels.get(level)?.bundle.header.pages.get(place.page)?;
         let inside = place.column < grid.columns() && place.row < grid.rows();
@@ -250,7 +250,7 @@ impl Pyramid {
         self.levels.partition_point(|level| level.first <= tile.0) - 1
     }
 
-    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None` where the sun is down.
+    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None` if the sun is down.
     pub(crate) fn sun(&self, tile: Tile, now: &Now) -> Option<([usize; 2], [f32; 3])> {
         now.levels[self.level_of(tile)].sun
     }

@@ -190,7 +190,7 @@ impl Result {
         (0..self.decoded.len()).map(psnr).fold(f64::INFINITY, f64::min)
     }
 
-    /// What training left out, without the numbers of tiles.
+    /// What training omitted, without the numbers of tiles.
     pub fn omitted(&self) -> Vec<&str> {
         self.outcome.omitted.iter().map(|(what, _)| what.as_str()).collect()
     }

@@ -102,7 +102,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// The image of a frame on a page; `None` where it is black.
+    /// The image of a frame on a page; `None` if it is black.
     pub fn file(&self, frame: usize, page: usize) -> Option<&FileRef> {
         let row = if self.light == Light::Group { 0 } else { frame };
         self.files.get(row)?.get(page)?.as_ref()

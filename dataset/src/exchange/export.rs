@@ -17,7 +17,7 @@ use std::path::Path;
 /// What was exported.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
-    /// Hours of the sets that were written.
+    /// Hours of the frames that were written.
     pub hours: Vec<f64>,
     /// What of the dataset the layout does not hold, and why.
     pub omitted: Vec<String>,
@@ -27,11 +27,11 @@ pub struct Exported {
     pub bytes: u64,
 }
 
-/// Writes a dataset in a layout to the new folder `out`, which appears when it is whole. A set that was imported from the same
+/// Writes a dataset in a layout to the new folder `out`, which appears when it is whole. A dataset that was imported from the same
 /// layout gets its old names and configuration back.
 ///
 /// # Errors
-/// `Unsupported` where the layout cannot hold the set at all; `Invalid` for a dataset that breaks a rule. Then nothing is left
+/// `Unsupported` if the layout cannot hold the dataset at all; `Invalid` for a dataset that is invalid. Then nothing is left
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
     if layout == Layout::Exr {

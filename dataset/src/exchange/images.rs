@@ -164,7 +164,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     })
 }
 
-/// Pages of the size of their first file; `sets[set][page]` are the files.
+/// Pages of the size of their first file; `frames[frame][page]` are the files.
 fn pages(
     sets: Vec<Vec<PathBuf>>,
     masks: Vec<Option<MaskFile>>,

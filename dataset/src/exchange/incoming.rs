@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use ::image::{ImageError, ImageReader};
 use std::path::{Path, PathBuf};
 
-/// A set of lightmaps elsewhere, its files found and their sizes checked.
+/// A dataset of lightmaps elsewhere, its files found and their sizes checked.
 pub(super) struct Incoming {
     pub layout: Layout,
     /// The bytes of the layout's configuration.

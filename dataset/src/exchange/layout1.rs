@@ -1,7 +1,7 @@
 //! The layout `hprc1`: folders by light type, times 1 to 24.
 //!
 //! `config.json` holds `lightmap_count` and `lightmap_list` of `id`, `resolution` {`width`, `height`} and `parts`. The light
-//! stands in `Original/` and, where it is kept apart, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
+//! stands in `Original/` and, where it is stored separately, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
 //! `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of a dataset. Lightmaps are cut by height into `parts` equal files.
 
 use super::plan::{Lightmap, PlannedFrame, Parts, Planned, Resolution, expect_count, to_json};
@@ -90,7 +90,7 @@ pub(super) fn compose(lightmaps: &[Lightmap]) -> Vec<u8> {
     to_json(&Config { lightmap_count: lightmap_list.len() as u64, lightmap_list })
 }
 
-/// The fewest equal parts of at most so many bytes; one where no number will do.
+/// The fewest equal parts of at most this many bytes; one where no number will do.
 fn parts(lightmap: &Lightmap, most: u64) -> u32 {
     let bytes = u64::from(lightmap.width) * u64::from(lightmap.height) * super::raw::LIGHT_BYTES as u64;
     let divides = |parts: &u32| lightmap.height.is_multiple_of(*parts);

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// The folder of all files but the configuration.
 pub(super) const DATA: &str = "Data";
-/// Time keys of the sets beside the switches.
+/// Time keys of the frames beside the switches.
 const EXTRAS: [u32; 2] = [590, 1810];
 
 #[derive(Serialize, Deserialize)]
@@ -85,7 +85,7 @@ pub(super) fn key(hour: f64) -> Option<u32> {
     (exact && key < 2400 && (key.is_multiple_of(100) || EXTRAS.contains(&key))).then_some(key)
 }
 
-/// Whether sets at these hours show the switches of the layout's lamps.
+/// Whether frames at these hours show the switches of the layout's lamps.
 pub(super) fn shows_switches(hours: &[f64]) -> bool {
     EXTRAS.iter().all(|&extra| hours.iter().any(|&hour| key(hour) == Some(extra)))
 }

@@ -1,4 +1,4 @@
-//! Reads the configuration of either layout, and that which an imported set keeps.
+//! Reads the configuration of either layout, and that which an imported dataset keeps.
 
 use super::plan::{Lightmap, Planned};
 use super::{layout1, layout2};
@@ -70,7 +70,7 @@ pub(super) fn read_config(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The files of the layout that a set was imported from, if it was of this layout.
+/// The files of the layout that a dataset was imported from, if it was of this layout.
 pub(super) fn kept(dataset: &Dataset, wanted: Option<Layout>) -> Result<Option<(Vec<u8>, Vec<Planned>)>> {
     let Some(Source { layout, config: Some(file), .. }) = &dataset.config.source else { return Ok(None) };
     if wanted.is_some_and(|wanted| wanted != *layout) {
@@ -101,7 +101,7 @@ pub(super) fn kept(dataset: &Dataset, wanted: Option<Layout>) -> Result<Option<(
     Ok(Some((bytes, all)))
 }
 
-/// What the layout that a set was imported from calls its pages; `None` for a set from elsewhere.
+/// What the layout that a dataset was imported from calls its pages; `None` for a dataset from elsewhere.
 ///
 /// # Errors
 /// As for a layout's configuration that is read.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// A lightmap as a layout describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lightmap {
-    /// Its number, unique in the set.
+    /// Its number, unique in the dataset.
     pub id: i64,
     /// The level that it is of, where the layout tells.
     pub level: Option<String>,
@@ -37,7 +37,7 @@ impl Planned {
     }
 }
 
-/// A lightmap's files of one moment.
+/// A lightmap's files of one time.
 #[derive(Clone, Debug)]
 pub(super) struct PlannedFrame {
     pub hour: f64,

@@ -26,7 +26,7 @@ const GLB: &str = "scene.glb";
 /// Writes the dataset of half the resolution to the new folder `out`, which appears when it is whole. Gives its manifest.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that breaks a rule, or where something stands at `out`.
+/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or where something stands at `out`.
 /// Then nothing is left behind.
 pub fn halve(dataset: &Dataset, out: &Path, console: &Console) -> Result<Config> {
     expect_day(dataset)?;
@@ -47,7 +47,7 @@ pub fn halved_inputs(config: &Config) -> String {
     blake3::hash(all.as_bytes()).to_hex().to_string()
 }
 
-/// The functions of a transfer go with the bake of a scene's day by its `inputs`, which no halved set has.
+/// The functions of a transfer go with the bake of a scene's day by its `inputs`, which no halved dataset has.
 fn expect_day(dataset: &Dataset) -> Result<()> {
     let Some(transfer) = &dataset.config.transfer else { return Ok(()) };
     let what = format!(

@@ -52,7 +52,7 @@ impl Lpips {
         Ok(lpips)
     }
 
-    /// The distance of a decoded tile from its reference, whose `quality` is known; `None` where that has no SSIM. Light is told in the
+    /// The distance of a decoded tile from its reference, whose `quality` is known; `None` if that has no SSIM. Light is told in the
     /// tile's own range, linear; what is not valid is black in both, and so is what a small tile lacks of 128×128.
     ///
     /// # Errors

@@ -92,7 +92,7 @@ struct Blur<const TAPS: usize> {
 }
 
 impl<const TAPS: usize> Blur<TAPS> {
-    /// Half the window, its middle left out.
+    /// Half the window, its middle omitted.
     const RADIUS: usize = TAPS / 2;
 
     fn new(window: [f64; TAPS], width: usize, height: usize) -> Self {

@@ -10,9 +10,9 @@ pub(super) struct Files<'a> {
     pub archives: &'a [(Archive, u64)],
     pub bundles: &'a [(String, u64)],
     pub previews: &'a [String],
-    /// What the layouts of exchange leave out.
+    /// What the layouts of exchange omit.
     pub omitted: &'a [String],
-    /// Whether the set is given away under CC0.
+    /// Whether the dataset is given away under CC0.
     pub cc0: bool,
 }
 

@@ -18,7 +18,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Hours of the pictures; the sets nearest to them …
+/// Hours of the pictures; the frames nearest to them …
 const PREVIEW_HOURS: [f64; 4] = [0.0, 6.0, 12.0, 18.1];
 /// … and not farther than this.
 const PREVIEW_REACH: f64 = 0.5;
@@ -39,7 +39,7 @@ pub struct Packaged {
 }
 
 /// Packages datasets, and what lies beside them, into the new folder `out`, which appears when it is whole. Each is checked first. `cc0`: the
-/// datasheets say that the sets are given away under CC0.
+/// datasheets say that the datasets are given away under CC0.
 ///
 /// # Errors
 /// For a dataset with a fault, and for all that goes wrong on the way; then nothing is left behind.
@@ -162,7 +162,7 @@ impl Plan {
         Ok(Plan { archives, exported, omitted })
     }
 
-    /// Writes the scene's files; gives its entry of the manifest, and what was left out.
+    /// Writes the scene's files; gives its entry of the manifest, and what was omitted.
     fn fill(
         self,
         dataset: &Dataset,
@@ -221,7 +221,7 @@ fn list(folder: &Path, prefix: &str, files: &mut Vec<Member>) -> Result<()> {
     Ok(())
 }
 
-/// The sets that pictures are made of, ascending; one at least.
+/// The frames that pictures are made of, ascending; at least one.
 fn preview_frames(dataset: &Dataset) -> BTreeSet<usize> {
     let frames = &dataset.config.frames;
     let away = |frame: usize, hour: f64| {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Largest side of a picture in the section, in pixels; half of it where there are many pages.
 const PREVIEW_SIDE: usize = 256;
-/// A set gets another exposure than brighter ones once its own is this many times theirs.
+/// A frame gets another exposure than brighter ones once its own is this many times theirs.
 const MUCH_DARKER: f32 = 6.0;
 /// Colour of texels on no surface.
 const INVALID: [u8; 3] = [44, 46, 52];
@@ -48,14 +48,14 @@ pub fn mask_png(mask: &Mask, max_side: usize) -> Vec<u8> {
     encode_png(&grey, image.width, image.height, image::ExtendedColorType::L8)
 }
 
-/// The section every report opens with: what the set is, its masks, and a preview of every hour.
+/// The section every report opens with: what the dataset is, its masks, and a preview of every hour.
 pub fn section(dataset: &Dataset) -> Result<Section> {
     let config = &dataset.config;
     let mut section = Section::new(&format!("Lightmaps of {}", config.scene));
     let masks: Vec<Mask> = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<_>>()?;
     section.table(&[], &summary(config, &masks));
 
-    // Every set of every page, reduced; (set, page) in this order.
+    // Every frame of every page, reduced; (frame, page) in this order.
     let side = if config.pages.len() > 2 { PREVIEW_SIDE / 2 } else { PREVIEW_SIDE };
     let pairs: Vec<(usize, usize)> = (0..config.frames.len())
         .flat_map(|frame| (0..config.pages.len()).map(move |page| (frame, page)))
@@ -96,7 +96,7 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
     Ok(section)
 }
 
-/// A set's pages as sRGB PNGs at most `max_side` texels on a side, under one exposure.
+/// A frame's pages as sRGB PNGs at most `max_side` texels on a side, under one exposure.
 pub(crate) fn pictures(dataset: &Dataset, frame: usize, max_side: usize) -> Result<Vec<Vec<u8>>> {
     let pages = 0..dataset.config.pages.len();
     let reduced =
@@ -111,7 +111,7 @@ fn is_lit(image: &Image) -> bool {
     image.texels.iter().any(|texel| luminance(*texel) > 0.0)
 }
 
-/// Sets of like brightness, the brightest first: the exposure of each group's brightest, and which sets are in it, ascending. Those
+/// Frames of like brightness, the brightest first: the exposure of each group's brightest, and which frames are in it, ascending. Those
 /// without light come last, at an infinite exposure.
 fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
     let mut frames: Vec<(f32, usize)> =
@@ -128,7 +128,7 @@ fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
     groups
 }
 
-/// What the set is, as rows of a table.
+/// What the dataset is, as rows of a table.
 fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
     let row = |name: &str, value: String| vec![name.to_owned(), value];
     let mut rows = vec![row("Scene", config.scene.clone()), row("Written by", config.generator.clone())];

@@ -7,12 +7,12 @@ use crate::image::Image;
 use crate::store::Dataset;
 use crate::view::View;
 
-/// Hours whose nearest sets are shown: morning, noon, right after an evening switch, midnight.
+/// Hours whose nearest frames are shown: morning, noon, right after an evening switch, midnight.
 const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
 /// Width and height of a picture in pixels.
 pub const PICTURE: [usize; 2] = [480, 270];
 
-/// The sets to show, each once.
+/// The frames to show, each once.
 pub fn shown_frames(config: &Config) -> Vec<usize> {
     let frames = &config.frames;
     let mut shown: Vec<usize> = Vec::new();
@@ -27,7 +27,7 @@ pub fn shown_frames(config: &Config) -> Vec<usize> {
     shown
 }
 
-/// What to say of the pictures of a view: whose they are, and what they leave out.
+/// What to say of the pictures of a view: whose they are, and what they omit.
 pub fn remark(view: &View) -> String {
     let with_texels = view.with_texels();
     let plain = match with_texels.iter().all(|share| *share == 1.0) {

@@ -10,7 +10,7 @@ use std::path::Path;
 
 mod layers;
 
-/// Everything in a manifest that breaks a rule, in itself; `manifest` names it in errors.
+/// Everything in a manifest that is invalid, in itself; `manifest` names it in errors.
 pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
     let mut found = Vec::new();
     let mut wrong = |what: String| found.push(Error::invalid(manifest.display(), what));

@@ -99,7 +99,7 @@ impl Dataset {
         &self.config.pages[page]
     }
 
-    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths left out, which are known to be wrong.
+    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths omitted, which are known to be wrong.
     pub(super) fn verify_sunlight(&self, is_broken: impl Fn(&FileRef) -> bool) -> Vec<Error> {
         let files = self.config.visibility.iter().flat_map(|visibility| visibility.references());
         if files.chain(&self.config.sun_path).any(is_broken) {

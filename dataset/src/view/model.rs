@@ -146,7 +146,7 @@ impl Model {
 /// Reads a geometry file.
 ///
 /// # Errors
-/// [`Error::Invalid`] with whatever breaks a rule in it, as `dataset check` tells it; [`Error::Unsupported`] for more than can be drawn.
+/// [`Error::Invalid`] with whatever is invalid in it, as `dataset check` tells it; [`Error::Unsupported`] for more than can be drawn.
 pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> {
     if let Some(fault) = geometry::faults(path, bytes, config).into_iter().next() {
         return Err(fault);

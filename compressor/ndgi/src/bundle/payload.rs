@@ -6,16 +6,16 @@ use crate::half::F16;
 use crate::model::{Contents, Knot, Shape, TileParams};
 use crate::time::Axis;
 
-/// A part of a tile as the file holds it.
+/// A section of a tile, encoded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Section {
-    /// What its stream says of it in the index; of NDGI, [`Contents::word`], and which maps leave out grey blocks.
+    /// Its word in the index; for features, [`Contents::word`] and which maps omit grey blocks.
     pub word: u32,
-    /// The bytes, a multiple of 16; none where there is nothing to say.
+    /// The bytes, a multiple of 16; empty if the tile has no such section.
     pub bytes: Vec<u8>,
 }
 
-/// A tile as the file holds it. The default is one that is black at all times.
+/// A tile, encoded. The default is black at all times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Payload {
     /// Its features and decoder.
@@ -36,15 +36,15 @@ impl Payload {
     }
 }
 
-/// The block that a map may leave out: [`bc7::GREY`].
+/// The block that a map may omit: [`bc7::GREY`].
 const GREY: [u8; 16] = [0x40, 0x20, 0x10, 0x08, 0x04, 0x02, 0x81, 0x40, 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// The word's bit that says that F_uv (map 0) or F_uvt (map 1) leaves out its grey blocks.
+/// The word's bit that says that F_uv (map 0) or F_uvt (map 1) omits its grey blocks.
 fn sparse(map: usize) -> u32 {
     1 << (30 + map)
 }
 
-/// Whether a map leaves out its grey blocks: where they take more than the bit field.
+/// True if a map omits its grey blocks: when they take more bytes than the bit field.
 fn pays(blocks: usize, there: usize) -> bool {
     16 * (blocks - there) > field_len(blocks)
 }
@@ -79,12 +79,12 @@ pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2
     [least, largest].map(|length| length.next_multiple_of(ALIGN))
 }
 
-/// Length of a section in bytes of which no block is left out, a multiple of 16.
+/// Length of a section in bytes of which no block is omitted, a multiple of 16.
 pub fn full_len(shape: &Shape) -> usize {
     len_bounds(shape, 0, false)[1]
 }
 
-/// Length of a section in bytes with so many blocks of F_uv and F_uvt that are not grey.
+/// Length of a section in bytes with this many blocks of F_uv and F_uvt that are not grey.
 pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
     let [uv, uvt, ..] = shape.counts();
     let map = |(all, there): (usize, usize)| match pays(all, there) {
@@ -95,10 +95,10 @@ pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
     (maps + rest_len(shape)).next_multiple_of(ALIGN)
 }
 
-/// A tile without a sun as bytes. Grey blocks are left out where that pays.
+/// A tile without a sun as bytes. Grey blocks are omitted where that pays.
 ///
 /// # Errors
-/// What is wrong with the parameters: lengths that differ from the shape's, or values that the format forbids.
+/// A message for invalid parameters: lengths that differ from the shape's, or values that the format forbids.
 pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     let shape = &tile.shape;
     tile.check_lengths()?;
@@ -130,7 +130,7 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
 }
 
 /// A tile from its section of features, the word of its index line, the shape that its contents give, the number of light groups, and
-/// how bright it is at the knots; `None` where its bytes are of version 3, which tell of the frames' means.
+/// how bright it is at the knots; `None` if its bytes are of version 3, which tell of the frames' means.
 ///
 /// # Errors
 /// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are there or not as the word does
@@ -234,7 +234,7 @@ fn check(tile: &TileParams) -> Result<(), String> {
     Ok(())
 }
 
-/// The contents that a word stands for, where they are those of a bundle with so many groups and this coding.
+/// The contents that a word stands for, where they are those of a bundle with this many groups and this coding.
 pub(super) fn contents(word: u32, groups: usize, axis: bool) -> Option<Contents> {
     let contents = Contents::of_word(word)?;
     let sparse_without_map =

@@ -222,7 +222,7 @@ fn payloads_with_forbidden_values_are_refused() {
     }
     assert_eq!(read(&bytes, word, shape, &good).unwrap(), good);
 
-    // A map whose grey blocks are left out, or not as the word says.
+    // A map whose grey blocks are omitted, or not as the word says.
     let place = Place { page: 1, column: 0, row: 0 };
     let sparse = testing::tile_of(&header, 2, place).unwrap();
     let Section { word: sparse_word, bytes } = encode_payload(&sparse).unwrap().ndgi;

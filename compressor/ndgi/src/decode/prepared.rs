@@ -1,4 +1,4 @@
-//! A tile at one time, ready to be asked for texels: what depends on the time alone is folded once.
+//! A tile at one time, ready for sampling: what depends on time alone is computed once.
 
 use super::kernel::{self, Fold};
 use super::{TileDecoder, irradiance, means_at};
@@ -27,7 +27,7 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Of a tile; `None` where it is black at the time.
+    /// Of a tile; `None` if it is black at the time.
     pub fn new(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> Result<Option<Self>> {
         let means = means_at(tile, point);
         if means == [0.0; 3] {

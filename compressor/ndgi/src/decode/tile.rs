@@ -55,7 +55,7 @@ impl<'a> TileDecoder<'a> {
         out
     }
 
-    /// The same, into memory that is there already.
+    /// The same, into memory that already exists.
     ///
     /// # Panics
     /// Unless it holds as many texels as the tile.

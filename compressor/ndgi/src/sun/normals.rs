@@ -17,7 +17,7 @@ const UNIT: f32 = 32767.0;
 /// How far a normal may be from what is told: a degree; from that of its palette: half of one.
 const NEAR: f32 = 0.0175;
 const ALIKE: f32 = 0.0087;
-/// A normal that so many blocks have is worth its place in the palette.
+/// A normal that this many blocks have is worth its place in the palette.
 const WORTH: usize = 3;
 
 /// Whether nothing is known of a normal, or it does not matter.
@@ -96,7 +96,7 @@ pub(super) fn encode(normals: &[[f32; 3]], width: usize) -> (usize, Vec<u8>) {
         table.push(kind);
         own.extend(reported);
     }
-    // Runs: so many blocks as above, then so many of one kind.
+    // Runs: this many blocks as above, then this many of one kind.
     let mut at = 0;
     while at < blocks {
         let is_above = |block: &usize| *block >= across && table[*block] == table[*block - across];
@@ -156,7 +156,7 @@ fn tones(kind: u8, reported: &[[u8; 2]]) -> Vec<[f32; 3]> {
     }
 }
 
-/// The normal so many steps from the first end to the second, the last of which is that.
+/// The normal this many steps from the first end to the second, the last of which is that.
 fn between(ends: [[u8; 2]; 2], step: usize, steps: usize) -> [f32; 3] {
     let [a, b] = ends.map(from_octahedral);
     let part = step as f32 / (steps - 1) as f32;

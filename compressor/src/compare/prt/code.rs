@@ -49,7 +49,7 @@ pub(super) fn plain(tile: &Tile, vectors: &Vectors) -> Result<CodedTile> {
     })
 }
 
-/// Vectors by clustered principal components, within so many bits or as near to them as can be.
+/// Vectors by clustered principal components, within this many bits or as near to them as can be.
 pub(super) fn clustered(tile: &Tile, vectors: &Vectors, bits: f64) -> Result<CodedTile> {
     let encode = || {
         let sizes = sizes(tile.valid().count(), vectors, bits);
@@ -71,7 +71,7 @@ fn bits(texels: usize, vectors: &Vectors, clusters: usize, rank: usize) -> usize
     texels * (8 * rank + index) + 16 * clusters * (rank + 1) * vectors.numbers() + 32 * vectors.scales + 16
 }
 
-/// Numbers of clusters and components that take about so many bits: for each number of components the nearest; where none is near, the
+/// Numbers of clusters and components that take about this many bits: for each number of components the nearest; where none is near, the
 /// one of all that is nearest from above, else the largest.
 fn sizes(texels: usize, vectors: &Vectors, wanted: f64) -> Vec<(usize, usize)> {
     let share = |(clusters, rank): (usize, usize)| bits(texels, vectors, clusters, rank) as f64 / wanted;

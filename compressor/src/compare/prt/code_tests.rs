@@ -7,7 +7,7 @@ use crate::train::random::Random;
 
 const SIDE: usize = 16;
 
-/// Vectors that are sums of `rank` random ones plus a mean, under random weights of so many frames; and the tile that they light.
+/// Vectors that are sums of `rank` random ones plus a mean, under random weights of this many frames; and the tile that they light.
 fn case(sources: usize, frames: usize, rank: usize) -> (Tile, Vectors) {
     let mut random = Random::new(7);
     let mut some = |n: usize| -> Vec<f64> { (0..n).map(|_| f64::from(random.uniform(0.0, 1.0))).collect() };

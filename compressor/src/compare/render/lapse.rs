@@ -25,7 +25,7 @@ pub struct Line {
     pub method: String,
     /// Mean over steps and pixels of |Δ method − Δ reference|, in shares of white as exposed.
     pub error: f64,
-    /// The same over the mean |Δ reference|; `None` where nothing changes.
+    /// The same over the mean |Δ reference|; `None` if nothing changes.
     pub relative_error: Option<f64>,
     /// The step that is worst: the hour in its middle, and its error.
     pub worst: (f64, f64),
@@ -36,7 +36,7 @@ pub struct Line {
 /// The dataset's day, and what methods make of it.
 pub(super) struct Lapse {
     pub view: View,
-    /// Which pixels are judged.
+    /// Which pixels are evaluated.
     judged: Vec<bool>,
     hours: Vec<f64>,
     frames: Vec<Frame>,
@@ -90,7 +90,7 @@ impl Lapse {
         Ok(lapse)
     }
 
-    /// A method by the light it has on all pages at an hour. `None` where there are no two times side by side.
+    /// A method by the light it has on all pages at an hour. `None` if there are no two times side by side.
     pub fn line(
         &self,
         dataset: &Dataset,

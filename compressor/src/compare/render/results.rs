@@ -13,7 +13,7 @@ use serde::Serialize;
 
 /// What the dataset's own light is called.
 pub(super) const REFERENCE: &str = "reference";
-/// The methods whose tiles are shown from near.
+/// The methods whose tiles are shown close up.
 const NEAR: [&str; 4] = ["NDGI M", "NTC L", "ASTC 12×12", "BC7"];
 /// Screen pixels of a texel, along a side.
 const ZOOM: usize = 3;
@@ -39,7 +39,7 @@ pub struct Seen {
     pub flip: f64,
 }
 
-/// A tile from near in the light of a method.
+/// A tile close up in the light of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Crop {
     /// Which of the tiles it is.
@@ -69,7 +69,7 @@ pub struct Rendered {
     pub times: Vec<Shown>,
     /// Every picture.
     pub views: Vec<Seen>,
-    /// Tiles from near.
+    /// Tiles close up.
     pub crops: Vec<Crop>,
     /// The camera of the day in half hours.
     pub lapse_camera: String,

@@ -5,17 +5,17 @@ use ndgi_stream::{Entry, Now, Pyramid, Seen, Tile};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Frames within which a tile that was evicted and is asked for again counts as a mistake.
+/// Frames within which a tile that was evicted and is requested again counts as a mistake.
 const AGAIN: usize = 60;
 
 /// One frame.
 #[derive(Clone, Debug, Default)]
 pub struct Row {
-    /// Of the pixels, and of the tiles, that the frame's feedback saw: the share that was shown at the level it asked for.
+    /// Of the pixels, and of the tiles, that the frame's feedback saw: the share that was shown at the level it requested.
     pub hits_by_pixels: f64,
     pub hits_by_tiles: f64,
     pub tiles: usize,
-    /// Tiles that were asked for the first time since they were gone.
+    /// Tiles that were requested the first time since they were gone.
     pub faults: usize,
     pub faults_again: usize,
     pub decoded: usize,
@@ -38,7 +38,7 @@ pub struct Row {
 #[derive(Debug, Default)]
 pub struct Stats {
     pub rows: Vec<Row>,
-    /// Since when a tile that is not shown is asked for.
+    /// Since when a tile that is not shown is requested.
     asked: BTreeMap<Tile, usize>,
     /// Frames from request to shown.
     waits: Vec<usize>,

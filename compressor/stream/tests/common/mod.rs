@@ -61,7 +61,7 @@ pub fn changes(pyramid: &Pyramid, tile: Tile) -> bool {
     a != b
 }
 
-/// A disk: so many steps for a read, so many reads in a thousand fail.
+/// A disk: this many steps for a read, this many reads in a thousand fail.
 pub struct Disk {
     latency: usize,
     /// Reads in a thousand that fail.

@@ -123,7 +123,7 @@ impl Import {
     }
 }
 
-/// The spacing of ascending hours around the day, in words.
+/// The spacing of ascending hours around the day, as text.
 fn spacing(hours: &[f64]) -> String {
     let (Some(&first), Some(&last)) = (hours.first(), hours.last()) else { return "none".to_owned() };
     let next = hours.iter().skip(1).copied().chain([first + 24.0]);

@@ -3,7 +3,7 @@
 use crate::config::{Baked, Config, Layer, Light, Part};
 use crate::console::count;
 
-/// Everything in the layers that breaks a rule.
+/// Everything in the layers that is invalid.
 pub(super) fn layers(config: &Config, wrong: &mut impl FnMut(String)) {
     for (index, layer) in config.layers.iter().enumerate() {
         let name = format!("layer {index} ({})", name(config, layer));

@@ -1,4 +1,4 @@
-//! The geometry file: that it is a whole GLB, its accessors lie inside it, and its lightmap coordinates on pages that exist.
+//! The geometry file: that it is a complete GLB, its accessors lie inside it, and its lightmap coordinates on pages that exist.
 
 use crate::config::Config;
 use crate::console::count;
@@ -24,10 +24,10 @@ pub(crate) struct Placed {
     pub lightmap_page: usize,
 }
 
-/// The range of a mesh's lightmap coordinates; `None` where it has none.
+/// The range of a mesh's lightmap coordinates; `None` if it has none.
 type Range = Option<([f32; 2], [f32; 2])>;
 
-/// Everything in a geometry file that breaks a rule; `path` names it in errors.
+/// Everything in a geometry file that is invalid; `path` names it in errors.
 pub(crate) fn faults(path: &Path, bytes: &[u8], config: &Config) -> Vec<Error> {
     let mut found = Vec::new();
     let mut wrong = |what: String| found.push(Error::invalid(path.display(), what));
