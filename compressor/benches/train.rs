@@ -103,7 +103,8 @@ fn kinds(profile: &Profile, iterations: usize) {
     let whole = tile(0);
     let off = |hour: &f64| (6.0..=18.0).contains(hour);
     let lamps = Gate { group: 0, on: whole.hours.iter().map(|hour| !off(hour)).collect() };
-    let noon = whole.frames[whole.hours.iter().position(|&hour| hour == 12.0).expect("noon is a set")].clone();
+    let noon =
+        whole.frames[whole.hours.iter().position(|&hour| hour == 12.0).expect("noon is a set")].clone();
     let by_day: Vec<usize> = (0..whole.hours.len()).filter(|&k| off(&whole.hours[k])).collect();
     let few = |i: usize| if i % 128 < 12 && i / 128 < 10 { Coverage::Valid } else { Coverage::Outside };
     let kinds = [

@@ -1,6 +1,6 @@
-//! NDGI beside what else there is: every method on the same tiles, in the same run, evaluated by the same measures.
+//! Compares NDGI with other methods: the same tiles, the same run, the same metrics.
 //!
-//! How each is set up stands in `BASELINES.md`. Methods of foreign codecs are there with the feature `baselines`.
+//! `BASELINES.md` describes the settings of each. Methods with third-party codecs need the feature `baselines`.
 
 mod tiles;
 mod curve;
@@ -40,29 +40,29 @@ use render::Stage;
 use table::Shown;
 use tiles::TileSet;
 
-/// What is compared on what.
+/// Options of a comparison.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Tiles with valid texels, at most, drawn by the seed from all pages; otherwise those of the first page.
+    /// Largest number of tiles with valid texels, drawn by the seed from all pages; `None`: those of the first page.
     pub tiles: Option<usize>,
-    /// How hard every encoder and trainer tries.
+    /// Effort of every encoder and trainer.
     pub effort: Effort,
     /// The paper's ablations instead of other methods.
     pub ablations: bool,
-    /// Only the methods of these names; all where there are none.
+    /// Only the methods with these names; empty for all.
     pub methods: Vec<String>,
-    /// The scene in the light of some methods, too; tiles are then those of all pages.
+    /// Also render the scene with the light of some methods; the tiles are then those of all pages.
     pub render: bool,
     /// Seed of all randomness.
     pub seed: u64,
 }
 
-/// How hard every encoder and trainer tries.
+/// Effort of every encoder and trainer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// A first look.
+    /// Quick results.
     Draft,
-    /// NDGI's default preset, and for M its thorough one too; the thorough ones of the others.
+    /// NDGI's default preset, for M also its thorough one; the thorough presets of the others.
     Full,
 }
 
@@ -76,10 +76,10 @@ impl Effort {
     }
 }
 
-/// Compares all methods on tiles of a dataset; `transfer` is that of its scene, `looks` what is measured of looks. Writes nothing.
+/// Compares all methods on tiles of a dataset; `transfer` is that of its scene. Writes nothing.
 ///
 /// # Errors
-/// As [`crate::compress::compress`]; a transfer that is not of this dataset; the name of no method; a scene to render without geometry.
+/// As [`crate::compress::compress`]; a transfer of another dataset; an unknown method; a scene without geometry to render.
 pub fn compare(
     dataset: &Dataset,
     transfer: Option<&Dataset>,
@@ -135,7 +135,7 @@ pub fn compare(
     Ok(comparison)
 }
 
-/// What is said where PRT is not in the table.
+/// Why PRT is not in the table.
 fn without_transfer(config: &Config) -> String {
     if config.source.is_some() {
         return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this dataset was imported".to_owned();
@@ -147,7 +147,7 @@ fn without_transfer(config: &Config) -> String {
     )
 }
 
-/// Runs a method; the best of its ways counts.
+/// Runs a method; its best variant counts.
 fn measure<'a>(frame: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row, Judged, Way<'a>)> {
     stop_if_interrupted()?;
     let mut best: Option<(Row, Judged, Way)> = None;
@@ -168,8 +168,7 @@ fn measure<'a>(frame: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(R
             best = Some((Row { note: way.note.clone(), ..row }, judged, way));
         }
     }
-    let (mut row, judged, way) =
-        best.ok_or_else(|| Error::invalid(method.name.clone(), "cannot run"))?;
+    let (mut row, judged, way) = best.ok_or_else(|| Error::invalid(method.name.clone(), "cannot run"))?;
     if notes.len() > 1 {
         let others = notes.iter().filter(|(note, _)| *note != row.note);
         let others: Vec<String> = others.map(|(note, db)| format!("({note}: {db} dB)")).collect();

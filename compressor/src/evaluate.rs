@@ -1,8 +1,8 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
 //! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
-//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, frame). A tile without a valid texel is none; those that are all zero are counted apart;
-//! those whose reference is constant in space have no dynamic range and are evaluated by relative error, apart from the rest.
+//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted separately;
+//! samples with a constant reference have no dynamic range and are evaluated separately, by relative error.
 
 mod strips;
 mod rgbe;
@@ -18,7 +18,7 @@ pub use between::Between;
 pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
-pub use sample::{SlowMetrics, Sample};
+pub use sample::{Sample, SlowMetrics};
 pub use shadows::Shadows;
 pub use steps::{Step, Steps};
 pub(crate) use strips::{decode, read, strips, valid};
@@ -39,7 +39,7 @@ use sample::Strip;
 use seams::Seams;
 use std::ops::Range;
 
-/// Side of the large tiles that quality is told of too.
+/// Side in texels of the large tiles, on which quality is also reported.
 pub const LARGE: usize = 2 * TILE;
 
 /// Means over (large tile, frame), of those that are neither black nor constant in space.
@@ -60,21 +60,21 @@ pub struct Evaluation {
     pub samples: Vec<Sample>,
     /// Over all frames.
     pub all: Quality,
-    /// Over the frames that the sun lights directly, where the dataset tells which.
+    /// Over the frames that the sun lights directly, if the dataset says which.
     pub sunny: Option<Quality>,
-    /// Of what maps hold, without the sun's direct light, where this is a separate stream: over all frames, without looks and noise.
+    /// Of the maps only (without the sun's direct light, if that is a separate stream): over all frames, without slow metrics and noise.
     pub without_sun: Option<Quality>,
-    /// Whether the sun's direct light was omitted of the bundle, and so of what it is compared with.
+    /// True if the bundle omits the sun's direct light; the reference then omits it, too.
     pub sun_is_omitted: bool,
     /// Per frame: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
     /// Over the frames that differ: nights with the same light groups on are one image, which `all` counts once per frame.
     pub distinct: Quality,
-    /// How many frames differ.
+    /// Number of distinct frames.
     pub distinct_frames: usize,
     /// Over all frames, on tiles of [`LARGE`]² texels.
     pub large: Large,
-    /// How well the change from frame to frame is met.
+    /// Error of the change from frame to frame.
     pub steps: Steps,
     /// Length of the bundle file × 8 ÷ (texels of all pages × frames), texels without a surface included.
     pub bpp: f64,
@@ -82,14 +82,14 @@ pub struct Evaluation {
     pub bits_of_valid: [f64; 2],
     /// Bytes of the bundle's tiles of the sun.
     pub bytes_of_sun: u64,
-    /// And of how its shadows move.
+    /// Bytes of moving shadows.
     pub bytes_of_shadows: u64,
-    /// Tiles of which something is stored.
+    /// Tiles that are not empty.
     pub tiles: usize,
     /// Bytes of the bundle file.
     pub bytes: u64,
-    /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
-    /// page and frame weighted by 1 ÷ its mean. 1 where tiles do not show; `None` if there are no borders, or no errors inside.
+    /// Mean error of differences between neighbouring texels across tile borders, divided by that inside tiles, each
+    /// page and frame weighted by 1 ÷ its mean. 1 if tile borders are invisible; `None` if there are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
     /// The sun's direct light between the frames, where it is a separate stream.
     pub shadows: Option<Shadows>,
@@ -99,12 +99,12 @@ pub struct Evaluation {
     pub decode_seconds: f64,
 }
 
-/// What is evaluated by besides the dataset.
+/// Optional references and metrics of an evaluation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measures<'a> {
     /// A bake of the same scene at other hours: the reference between the frames.
     pub withheld: Option<&'a Dataset>,
-    /// What is measured of the looks of tiles.
+    /// Slow quality metrics.
     pub slow_metrics: SlowMetrics<'a>,
 }
 
@@ -151,7 +151,7 @@ pub fn evaluate(
     Ok(Evaluation { without_sun: indirect, ..evaluation })
 }
 
-/// What people can still see by, in lux: half the light of a full moon. Where the unit is not known, any light counts.
+/// Darkest mean light that counts as visible, in lux: half a full moon's. With an unknown unit, any light counts.
 pub const VISIBLE_LUX: f64 = 0.1;
 
 /// The same in the unit of a dataset.
@@ -164,7 +164,7 @@ fn visible(dataset: &Dataset) -> f64 {
     }
 }
 
-/// What of a dataset's light a bundle is to be compared with: all, or where the sun was omitted, all but its direct light.
+/// The dataset's light that a bundle is compared with: all, or without the sun's direct light if the bundle omits it.
 pub(crate) fn reference_law(decoder: &Decoder) -> Law {
     Law::of(crate::compress::sun_is_omitted(&decoder.bundle().header))
 }
@@ -180,10 +180,10 @@ fn found(lightmaps: &Lightmaps, what: &str, console: &Console) -> Result<Found> 
     Ok(found)
 }
 
-/// What is compared, page by page in strips.
+/// The inputs of a comparison, page by page in strips.
 struct Lightmaps<'a> {
     dataset: &'a Dataset,
-    /// What of its light is compared, and what of the bundle's.
+    /// Which light of the dataset and of the bundle is compared.
     law: Law,
     lights: Lights,
     decoder: &'a Decoder,
@@ -197,7 +197,7 @@ struct Lightmaps<'a> {
     slow_metrics: SlowMetrics<'a>,
 }
 
-/// What was found so far.
+/// Results so far.
 #[derive(Default)]
 struct Found {
     samples: Vec<Sample>,
@@ -230,7 +230,7 @@ impl Found {
         Ok(())
     }
 
-    /// Adds a page of a frame; gives the sum of its valid texels' channels, and how many texels these are.
+    /// Adds a page of a frame; returns the sum of its valid texels' channels and their number.
     fn add_page(
         &mut self,
         of: &Lightmaps,
@@ -240,7 +240,8 @@ impl Found {
     ) -> Result<(f64, usize)> {
         let (dataset, mask) = (of.dataset, &of.masks[page]);
         let frames = &dataset.config.frames;
-        let mut references = References { dataset, law: &of.law, frame, page, height: mask.height, last: None };
+        let mut references =
+            References { dataset, law: &of.law, frame, page, height: mask.height, last: None };
         // The mean first: it is the unit of what follows.
         let (mut sum, mut texels) = (0.0, 0);
         for rows in &of.strips[page] {
@@ -285,7 +286,7 @@ impl Found {
         Ok((sum, texels))
     }
 
-    /// Sums up, and adds what is measured between the frames.
+    /// Computes the means, and adds the measurements between frames.
     fn into_evaluation(
         self,
         dataset: &Dataset,

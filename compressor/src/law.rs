@@ -1,8 +1,8 @@
 //! Which part of a dataset's light goes into a bundle's maps, and how it is interpolated between frames.
 //!
-//! Where a dataset keeps the sun's direct light and visibility apart, maps hold the rest: what is smooth in time. A layer may have a
-//! curve by which it goes between two frames (`dataset::curve`); the bundle then tells tiles' means at more hours than those of the
-//! frames, so that dusk falls as it does and not in a straight line.
+//! Where a dataset stores the sun's direct light and visibility separately, maps hold the rest, which is smooth in time. A layer may have a
+//! curve between two frames (`dataset::curve`); the bundle then stores tiles' means at more hours than those of the
+//! frames, so that dusk follows its curve and not a straight line.
 
 use crate::model::Knot;
 use crate::time::{TimePoint, Timeline};
@@ -14,7 +14,7 @@ use dataset::image::Mask;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
-/// Means at hours between frames are told where a straight line is wrong by more than this share of the light,
+/// Means at hours between frames are stored where a straight line is wrong by more than this share of the light,
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
@@ -48,9 +48,9 @@ fn sum(light: &[[f64; 3]]) -> f64 {
     light.iter().flatten().sum()
 }
 
-/// Texels of a page that are looked at together.
+/// Texels of a page that are processed together.
 const TEXELS: usize = 1 << 22;
-/// Hours between two frames that are looked at: every minute.
+/// Step in hours between the examined times: a minute.
 const STEP: f64 = 1.0 / 60.0;
 
 /// Light by layer: of some texels at a frame, the mean of each layer that has a curve, and of all light, red, green and blue.
@@ -71,10 +71,10 @@ impl Shares {
     }
 }
 
-/// What the maps of a bundle hold, and how it goes between frames.
+/// Which light the maps of a bundle hold, and its curves between frames.
 #[derive(Debug)]
 pub struct Law {
-    /// Whether the sun's direct light is apart.
+    /// True if the sun's direct light is a separate stream.
     pub is_apart: bool,
     /// Indices of layers with a curve, and it.
     curves: Vec<(usize, Curve)>,
@@ -144,7 +144,7 @@ impl Law {
                 None => layer.file(frame, page).map(&read).transpose()?.iter().for_each(|texels| add(texels)),
             }
         }
-        // What lamps give is the same at many frames.
+        // The light of lamps is the same in many frames.
         for file in config.files_of_local(frame, page).into_iter().flatten() {
             if !kept.contains_key(file.path.as_str()) {
                 kept.insert(&file.path, read(file)?);
@@ -295,10 +295,11 @@ impl Law {
             };
             let (of_a, of_b) = (parts(a, &weighed[0]), parts(b, &weighed[1]));
             let (whole_a, whole_b) = (parts(a, &shares[a].parts()), parts(b, &shares[b].parts()));
-            let peak = |frame: usize, light: &[[f64; 3]]| match crate::time::brightness(&of_frames[frame].mean) {
-                whole if whole > 0.0 => f64::from(of_frames[frame].peak) * sum(light) / whole,
-                _ => 0.0,
-            };
+            let peak =
+                |frame: usize, light: &[[f64; 3]]| match crate::time::brightness(&of_frames[frame].mean) {
+                    whole if whole > 0.0 => f64::from(of_frames[frame].peak) * sum(light) / whole,
+                    _ => 0.0,
+                };
             let knot = Knot {
                 mean: std::array::from_fn(|c| {
                     of_a.iter().chain(&of_b).map(|part| part[c]).sum::<f64>() as f32
@@ -356,12 +357,12 @@ impl Sums {
 /// Rows of files that several frames name.
 pub type LayerRows<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
 
-/// Whether a dataset tells of the sun's direct light at any time: keeps it apart, and its visibility.
+/// True if a dataset has the sun's direct light at any time: as a separate layer, with visibility.
 pub fn is_sun_apart(config: &Config) -> bool {
     config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
 }
 
-/// Whether a dataset has the sun's direct light as a layer, so that it can be omitted.
+/// True if a dataset has the sun's direct light as a separate layer, so it can be omitted.
 pub fn can_omit_sun(config: &Config) -> bool {
     let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
     config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(is_whole)

@@ -1,6 +1,6 @@
-//! Text from files, for the terminal.
+//! Makes text from files safe for the terminal.
 
-/// A text without what steers a terminal: control characters, and those that turn the direction of writing, are spelled out, as `\u{1b}`.
+/// A text with control characters and changes of writing direction escaped, such as `\u{1b}`.
 pub fn printable(text: &str) -> String {
     let steers = |c: char| {
         c.is_control()

@@ -1,4 +1,4 @@
-//! Report sections: what is seen first (`lead`), training curves, quality table, pictures, what was omitted.
+//! Report sections: summary (`lead`), training curves, quality table, pictures, omissions.
 
 mod lead;
 
@@ -67,7 +67,7 @@ pub fn training(outcome: &Outcome) -> Section {
     section
 }
 
-/// The quality table by hour and the worst tiles; what is to be said of targets and limits first.
+/// The quality table by hour and the worst tiles, after remarks on targets and limits.
 pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     let mut section = Section::new("Quality");
     section.paragraph(
@@ -119,7 +119,7 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     section
 }
 
-/// Means by measures besides those of the table.
+/// Means of metrics that are not in the table.
 fn other_measures(evaluation: &Evaluation, section: &mut Section) {
     let (all, large) = (&evaluation.all, &evaluation.large);
     section.subheading("Other metrics");
@@ -146,7 +146,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         .filter_map(|s| Some((s.quality.psnr_db?, s)))
         .collect();
     worst.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Frames of one picture have one PSNR, texel for texel: of these the first stands for all.
+    // Identical frames have identical PSNRs: only the first is listed.
     let mut shown = std::collections::BTreeSet::new();
     worst.retain(|(db, s)| shown.insert((s.page, s.rect.y0, s.rect.x0, db.to_bits())));
     let rows: Vec<Vec<String>> = worst
@@ -171,7 +171,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
     section.table(&["hour", "page", "texels x, y", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
 }
 
-/// Decoded pages beside the reference and their difference, at a few hours.
+/// Decoded pages, reference and difference at a few hours.
 ///
 /// # Errors
 /// As reading the dataset and the bundle.
@@ -252,7 +252,7 @@ fn between_frames(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -
     Ok(())
 }
 
-/// What tiles have, and what training omitted and why; the sun's direct light too, if it was.
+/// Tile configurations and what training omitted and why, including the sun's direct light.
 pub fn omitted(outcome: &Outcome, is_sun: bool) -> Section {
     let mut section = Section::new("Tile configurations, and what the compressor omitted");
     let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! The whole command: compress, read the written bundle back, judge it, and tell.
+//! The whole command: compress, read the written bundle back, evaluate and report it.
 
 use crate::compress::{Options, Outcome, Rate, compress};
 use crate::decode::Decoder;
@@ -49,7 +49,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         Some((what, false)) => remarks.push(what.clone()),
         None => {}
     }
-    // The bundle is what was requested; the table comes besides.
+    // The table is additional: --quiet omits it.
     if !console.quiet {
         print(&evaluation, console);
         remarks.iter().for_each(|what| console.print(what));
@@ -78,7 +78,7 @@ fn quantisation(outcome: &Outcome) -> Option<String> {
     ))
 }
 
-/// What to say of the training's steps under a time limit.
+/// The remark on training steps under a time limit.
 fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
     options.time_limit?;
     let [least, most] = outcome.steps?;
@@ -90,12 +90,12 @@ fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
     })
 }
 
-/// A pooled PSNR may be so far below its target before that is a warning: trial fits do not tell it closer.
+/// Largest shortfall in dB below a target PSNR without a warning: trial fits do not predict it more closely.
 const NEAR_DB: f64 = 0.5;
-/// And so far above it before that is worth a remark.
+/// Largest excess in dB above it without a remark.
 const FAR_DB: f64 = 1.0;
 
-/// What to say where a target was not reached, and whether by more than was to be expected.
+/// The remark on a missed target, and true if it was missed by more than expected.
 fn missed(rate: Rate, evaluation: &Evaluation) -> Option<(String, bool)> {
     match rate {
         Rate::Psnr(target) => {

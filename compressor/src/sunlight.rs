@@ -55,7 +55,8 @@ impl<'a> Sunlight<'a> {
             let mut direct = config.layers.iter().filter(|layer| layer.is_direct_sun());
             let is_there =
                 direct.any(|layer| (0..config.pages.len()).any(|page| layer.file(frame, page).is_some()));
-            is_there && path.at(config.frames[frame].hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3])
+            is_there
+                && path.at(config.frames[frame].hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3])
         };
         let frames: Vec<usize> = (0..config.frames.len()).filter(is_lit).collect();
         if frames.is_empty() {

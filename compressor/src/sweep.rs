@@ -1,4 +1,4 @@
-//! Profiles and presets side by side: some tiles of a dataset, trained by every one of them.
+//! Compares profiles and presets on some tiles of a dataset.
 
 use crate::bundle::{checksum, encode_payload};
 use crate::clock::Clock;
@@ -23,7 +23,7 @@ use dataset::tiles::Rect;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// What is compared on what.
+/// Options of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Tiles with valid texels, at most; the seed draws them.

@@ -1,11 +1,11 @@
-//! Cutting pages into tiles: what the trainer of one tile sees.
+//! Cuts pages into tiles: the training data of one tile.
 //!
 //! A page is read one band (row of tiles) at a time, so memory grows with its width and the number of frames, never with its height.
 
 use crate::Result;
 use crate::grid::mirrored;
 use crate::grid::{Grid, Place};
-use crate::law::{LayerRows, Law, Shares, Sums};
+use crate::law::{Law, LayerRows, Shares, Sums};
 use crate::model::{BORDER, PAYLOAD};
 use dataset::config::Light;
 use dataset::image::Mask;
@@ -26,7 +26,7 @@ const TRIFLE_ANYWHERE: f32 = 0.01;
 /// How much a stored texel counts in training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coverage {
-    /// Not on a surface and not near one: never looked at.
+    /// Not on a surface and not near one: never read.
     Outside,
     /// Within two texels of a valid one: carries dilated light that filtering at chart edges reads; trained at low weight.
     Gutter,
@@ -261,7 +261,15 @@ impl Band {
         let lights =
             |(gate, layer): &&(Gate, Option<Vec<[f32; 3]>>)| self.lights(gate, layer.as_deref(), &valid);
         let gates = self.groups.iter().filter(lights).map(|(gate, _)| gate.clone()).collect();
-        TileSource { width, height, hours: self.hours.clone(), coverage, frames, gates, neighbours: [false; 4] }
+        TileSource {
+            width,
+            height,
+            hours: self.hours.clone(),
+            coverage,
+            frames,
+            gates,
+            neighbours: [false; 4],
+        }
     }
 
     /// Whether a group's light is more than a trifle of some frame's, over the valid texels of a tile or in one of them. Without the group's own

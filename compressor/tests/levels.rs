@@ -76,7 +76,10 @@ fn levels_are_bundles_of_the_halved_light() {
     assert_eq!((page.width, page.height), (75, 70));
     let output = run(&["info", "isles/isles.1.ndgi"], folder.path());
     let reported = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(reported.contains("1: a texel is the mean of 2 × 2 texels") && reported.contains("p / 2 here"), "{reported}");
+    assert!(
+        reported.contains("1: a texel is the mean of 2 × 2 texels") && reported.contains("p / 2 here"),
+        "{reported}"
+    );
     let output = run(&["info", "isles/isles.ndgi"], folder.path());
     assert!(!String::from_utf8_lossy(&output.stdout).contains("level"), "{output:?}");
     let output =

@@ -154,7 +154,8 @@ fn a_bundle_decodes_to_what_its_trainer_measured() {
         let options = Options { out: Some(out.clone()), ..brief(800) };
         let judged = compress_and_judge(folder.path(), &options, &Console::silent()).unwrap();
         let decoder = Decoder::open(&out).unwrap();
-        let (reported, found) = (judged.outcome.psnr_trained_db.unwrap(), judged.evaluation.all.psnr_db.unwrap());
+        let (reported, found) =
+            (judged.outcome.psnr_trained_db.unwrap(), judged.evaluation.all.psnr_db.unwrap());
         assert!(found > 20.0 && (reported - found).abs() < 0.02, "{reported} {found}");
         // Between frames, around midnight, and read texel by texel.
         for hour in [3.0, 9.25, 18.05, 21.0, 23.99] {
@@ -486,7 +487,10 @@ fn methods_and_ablations_are_compared_on_one_tile() {
             ["compare", ".", "--draft", "--flip", "--csv", "c.csv", "--report", "c.html", "--json", what];
         let arguments = if what == "compare" { &arguments[..9] } else { &arguments[..] };
         let reported = json(&run(arguments, folder.path()));
-        assert_eq!((&reported["tiles"], &reported["tiles_of"], &reported["frames"]), (&1.into(), &1.into(), &4.into()));
+        assert_eq!(
+            (&reported["tiles"], &reported["tiles_of"], &reported["frames"]),
+            (&1.into(), &1.into(), &4.into())
+        );
         assert!((reported["noise_ceiling_db"].as_f64().unwrap() - 60.0).abs() < 20.0);
         let rows = reported["rows"].as_array().unwrap();
         let row = |name: &str| rows.iter().find(|row| row["method"] == name).unwrap();
@@ -515,7 +519,10 @@ fn methods_and_ablations_are_compared_on_one_tile() {
         run(&["compare", ".", "--draft", "--method", "svd 2", "--method", "NDGI m", "--json"], folder.path());
     let reported = json(&output);
     let of = reported["rows"].as_array().unwrap().iter().map(|row| row["method"].as_str().unwrap());
-    assert_eq!((of.collect::<BTreeSet<_>>(), &reported["rendered"]), (["SVD 2", "NDGI M"].into(), &Value::Null));
+    assert_eq!(
+        (of.collect::<BTreeSet<_>>(), &reported["rendered"]),
+        (["SVD 2", "NDGI M"].into(), &Value::Null)
+    );
     // Nothing valid is nothing to compare.
     let empty = folder.path().join("empty");
     Scene { width: 20, height: 12, valid: |_, _| false, ..islands() }.write(&empty);

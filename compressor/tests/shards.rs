@@ -167,7 +167,8 @@ fn a_target_is_tried_chosen_and_trained_by_shards() {
         assert_eq!(json(&with(&["--out", "b.ndgi", "--force", "--shard", "1/2"]), folder)["stage"], "trials");
         let reported = refused(&merge, folder, 75);
         assert!(
-            reported.contains("trial fits of 3 of 5 tiles are missing") && reported.contains("2/2 not started"),
+            reported.contains("trial fits of 3 of 5 tiles are missing")
+                && reported.contains("2/2 not started"),
             "{reported}"
         );
         shards("trials");
@@ -201,7 +202,10 @@ fn what_shards_cannot_do_is_refused() {
         let recipe = [".", "--iterations", "50", "--out", "a.ndgi"];
         json(&[&recipe[..], &["--shard", "1/1", "--instructions", "portable"]].concat(), folder);
         let reported = refused(&[&recipe[..], &["--merge"]].concat(), folder, 75);
-        assert!(reported.contains("with Portable instructions") && reported.contains("--instructions"), "{reported}");
+        assert!(
+            reported.contains("with Portable instructions") && reported.contains("--instructions"),
+            "{reported}"
+        );
         json(&[&recipe[..], &["--merge", "--instructions", "portable"]].concat(), folder);
     }
     // A bad texel stops the shards that read its rows, and the merge, for good.

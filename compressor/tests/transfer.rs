@@ -160,10 +160,7 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     light(|transfer| transfer.inputs.replace_range(..1, "1"));
     refused(with, &["transfer: belongs to a different bake than set", "the same `bake` command"]);
     write(folder.path());
-    refused(
-        &["--transfer", "set"],
-        &["set: is not a transfer", "`bake --transfer` of the scene isles"],
-    );
+    refused(&["--transfer", "set"], &["set: is not a transfer", "`bake --transfer` of the scene isles"]);
     refused(&["--transfer", "transfer", "--ablations"], &["--ablations"]);
     change(&set, |config, _| config.layers.clear());
     refused(with, &["set: has no layer of the light group \"lamp\""]);

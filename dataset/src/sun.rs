@@ -55,10 +55,7 @@ impl SunPath {
         }
         let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-6;
         if let Some(i) = self.direction.iter().position(|direction| !is_direction(direction)) {
-            return Some(format!(
-                "direction {i}: {:?}; expected a vector of length ≤ 1",
-                self.direction[i]
-            ));
+            return Some(format!("direction {i}: {:?}; expected a vector of length ≤ 1", self.direction[i]));
         }
         let is_light = |e: &[f32; 3]| e.iter().all(|x| x.is_finite() && *x >= 0.0);
         let i = self.irradiance.iter().position(|irradiance| !is_light(irradiance))?;
@@ -83,10 +80,7 @@ impl SunPath {
     pub(crate) fn outside(&self, place: impl ToString, hour: f64) -> Error {
         let [from, to] =
             [self.hours.first(), self.hours.last()].map(|hour| hour.copied().unwrap_or_default());
-        Error::invalid(
-            place,
-            format!("hour {hour}; expected {from} to {to}, the range that was baked"),
-        )
+        Error::invalid(place, format!("hour {hour}; expected {from} to {to}, the range that was baked"))
     }
 
     /// The direct irradiance of a texel at an hour, red, green and blue: `visibility` · (`normal` · direction)⁺ · irradiance.

@@ -157,9 +157,7 @@ impl Visibility {
         };
         let head = read(HEAD, "a header")?;
         if head[..6] != MAGIC[..6] {
-            return Err(invalid(
-                "not a visibility file; expected it to begin with TLMVIS01".into(),
-            ));
+            return Err(invalid("not a visibility file; expected it to begin with TLMVIS01".into()));
         }
         if head[..8] != *MAGIC {
             let found = String::from_utf8_lossy(&head[6..8]).into_owned();

@@ -276,7 +276,8 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let config = write_set(&source, &[(20, 20)], 3).unwrap();
-    let reported = || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
+    let reported =
+        || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
 
     // A file whose content changed; one that is torn is told when the dataset is opened.
     for file in [

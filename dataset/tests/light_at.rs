@@ -105,7 +105,11 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
                     })
                 })
                 .collect();
-            assert_close(&dataset.light_at(hour, page).unwrap(), &expected, &format!("{hour} h, page {page}"));
+            assert_close(
+                &dataset.light_at(hour, page).unwrap(),
+                &expected,
+                &format!("{hour} h, page {page}"),
+            );
         }
     }
     let map = dataset.map(2, 0).unwrap().texels.iter().map(|texel| texel.map(f64::from)).collect::<Vec<_>>();

@@ -11,7 +11,7 @@ use ndgi::decode::Lights;
 use ndgi::grid::Grid;
 use ndgi::model::PROFILES;
 use ndgi::testing;
-use ndgi_gpu::{Decoder, DecodeParams, Options, Output, Page, Precision};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Precision};
 use std::time::Instant;
 
 struct Gpu {

@@ -10,7 +10,9 @@ pub enum Error {
     #[error("{0}")]
     Device(String),
     /// A pool's buffers have no room for a tile: unload others and retry.
-    #[error("a tile needs {words} contiguous words of the pool's {buffer} buffer; {free} are free in total: unload other tiles")]
+    #[error(
+        "a tile needs {words} contiguous words of the pool's {buffer} buffer; {free} are free in total: unload other tiles"
+    )]
     Full {
         /// Which buffer: `resident` or `interval`.
         buffer: &'static str,

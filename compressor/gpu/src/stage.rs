@@ -46,8 +46,9 @@ pub(crate) fn texture(
     let limits = device.limits();
     let (most, side) = (limits.max_texture_array_layers, limits.max_texture_dimension_2d);
     if layers > most || width.max(height) > side {
-        let what =
-            format!("the maps take {layers} layers of {width} × {height} texels; the device has at most {most} of {side}²");
+        let what = format!(
+            "the maps take {layers} layers of {width} × {height} texels; the device has at most {most} of {side}²"
+        );
         return Err(Error::Device(what));
     }
     Ok(device.create_texture(&wgpu::TextureDescriptor {

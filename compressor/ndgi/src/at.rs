@@ -174,7 +174,10 @@ pub struct SunAt {
 
 fn no_page(bundle: &Bundle, page: usize) -> Error {
     let pages = bundle.header.pages.len();
-    Error::invalid(format!("page {page}"), format!("expected a number below {pages}, the bundle's number of pages"))
+    Error::invalid(
+        format!("page {page}"),
+        format!("expected a number below {pages}, the bundle's number of pages"),
+    )
 }
 
 /// A tile's direct light of the sun at one time.

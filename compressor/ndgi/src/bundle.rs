@@ -116,9 +116,8 @@ impl Header {
             return if word == 0 { Ok(None) } else { Err(format!("word {word:#x} of a tile of length 0")) };
         }
         let axis = self.timeline.coding == Coding::Standard;
-        let contents = payload::contents(word, self.groups.len(), axis).ok_or_else(|| {
-            format!("word {word:#x}; expected the word of valid tile contents")
-        })?;
+        let contents = payload::contents(word, self.groups.len(), axis)
+            .ok_or_else(|| format!("word {word:#x}; expected the word of valid tile contents"))?;
         let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word, has_means);
         if !(least..=largest).contains(&length) || !length.is_multiple_of(ALIGN) {
             return Err(format!(
@@ -311,8 +310,10 @@ impl Bundle {
         self.source.read_at(part.offset, &mut bytes).map_err(io)?;
         let found = checksum(&[&bytes]);
         if found != part.checksum {
-            let what =
-                format!("checksum {found:016x}, but the index says {:016x}: the file is damaged", part.checksum);
+            let what = format!(
+                "checksum {found:016x}, but the index says {:016x}: the file is damaged",
+                part.checksum
+            );
             return Err(Error::invalid(at(), what));
         }
         Ok(bytes)

@@ -352,7 +352,11 @@ impl TileParams {
             ("texels of F_ut", self.f_ut.len(), ut),
             ("texels of F_vt", self.f_vt.len(), vt),
             ("decoder weights", self.mlp.len(), shape.mlp_len()),
-            ("coordinates on the time axis", self.axis.places.len(), if shape.axis { shape.frames } else { 0 }),
+            (
+                "coordinates on the time axis",
+                self.axis.places.len(),
+                if shape.axis { shape.frames } else { 0 },
+            ),
             ("gates", self.gates.len(), shape.contents.gates),
         ] {
             if found != expected {
@@ -360,7 +364,11 @@ impl TileParams {
             }
         }
         if self.knots.len() < shape.frames {
-            return Err(format!("{} knots; expected one for each of {} frames", self.knots.len(), shape.frames));
+            return Err(format!(
+                "{} knots; expected one for each of {} frames",
+                self.knots.len(),
+                shape.frames
+            ));
         }
         Ok(())
     }

@@ -93,10 +93,7 @@ impl Sun {
             }
         }
         if self.times.len() > MOST_TIMES {
-            return Err(format!(
-                "{} times of visibility; expected at most {MOST_TIMES}",
-                self.times.len()
-            ));
+            return Err(format!("{} times of visibility; expected at most {MOST_TIMES}", self.times.len()));
         }
         let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-5;
         if direction.len() != hours.len() || !direction.iter().all(is_direction) {

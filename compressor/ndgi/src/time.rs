@@ -250,7 +250,9 @@ impl Timeline {
             return Err("hours between frames that are not strictly ascending in [0, 24)".to_owned());
         }
         match self.between.iter().find(|&&hour| self.at(hour).a == self.at(hour).b) {
-            Some(hour) => Err(format!("{hour} h; expected an hour strictly between two frames that are interpolated")),
+            Some(hour) => {
+                Err(format!("{hour} h; expected an hour strictly between two frames that are interpolated"))
+            }
             None => Ok(()),
         }
     }
@@ -372,8 +374,9 @@ mod tests {
     #[test]
     fn the_time_coordinate_goes_with_the_light() {
         let point = |fraction: f64| TimePoint { a: 0, b: 1, knots: [0, 1], reaches_b: true, fraction };
-        let tau =
-            |fraction: f64, light: [f64; 2]| point(fraction).tau(&[0.25, 0.75], |frame| light[frame], |_| 0.0);
+        let tau = |fraction: f64, light: [f64; 2]| {
+            point(fraction).tau(&[0.25, 0.75], |frame| light[frame], |_| 0.0)
+        };
         // Beside a black frame that of the lit one; a thousandth of the way to a frame a thousand times as bright, halfway.
         assert_eq!([tau(0.01, [0.0, 2.0]), tau(0.99, [2.0, 0.0]), tau(0.5, [0.0, 0.0])], [0.75, 0.25, 0.5]);
         assert!((tau(0.001, [1.0, 999.0]) - 0.5).abs() < 1e-6);

@@ -3,7 +3,7 @@
 use super::method::CodedTiles;
 use super::tiles::{Texels, Tile, TileSet, set_means};
 use crate::Result;
-use crate::evaluate::{SlowMetrics, Quality, Sample, Steps, quality};
+use crate::evaluate::{Quality, Sample, SlowMetrics, Steps, quality};
 use crate::mean::mean;
 use dataset::config::Noise;
 use dataset::image::Image;

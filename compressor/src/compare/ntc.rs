@@ -62,7 +62,9 @@ pub(super) fn code(set: &TileSet, preset: &Preset, effort: Effort, seed: u64) ->
         .par_iter()
         .enumerate()
         .with_max_len(1)
-        .map(|(i, frames)| segment(set, &layout, preset, frames.clone(), steps(effort), seed ^ (i as u64) << 32))
+        .map(|(i, frames)| {
+            segment(set, &layout, preset, frames.clone(), steps(effort), seed ^ (i as u64) << 32)
+        })
         .collect::<Result<_>>()?;
     let bits = layout.bits(preset) * segments.len() as f64 + 32.0 * (n * set.tiles.len()) as f64;
     let networks = 16.0 * (segments.len() * Weights::stored(preset)) as f64;

@@ -13,8 +13,8 @@ mod page;
 mod tests;
 
 pub use lapse::Line;
-pub use times::Shown as ShownTime;
 pub use results::{Crop, Rendered, Seen};
+pub use times::Shown as ShownTime;
 
 use super::method::Way;
 use super::table::{Comparison, Row, Shown as ShownTiles};
@@ -30,10 +30,10 @@ use dataset::report::scene::PICTURE;
 use dataset::store::Dataset;
 use dataset::view::{Light, View};
 use lapse::Lapse;
-use times::Shown;
 use ndgi::Bundle;
 use pages::Pages;
 use std::borrow::Cow;
+use times::Shown;
 
 /// The methods whose light is shown.
 const SHOWN: [&str; 4] = ["NDGI M", "NTC L", "PRT, clustered PCA", "ASTC 12×12"];
@@ -94,9 +94,7 @@ impl<'a> Stage<'a> {
                 None => {
                     "has no geometry file, so nothing can be rendered; use a dataset made by `bake`, or omit --render"
                 }
-                Some(_) => {
-                    "nothing in its geometry has texels, so nothing can be rendered; omit --render"
-                }
+                Some(_) => "nothing in its geometry has texels, so nothing can be rendered; omit --render",
             };
             return Err(Error::invalid(dataset.root.display(), what));
         }

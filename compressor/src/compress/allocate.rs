@@ -1,17 +1,17 @@
-//! Bits to where they matter: one of every tile's trial fits, so that all tiles gain alike from their last bits.
+//! Rate allocation: chooses one trial fit per tile so that all tiles gain equally from their last bits.
 
 use crate::train::TrialFit;
 
-/// What all tiles together must keep.
+/// The target of all tiles together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Goal {
     /// At most this many bytes.
     Bytes(u64),
-    /// At most so large a sum of the trial fits' errors.
+    /// At most this sum of the trial fits' errors.
     Error(f64),
 }
 
-/// A step of a tile to a dearer trial of its lower convex hull.
+/// A tile's step to the next larger trial fit on its lower convex hull.
 struct Step {
     tile: usize,
     to: usize,
@@ -19,8 +19,8 @@ struct Step {
     gain: f64,
 }
 
-/// The chosen trial of every tile that has any: from the cheapest upwards, the step that gains most per byte next, until the
-/// error is reached or no step fits the bytes. Where the cheapest are too large already, they are chosen.
+/// Chooses a trial fit for every tile that has any: starting from the smallest, the step with the largest gain per byte comes next, until the
+/// error is reached or no step fits the bytes. If even the smallest exceed the bytes, they are chosen.
 pub(super) fn choose(tiles: &[Vec<TrialFit>], goal: Goal) -> Vec<Option<usize>> {
     let hulls: Vec<Vec<usize>> = tiles.iter().map(|trials| hull(trials)).collect();
     let mut chosen: Vec<Option<usize>> = hulls.iter().map(|hull| hull.first().copied()).collect();

@@ -1,27 +1,27 @@
-//! Steps under a time limit: as many for a tile as the time left allows for it and every tile after it, at the pace of those before.
+//! Steps under a time limit: as many per tile as the remaining time allows for it and all later tiles, at the measured pace.
 
 use super::stats::TileStats;
 use crate::grid::Place;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Fewest steps of a tile, however little time is left: the rise of the rate, and as many again.
+/// Fewest steps of a tile, however little time remains: the learning rate's warm-up, and as many again.
 pub(super) const FLOOR: usize = 200;
-/// Share of the time left that is planned for; the rest is for what a plan does not know: reading bands, and threads that wait for the
+/// Share of the remaining time that is planned for; the rest covers reading bands, and threads that wait for the
 /// last tile of those read together.
 const PLANNED: f64 = 0.95;
-/// How much the measures before a whole tile weigh beside its own.
+/// Weight of earlier measurements relative to that of a full tile.
 const MEMORY: f64 = 0.75;
-/// What a tile of hardly a texel takes, where the largest takes 1: for a step, which has as many samples but fewer maps to read
+/// Cost of a tile with almost no texels relative to the largest: for a step, which has as many samples but fewer maps to read
 /// (0.65 measured, of slivers of the yard); and for all else, which goes through its texels (0.12 measured).
 const LEAST_STEP: f64 = 0.65;
 const LEAST_REST: f64 = 0.1;
 
-/// What decides the steps of the next tile.
+/// Plans the steps of the next tile.
 pub(super) struct Pace {
     /// Steps that no tile exceeds.
     most: usize,
-    /// Nothing without a limit.
+    /// `None` without a limit.
     limit: Option<Limit>,
 }
 
@@ -31,7 +31,7 @@ struct Limit {
     state: Mutex<State>,
 }
 
-/// Tiles with the time that they take; seconds are by the clock, since the start.
+/// Tiles and their measured costs; seconds are wall-clock seconds since the start.
 #[derive(Clone, Debug, Default)]
 struct State {
     /// Tiles that are trained at a time.
@@ -65,12 +65,12 @@ impl Size {
 }
 
 impl Pace {
-    /// Every tile gets `most` steps.
+    /// A plan without a limit: every tile gets `most` steps.
     pub(super) fn unlimited(most: usize) -> Self {
         Pace { most, limit: None }
     }
 
-    /// Until `deadline`, for `open` tiles with their valid texels, in the order in which they are trained.
+    /// A plan until `deadline`, for `open` tiles with their valid texels, in the order in which they are trained.
     pub(super) fn until(deadline: Instant, most: usize, open: Vec<(Place, usize)>) -> Self {
         let state = Mutex::new(State::new(rayon::current_num_threads(), open));
         Pace { most, limit: Some(Limit { start: Instant::now(), deadline, state }) }

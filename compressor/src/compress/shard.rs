@@ -1,5 +1,5 @@
-//! One machine's share of a bundle's tiles, for schedulers that run the same command on many: which tiles it has, and a note for others of
-//! how far it is. Shards write into the same work folder; whoever merges finds every tile there.
+//! One machine's share of a bundle's tiles, for schedulers that run the same command on many machines: its tiles, and a note of its
+//! progress for others. Shards write into the same work folder, where the merge finds every tile.
 
 use super::part::Part;
 use crate::clock::seconds_since_1970;
@@ -18,7 +18,7 @@ use std::str::FromStr;
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// A shard that wrote nothing for this many seconds may be dead: a tile of the longest training takes less.
+/// Seconds of silence after which a shard may be dead: a tile of the longest training takes less.
 const SILENT: u64 = 300;
 /// Seconds between two notes of a shard.
 const NOTE_INTERVAL: f64 = 2.0;
@@ -33,7 +33,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Its share of this many things in order: neighbours, so that it reads few rows of the pages.
+    /// Its share of a number of things in order: neighbours, so that it reads few rows of the pages.
     pub fn share(self, things: usize) -> Range<usize> {
         let end = |shards: u32| (things as u64 * u64::from(shards) / u64::from(self.of)) as usize;
         end(self.number - 1)..end(self.number)
@@ -66,22 +66,22 @@ impl FromStr for Shard {
     }
 }
 
-/// What a shard is at.
+/// The stage of a shard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
-    /// Trial fits, from which a target's bits are shared out.
+    /// Trial fits, by which bits are allocated towards a target.
     Trials,
     /// Training.
     Training,
 }
 
-/// What a shard says of itself, as a file in the work folder. For people alone: no tile depends on it.
+/// A shard's progress, a file in the work folder. For people only: no tile depends on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Note {
     /// Which.
     pub shard: Shard,
-    /// What it is at.
+    /// Its stage.
     pub stage: Stage,
     /// Tiles of its share that are finished.
     pub done: usize,
@@ -95,21 +95,21 @@ pub struct Note {
     pub seconds: f64,
     /// Its process.
     pub process: Process,
-    /// Its vector instructions: tiles of others are not the same bytes.
+    /// Its vector instructions: others train different bytes.
     pub instructions: String,
-    /// Its program: tiles of another build are retrained.
+    /// Digest of its program: tiles of another build are retrained.
     pub program: String,
-    /// When it said so, in seconds since 1970 by its machine's clock.
+    /// Time of the note, in seconds since 1970 by its machine's clock.
     pub at: u64,
 }
 
 impl Note {
-    /// Whether nothing is left to do at its stage.
+    /// True if its stage is finished.
     pub fn is_finished(&self) -> bool {
         self.done == self.tiles
     }
 
-    /// For how many seconds it has been silent, if it is not finished and that is too long.
+    /// Seconds since its last note, if it is not finished and they are too many.
     pub fn silent_for(&self, now: u64) -> Option<u64> {
         let silence = now.saturating_sub(self.at);
         (!self.is_finished() && (silence > SILENT || self.process.is_gone())).then_some(silence)
@@ -159,7 +159,7 @@ impl<'a> Notes<'a> {
         Ok(notes)
     }
 
-    /// A tile of this many texels is finished; with its PSNR where it was trained.
+    /// Counts a finished tile of `texels` texels, with its PSNR if it was trained.
     pub(super) fn finished(&self, texels: usize, psnr_db: Option<f64>) -> Result<()> {
         self.write(|state| {
             state.note.done += 1;
@@ -170,7 +170,7 @@ impl<'a> Notes<'a> {
         })
     }
 
-    /// What was said last.
+    /// The last note.
     pub(super) fn last(self) -> Note {
         self.state.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).note
     }
@@ -191,7 +191,7 @@ impl<'a> Notes<'a> {
     }
 }
 
-/// The notes of the shards that last worked in a folder, by number; of those cut into as many shares as the latest was.
+/// The notes of the shards in a folder, by number; only those with the same number of shards as the latest note.
 pub fn notes(folder: &Path) -> Vec<Note> {
     let read = |path: PathBuf| serde_json::from_slice::<Note>(&fs::read(path).ok()?).ok();
     let mut notes: Vec<Note> = files(folder).filter_map(read).collect();
@@ -210,7 +210,7 @@ pub(super) fn files(folder: &Path) -> impl Iterator<Item = PathBuf> {
     })
 }
 
-/// Which tiles are missing, and what to do about it, for people.
+/// The error that names missing tiles and says what to do.
 pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize) -> Error {
     const NAMED: usize = 4;
     let mut names: Vec<String> = missing
@@ -221,12 +221,8 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     if missing.len() > NAMED {
         names.push(format!("{} more", missing.len() - NAMED));
     }
-    let mut text = format!(
-        "{what} of {} of {} are missing: {}",
-        missing.len(),
-        count(tiles, "tile"),
-        names.join(", ")
-    );
+    let mut text =
+        format!("{what} of {} of {} are missing: {}", missing.len(), count(tiles, "tile"), names.join(", "));
     let notes = notes(folder);
     let unlike = notes.iter().find(|note| {
         note.program != super::program() || note.instructions != format!("{:?}", Tier::detect())
@@ -251,7 +247,7 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     Error::unready(folder.display(), text)
 }
 
-/// Shards that are unfinished, and those that never said a word, as text.
+/// Unfinished shards, and those that have not started, as text.
 fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let of = notes.first().map_or(0, |note| note.shard.of);
     let reported = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
@@ -276,32 +272,32 @@ pub(super) fn minutes(seconds: u64) -> String {
     }
 }
 
-/// How all shards are doing.
+/// Progress of all shards.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Status {
-    /// What they are at: trial fits as long as one of them is.
+    /// Their stage: trial fits until all shards have finished them.
     pub stage: Stage,
     /// Tiles that are finished at that stage, and all.
     pub done: usize,
-    /// All tiles of the shards that have said a word.
+    /// All tiles of the shards that have reported.
     pub tiles: usize,
     /// Mean PSNR so far.
     pub psnr_db: Option<f64>,
-    /// Seconds until the slowest is finished, if all go on as they do.
+    /// Seconds until the slowest shard finishes at the present pace.
     pub seconds_left: Option<f64>,
-    /// Every shard that has said a word.
+    /// Every shard that has reported.
     pub shards: Vec<Note>,
-    /// How many shards there are.
+    /// The number of shards.
     pub of: u32,
 }
 
-/// How the shards are doing that work for the bundle at `out`; `None` if none does.
+/// Progress of the shards of the bundle at `out`; `None` if there are none.
 pub fn status(out: &Path) -> Option<Status> {
     let shards = notes(&super::beside(out, ".part"));
     let of = shards.first()?.shard.of;
     let trials = shards.iter().any(|note| note.stage == Stage::Trials);
     let stage = if trials { Stage::Trials } else { Stage::Training };
-    // (Whoever trains already has tried all it has.)
+    // (A shard that trains has finished its trial fits.)
     let done = |note: &Note| if note.stage == stage { note.done } else { note.tiles };
     let left = shards
         .iter()
@@ -320,7 +316,7 @@ pub fn status(out: &Path) -> Option<Status> {
 }
 
 impl Status {
-    /// One line.
+    /// The progress in one line.
     pub fn line(&self) -> String {
         let stage = if self.stage == Stage::Trials { "trial fits" } else { "training" };
         let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(100);
@@ -336,7 +332,9 @@ impl Status {
             line += &format!(" ({})", ill.join(", "));
         }
         self.psnr_db.iter().for_each(|db| line += &format!("; {db:.1} dB"));
-        self.seconds_left.iter().for_each(|left| line += &format!("; about {} remaining", minutes(*left as u64)));
+        self.seconds_left
+            .iter()
+            .for_each(|left| line += &format!("; about {} remaining", minutes(*left as u64)));
         line
     }
 }
@@ -395,7 +393,7 @@ mod tests {
         let part = super::super::beside(&out, ".part");
         fs::create_dir(&part).unwrap();
         let now = seconds_since_1970();
-        // The third never began; another cut into fewer shares, from before, does not count.
+        // The third did not start; a note of an earlier run with fewer shards does not count.
         let old = Note { shard: Shard { number: 2, of: 2 }, ..note(2, 0, now - 9000) };
         for note in [note(1, 10, now - 5000), note(2, 5, now - 900), old] {
             fs::write(part.join(note.shard.name()), serde_json::to_vec(&note).unwrap()).unwrap();

@@ -1,13 +1,13 @@
-//! Quality between the frames: at hours of which the bundle has none.
+//! Quality between frames: at hours that the bundle has no frame of.
 //!
-//! What light does there only another bake can tell, the *withheld* one: the same scene at other hours. Without it the decoder is
+//! The reference is another bake, the *withheld* one: the same scene at other hours. Without it the decoder is
 //! compared with light that goes from frame to frame by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
 //! more places.
 
 use super::reference_law;
 use super::strips::{cut, decode, read, strips};
 use crate::decode::{Decoder, Lights};
-use crate::law::{LayerRows, Law, Rows};
+use crate::law::{Law, LayerRows, Rows};
 use crate::time::TimePoint;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
@@ -53,7 +53,7 @@ pub fn between(
     }
     let points = points(dataset, withheld, decoder);
     // Without another bake, light between the frames is the dataset's own by the curves of its layers; the sun of a separate stream is not
-    // looked at then.
+    // evaluated then.
     let reference = reference_law(decoder);
     let has_sun = decoder.bundle().header.sun.is_some();
     let (law, lights) = match withheld {
@@ -111,7 +111,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len().saturating_sub(1) / 2).copied()
 }
 
-/// The times to judge where light is interpolated: hours that only the withheld bake has, with its frame; or a quarter and three
+/// The times to evaluate where light is interpolated: hours that only the withheld bake has, with its frame; or a quarter and three
 /// quarters of the way between frames that are not the same images.
 fn points(
     dataset: &Dataset,

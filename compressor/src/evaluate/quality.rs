@@ -11,11 +11,11 @@ pub struct Quality {
     pub psnr_db: Option<f64>,
     /// Mean PSNR with peak = largest − smallest.
     pub psnr_range_db: Option<f64>,
-    /// `−10 log₁₀` of the mean over valid texels of the squared error ÷ peak²: bad samples weigh as much as they are bad.
+    /// `−10 log₁₀` of the mean over valid texels of the squared error ÷ peak²: bad samples count in full.
     pub psnr_pooled_db: Option<f64>,
     /// Mean PSNR after the 8-bit four-channel output ([`super::to_rgbe`]).
     pub psnr_8bit_db: Option<f64>,
-    /// Mean PSNR of the logarithm ([`metrics::psnr_log_db`]): sees errors in the dark.
+    /// Mean PSNR of the logarithm ([`metrics::psnr_log_db`]): sensitive to errors in the dark.
     pub psnr_log_db: Option<f64>,
     /// Mean noise ceiling.
     pub noise_ceiling_db: Option<f64>,
@@ -23,7 +23,7 @@ pub struct Quality {
     pub psnr_worst_percent_db: Option<f64>,
     /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
-    /// The same with windows of 7×7 texels that count alike.
+    /// The same with a 7×7 box window.
     pub one_minus_ssim_uniform: Option<f64>,
     /// Mean LPIPS; `None` without a network.
     pub lpips: Option<f64>,
@@ -41,7 +41,7 @@ pub struct Quality {
     pub constant_relative_error: Option<f64>,
     /// Samples that are all zero, not among them.
     pub black: usize,
-    /// Largest value that decoded black samples hold (they should hold none).
+    /// Largest decoded value of black samples (ideally 0).
     pub black_largest_error: f64,
 }
 

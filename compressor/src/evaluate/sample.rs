@@ -1,4 +1,4 @@
-//! One tile of one frame, as it was decoded and as it should be.
+//! One tile of one frame: decoded and reference.
 
 use super::rgbe::{from_rgbe, to_rgbe};
 use crate::Result;
@@ -16,11 +16,11 @@ pub struct Sample {
     pub page: usize,
     /// The tile's texels.
     pub rect: Rect,
-    /// How the decoded tile compares.
+    /// Quality of the decoded tile.
     pub quality: TileQuality,
     /// PSNR (peak as in `quality.psnr_db`) after the 8-bit four-channel output.
     pub psnr_8bit_db: Option<f64>,
-    /// The PSNR that the bake's own sampling error allows, where the dataset states it.
+    /// The noise ceiling: the PSNR of the bake's own sampling error, if the dataset has it.
     pub noise_ceiling_db: Option<f64>,
     /// RMSE ÷ mean, as [`metrics::relative_error`].
     pub relative_error: f64,
@@ -34,7 +34,7 @@ pub struct Sample {
     pub largest: f32,
 }
 
-/// Measures of how like two images look; they take long, and are made where they are requested.
+/// Slow perceptual metrics, measured on request.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SlowMetrics<'a> {
     /// The network that LPIPS is measured by.
@@ -61,7 +61,7 @@ pub(super) struct Strip<'a> {
     pub page_mean: f64,
     /// The page's sampling error as a mean square per tile, where the dataset states it.
     pub noise: Option<&'a [f64]>,
-    /// What is measured of its looks.
+    /// Slow quality metrics.
     pub slow_metrics: SlowMetrics<'a>,
 }
 
@@ -90,7 +90,11 @@ impl Strip<'_> {
             relative_error: 0.0,
             psnr_log_db: metrics::psnr_log_db(decoded, reference, mask, rect, self.page_mean),
             lpips: self.slow_metrics.lpips.and_then(lpips).transpose()?,
-            flip: self.slow_metrics.flip.then(|| metrics::flip(decoded, reference, mask, rect, &quality)).flatten(),
+            flip: self
+                .slow_metrics
+                .flip
+                .then(|| metrics::flip(decoded, reference, mask, rect, &quality))
+                .flatten(),
             largest: largest(decoded, mask, rect),
         })
     }

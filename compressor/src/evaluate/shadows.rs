@@ -1,4 +1,4 @@
-//! The sun's direct light between the frames: what a bundle tells of it beside the dataset's visibility as a function of time. No rays.
+//! The sun's direct light between frames: a bundle's compared with the dataset's visibility as a function of time. Traces no rays.
 
 use super::strips::decode;
 use crate::Result;

@@ -1,4 +1,4 @@
-//! Smoothness in time: how well the change of light from frame to frame is met, over the day and across switches.
+//! Temporal error: the error of the change of light from frame to frame, over the day and across switches.
 
 use super::strips::{decode, read, strips, valid};
 use crate::Result;
@@ -22,7 +22,7 @@ pub struct Step {
     pub error: Option<f64>,
 }
 
-/// All steps of the day, and what they come to.
+/// All steps of the day and their pooled errors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Steps {
     /// Every frame to the one after it; none where there is one frame.

@@ -2,7 +2,7 @@
 
 use super::LARGE;
 use crate::decode::{Decoder, Lights};
-use crate::law::{LayerRows, Law};
+use crate::law::{Law, LayerRows};
 use crate::{Result, of_bundle};
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;

@@ -78,7 +78,7 @@ impl Evaluation {
         aligned(&COLUMNS, &self.rows())
     }
 
-    /// What the table omits, in sentences.
+    /// Remarks on what the table does not show, in sentences.
     pub fn remarks(&self) -> Vec<String> {
         let q = &self.all;
         let [of_valid, of_distinct] = self.bits_of_valid;
@@ -100,7 +100,8 @@ impl Evaluation {
         }
         if self.sun_is_omitted {
             remarks.push(
-                "the sun's direct light is omitted (--without-sun), in the bundle and in its reference".to_owned(),
+                "the sun's direct light is omitted (--without-sun), in the bundle and in its reference"
+                    .to_owned(),
             );
         }
         if let Some(baked) = &self.without_sun {

@@ -1,4 +1,4 @@
-//! What a report shows first: the scene at four hours, baked and decoded, and in three lines how good, how large, how long, and what next.
+//! A report's summary: the scene at four hours, baked and decoded, and in three lines quality, size, time and the next step.
 
 use crate::Result;
 use crate::compress::Outcome;
@@ -70,10 +70,7 @@ fn pictures(
         true => " Both are without the sun's direct light, which the bundle omits.",
         false => "",
     };
-    section.paragraph(&format!(
-        "Above: baked. Below: decoded from the bundle.{sun} {}",
-        of_view(view)
-    ));
+    section.paragraph(&format!("Above: baked. Below: decoded from the bundle.{sun} {}", of_view(view)));
     Ok(())
 }
 

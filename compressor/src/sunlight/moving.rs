@@ -187,15 +187,15 @@ impl Sunlight<'_> {
                     if most > 0.0 { cosine * cosine * squares } else { 0.0 }
                 })
                 .sum();
-            share * span * light
-                / (EXAMINED.len() as f32 * peak * peak * count.max(FEWEST) * channels as f32)
+            share * span * light / (EXAMINED.len() as f32 * peak * peak * count.max(FEWEST) * channels as f32)
         };
         let weights: Vec<f32> = (0..width * height).map(weight).collect();
         let brick = |channel: usize, x0: usize, y0: usize| {
             if x0 >= width || y0 >= height {
                 return None;
             }
-            let mut brick = Brick { reported: [0.0; SAMPLES], wanted: [0.0; SAMPLES], weights: [0.0; TEXELS] };
+            let mut brick =
+                Brick { reported: [0.0; SAMPLES], wanted: [0.0; SAMPLES], weights: [0.0; TEXELS] };
             let texels = width * height;
             for i in 0..TEXELS {
                 let texel = (y0 + i / SIDE) * width + x0 + i % SIDE;

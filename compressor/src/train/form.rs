@@ -293,7 +293,10 @@ mod tests {
             });
             let [before, after] = [&from, &to].map(|to| loss(&residuals, &from, to));
             let reported = 2.0 * system.energy(&step);
-            assert!((reported - (after - before)).abs() < 1e-4 * (before + after), "{reported} {before} {after}");
+            assert!(
+                (reported - (after - before)).abs() < 1e-4 * (before + after),
+                "{reported} {before} {after}"
+            );
         }
     }
 

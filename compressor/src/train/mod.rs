@@ -210,11 +210,7 @@ fn needed(light: &Light, profile: &Profile, recipe: &Recipe, omitted: &mut Vec<S
         return all;
     }
     if light.gates_omitted > 0 {
-        omitted.push(format!(
-            "{} of {} gates",
-            light.gates_omitted,
-            light.gates.len() + light.gates_omitted
-        ));
+        omitted.push(format!("{} of {} gates", light.gates_omitted, light.gates.len() + light.gates_omitted));
     }
     if light.distinct > 1 {
         return all;

@@ -3,7 +3,7 @@
 //! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
 //! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
 
-use super::problem::{TimePoint, Problem};
+use super::problem::{Problem, TimePoint};
 use crate::lanes::{Lanes, Longest};
 use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use std::ops::Range;

@@ -126,8 +126,7 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
                 let target = problem.targets_at(block.point)[texel.index()];
                 let y = oracle.y(point.index, texel.x(), texel.y());
                 for c in 0..3 {
-                    let weight =
-                        f64::from(point.base[c]) + f64::from(point.slope[c]) * f64::from(target[c]);
+                    let weight = f64::from(point.base[c]) + f64::from(point.slope[c]) * f64::from(target[c]);
                     let wanted = f64::from(target[c]);
                     let r = if wanted > 0.0 { y[c] - wanted } else { y[c].max(0.0) };
                     sum += weight.min(20.0) * f64::from(target[3]) * r * r;

@@ -1,4 +1,4 @@
-//! What a GLB file says of itself, as far as the page goes by it.
+//! Reads the lightmap pages that a GLB file refers to.
 
 use crate::{Error, Result};
 use serde_json::Value;

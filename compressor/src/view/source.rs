@@ -1,4 +1,4 @@
-//! What belongs to a bundle: the scene's geometry and cameras, and the dataset that it was made from.
+//! Finds what belongs to a bundle: the scene's geometry and cameras, and the dataset that it was made from.
 
 use super::{WANTED, glb};
 use crate::bundle::{Bundle, Header};
@@ -12,14 +12,14 @@ use ndgi::sun::Shadows;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What to look at, beyond what is found.
+/// Options that override what is found.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The bundle, instead of the dataset's own.
     pub bundle: Option<PathBuf>,
     /// The geometry, instead of that of the dataset or the one beside the bundle.
     pub scene: Option<PathBuf>,
-    /// Leave the dataset's lightmaps out.
+    /// Omit the dataset's lightmaps.
     pub no_reference: bool,
 }
 
@@ -34,7 +34,7 @@ pub struct Source {
     pub scene_name: String,
     /// The cameras of the scene that was baked.
     pub cameras: Vec<Camera>,
-    /// Why a dataset at hand is no reference.
+    /// Why the dataset is not used as a reference.
     pub omitted: Option<String>,
     /// Why the geometry that was named may be that of another scene.
     pub doubts: Vec<String>,
@@ -72,14 +72,16 @@ impl Source {
             ));
         }
         let opened = Bundle::open(&bundle).map_err(of_bundle)?;
-        // All tiles are read, for what is damaged to be told: the page looks at no checksum.
+        // Read all tiles so that damage is reported: the page verifies no checksums.
         opened.header.places().try_for_each(|place| opened.tile(place).map(drop)).map_err(of_bundle)?;
         let needs_words = opened.index.iter().any(|entry| entry.shadows.length > 0);
         let header = opened.header;
         let other = dataset.as_ref().and_then(|dataset| difference(&header, &dataset.config));
         let how = match (is_folder, &options.scene) {
             (true, _) => Some(format!("`compress {}` makes one of this dataset", folder.display())),
-            (false, None) => Some("for a bundle of another dataset, name its geometry with --scene".to_owned()),
+            (false, None) => {
+                Some("for a bundle of another dataset, name its geometry with --scene".to_owned())
+            }
             (false, Some(_)) => None,
         };
         if let Some((what, how)) = other.as_ref().zip(how) {
@@ -193,7 +195,9 @@ impl Source {
         match (self.parse(name), &self.reference) {
             (Some(Data::Words), _) => Ok(Shadows::codebook().to_vec()),
             (Some(Data::Mask(page)), Some(dataset)) => Ok(bits(&dataset.mask(page)?.valid)),
-            (Some(Data::Reference(frame, page)), Some(dataset)) => Ok(packed(&dataset.map(frame, page)?.texels)),
+            (Some(Data::Reference(frame, page)), Some(dataset)) => {
+                Ok(packed(&dataset.map(frame, page)?.texels))
+            }
             _ => Err(Error::invalid(name, "no such data")),
         }
     }
@@ -272,7 +276,7 @@ fn doubts_of(path: &Path, header: &Header, placed: &[u64]) -> Vec<String> {
     doubts
 }
 
-/// The dataset as a reference, or why it is none.
+/// The dataset as a reference, or why it cannot be one.
 fn reference_of(
     dataset: Option<Dataset>,
     header: &Header,

@@ -114,7 +114,9 @@ impl Pyramid {
             let lamps =
                 |bundle: &Bundle| (bundle.header.groups.clone(), bundle.header.timeline.intervals.clone());
             if lamps(bundle) != lamps(finest) {
-                return Err(Error::Invalid(format!("the light groups of level {level} differ from those of level 0")));
+                return Err(Error::Invalid(format!(
+                    "the light groups of level {level} differ from those of level 0"
+                )));
             }
             levels.push(Level::new(bundle, tiles.len() as u32)?);
             for (entry, place) in bundle.index.iter().zip(header.places()) {

@@ -1,6 +1,6 @@
 //! Incoming light becomes a dataset.
 
-use super::incoming::{Incoming, IncomingPage, IncomingFrame, Light};
+use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light};
 use super::raw::block_rows;
 use crate::config::{
     Baked, Config, Daylight, FORMAT, Frame, Layer, Light as Lights, Page, Part, Source, VERSION,

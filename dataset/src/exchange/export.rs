@@ -35,7 +35,10 @@ pub struct Exported {
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
     if layout == Layout::Exr {
-        return Err(Error::unsupported(out.display(), "EXR files can only be imported; expected --layout hprc1 or hprc2"));
+        return Err(Error::unsupported(
+            out.display(),
+            "EXR files can only be imported; expected --layout hprc1 or hprc2",
+        ));
     }
     dataset.expect_day()?;
     let folder = NewFolder::create(out)?;
@@ -46,8 +49,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
             let (hours, mut omitted) = hours(dataset, layout)?;
             let plan = plan(dataset, layout, &hours)?;
             if !dataset.config.groups.is_empty() {
-                omitted
-                    .push("names and hours of light groups: the layout cannot store them".to_owned());
+                omitted.push("names and hours of light groups: the layout cannot store them".to_owned());
             }
             (hours, omitted, plan)
         }
@@ -99,7 +101,10 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         Layout::Hprc1 => {
             let missing: Vec<f64> = layout1::hours().filter(|hour| !all.contains(hour)).collect();
             if !missing.is_empty() {
-                let what = format!("no frame at {} h; the layout needs all 24 whole hours: export to hprc2, or bake with --hours 0..24", list(&missing));
+                let what = format!(
+                    "no frame at {} h; the layout needs all 24 whole hours: export to hprc2, or bake with --hours 0..24",
+                    list(&missing)
+                );
                 return Err(Error::unsupported(dataset.root.display(), what));
             }
             all.iter().partition(|&&hour| layout1::hours().any(|whole| whole == hour))
@@ -107,7 +112,8 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
     };
     if taken.is_empty() {
-        let what = format!("only frames between whole hours, at {} h; the layout needs whole hours", list(&others));
+        let what =
+            format!("only frames between whole hours, at {} h; the layout needs whole hours", list(&others));
         return Err(Error::unsupported(dataset.root.display(), what));
     }
     let reason = match layout {
@@ -184,7 +190,8 @@ fn write_page(
         .map(|planned_frame| {
             let frame = dataset.config.frames.iter().position(|frame| frame.hour == planned_frame.hour);
             let frame = frame.expect("hours were taken from the frames");
-            let mut kinds = vec![(&planned_frame.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
+            let mut kinds =
+                vec![(&planned_frame.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
             if let Some([sun, sky, local]) = planned_frame.shares.as_ref().filter(|_| layered) {
                 let of = |light| vec![dataset.config.files_of(light, None, frame, page)];
                 let lamps = dataset.config.files_of_local(frame, page);

@@ -1,6 +1,6 @@
 //! EXR files, one per hour: found by a pattern of their names, or told by a table.
 
-use super::incoming::{Incoming, IncomingPage, IncomingFrame, Light, MaskFile};
+use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
 use crate::config::{Baked, Group, Layout};
 use crate::image::find_channels;
 use crate::{Error, Result};
@@ -54,7 +54,10 @@ pub(super) fn by_pattern(
         return Err(wrong(format!("no file in {} matches", folder.display())));
     }
     if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        return Err(wrong(format!("{} and {} both name {} h; expected one file per hour", pair[0].1, pair[1].1, pair[0].0)));
+        return Err(wrong(format!(
+            "{} and {} both name {} h; expected one file per hour",
+            pair[0].1, pair[1].1, pair[0].0
+        )));
     }
     let mask = mask.map(|mask| MaskFile::Picture(mask.to_owned()));
     others.retain(|name| !matches!(&mask, Some(MaskFile::Picture(path)) if path.ends_with(name)));
@@ -137,7 +140,8 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         }
     }
     if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour.as_ref() == pair[1].hour.as_ref()) {
-        let what = format!("hour {} occurs twice; expected one file or [[set]] per hour", pair[1].hour.as_ref());
+        let what =
+            format!("hour {} occurs twice; expected one file or [[set]] per hour", pair[1].hour.as_ref());
         return Err(wrong(Some(pair[1].hour.span()), &what));
     }
     let mut groups = Vec::with_capacity(table.group.len());

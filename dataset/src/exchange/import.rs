@@ -1,7 +1,7 @@
 //! From a layout to a dataset.
 
 use super::convert::{convert, work};
-use super::incoming::{Incoming, IncomingPage, IncomingFrame, Light, MaskFile};
+use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
 use super::layouts::{parse, read_config};
 use super::plan::{Parts, Planned};
 use super::raw::{LIGHT_BYTES, Raw};

@@ -4,7 +4,7 @@
 //! stands in `Original/` and, where it is stored separately, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
 //! `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of a dataset. Lightmaps are cut by height into `parts` equal files.
 
-use super::plan::{Lightmap, PlannedFrame, Parts, Planned, Resolution, expect_count, to_json};
+use super::plan::{Lightmap, Parts, Planned, PlannedFrame, Resolution, expect_count, to_json};
 use crate::store::json_error;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,7 @@
 //! and `masks`, from time keys to names in `Data/`. A time key is the hour × 100: `"0"` to `"2300"`, and `"590"` and `"1810"` on the
 //! lit side of a switch at 6 and 18 h.
 
-use super::plan::{Lightmap, PlannedFrame, Planned, Resolution, expect_count, to_json};
+use super::plan::{Lightmap, Planned, PlannedFrame, Resolution, expect_count, to_json};
 use crate::store::{is_component, json_error};
 use crate::{Error, Result};
 use serde::de::{MapAccess, Visitor};

@@ -63,9 +63,7 @@ pub(super) fn read_config(path: &Path) -> Result<Vec<u8>> {
     let mut file = std::fs::File::open(path).map_err(Error::io(path))?.take(MAX_CONFIG_BYTES + 1);
     file.read_to_end(&mut bytes).map_err(Error::io(path))?;
     if bytes.len() as u64 > MAX_CONFIG_BYTES {
-        return refused(format!(
-            "more than {MAX_CONFIG_BYTES} bytes; expected a smaller configuration file"
-        ));
+        return refused(format!("more than {MAX_CONFIG_BYTES} bytes; expected a smaller configuration file"));
     }
     Ok(bytes)
 }

@@ -88,7 +88,10 @@ fn pack_into(out: &Path, sink: impl Write, members: &[Member], progress: &Progre
         };
         let changed = packed.bytes != bytes || known.is_some_and(|known| known.blake3 != packed.blake3);
         if changed {
-            return Err(Error::invalid(place.display(), "the file changed while it was packed; run the command again"));
+            return Err(Error::invalid(
+                place.display(),
+                "the file changed while it was packed; run the command again",
+            ));
         }
         files.push(packed);
     }

@@ -63,7 +63,10 @@ pub fn release(
             return Err(Error::unsupported(path.display(), what));
         }
         if !names.insert(scene.clone()) {
-            return Err(Error::invalid(path.display(), format!("scene {scene:?} occurs twice; expected distinct scene names")));
+            return Err(Error::invalid(
+                path.display(),
+                format!("scene {scene:?} occurs twice; expected distinct scene names"),
+            ));
         }
         datasets.push(dataset);
     }
@@ -255,8 +258,7 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
         let own = ["-", "."].iter().any(|next| name.starts_with(&format!("{scene}{next}")));
         let name = if own { name.to_owned() } else { format!("{scene}-{name}") };
         if let Some(other) = found.insert(name.clone(), path.clone()) {
-            let what =
-                format!("would be {name} in the release, as would {}; rename one", other.display());
+            let what = format!("would be {name} in the release, as would {}; rename one", other.display());
             return Err(Error::invalid(path.display(), what));
         }
     }
@@ -288,7 +290,9 @@ fn write_sums(root: &Path, console: &Console) -> Result<Vec<u64>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(root).map_err(Error::io(root))? {
         let name = entry.map_err(Error::io(root))?.file_name();
-        names.push(name.into_string().map_err(|name| Error::invalid(name.display(), "the name is not UTF-8"))?);
+        names.push(
+            name.into_string().map_err(|name| Error::invalid(name.display(), "the name is not UTF-8"))?,
+        );
     }
     names.sort();
     let lengths = names.iter().map(|name| length(&root.join(name))).collect::<Result<Vec<u64>>>()?;

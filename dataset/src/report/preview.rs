@@ -73,9 +73,8 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
     let of_set = |pages: &[(Image, Mask)]| pages.iter().filter_map(own).min_by(f32::total_cmp);
     let groups = group_by_exposure(&reduced.chunks(masks.len().max(1)).map(of_set).collect::<Vec<_>>());
     if groups.len() > 1 {
-        section.paragraph(
-            "Pictures under one heading share an exposure; ×N is N times that of the brightest.",
-        );
+        section
+            .paragraph("Pictures under one heading share an exposure; ×N is N times that of the brightest.");
     }
     let brightest = groups.first().map_or(1.0, |(exposure, _)| *exposure);
     for (i, (exposure, frames)) in groups.iter().enumerate() {
@@ -120,7 +119,9 @@ fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
     let mut groups: Vec<(f32, Vec<usize>)> = Vec::new();
     for (exposure, frame) in frames {
         match groups.last_mut() {
-            Some((first, frames)) if exposure < MUCH_DARKER * *first || !first.is_finite() => frames.push(frame),
+            Some((first, frames)) if exposure < MUCH_DARKER * *first || !first.is_finite() => {
+                frames.push(frame)
+            }
             _ => groups.push((exposure, vec![frame])),
         }
     }

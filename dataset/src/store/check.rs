@@ -164,7 +164,9 @@ fn transfer(config: &Config, wrong: &mut impl FnMut(String)) {
             ));
         }
         if let Some(value) = light.coefficients.iter().flatten().find(|value| !value.is_finite()) {
-            wrong(format!("transfer: light at hour {hour} has a coefficient {value}; expected a finite number"));
+            wrong(format!(
+                "transfer: light at hour {hour} has a coefficient {value}; expected a finite number"
+            ));
         }
     }
 }

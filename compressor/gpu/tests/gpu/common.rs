@@ -4,7 +4,7 @@ use ndgi::Bundle;
 use ndgi::at::At;
 use ndgi::decode::{Inputs, Lights};
 use ndgi::grid::Place;
-use ndgi_gpu::{Decoder, DecodeParams, Options, Output, Page, Pipelines};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Pipelines};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 

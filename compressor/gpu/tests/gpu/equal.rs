@@ -7,7 +7,7 @@ use ndgi::decode::Lights;
 use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, PROFILES};
 use ndgi::testing;
-use ndgi_gpu::{Decoder, DecodeParams, Options, Output, Page, Precision, Request, Target};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Precision, Request, Target};
 
 /// PSNR of a page against another, by its largest value.
 fn psnr(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
@@ -155,7 +155,9 @@ fn black_tiles_are_not_dispatched_and_leave_nothing_stale() {
     let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
     let mut work = |page: &mut Page, hour, lights| {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let work = decoder.decode_page(&mut encoder, page, &DecodeParams { lights, ..DecodeParams::at(hour) }).unwrap();
+        let work = decoder
+            .decode_page(&mut encoder, page, &DecodeParams { lights, ..DecodeParams::at(hour) })
+            .unwrap();
         gpu.queue.submit([encoder.finish()]);
         work
     };

@@ -9,7 +9,7 @@ use ndgi::model::{BORDER, STORED};
 use ndgi::sun::{Coder, Shadows, TileSun};
 use ndgi::testing::{self, Random};
 use ndgi_gpu::{
-    Error, Features, Interval, DecodeParams, Options, Output, Pool, Request, SlotRequest, Target, Work,
+    DecodeParams, Error, Features, Interval, Options, Output, Pool, Request, SlotRequest, Target, Work,
 };
 use std::sync::Arc;
 
@@ -95,7 +95,13 @@ impl Bench {
     }
 
     /// That a slot's tile is what the CPU decodes.
-    fn is_right(&self, texture: &[[f32; 4]], slot: u32, (bundle, place): (usize, Place), params: &DecodeParams) {
+    fn is_right(
+        &self,
+        texture: &[[f32; 4]],
+        slot: u32,
+        (bundle, place): (usize, Place),
+        params: &DecodeParams,
+    ) {
         let found = self.texels(texture, slot, bundle, place);
         let of = &self.pool.bundles()[bundle];
         let at = of.at(params.hour).unwrap().only(params.lights);
@@ -404,7 +410,12 @@ fn damaged_tiles_and_wrong_use_leave_the_pool_as_it_was() {
         assert!(
             bench
                 .pool
-                .decode(&mut encoder, &[request], target, &DecodeParams { exposure, ..DecodeParams::at(hour) })
+                .decode(
+                    &mut encoder,
+                    &[request],
+                    target,
+                    &DecodeParams { exposure, ..DecodeParams::at(hour) }
+                )
                 .is_err()
         );
     }

@@ -140,7 +140,9 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     let expected = u64::from_le_bytes(cursor.array("checksum")?);
     let found = checksum(&[&bytes[..24], &bytes[FIXED..]]);
     if found != expected {
-        return Err(wrong(format!("header checksum {found:016x}, but the file says {expected:016x}: the file is damaged")));
+        return Err(wrong(format!(
+            "header checksum {found:016x}, but the file says {expected:016x}: the file is damaged"
+        )));
     }
     let [stored, border] = [cursor.u32("stored side")? as usize, cursor.u32("border")? as usize];
     if (stored, border) != (STORED, BORDER) {
@@ -181,7 +183,8 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         let (width, height) = (cursor.u32("page width")? as usize, cursor.u32("page height")? as usize);
         grids.push(Grid { width, height });
     }
-    let (hours, between) = (cursor.doubles(frames, "hours")?, cursor.doubles(between, "hours between frames")?);
+    let (hours, between) =
+        (cursor.doubles(frames, "hours")?, cursor.doubles(between, "hours between frames")?);
     let mut timeline = Timeline { hours, between, intervals: Vec::new(), states: Vec::new(), coding };
     timeline.states.resize(frames, Vec::new());
     let mut names = Vec::new();
@@ -213,7 +216,10 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         sun = Some(Sun { path: SunPath { hours, direction, irradiance }, times, tables });
     }
     if sun.is_some() != kinds_of_streams.contains(&SUN) {
-        return Err(wrong("a stream of the sun without its path, or a path without a stream; expected both or neither".to_owned()));
+        return Err(wrong(
+            "a stream of the sun without its path, or a path without a stream; expected both or neither"
+                .to_owned(),
+        ));
     }
     let shadows = kinds_of_streams.contains(&SHADOWS);
     let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun, shadows };
@@ -381,7 +387,10 @@ impl<'a> Cursor<'a> {
     fn take(&mut self, n: usize, what: &str) -> Result<&'a [u8]> {
         let part = self.bytes[self.at..].get(..n).ok_or_else(|| {
             let left = self.bytes.len() - self.at;
-            Error::invalid(self.name, format!("byte {}: expected {n} bytes of {what}, but only {left} remain", self.at))
+            Error::invalid(
+                self.name,
+                format!("byte {}: expected {n} bytes of {what}, but only {left} remain", self.at),
+            )
         })?;
         self.at += n;
         Ok(part)

@@ -215,9 +215,8 @@ fn groups(plane: &[u8], count: usize) -> impl Iterator<Item = Result<(usize, &[u
     let sizes = if plane.is_empty() { &[] } else { plane.get(..count).unwrap_or(plane) };
     let mut rest = plane.get(count.next_multiple_of(2)..).unwrap_or_default();
     sizes.iter().enumerate().filter(|(_, size)| **size > 0).map(move |(i, size)| {
-        let (group, tail) = rest
-            .split_at_checked(2 * usize::from(*size))
-            .ok_or("groups of moving shadows are cut short")?;
+        let (group, tail) =
+            rest.split_at_checked(2 * usize::from(*size)).ok_or("groups of moving shadows are cut short")?;
         rest = tail;
         Ok((i, group))
     })

@@ -10,7 +10,7 @@ use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_of};
 use compressor::decode::{Decoder, Lights};
-use compressor::evaluate::{SlowMetrics, Measures, evaluate, expect_match};
+use compressor::evaluate::{Measures, SlowMetrics, evaluate, expect_match};
 use compressor::law::WIDEST;
 use compressor::levels;
 use compressor::run::{compress_and_judge, print};
@@ -242,7 +242,10 @@ fn distinct<T: PartialEq>(named: Vec<T>) -> Vec<T> {
 /// Opens a bundle; if it does not exist, the error says how to make one.
 fn open(path: &Path) -> Result<Bundle> {
     if path.is_dir() {
-        return Err(Error::invalid(path.display(), "is a folder; expected a bundle, a file that ends in .ndgi"));
+        return Err(Error::invalid(
+            path.display(),
+            "is a folder; expected a bundle, a file that ends in .ndgi",
+        ));
     }
     if !path.exists() {
         return Err(Error::invalid(path.display(), "no such bundle; `compress <dataset>` writes one"));

@@ -30,8 +30,7 @@ pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) ->
                 0 => String::new(),
                 n => format!(", {n} of them reused from an earlier run"),
             };
-            console
-                .say(format!("shard {shard}: {tiles} trained{resumed}; once all shards are, run --merge"));
+            console.say(format!("shard {shard}: {tiles} trained{resumed}; once all shards are, run --merge"));
             ("training", Some(note))
         }
     };

@@ -53,7 +53,8 @@ pub(super) fn plain(tile: &Tile, vectors: &Vectors) -> Result<CodedTile> {
 pub(super) fn clustered(tile: &Tile, vectors: &Vectors, bits: f64) -> Result<CodedTile> {
     let encode = || {
         let sizes = sizes(tile.valid().count(), vectors, bits);
-        let trial_fits = sizes.into_iter().map(|(clusters, rank)| best(tile, vectors, clusters, rank, ROUNDS));
+        let trial_fits =
+            sizes.into_iter().map(|(clusters, rank)| best(tile, vectors, clusters, rank, ROUNDS));
         let (stored, _) = trial_fits.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there is a size");
         let bits = stored.bits(vectors);
         Ok((stored, bits as f64, Vec::new()))

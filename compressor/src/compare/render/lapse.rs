@@ -1,7 +1,7 @@
 //! A day in half hours by one camera: how wrongly light changes from each to the next.
 
-use super::times::is_baked;
 use super::pages::Pages;
+use super::times::is_baked;
 use super::{lit, with_texels};
 use crate::{Error, Result};
 use dataset::console::{Progress, stop_if_interrupted};
@@ -61,10 +61,7 @@ impl Lapse {
     pub fn new(dataset: &Dataset, pages: &Pages, hours: Vec<f64>, progress: &Progress) -> Result<Self> {
         let view = View::each(dataset, SIZE, 1)?.into_iter().next();
         let view = view.ok_or_else(|| {
-            Error::invalid(
-                dataset.root.display(),
-                "no pixel of a small picture shows texels; omit --render",
-            )
+            Error::invalid(dataset.root.display(), "no pixel of a small picture shows texels; omit --render")
         })?;
         let judged = with_texels(&view).valid;
         let mut lapse = Lapse {

@@ -117,8 +117,7 @@ impl Rendered {
                 let mut of: Vec<&Picture> = of.collect();
                 of.sort_by_key(|picture| order(&picture.method));
                 let of = of.iter().map(|picture| (caption(&picture.method), picture.png.clone()));
-                self.rows
-                    .push((format!("{} h, {}: {camera}", short(time.hour), time.what), of.collect()));
+                self.rows.push((format!("{} h, {}: {camera}", short(time.hour), time.what), of.collect()));
             }
         }
         self.views.sort_by_key(|seen| order(&seen.method));

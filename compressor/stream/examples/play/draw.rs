@@ -4,7 +4,7 @@ use crate::Result;
 use crate::scene::{Scene, Vertex};
 use glam::Mat4;
 use ndgi::Bundle;
-use ndgi_gpu::{Decoder, DecodeParams, Options, Output, Page};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page};
 use ndgi_stream::gpu::{Feedback, Runtime};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 

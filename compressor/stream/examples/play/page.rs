@@ -60,7 +60,11 @@ pub fn page(scene: &str, device: &str, played: &[Played], memory: &str) -> Strin
         }
         out += "<br>";
         let plots: [(&str, &str, Lines); 4] = [
-            ("Shown at the requested level", "% of pixels", &[("hits", |row| Some(100.0 * row.hits_by_pixels))]),
+            (
+                "Shown at the requested level",
+                "% of pixels",
+                &[("hits", |row| Some(100.0 * row.hits_by_pixels))],
+            ),
             (
                 "Tiles a frame",
                 "tiles",

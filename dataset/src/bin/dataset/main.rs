@@ -182,16 +182,15 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             console.print(format!("{}: imported from the layout {layout} by {by}", config.scene));
             if source.replaced_values > 0 {
                 let replaced = count(source.replaced_values as usize, "value");
-                console.print(format!("  {replaced} outside the masks were negative or not finite and are 0"));
+                console
+                    .print(format!("  {replaced} outside the masks were negative or not finite and are 0"));
             }
         }
     }
     let level = config.halved().map(|halved| halved.times);
     if let Some(level) = level {
-        console.print(format!(
-            "  level {level}: the resolution was halved {}",
-            count(level as usize, "time")
-        ));
+        console
+            .print(format!("  level {level}: the resolution was halved {}", count(level as usize, "time")));
     }
     let transfer = config.transfer.as_ref().map(|transfer| {
         let functions = transfer.light.first().map_or(0, |light| light.coefficients.len());
@@ -336,10 +335,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     }
     for (page, dead) in verification.dead_texels.iter().enumerate() {
         if let Some(dead @ 1..) = dead {
-            console.say(format!(
-                "page {page}: {} on surfaces black in every frame",
-                count(*dead, "texel")
-            ));
+            console.say(format!("page {page}: {} on surfaces black in every frame", count(*dead, "texel")));
         }
     }
     let (files, bytes) = opened.as_ref().map_or((0, 0), extent);

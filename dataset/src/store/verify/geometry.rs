@@ -123,8 +123,7 @@ fn joined(a: Range, b: Range) -> Range {
 
 /// Attributes of one length, finite; indices that name a vertex. The range of the lightmap coordinates.
 fn check_primitive(primitive: &Primitive, binary: &[u8]) -> Result<Range, String> {
-    let positions =
-        primitive.get(&Semantic::Positions).ok_or("has no POSITION; expected one per vertex")?;
+    let positions = primitive.get(&Semantic::Positions).ok_or("has no POSITION; expected one per vertex")?;
     let vertices = positions.count();
     let mut range = None;
     for (semantic, accessor) in primitive.attributes() {

@@ -123,7 +123,10 @@ fn what_is_wrong_is_named() {
         let (mut root, mut binary) = triangle();
         spoil(&mut root, &mut binary);
         let reported = reported(&glb((root, binary)));
-        assert!(reported.contains(expected) && reported.contains("data/scene.glb: "), "{expected}: {reported}");
+        assert!(
+            reported.contains(expected) && reported.contains("data/scene.glb: "),
+            "{expected}: {reported}"
+        );
     }
 }
 
