@@ -19,13 +19,13 @@ pub use lpips::Lpips;
 pub use picture::{PictureQuality, compare_pictures};
 pub use steps::StepError;
 
-/// PSNR is capped here: an exact tile has no finite one.
+/// Cap of PSNR in dB: an exact tile has no finite one.
 pub const PSNR_CAP_DB: f64 = 100.0;
 
 /// Means below this share of their frame's mean are floored there by [`relative_error`].
 pub const RELATIVE_FLOOR: f64 = 1e-3;
 
-/// What one tile of one frame measures.
+/// Quality of one tile of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileQuality {
     /// Valid texels.
@@ -48,7 +48,7 @@ pub struct TileQuality {
     /// as `psnr_range_db`. Windows are cut at the tile's edge; invalid texels weigh nothing, and the weights of the
     /// rest are scaled to a sum of one; windows stand at valid texels. C₁ = (0.01 · range)², C₂ = (0.03 · range)².
     pub ssim: Option<f64>,
-    /// The same with windows of 7×7 texels that count alike.
+    /// The same with a 7×7 box window.
     pub ssim_uniform: Option<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! Requests to stop: Ctrl-C, a termination request, a terminal that closes.
 //!
-//! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. What cannot look (a library in C++, one long sort) is ended from
-//! the thread that waits for signals: every file is whole or absent, so the process may end anywhere, and the next run goes on.
+//! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. Code that cannot check (a library in C++, one long sort) is ended from
+//! the thread that waits for signals: every file is complete or absent, so the process may end anywhere, and the next run continues.
 
 use crate::{Error, Result};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};

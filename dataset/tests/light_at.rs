@@ -185,7 +185,7 @@ for folder in sys.argv[2:]:
     s = Dataset(folder)
     for hour in (0.5, 4.5, 12, 15, 18.6, 20.25, 23, 24):
         for page in range(len(s.config['pages'])):
-            sys.stdout.buffer.write(s.moment(hour, page).astype(np.float32).tobytes())
+            sys.stdout.buffer.write(s.light_at(hour, page).astype(np.float32).tobytes())
 ";
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();

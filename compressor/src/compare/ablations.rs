@@ -1,4 +1,4 @@
-//! The paper's ablations on the same tiles: which maps, whether training knows of blocks, what quantisation saves.
+//! The paper's ablations on the same tiles: choice of maps, block-aware training, quantisation.
 
 use super::Options;
 use super::method::{CodedTiles, Method, Way, each_tile};

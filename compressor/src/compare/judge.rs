@@ -1,4 +1,4 @@
-//! What a method reaches: the paper's measures over the same tiles and frames for all.
+//! Evaluates a method: the paper's metrics over the same tiles and frames for all methods.
 
 use super::method::CodedTiles;
 use super::tiles::{Texels, Tile, TileSet, set_means};
@@ -19,7 +19,7 @@ pub(super) struct Judged {
     pub shown: Vec<(Texels, Option<f64>)>,
 }
 
-/// What judging needs that is the same for all methods.
+/// Inputs of the evaluation that all methods share.
 pub(super) struct Judge<'a> {
     set: &'a TileSet,
     set_means: Vec<f64>,

@@ -1,5 +1,5 @@
-//! What games do today: a few frames stored whole, light linear in time between them. Where lamps differ between two of them, a frame under
-//! the same lamps as one of the two is that one.
+//! Common practice in games: a few whole frames (keyframes), light linear in time between them. Where light groups differ between two of them, a frame
+//! with the light groups of one of the two is that one.
 //!
 //! Which frames are kept is found by dynamic programming over the day: the choice of least squared error relative to the peaks, over
 //! all tiles, if the kept frames were exact.
@@ -13,7 +13,7 @@ use crate::time::Timeline;
 /// Frames that are kept, of a day's 24 and more.
 pub(super) const KEPT: usize = 8;
 
-/// Compresses the kept frames by a codec; which they are is told too.
+/// Compresses the kept frames with a codec; returns which they are, too.
 pub(super) fn code(set: &TileSet, codec: &dyn ImageCodec) -> Result<(CodedTiles, Vec<usize>)> {
     let kept = choose(&costs(set), KEPT);
     let frames = set.timeline.hours.len();
@@ -28,7 +28,7 @@ pub(super) fn code(set: &TileSet, codec: &dyn ImageCodec) -> Result<(CodedTiles,
     Ok((coded, kept))
 }
 
-/// Set k between the kept ones around it.
+/// Frame k from the kept frames around it.
 fn between(k: usize, kept: &[usize], timeline: &Timeline, keys: &[Texels]) -> Texels {
     let n = kept.len();
     let at = kept.partition_point(|&kept| kept <= k);
@@ -40,7 +40,7 @@ fn between(k: usize, kept: &[usize], timeline: &Timeline, keys: &[Texels]) -> Te
 }
 
 /// How far frame k is on the way from frame a to frame b, in hours around the clock; where a switch lies between those two, at the one whose
-/// lamps it has.
+/// light groups it has.
 fn way(k: usize, a: usize, b: usize, timeline: &Timeline) -> f64 {
     let (hours, lamps) = (&timeline.hours, |set: usize| &timeline.states[set]);
     match (lamps(k) == lamps(a), lamps(k) == lamps(b)) {

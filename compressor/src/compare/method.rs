@@ -7,7 +7,7 @@ use crate::clock::Clock;
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// What a method makes of one image, or of one tile's images.
+/// A method's result for one image, or for one tile's images.
 #[derive(Clone, Debug)]
 pub(super) struct Coded<T> {
     /// What its decoder gives: never negative, always finite.
@@ -30,10 +30,10 @@ pub(super) type CodedTiles = Coded<Vec<Vec<Texels>>>;
 /// The images of all tiles at an hour.
 pub(super) type AtHour<'a> = Box<dyn Fn(f64) -> Result<Vec<Texels>> + 'a>;
 
-/// A way of a method.
+/// A variant of a method.
 pub(super) struct Way<'a> {
     pub coded: CodedTiles,
-    /// What is to be said of it.
+    /// A note for the table.
     pub note: String,
     /// What its decoder gives between frames too; without it, light is linear between those around.
     pub at_hour: Option<AtHour<'a>>,
@@ -46,7 +46,7 @@ impl Way<'_> {
     }
 }
 
-/// Ways of one method; the best is shown.
+/// The variants of one method; the best is shown.
 pub(super) type Ways<'a> = Vec<Way<'a>>;
 
 /// A row of the table to be.
@@ -170,7 +170,7 @@ pub(super) fn reweighted<S>(
 }
 
 impl<T> Coded<T> {
-    /// What is to be said of the curves.
+    /// A note on the curves.
     pub fn note(&self) -> String {
         if self.curves.is_empty() { String::new() } else { tally(self.curves.iter().copied()) }
     }

@@ -1,4 +1,4 @@
-//! The methods that there are, each with what runs it.
+//! The list of methods, each with the function that runs it.
 
 use super::keyframes::{self, Float16, KEPT};
 use super::method::{AtHour, ImageCodec, Method, Way, each_tile};
@@ -11,7 +11,7 @@ use crate::{Error, Result};
 /// Components of the singular value decomposition.
 const RANKS: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
-/// Those of the named methods; all of no names. Case does not matter, nor whether × is an x.
+/// The named methods, or all without names. Case does not matter, and × may be written x.
 ///
 /// # Errors
 /// [`Error::Invalid`] with a name that no method has.
@@ -29,7 +29,7 @@ pub(super) fn named<'a>(methods: Vec<Method<'a>>, names: &[String]) -> Result<Ve
     Ok(methods.into_iter().filter(is_wanted).collect())
 }
 
-/// Methods that need nothing foreign.
+/// Methods without third-party codecs.
 pub(super) fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
     let ndgi = |name: String, profile: &'static Profile, preset: Preset| Method {
         family: "NDGI",
@@ -101,7 +101,7 @@ pub(super) fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, skipped: &m
     );
 }
 
-/// Methods of foreign codecs.
+/// Methods with third-party codecs.
 #[cfg(feature = "baselines")]
 pub(super) fn foreign<'a>(
     set: &'a TileSet,

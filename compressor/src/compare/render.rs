@@ -1,8 +1,8 @@
-//! The scene as cameras see it in the light of some methods, how that light moves over a day, and tiles close up: the paper's figures.
+//! Renders the scene with the light of some methods, measures temporal error over a day, and shows tiles close up: the paper's figures.
 //!
-//! A method is shown right after it is evaluated, from what it decoded then, and forgotten; what stays are 8-bit pictures. `times`: which
-//! times are shown; `pages`: light of tiles as pages; `lapse`: a day in half hours; `told`: what there is to
-//! tell; `page`: how it is laid out.
+//! A method is rendered right after it is evaluated, from its decoded tiles, which are then dropped; 8-bit pictures remain. `times`: which
+//! times are shown; `pages`: light of tiles as pages; `lapse`: a day in half hours; `results`: numbers and
+//! pictures; `page`: the HTML page.
 
 mod times;
 mod pages;
@@ -35,13 +35,13 @@ use pages::Pages;
 use std::borrow::Cow;
 use times::Shown;
 
-/// The methods whose light is shown.
+/// The methods that are rendered.
 const SHOWN: [&str; 4] = ["NDGI M", "NTC L", "PRT, clustered PCA", "ASTC 12×12"];
-/// The dataset's own frames with nothing coded: what is lost by light that is linear between them.
+/// The dataset's uncompressed frames: the error of linear interpolation alone.
 pub(super) const FRAMES: &str = "frames, linear";
-/// What those take as float16, in bits per texel and frame.
+/// Their size as float16, in bits per texel and frame.
 const FRAMES_BPP: f64 = 48.0;
-/// Cameras that are shown, at most.
+/// Largest number of cameras.
 const CAMERAS: usize = 3;
 
 /// Pictures of a time by a camera: the dataset's, and how all are exposed.
@@ -58,7 +58,7 @@ struct Picture {
     png: Vec<u8>,
 }
 
-/// What is shown, and what was shown so far.
+/// State of the rendering.
 pub(super) struct Stage<'a> {
     dataset: &'a Dataset,
     set: &'a TileSet,
@@ -74,7 +74,7 @@ pub(super) struct Stage<'a> {
     reported: Rendered,
 }
 
-/// What takes part: its name and its bits, and whether it is shown at the frames' hours too.
+/// A method to render: its name and bits, and whether it is also rendered at the frames' hours.
 struct Part<'a> {
     method: &'a str,
     bpp: f64,
@@ -83,7 +83,7 @@ struct Part<'a> {
 }
 
 impl<'a> Stage<'a> {
-    /// SlowMetrics at the scene in the dataset's own light, and in that of its bundle where there is one.
+    /// Renders the scene with the dataset's own light, and with that of its bundle if there is one.
     ///
     /// # Errors
     /// [`Error::Invalid`] without geometry, or where nothing in it has texels.
@@ -133,7 +133,7 @@ impl<'a> Stage<'a> {
         Ok(stage)
     }
 
-    /// Shows a method, if it is one that is shown.
+    /// Renders a method if it is one of [`SHOWN`].
     pub fn show(&mut self, row: &Row, way: &Way) -> Result<()> {
         if !SHOWN.contains(&&*row.method) {
             return Ok(());
@@ -189,7 +189,7 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// Shows light at every time by every camera, and over the day.
+    /// Renders light at every time from every camera, and over the day.
     fn add(&mut self, part: &Part, at_hour: &dyn Fn(&Stage, f64) -> Result<Vec<Image>>) -> Result<()> {
         for (i, time) in self.times.iter().enumerate() {
             if time.frame.is_some() && !part.at_frames {
@@ -221,7 +221,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// Tiles at an hour: of a frame, or linear between two where lamps do not switch.
+/// Tiles at an hour: of a frame, or linear between two if no light group switches.
 fn between<'t>(set: &TileSet, hour: f64, of: impl Fn(usize, usize) -> &'t Texels) -> Vec<Texels> {
     let time = set.timeline.at(hour);
     let share = time.fraction as f32;

@@ -11,7 +11,7 @@ use dataset::report::plot::Plot;
 use dataset::report::preview::{exposure, tone_mapped_png};
 use serde::Serialize;
 
-/// What a method reaches on all tiles of a run. Means as in [`crate::evaluate::Quality`].
+/// Quality of a method on all tiles of a run. Means as in [`crate::evaluate::Quality`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Methods of one family make one line of the plot.
@@ -32,7 +32,7 @@ pub struct Row {
     pub psnr_worst_percent_db: Option<f64>,
     /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
-    /// The same, windows of 7×7 alike.
+    /// The same with a 7×7 box window.
     pub one_minus_ssim_uniform: Option<f64>,
     /// Mean LPIPS.
     pub lpips: Option<f64>,
@@ -99,7 +99,7 @@ pub struct Comparison {
     pub tiles_of: usize,
     /// Frames.
     pub frames: usize,
-    /// True for a first look.
+    /// True with draft effort.
     pub draft: bool,
     /// True where the rows are the paper's ablations.
     pub ablations: bool,
@@ -107,7 +107,7 @@ pub struct Comparison {
     pub noise_ceiling_db: Option<f64>,
     /// Every method, by bits.
     pub rows: Vec<Row>,
-    /// What is not there, and why.
+    /// What was skipped, and why.
     pub skipped: Vec<String>,
     /// The scene in the light of some of the methods, where that was requested.
     pub rendered: Option<Rendered>,
@@ -306,7 +306,7 @@ impl Comparison {
         )
     }
 
-    /// Differences beside the paper's, the linear control at equal bits, and what is omitted.
+    /// Differences compared with the paper's, the linear control at equal bits, and what was skipped.
     fn remarks(&self) -> Vec<String> {
         let gap = |a: &str, b: &str| {
             let of = |name: &str| self.method(name).and_then(|row| row.psnr_db);

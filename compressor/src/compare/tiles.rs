@@ -1,4 +1,4 @@
-//! What every method compresses: the same tiles, whole, at all frames.
+//! The input of every method: the same whole tiles in all frames.
 
 use super::Options;
 use crate::bundle::checksum;
@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Memory that the light of all tiles may take.
 const MEMORY: u64 = 8 << 30;
-/// How often it is held at once: as it is, filled, and as a method decodes it.
+/// Number of copies in memory at once: original, filled, and decoded.
 const HELD: usize = 3;
 
 /// An image of a tile at one frame: its texels row by row.

@@ -1,4 +1,4 @@
-//! What of a tile's light is known before its maps are chosen: its scales, which frames look alike, which gates switch it.
+//! Survey of a tile's light before its maps are chosen: its scales, which frames look alike, which gates switch it.
 
 use crate::bundle::rounded_means;
 use crate::model::{MOST_GATES, gate};
@@ -27,13 +27,13 @@ pub struct Light {
     pub peaks: Vec<f32>,
     /// The time axis; empty under the paper's coding.
     pub axis: Axis,
-    /// How many frames look different; the number of frames under the paper's coding.
+    /// Number of frames that look different; the number of frames under the paper's coding.
     pub distinct: usize,
     /// The light groups that are gates, ascending.
     pub gates: Vec<u16>,
     /// Per frame: the gates' inputs.
     pub gate_inputs: Vec<Vec<f32>>,
-    /// Gates that there was no room for.
+    /// Gates beyond the format's limit.
     pub gates_omitted: usize,
 }
 

@@ -32,12 +32,12 @@ use light::Light;
 use phases::Attempt;
 use problem::Problem;
 
-/// How long and by which recipe.
+/// Recipe of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recipe {
     /// Steps of the main phase.
     pub iterations: usize,
-    /// How often what is not yet quantised is trained around the blocks; before each time but the first these are chosen anew.
+    /// Passes in which all that is not yet quantised is trained around the blocks; before each pass but the first, blocks are chosen anew.
     pub passes: usize,
     /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂ 0.999, unweighted L2, no
     /// time points between frames; then 8 bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values, the floors of the
@@ -46,11 +46,11 @@ pub struct Recipe {
     pub paper: bool,
     /// Seed of this tile's randomness.
     pub seed: u64,
-    /// What the loss weights follow.
+    /// Aim of the loss weights.
     pub aim: Aim,
 }
 
-/// What a training's loss weights follow, in linear light; the paper's recipe follows neither.
+/// Aim of a training's loss weights, in linear light; the paper's recipe has none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aim {
     /// The mean PSNR of the frames: frames that are good already count as much as others.
@@ -66,7 +66,7 @@ impl Recipe {
     }
 }
 
-/// A time point of the training: for the curve of quality against time.
+/// A point of the curve of quality against training time.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Steps done.
@@ -78,14 +78,14 @@ pub struct Point {
     pub psnr_db: f64,
 }
 
-/// What training gives.
+/// Result of a training.
 #[derive(Clone, Debug)]
 pub struct TrainedTile {
     /// Steps of the main phase.
     pub steps: usize,
-    /// CPU seconds of these alone.
+    /// CPU seconds of these steps.
     pub stepping_seconds: f64,
-    /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
+    /// The stored tile; `None` for a tile that has no valid texel or is all black.
     pub params: Option<TileParams>,
     /// PSNR before quantisation over all valid texels; `None` if no frame has one.
     pub psnr_unquantised_db: Option<f64>,
@@ -97,14 +97,14 @@ pub struct TrainedTile {
     pub error: Option<f64>,
     /// Quality against time.
     pub curve: Vec<Point>,
-    /// What was omitted and why, and what else is to be said of the training, e.g. "black at 9 of 26 frames".
+    /// Remarks: what was omitted and why, and others, such as "black in 9 of 26 frames".
     pub omitted: Vec<String>,
 }
 
 /// The remark on a tile without a valid texel.
 pub(crate) const NO_TEXEL: &str = "no valid texel";
 
-/// How often a training that diverges is tried again at half the rate.
+/// Number of restarts at half the learning rate after a training diverges.
 const RETRIES: i32 = 6;
 
 /// Trains a tile to the maps of a profile, without those that it does not need. Deterministic in (source, recipe) on
@@ -117,7 +117,7 @@ pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<
     train_as(source, recipe, |light, omitted| needed(light, profile, recipe, omitted))
 }
 
-/// Trains a tile to contents that [`trial fits`] tried. Otherwise as [`train`].
+/// Trains a tile to contents that [`trials`] returned. Otherwise as [`train`].
 ///
 /// # Errors
 /// As [`train`].

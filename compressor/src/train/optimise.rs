@@ -80,7 +80,7 @@ pub struct Trainer<const H: usize> {
 }
 
 impl<const H: usize> Trainer<H> {
-    /// Instruction frame in use.
+    /// Instruction set in use.
     pub fn tier(&self) -> Tier {
         self.tier
     }

@@ -30,8 +30,8 @@ const PAPER_RATE: f32 = 1e-3;
 const PAPER_BETA2: f32 = 0.999;
 /// Steps of the decoder alone in the paper's recipe, which does not say how many.
 const PAPER_FINE_TUNING: usize = 300;
-/// A main phase that ends so far below its best point has diverged, though all its numbers are finite. Points above
-/// [`GOOD_DB`] count as that, for a tile with a bright peak may have any PSNR up there: what ends at 34 dB or more never has.
+/// A main phase that ends this far below its best point (in dB) has diverged, even if all its numbers are finite. Points above
+/// [`GOOD_DB`] count as [`GOOD_DB`], because a tile with a bright peak may have any PSNR up there: a phase that ends at 34 dB or more never has.
 const LOST_DB: f64 = 6.0;
 /// See [`LOST_DB`].
 const GOOD_DB: f64 = 40.0;
@@ -86,7 +86,7 @@ impl<const H: usize> Attempt<H> {
     }
 
     /// All phases; `None` if the training diverged (only if it came to no number, where it is the `last` attempt). The
-    /// result's `left_out` is empty.
+    /// result's `omitted` is empty.
     pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
         let trained = match self.trainer.problem.coded {
@@ -231,7 +231,7 @@ impl<const H: usize> Attempt<H> {
         if psnr < best.min(GOOD_DB) - LOST_DB && !self.last { Err(Stop::Diverged) } else { Ok(psnr) }
     }
 
-    /// Trains on around what is quantised already: this many steps, at a rate that rises and falls to 0.
+    /// Continues training around what is already quantised: this many steps, at a rate that rises and falls to 0.
     fn refit(&mut self, scope: Scope, (steps, rate, warm_up): (usize, f32, usize)) -> Result<(), Stop> {
         self.steps(scope, steps, |i| rate * schedule(i, steps, warm_up, 0.0))
     }

@@ -1,4 +1,4 @@
-//! What a tile could have, tried briefly: a short training ranks contents as a long one does.
+//! Trial fits: a short training ranks a tile's possible contents as a long one does.
 
 use super::light::Light;
 use super::phases::Attempt;
@@ -14,26 +14,26 @@ use serde::{Deserialize, Serialize};
 /// Steps of a trial fit.
 const ITERATIONS: usize = 400;
 
-/// How much smaller the pooled error is after a training of this many steps and quantisation than after a trial fit, about, initially:
+/// First guess of the factor by which a training of `iterations` steps with quantisation reduces the pooled error, compared with a trial fit:
 /// 1.6, 1.9 and 2.4 after 1000, 2500 and 12,000 steps on the scene `yard`; twice that in rooms, whose light is smooth.
 pub fn gain(iterations: usize) -> f64 {
     (1.6 + 0.34 * (iterations as f64 / 1000.0).ln()).max(1.0)
 }
 
-/// Contents and what they cost and reach.
+/// A trial fit: contents with their size and error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialFit {
     /// The contents' word.
     pub word: u32,
     /// Length of the payload in bytes.
     pub bytes: u64,
-    /// Squared error after the trial relative to the frame's peak, mean over channels, summed over valid texels and lit frames.
+    /// Squared error of the trial fit relative to the frame's peak, mean over channels, summed over valid texels and lit frames.
     pub error: f64,
     /// Terms of that sum.
     pub terms: u64,
 }
 
-/// Tries what a tile could have; nothing for a tile without light.
+/// Makes a trial fit of each candidate; none for a tile without light.
 ///
 /// # Errors
 /// As [`super::train`].
@@ -56,7 +56,7 @@ pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<TrialFit>> {
             64 => Attempt::<64>::new(&problem, &recipe, 1.0, tier).trial(&recipe)?,
             _ => Attempt::<16>::new(&problem, &recipe, 1.0, tier).trial(&recipe)?,
         };
-        // One that diverges is none.
+        // A fit that diverges is dropped.
         if let (Some(error), Some(word)) = (error, contents.word()) {
             trials.push(TrialFit { word, bytes: blocks_len(&shape, read) as u64, error, terms });
         }
@@ -64,7 +64,7 @@ pub fn trials(source: &TileSource, seed: u64) -> Result<Vec<TrialFit>> {
     Ok(trials)
 }
 
-/// What is tried.
+/// The contents to try.
 fn candidates(light: &Light) -> Vec<Contents> {
     let (distinct, gates) = (light.distinct, light.gates.len());
     let none = Contents::NONE;

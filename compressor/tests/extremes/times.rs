@@ -60,7 +60,7 @@ fn one_two_and_240_sets_are_met() {
         };
         let result = Case::new(48, 48, frames, light).run();
         let psnr = result.least_psnr_db();
-        assert!(psnr > bound && psnr < bound + 25.0, "{frames} sets: {psnr} dB");
+        assert!(psnr > bound && psnr < bound + 25.0, "{frames} frames: {psnr} dB");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Incoming light becomes a dataset.
+//! Converts incoming lightmaps to a dataset.
 
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light};
 use super::raw::block_rows;

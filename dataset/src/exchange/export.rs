@@ -1,4 +1,4 @@
-//! From a dataset to a layout.
+//! Exports a dataset to a layout.
 
 use super::layouts::{kept, lightmaps_of, parse};
 use super::plan::{Lightmap, Parts, Planned};
@@ -14,24 +14,24 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// What was exported.
+/// Result of an export.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
     /// Hours of the frames that were written.
     pub hours: Vec<f64>,
-    /// What of the dataset the layout does not hold, and why.
+    /// Parts of the dataset that the layout cannot store, and why.
     pub omitted: Vec<String>,
     /// Files written.
     pub files: usize,
-    /// Their length.
+    /// Total bytes.
     pub bytes: u64,
 }
 
-/// Writes a dataset in a layout to the new folder `out`, which appears when it is whole. A dataset that was imported from the same
+/// Writes a dataset in a layout to the new folder `out`, which appears when it is complete. A dataset that was imported from the same
 /// layout gets its old names and configuration back.
 ///
 /// # Errors
-/// `Unsupported` if the layout cannot hold the dataset at all; `Invalid` for a dataset that is invalid. Then nothing is left
+/// `Unsupported` if the layout cannot store any of the dataset; `Invalid` for an invalid dataset. Then nothing is left
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
     if layout == Layout::Exr {

@@ -1,4 +1,4 @@
-//! EXR files, one per hour: found by a pattern of their names, or told by a table.
+//! EXR files, one per hour: found by a pattern of their names, or listed in a TOML file.
 
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
 use crate::config::{Baked, Group, Layout};
@@ -11,7 +11,7 @@ use toml::Spanned;
 
 /// What stands for the hour in a pattern.
 const HOUR: &str = "{hour}";
-/// The unit of light that nobody told.
+/// The unit of light without `unit`.
 pub(super) const UNKNOWN_UNIT: &str = "unknown";
 
 /// The files of `folder` whose names match a pattern such as `light_{hour}.exr`, where the hour is 6, 06 or 5.9; 24 is 0. Gives

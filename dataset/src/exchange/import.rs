@@ -1,4 +1,4 @@
-//! From a layout to a dataset.
+//! Imports a layout as a dataset.
 
 use super::convert::{convert, work};
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
@@ -13,7 +13,7 @@ use crate::store::{MANIFEST, is_component};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// What is imported.
+/// The source of an import.
 #[derive(Clone, Debug)]
 pub enum Origin {
     /// A folder in the layout `hprc1` or `hprc2`.
@@ -37,7 +37,7 @@ pub enum Origin {
 /// its manifest.
 ///
 /// # Errors
-/// For everything about the origin that is not as it should be; then nothing is left behind.
+/// For any fault of the source; then nothing is left behind.
 pub fn import(origin: &Origin, out: &Path, console: &Console) -> Result<Config> {
     let scene = out.file_name().and_then(|name| name.to_str()).filter(|name| is_component(name));
     let scene = scene.ok_or_else(|| Error::invalid(out.display(), "expected the name of a new folder"))?;

@@ -1,4 +1,4 @@
-//! What is to be imported, whatever it is read from.
+//! Lightmaps to import, from any source.
 
 use super::raw::Raw;
 use crate::config::{Group, Layout};

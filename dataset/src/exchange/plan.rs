@@ -1,4 +1,4 @@
-//! What a layout's configuration tells: which file holds what. Both import and export go by it.
+//! The files of a layout by its configuration, for import and export.
 
 use crate::console::count;
 use crate::{Error, Result};

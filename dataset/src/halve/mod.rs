@@ -146,10 +146,10 @@ pub fn extent(config: &Config) -> (usize, u64) {
     (distinct.len(), distinct.iter().map(|(_, bytes)| bytes).sum())
 }
 
-/// The halved dataset in a folder, whole or not believed: that of just this source, with all its files.
+/// The halved dataset in a folder, complete and made from this very source.
 ///
 /// # Errors
-/// What [`Dataset::open`] says of it; [`Error::Invalid`] for one of another source.
+/// As [`Dataset::open`]; [`Error::Invalid`] for one made from another source.
 pub fn open(root: &Path, source: &Config) -> Result<Dataset> {
     let dataset = Dataset::open(root)?;
     if dataset.config.inputs != halved_inputs(source) {

@@ -1,4 +1,4 @@
-//! Where instances lie on pages of half the size.
+//! Chart placements on pages of half the size.
 //!
 //! Texel position p of a page is p ÷ 2 of its half. Where a side is odd, its half ends beyond it, and page coordinates shrink.
 

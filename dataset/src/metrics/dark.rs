@@ -1,4 +1,4 @@
-//! What an error looks like in the dark, which a PSNR, whose peak is the brightest texel, hardly sees.
+//! Metrics of errors in the dark, to which a PSNR (peak = the brightest texel) is insensitive.
 
 use super::{RELATIVE_FLOOR, psnr_db, relative_error};
 use crate::image::{Image, Mask};
@@ -52,9 +52,9 @@ impl Brightnesses {
     }
 
     /// The [`relative_error`] over the frame's darkest quarter: the texels no brighter than its lower quartile.
-    /// `set_mean` is that of all valid values; `None` if it is 0, or without texels.
-    pub fn dark_relative_error(mut self, set_mean: f64) -> Option<f64> {
-        if self.texels.is_empty() || set_mean == 0.0 {
+    /// `frame_mean` is that of all valid values; `None` if it is 0, or without texels.
+    pub fn dark_relative_error(mut self, frame_mean: f64) -> Option<f64> {
+        if self.texels.is_empty() || frame_mean == 0.0 {
             return None;
         }
         let quarter = (self.texels.len() - 1) / 4;
@@ -66,6 +66,6 @@ impl Brightnesses {
         let n = self.texels.len() as f64;
         let (sum, squared) =
             self.texels.iter().fold((0.0, 0.0), |(s, e), (b, error)| (s + f64::from(*b), e + error));
-        Some(relative_error(squared / n, sum / n, set_mean))
+        Some(relative_error(squared / n, sum / n, frame_mean))
     }
 }

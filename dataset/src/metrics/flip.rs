@@ -1,4 +1,4 @@
-//! HDR-ꟻLIP of one tile: how unlike two images look to someone that flips between them, at any exposure.
+//! HDR-ꟻLIP of one tile: the difference seen when flipping between two images, at any exposure.
 //!
 //! Andersson et al. 2020, "ꟻLIP: A Difference Evaluator for Alternating Images", for one exposure; Andersson et al. 2021, "Visualizing
 //! Errors in Rendered High Dynamic Range Images", for the exposures: per texel the largest error over those between the one at which

@@ -1,4 +1,4 @@
-//! What a picture of 8 bits a channel measures against another: how alike two renderings look on a screen.
+//! Compares two pictures of 8 bits a channel: how similar two renderings look on a screen.
 
 use super::{flip, psnr_db, ssim};
 use crate::image::{Image, Mask};

@@ -75,7 +75,7 @@ pub(super) fn gaussian() -> [f64; 11] {
     weights.map(|weight| weight / sum)
 }
 
-/// 7×7 texels that count alike.
+/// A 7×7 box window.
 pub(super) fn uniform() -> [f64; 7] {
     [1.0 / 7.0; 7]
 }

@@ -1,4 +1,4 @@
-//! How well the change of light between two frames is met: what a viewer sees as flicker, or as a lamp that lags.
+//! Temporal error: the error of the change of light between two frames, seen as flicker or as a lamp that lags.
 
 use super::{RELATIVE_FLOOR, relative_error};
 

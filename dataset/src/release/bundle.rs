@@ -1,4 +1,4 @@
-//! What a bundle of `compress` says of the light it was made from, and no more of it: its first bytes (compressor/FORMAT.md, section 1).
+//! Reads from a bundle's first bytes which light it was made from (compressor/FORMAT.md, section 1).
 
 use crate::{Error, Result};
 use std::fs::File;

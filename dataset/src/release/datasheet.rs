@@ -1,18 +1,18 @@
-//! The datasheet of a scene: what the data are, how they were made, how far they can be relied on.
+//! The datasheet of a scene: content, method and known limits.
 
 use super::{Archive, LAYERS, READER, SUMS};
 use crate::config::Config;
 use crate::console::count;
 use std::fmt::Write;
 
-/// What the datasheet tells beside the manifest: names and lengths of the files.
+/// The datasheet's content besides the manifest: names and lengths of the files.
 pub(super) struct Files<'a> {
     pub archives: &'a [(Archive, u64)],
     pub bundles: &'a [(String, u64)],
     pub previews: &'a [String],
     /// What the layouts of exchange omit.
     pub omitted: &'a [String],
-    /// Whether the dataset is given away under CC0.
+    /// True if the dataset is released under CC0.
     pub cc0: bool,
 }
 

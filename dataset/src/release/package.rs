@@ -1,4 +1,4 @@
-//! From datasets to a release folder.
+//! Packages datasets into a release folder.
 
 use super::archive::{Content, Member, pack};
 use super::bundle::expect_light;
@@ -25,12 +25,12 @@ const PREVIEW_REACH: f64 = 0.5;
 /// Largest side of a picture.
 const PREVIEW_SIDE: usize = 1024;
 
-/// What was packaged.
+/// Result of packaging.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packaged {
     /// Names of the scenes.
     pub scenes: Vec<String>,
-    /// What the layouts of exchange have no place for.
+    /// What the layouts of exchange cannot store.
     pub omitted: Vec<String>,
     /// Files in the release folder.
     pub files: usize,

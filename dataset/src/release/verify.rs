@@ -1,4 +1,4 @@
-//! A look at every byte of a release, without unpacking it to the disk and without trust in what it says.
+//! Verifies every byte of a release without unpacking it to disk and without trusting it.
 
 use super::archive::{Examined, examine};
 use super::bundle::expect_light;
@@ -14,10 +14,10 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-/// What [`verify`] found.
+/// Result of [`verify`].
 #[derive(Debug, Default)]
 pub struct Verified {
-    /// All that is not as the release says.
+    /// Every difference from what the release says.
     pub faults: Vec<Error>,
     /// Names of the scenes.
     pub scenes: Vec<String>,

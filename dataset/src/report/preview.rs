@@ -48,7 +48,7 @@ pub fn mask_png(mask: &Mask, max_side: usize) -> Vec<u8> {
     encode_png(&grey, image.width, image.height, image::ExtendedColorType::L8)
 }
 
-/// The section every report opens with: what the dataset is, its masks, and a preview of every hour.
+/// The first section of every report: a table of the dataset, its masks, and a preview of every hour.
 pub fn section(dataset: &Dataset) -> Result<Section> {
     let config = &dataset.config;
     let mut section = Section::new(&format!("Lightmaps of {}", config.scene));
@@ -129,7 +129,7 @@ fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
     groups
 }
 
-/// What the dataset is, as rows of a table.
+/// The dataset's properties, as rows of a table.
 fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
     let row = |name: &str, value: String| vec![name.to_owned(), value];
     let mut rows = vec![row("Scene", config.scene.clone()), row("Written by", config.generator.clone())];

@@ -1,4 +1,4 @@
-//! The scene at a few hours, as a report shows it first.
+//! Pictures of the scene at a few hours, at the top of a report.
 
 use super::Section;
 use crate::Result;
@@ -27,7 +27,7 @@ pub fn shown_frames(config: &Config) -> Vec<usize> {
     shown
 }
 
-/// What to say of the pictures of a view: whose they are, and what they omit.
+/// The caption of a view's pictures: the camera, and what they omit.
 pub fn remark(view: &View) -> String {
     let with_texels = view.with_texels();
     let plain = match with_texels.iter().all(|share| *share == 1.0) {

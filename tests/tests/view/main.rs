@@ -240,7 +240,7 @@ fn works(browser: &str, html: &str, root: &Path, bundle: &Path) {
     let says = |key: &str, what: &str| assert!(found[key].as_str().unwrap().contains(what), "{found:#}");
     says("texel", "PSNR");
     says("facts", "no texels");
-    says("facts", &format!(" {bits:.3} bits per texel and set"));
+    says("facts", &format!(" {bits:.3} bits per texel and frame"));
     assert_eq!(found["gl_error"], 0, "{found:#}");
 }
 

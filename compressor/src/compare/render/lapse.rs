@@ -1,4 +1,4 @@
-//! A day in half hours by one camera: how wrongly light changes from each to the next.
+//! Temporal error: the error of the change of light over a day in half hours, from one camera.
 
 use super::pages::Pages;
 use super::times::is_baked;
@@ -18,7 +18,7 @@ const SIZE: [usize; 2] = [320, 180];
 /// Radiance of the pixels that show texels.
 type Frame = Vec<[f32; 3]>;
 
-/// How wrongly the light of a method changes.
+/// Temporal error of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
     /// The method.
@@ -33,7 +33,7 @@ pub struct Line {
     pub steps: Vec<(f64, f64)>,
 }
 
-/// The dataset's day, and what methods make of it.
+/// The dataset's day and the methods' errors.
 pub(super) struct Lapse {
     pub view: View,
     /// Which pixels are evaluated.

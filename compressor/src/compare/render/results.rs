@@ -1,4 +1,4 @@
-//! What was shown, as numbers and pictures.
+//! Results of the rendering: numbers and pictures.
 
 use super::super::judge::image;
 use super::super::table::{Comparison, Shown as ShownTiles, decibels, enlarged};
@@ -11,7 +11,7 @@ use dataset::store::Dataset;
 use dataset::view::View;
 use serde::Serialize;
 
-/// What the dataset's own light is called.
+/// Name of the dataset's own light.
 pub(super) const REFERENCE: &str = "reference";
 /// The methods whose tiles are shown close up.
 const NEAR: [&str; 4] = ["NDGI M", "NTC L", "ASTC 12×12", "BC7"];
@@ -63,9 +63,9 @@ type Pictures = (String, Vec<(String, Vec<u8>)>);
 #[derive(Clone, Debug, Serialize)]
 pub struct Rendered {
     pub(super) scene: String,
-    /// By which cameras.
+    /// Names of the cameras.
     pub cameras: Vec<String>,
-    /// At which times.
+    /// The times of day.
     pub times: Vec<Shown>,
     /// Every picture.
     pub views: Vec<Seen>,
@@ -75,9 +75,9 @@ pub struct Rendered {
     pub lapse_camera: String,
     /// Mean change of light from one half hour to the next, in shares of white as exposed.
     pub lapse_change: f64,
-    /// How wrongly each method's light changes.
+    /// Temporal error of each method.
     pub lapse: Vec<Line>,
-    /// What is not there, and why.
+    /// What was skipped, and why.
     pub skipped: Vec<String>,
     #[serde(skip)]
     pub(super) rows: Vec<Pictures>,

@@ -1,4 +1,4 @@
-//! Which times of the day are shown.
+//! Chooses the times of day that are rendered.
 
 use crate::Result;
 use crate::law::WIDEST;
@@ -24,7 +24,7 @@ pub struct Shown {
     pub frame: Option<usize>,
 }
 
-/// The times that are shown of a dataset, and what there is none of.
+/// The times of a dataset to render, and those that it lacks.
 pub(super) fn choose(dataset: &Dataset) -> Result<(Vec<Shown>, Vec<String>)> {
     let frames = &dataset.config.frames;
     let (mut shown, mut skipped): (Vec<Shown>, Vec<String>) = (Vec::new(), Vec::new());
@@ -77,7 +77,7 @@ fn last_switch(dataset: &Dataset) -> Result<Option<(f64, &str)>> {
     Ok(last)
 }
 
-/// Whether the dataset has light at an hour: its sun's path knows it, and the frames around it are not a night apart.
+/// True if the dataset has light at an hour: its sun's path covers it, and the frames around it are not a night apart.
 pub(super) fn is_baked(dataset: &Dataset, hour: f64) -> Result<bool> {
     if dataset.sun_path()?.is_some_and(|path| path.at(hour).is_none()) {
         return Ok(false);
