@@ -389,7 +389,7 @@ fn pages_and_masks_of_any_size() {
 }
 
 #[test]
-fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
+fn between_frames_a_bundle_is_evaluated_by_a_withheld_bake_or_linear_light() {
     // Red grows with the square of the hour: at 12 h it is 2, halfway between those at 8 h and 16 h it would be 19/9; the peak is 2.
     let scene = |hours: &[f64]| Scene {
         width: 40,
@@ -532,7 +532,7 @@ fn methods_and_ablations_are_compared_on_one_tile() {
 }
 
 #[test]
-fn a_sweep_tells_what_compressing_would_give() {
+fn a_sweep_gives_what_compressing_would_give() {
     let folder = tempfile::tempdir().unwrap();
     // No valid texel in the border, and one evaluation tile: both judge the same texels.
     let valid = |x, y| (2..68).contains(&x) && (2..48).contains(&y);

@@ -322,7 +322,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
 }
 
 #[test]
-fn a_bundle_of_all_light_is_judged_as_one() {
+fn a_bundle_of_all_light_is_evaluated_as_one() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
     write(&root, moving);

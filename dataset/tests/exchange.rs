@@ -35,7 +35,7 @@ fn bits(texels: &[[f32; 3]]) -> Vec<[u32; 3]> {
 }
 
 #[test]
-fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
+fn a_dataset_in_layout_2_keeps_every_bit_in_a_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     let lightmaps = layouts::write2(&source);
@@ -73,7 +73,7 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
 }
 
 #[test]
-fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
+fn a_dataset_in_layout_1_with_parts_and_shares_survives_a_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     let light = layouts::write1(&source, &[(7, (12, 8), 4), (3, (5, 3), 1)], true);
@@ -98,7 +98,7 @@ fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
 }
 
 #[test]
-fn a_set_in_layout_1_without_shares_is_imported_alone() {
+fn a_frame_in_layout_1_without_shares_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     layouts::write1(&source, &[(0, (4, 4), 2)], false);

@@ -47,7 +47,7 @@ fn what_is_written_is_read() {
 }
 
 #[test]
-fn a_set_written_again_is_the_same_bytes_whatever_stood_there() {
+fn a_dataset_written_again_has_the_same_bytes_whatever_existed() {
     let [fresh, used] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     write_set(fresh.path(), &[(20, 20)], 1).unwrap();
     write_set(used.path(), &[(20, 20)], 1).unwrap();
@@ -92,7 +92,7 @@ fn equal_content_is_stored_once() {
 }
 
 #[test]
-fn a_killed_writer_leaves_the_old_set_and_the_next_one_cleans_up() {
+fn a_killed_writer_leaves_the_old_dataset_and_the_next_one_cleans_up() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     write_set(root, &[(20, 20)], 1).unwrap();
@@ -317,7 +317,7 @@ fn all_bad_texels_and_files_are_counted() {
 }
 
 #[test]
-fn sets_must_show_the_lamps_as_the_schedule_has_them() {
+fn frames_must_show_the_groups_as_the_schedule_has_them() {
     let folder = tempfile::tempdir().unwrap();
     let hours = [0.0, 5.95, 6.0, 12.0, 18.0, 18.05, 19.95, 20.0, 20.05];
     let mut config = common::write_hours(folder.path(), &[(4, 4)], 1, &hours).unwrap();
@@ -413,7 +413,7 @@ fn a_corrupt_geometry_file_is_a_named_fault_though_its_checksum_is_right() {
 }
 
 #[test]
-fn leftovers_of_killed_writers_are_told() {
+fn leftovers_of_killed_writers_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     write_set(root, &[(20, 20)], 1).unwrap();

@@ -92,7 +92,7 @@ fn light_is_the_mean_of_valid_texels_in_frames_and_layers() {
 }
 
 #[test]
-fn where_it_comes_from_is_told_and_equal_sources_give_equal_bytes() {
+fn the_source_is_recorded_and_equal_sources_give_equal_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let config = write_set(&at("full"), &[(9, 5)], 3).unwrap();
@@ -319,7 +319,7 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
 }
 
 #[test]
-fn an_imported_set_keeps_its_source_without_the_layouts_configuration() {
+fn an_imported_dataset_keeps_its_source_without_the_layouts_configuration() {
     let folder = tempfile::tempdir().unwrap();
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let mut config = write_set(&source, &[(7, 6)], 3).unwrap();

@@ -53,7 +53,7 @@ fn assert_close(found: &Image, expected: &[[f64; 3]], what: &str) {
 }
 
 #[test]
-fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
+fn layers_follow_their_curves_and_groups_their_schedules() {
     let folder = tempfile::tempdir().unwrap();
     let config = write(folder.path());
     let dataset = Dataset::open(folder.path()).unwrap();
@@ -121,7 +121,7 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
 }
 
 #[test]
-fn without_layers_light_goes_linearly_and_never_between_other_lamps() {
+fn without_layers_light_is_linear_and_never_crosses_a_switch() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = write(folder.path());
     config.layers.clear();

@@ -209,7 +209,7 @@ fn metrics_do_not_depend_on_the_unit() {
 }
 
 #[test]
-fn tiles_without_contrast_are_told_apart() {
+fn tiles_without_contrast_are_distinguished() {
     let whole = Rect { x0: 0, y0: 0, x1: 8, y1: 8 };
     let constant = |texel: [f32; 3]| Image { width: 8, height: 8, texels: vec![texel; 64] };
     let full = full_mask(8, 8);

@@ -350,7 +350,7 @@ fn hostile_archives_are_refused_and_write_nothing() {
 }
 
 #[test]
-fn archives_that_do_not_hold_what_the_manifest_of_the_set_names_are_found() {
+fn archives_that_lack_files_of_the_manifest_are_found() {
     let released = Released::new();
     let folder = released.at("release");
     let mut value: serde_json::Value =

@@ -99,7 +99,7 @@ fn half_floats_and_a_mask_become_a_set() {
 }
 
 #[test]
-fn channels_of_other_names_are_found_or_asked_for() {
+fn channels_of_other_names_are_found_or_requested() {
     let around = tempfile::tempdir().unwrap();
     let (folder, out) = (around.path().join("renders"), around.path().join("hall"));
     fs::create_dir(&folder).unwrap();
@@ -139,7 +139,7 @@ fn channels_of_other_names_are_found_or_asked_for() {
 }
 
 #[test]
-fn a_table_gives_pages_hours_and_lamps() {
+fn a_table_gives_pages_hours_and_light_groups() {
     let around = tempfile::tempdir().unwrap();
     let (folder, out) = (renders(around.path()), around.path().join("hall"));
     fs::write(folder.join("small.exr"), Image { width: 7, height: 5, texels: vec![[2.0; 3]; 35] }.to_exr())

@@ -215,7 +215,7 @@ fn files_that_do_not_fit_are_faults() {
 }
 
 #[test]
-fn a_release_has_them_beside_the_sets() {
+fn a_release_has_them_with_the_lightmaps() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     let config = write(&set);

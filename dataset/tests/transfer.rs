@@ -28,7 +28,7 @@ fn write(root: &Path) -> Config {
 }
 
 #[test]
-fn a_transfer_is_read_checked_told_and_released() {
+fn a_transfer_is_read_checked_shown_and_released() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     let config = write(&set);
@@ -48,7 +48,7 @@ fn a_transfer_is_read_checked_told_and_released() {
 }
 
 #[test]
-fn a_transfer_is_not_taken_for_moments() {
+fn a_transfer_is_not_taken_for_a_day() {
     let folder = tempfile::tempdir().unwrap();
     write(&folder.path().join("set"));
     let dataset = Dataset::open(&folder.path().join("set")).unwrap();

@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rows_of_every_map_fit_and_none_that_counts_is_left_out() {
+    fn the_rows_of_every_map_fit_and_none_that_counts_is_omitted() {
         let mut too_many = 0;
         for side in [4, 8, 16, 32, 64, 128] {
             let stored = |a: usize| 4 * (a * side).div_ceil(128).div_ceil(4);

@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_s_hour_is_that_set_exactly() {
+    fn a_frame_s_hour_is_that_frame_exactly() {
         let t = lamps_at_night();
         for (k, &hour) in t.hours.iter().enumerate() {
             for day in [-24.0, 0.0, 24.0] {
@@ -455,14 +455,14 @@ mod tests {
     }
 
     #[test]
-    fn an_hour_whose_lamps_no_set_has_is_told() {
+    fn an_hour_whose_groups_no_frame_has_is_reported() {
         let t = timeline(vec![11.0, 12.0], vec![vec![[18.0, 6.0]]]);
         assert!([0.0, 11.0, 11.5, 12.0, 15.0, 18.0, 24.0 + 11.0].iter().all(|&h| t.shows(h) == (h != 0.0)));
         assert!(!t.shows(18.1) && !t.shows(-1.0) && !t.shows(20.0));
     }
 
     #[test]
-    fn one_set_is_held_all_day() {
+    fn one_frame_is_held_all_day() {
         for on in [vec![], vec![[18.0, 6.0]], vec![[0.0, 24.0]]] {
             let t = timeline(vec![12.0], vec![on]);
             for i in 0..240 {
@@ -488,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn just_before_a_set_what_is_left_of_the_one_before_keeps_its_digits() {
+    fn just_before_a_frame_the_remainder_of_the_one_before_keeps_its_digits() {
         let timeline = Timeline {
             hours: vec![0.0, 6.0],
             between: vec![],

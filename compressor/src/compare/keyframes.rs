@@ -151,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kept_sets_are_exact_and_others_linear_between_them() {
+    fn kept_frames_are_exact_and_others_linear_between_them() {
         // Light goes 0 1 2 … 5 and back to 0 over six frames at uneven hours; two are kept.
         let hours = [1.0, 2.0, 3.0, 5.0, 11.0, 17.0];
         let light = [4.0, 5.0, 6.0, 8.0, 14.0, 9.0];

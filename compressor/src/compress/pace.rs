@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn time_for_all_that_is_asked_and_for_nothing() {
+    fn enough_time_gives_all_steps_and_none_gives_the_fewest() {
         assert_eq!(simulate(&page(5), 2, 3000.0, 12_000, |_| 1e-3).0, [12_000; 25]);
         assert_eq!(simulate(&page(5), 2, 1.0, 12_000, |_| 1e-3).0, [FLOOR; 25]);
         assert_eq!(simulate(&page(5), 2, 1.0, 10, |_| 1e-3).0, [10; 25]);
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_without_light_tells_nothing() {
+    fn a_tile_without_light_does_not_change_the_pace() {
         let mut state = State::new(1, vec![(place(0), 5), (place(1), 5)]);
         state.ended(place(1), 200, 0.2, 1.0);
         let before = state.clone();

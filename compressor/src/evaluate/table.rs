@@ -327,7 +327,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbouring_sets_are_one_range() {
+    fn neighbouring_frames_are_one_range() {
         let hours = [0.0, 1.0, 5.9, 6.0, 23.6];
         assert_eq!(ranges(&hours, &[true, true, false, true, true]), "0–1, 6–23.6");
         assert_eq!(ranges(&hours, &[false, false, true, false, false]), "5.9");

@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_times_are_told_in_their_units() {
+    fn sizes_and_times_are_printed_in_their_units() {
         assert_eq!([6.53e5, 1.26e8, 2.5e6, 3.2e9].map(bytes), ["653 kB", "126 MB", "2.5 MB", "3.2 GB"]);
         assert_eq!(
             [0.03, 4.26, 59.7, 205.0, 9000.0].map(time),

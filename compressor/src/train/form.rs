@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_changed_is_told_whatever_moved() {
+    fn changes_are_reported_whatever_moved() {
         let block = block(1);
         let from = values(&block);
         let residuals = residuals(2, |q| [q as f32 * 10.0; 4], &from);

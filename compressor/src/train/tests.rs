@@ -168,7 +168,7 @@ fn gradients_are_those_of_finite_differences() {
 }
 
 #[test]
-fn gradients_are_right_whatever_is_left_out() {
+fn gradients_are_right_whatever_is_omitted() {
     gradients_match::<16>(&M, Coding::Standard, |c| (c.uvt, c.slices, c.gamma) = (0, 0, false));
     gradients_match::<16>(&M, Coding::Standard, |c| (c.uv, c.vt, c.gates) = (false, false, 0));
     gradients_match::<16>(&M, Coding::Standard, |c| (c.ut, c.vt, c.rows, c.slices) = (false, false, 0, 1));
@@ -197,7 +197,7 @@ fn a_switch_is_a_gate_and_gains() {
 }
 
 #[test]
-fn sets_that_look_alike_share_a_place_and_equal_switches_a_gate() {
+fn frames_that_look_alike_share_a_place_and_equal_switches_a_gate() {
     let look = |k: usize| [0, 0, 1, 2, 2, 3, 0, 0][k];
     let mut source = tile(16, 16, 8, |k, x, _| [(1 + k) as f32 * (1.0 + (look(k) * x) as f32); 3]);
     source.frames[4] = source.frames[4].iter().map(|_| [0.0; 3]).collect();
@@ -370,7 +370,7 @@ fn other_profiles_train() {
 }
 
 #[test]
-fn black_sets_and_tiles_are_left_out() {
+fn black_frames_and_tiles_are_omitted() {
     let half = tile(16, 16, 6, |k, x, _| if k < 2 { [0.0; 3] } else { [0.1 + x as f32; 3] });
     let trained = train(&half, &M, &recipe(50)).unwrap();
     let same = "the same at every hour except for its mean: F_uv alone";
@@ -406,7 +406,7 @@ fn a_few_texels_store_only_the_blocks_that_they_read() {
 }
 
 #[test]
-fn texels_beside_another_tile_count_more() {
+fn texels_next_to_another_tile_count_more() {
     let mut source = moving_shadow(128, 128, 2);
     // No valid texel above the left half.
     source.coverage[..64].fill(Coverage::Gutter);

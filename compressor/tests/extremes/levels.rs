@@ -22,7 +22,7 @@ fn noise(k: usize, x: usize, y: usize, c: usize) -> f32 {
 const STATIC: &str = "the same at every hour except for its mean: F_uv alone";
 
 #[test]
-fn a_black_tile_beside_a_lit_one_stays_black_and_takes_no_payload() {
+fn a_black_tile_next_to_a_lit_one_stays_black_and_takes_no_payload() {
     let lit = |x: usize| x >= 130;
     let result = Case::new(200, 40, 4, |_, x, y| if lit(x) { [texture(x, y); 3] } else { [0.0; 3] }).run();
     assert_eq!((result.outcome.tiles, result.outcome.empty), (2, 1));
@@ -64,7 +64,7 @@ fn a_channel_that_is_always_zero_stays_zero() {
 }
 
 #[test]
-fn a_peak_of_a_million_at_one_set_leaves_the_rest_of_its_tile_visible() {
+fn a_peak_of_a_million_in_one_frame_leaves_the_rest_of_its_tile_visible() {
     let spike = |k: usize, x: usize, y: usize| (k, x, y) == (2, 20, 21);
     let light = |k: usize, x: usize, y: usize| if spike(k, x, y) { [1e6; 3] } else { [texture(x, y); 3] };
     let result = Case::new(48, 48, 6, light).run();
@@ -80,7 +80,7 @@ fn a_peak_of_a_million_at_one_set_leaves_the_rest_of_its_tile_visible() {
 }
 
 #[test]
-fn a_peak_of_a_million_at_every_set_leaves_the_rest_of_its_tile_visible() {
+fn a_peak_of_a_million_in_every_frame_leaves_the_rest_of_its_tile_visible() {
     let spike = |x: usize, y: usize| (x, y) == (20, 21);
     let light = |_, x: usize, y: usize| if spike(x, y) { [1e6; 3] } else { [texture(x, y); 3] };
     let result = Case::new(48, 48, 6, light).run();

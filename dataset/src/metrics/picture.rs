@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_seen_where_pixels_are_judged() {
+    fn errors_count_where_pixels_are_evaluated() {
         let (width, height) = (24, 16);
         let reference: Vec<u8> = (0..3 * width * height).map(|i| (i * 37 % 200) as u8).collect();
         let judged = Mask { width, height, valid: (0..width * height).map(|i| i % width < 12).collect() };

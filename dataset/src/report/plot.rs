@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_points_are_left_out() {
+    fn hostile_points_are_omitted() {
         let hostile = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (0.0, 0.0), (-1.0, 2.0), (3.0, 3.0)];
         for log in [false, true] {
             for lines in [vec![], vec![(String::new(), vec![])], vec![("a".into(), hostile.to_vec())]] {

@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn sets_of_like_brightness_share_an_exposure() {
+    fn frames_of_like_brightness_share_an_exposure() {
         let day = [Some(1000.0), Some(2.0), Some(1.0), Some(5.9), None, Some(6.0), Some(900.0), None];
         let groups = group_by_exposure(&day);
         let expected =

@@ -202,7 +202,7 @@ fn held_at(bundle: &Bundle, place: Place, params: &DecodeParams, time: usize) ->
 }
 
 #[test]
-fn an_interval_that_is_not_the_moments_is_held_at_its_nearer_end() {
+fn an_interval_of_another_time_is_held_at_its_nearer_end() {
     let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
     let bundle = opened(testing::sunny_bundle());
     let mut bench = Bench::new(gpu, &[Arc::clone(&bundle)], 2, false);

@@ -39,7 +39,7 @@ fn error(tile: &Tile, decoded: &[Texels]) -> f64 {
 }
 
 #[test]
-fn light_of_a_channel_and_set_is_the_sum_of_its_sources() {
+fn light_of_a_channel_and_frame_is_the_sum_of_its_sources() {
     // Two sources, two frames; the second frame has the second source in blue alone.
     let weights = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let vectors = Vectors { sources: 2, rows: vec![], weights, scales: 0 };
@@ -116,7 +116,7 @@ fn sizes_are_near_the_bits_that_are_wanted_and_no_fewer() {
 }
 
 #[test]
-fn black_sets_and_equal_texels_are_no_trouble() {
+fn black_frames_and_equal_texels_are_handled() {
     let vectors =
         Vectors { sources: 2, rows: [1.0, 2.0].repeat(3 * SIDE * SIDE), weights: vec![0.0; 12], scales: 0 };
     let (tile, vectors) = lit(vectors, 2);
