@@ -18,7 +18,7 @@ use clap::{Parser, Subcommand};
 use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle, light_of};
 use compressor::run::compress_and_judge;
-use compressor::view::write_beside;
+use compressor::view::write_into_dataset;
 use dataset::console::{self, Console, ConsoleArgs, count};
 use dataset::report::{self, Report, Section};
 use dataset::store::Dataset;
@@ -241,7 +241,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         console.say(format!("bundle: {}", judged.outcome.bundle.display()));
         result["compress"] = judged.json();
         report.lead(judged.lead);
-        match write_beside(&outcome.dataset, args.force) {
+        match write_into_dataset(&outcome.dataset, args.force) {
             Ok(None) => {}
             Ok(Some(page)) => {
                 console.say(format!("page: {}", page.display()));

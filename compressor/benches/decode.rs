@@ -16,23 +16,23 @@ fn main() {
     let tiles: Vec<_> =
         bundle.header.places().filter_map(|place| bundle.tile(place).expect("a tile")).collect();
     let texels: usize = tiles.iter().map(|tile| tile.shape.width * tile.shape.height).sum();
-    let moments: Vec<_> = timeline.hours.iter().map(|&hour| timeline.at(hour)).collect();
-    println!("{} tiles, {texels} texels, {} sets; ns a texel and set", tiles.len(), moments.len());
+    let points: Vec<_> = timeline.hours.iter().map(|&hour| timeline.at(hour)).collect();
+    println!("{} tiles, {texels} texels, {} sets; ns a texel and set", tiles.len(), points.len());
     println!("instructions  one set, BC7 included  all sets");
     for tier in Tier::available() {
         // The least of some runs: others only add what else the machine does.
-        let run = |sets: usize| {
+        let run = |frames: usize| {
             let start = Instant::now();
             for tile in &tiles {
                 let decoder = TileDecoder::new(tile, timeline).expect("a tile that was read").with_tier(tier);
-                for moment in moments.iter().cycle().skip(moments.len() / 2).take(sets) {
-                    std::hint::black_box(decoder.decode_tile(moment));
+                for point in points.iter().cycle().skip(points.len() / 2).take(frames) {
+                    std::hint::black_box(decoder.decode_tile(point));
                 }
             }
-            1e9 * start.elapsed().as_secs_f64() / (texels * sets) as f64
+            1e9 * start.elapsed().as_secs_f64() / (texels * frames) as f64
         };
-        let least = |sets: usize, runs: usize| (0..runs).map(|_| run(sets)).fold(f64::INFINITY, f64::min);
-        println!("{:12}  {:21.1}  {:8.1}", format!("{tier:?}"), least(1, 20), least(moments.len(), 3));
+        let least = |frames: usize, runs: usize| (0..runs).map(|_| run(frames)).fold(f64::INFINITY, f64::min);
+        println!("{:12}  {:21.1}  {:8.1}", format!("{tier:?}"), least(1, 20), least(points.len(), 3));
     }
     let Some(sun) = &bundle.header.sun else { return };
     let tiles: Vec<_> =

@@ -1,7 +1,7 @@
 //! Quality against seconds of the trainer on synthetic tiles: `cargo bench -p compressor --bench train -- [iterations …]`, and with
 //! `--kinds` the seconds of tiles that need less than others.
 //!
-//! Each tile has 128² texels and 26 sets: two moving pole shadows with penumbrae under a sun that follows the day, a sky
+//! Each tile has 128² texels and 26 frames: two moving pole shadows with penumbrae under a sun that follows the day, a sky
 //! gradient, and lamps that are off from 6 to 18 h.
 
 use compressor::model::{PROFILES, Profile};
@@ -60,7 +60,7 @@ fn tile(variant: usize) -> TileSource {
         width: 128,
         height: 128,
         hours: hours.iter().map(|&h| h.into()).collect(),
-        sets: hours.into_iter().map(light).collect(),
+        frames: hours.into_iter().map(light).collect(),
         coverage: vec![Coverage::Valid; 128 * 128],
         gates: vec![],
         neighbours: [true; 4],
@@ -103,7 +103,8 @@ fn kinds(profile: &Profile, iterations: usize) {
     let whole = tile(0);
     let off = |hour: &f64| (6.0..=18.0).contains(hour);
     let lamps = Gate { group: 0, on: whole.hours.iter().map(|hour| !off(hour)).collect() };
-    let noon = whole.sets[whole.hours.iter().position(|&hour| hour == 12.0).expect("noon is a set")].clone();
+    let noon =
+        whole.frames[whole.hours.iter().position(|&hour| hour == 12.0).expect("noon is a set")].clone();
     let by_day: Vec<usize> = (0..whole.hours.len()).filter(|&k| off(&whole.hours[k])).collect();
     let few = |i: usize| if i % 128 < 12 && i / 128 < 10 { Coverage::Valid } else { Coverage::Outside };
     let kinds = [
@@ -113,13 +114,13 @@ fn kinds(profile: &Profile, iterations: usize) {
             "by day",
             TileSource {
                 hours: by_day.iter().map(|&k| whole.hours[k]).collect(),
-                sets: by_day.iter().map(|&k| whole.sets[k].clone()).collect(),
+                frames: by_day.iter().map(|&k| whole.frames[k].clone()).collect(),
                 ..whole.clone()
             },
         ),
-        ("static", TileSource { sets: vec![noon; whole.sets.len()], ..whole.clone() }),
+        ("static", TileSource { frames: vec![noon; whole.frames.len()], ..whole.clone() }),
         ("120 texels", TileSource { coverage: (0..128 * 128).map(few).collect(), ..whole.clone() }),
-        ("black", TileSource { sets: vec![vec![[0.0; 3]; 128 * 128]; whole.sets.len()], ..whole }),
+        ("black", TileSource { frames: vec![vec![[0.0; 3]; 128 * 128]; whole.frames.len()], ..whole }),
     ];
     println!("{iterations} iterations\ntile  s (all)  ms/iteration  bytes  dB stored");
     for (name, tile) in kinds {

@@ -19,7 +19,7 @@ const DRAWN: usize = 20_000;
 const LEAST: f32 = 2e-6;
 const LEAST_DOUBLED: f32 = 5e-6;
 const ROUNDS: usize = 8;
-/// After so many rounds, what a first word leaves of blocks is drawn too.
+/// After this many rounds, what a first word leaves of blocks is drawn too.
 const SECOND: usize = 3;
 /// An entry that gains less than this share of the mean is replaced.
 const DEAD: f32 = 0.08;
@@ -75,9 +75,9 @@ fn items(root: &Path, random: &mut Random) -> Result<Vec<Item>, Box<dyn std::err
     let sun = sunlight.coded(&masks, &console)?;
     let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(&sun));
     let tiles = sunlight.each_tile("blocks", &masks, &console, |band, column, seen| {
-        let (_, Some(told)) = band.told(column, &coder, &decoder)? else { return Ok(Vec::new()) };
+        let (_, Some(reported)) = band.reported(column, &coder, &decoder)? else { return Ok(Vec::new()) };
         let mut items = Vec::new();
-        for quarters in sunlight.bricks(band, column, &told, seen)? {
+        for quarters in sunlight.bricks(band, column, &reported, seen)? {
             let errors = quarters.each_ref().map(|brick| brick.as_ref().map_or(0.0, Brick::error));
             if errors.iter().sum::<f32>() > LEAST_DOUBLED {
                 items.push(Item::Block(quarters.clone()));

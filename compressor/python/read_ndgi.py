@@ -126,7 +126,7 @@ class Bundle:
     def stored(self, page, c, r):  # height and width of what a tile stores
         return [4 * -(-(min(126, side - 126 * at) + 2) // 4) for side, at in zip(self.pages[page][::-1], (r, c))]
 
-    def moment(self, hour):
+    def knots_at(self, hour):
         """Section 4: sets a and b, knots i and j, and how far it is from the one to the other."""
         t, hours, n = hour % 24, self.hours, self.n
         inside = lambda x, y: (x, y) == (0, 24) or (x < t < y if x <= y else t > x or t < y)
@@ -150,7 +150,7 @@ class Bundle:
             return np.float32(np.zeros((height, width, 3)) + direct)
         check(checksum(self.data[at:at + length]) == digest, f'tile {c}, {r} of page {page} is damaged')
         field = lambda k, bits=1: word >> k & (1 << bits) - 1
-        (a, b, i, j, g), n, end = self.moment(hour), self.n, at + length
+        (a, b, i, j, g), n, end = self.knots_at(hour), self.n, at + length
         def take(count, form='u1'):
             nonlocal at
             at += count * int(form[-1])

@@ -1,11 +1,11 @@
-//! A thread's own time.
+//! CPU time of a thread.
 
 /// The machine's clock, in seconds.
 pub(crate) fn seconds_since_1970() -> u64 {
     std::time::UNIX_EPOCH.elapsed().map_or(0, |elapsed| elapsed.as_secs())
 }
 
-/// CPU seconds of the thread that started it, where the system tells them; else wall-clock seconds.
+/// CPU seconds of the thread that started it; wall-clock seconds where the system does not report them.
 #[derive(Debug)]
 pub(crate) struct Clock {
     wall: std::time::Instant,
@@ -24,7 +24,7 @@ impl Clock {
         Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
     }
 
-    /// Seconds since the start; to be asked on the thread that started it.
+    /// Seconds since the start; call it on the thread that started it.
     pub(crate) fn seconds(&self) -> f64 {
         match (self.cpu, Self::thread_seconds()) {
             (Some(start), Some(now)) => now - start,

@@ -1,6 +1,6 @@
-//! NDGI beside what else there is: every method on the same tiles, in the same run, judged by the same measures.
+//! Compares NDGI with other methods: the same tiles, the same run, the same metrics.
 //!
-//! How each is set up stands in `BASELINES.md`. Methods of foreign codecs are there with the feature `baselines`.
+//! `BASELINES.md` describes the settings of each. Methods with third-party codecs need the feature `baselines`.
 
 mod tiles;
 mod curve;
@@ -23,11 +23,11 @@ mod methods;
 mod ablations;
 mod render;
 
-pub use render::{Crop, Line, Rendered, Seen, ShownMoment};
+pub use render::{Crop, Line, Rendered, Seen, ShownTime};
 pub use table::{Comparison, Row};
 
 use crate::compress::{DRAFT, MEDIUM, Preset};
-use crate::evaluate::Looks;
+use crate::evaluate::SlowMetrics;
 use crate::{Error, Result};
 use dataset::config::Config;
 use dataset::console::{Console, stop_if_interrupted};
@@ -40,29 +40,29 @@ use render::Stage;
 use table::Shown;
 use tiles::TileSet;
 
-/// What is compared on what.
+/// Options of a comparison.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Tiles with valid texels, at most, drawn by the seed from all pages; otherwise those of the first page.
+    /// Largest number of tiles with valid texels, drawn by the seed from all pages; `None`: those of the first page.
     pub tiles: Option<usize>,
-    /// How hard every encoder and trainer tries.
+    /// Effort of every encoder and trainer.
     pub effort: Effort,
     /// The paper's ablations instead of other methods.
     pub ablations: bool,
-    /// Only the methods of these names; all where there are none.
+    /// Only the methods with these names; empty for all.
     pub methods: Vec<String>,
-    /// The scene in the light of some methods, too; tiles are then those of all pages.
+    /// Also render the scene with the light of some methods; the tiles are then those of all pages.
     pub render: bool,
     /// Seed of all randomness.
     pub seed: u64,
 }
 
-/// How hard every encoder and trainer tries.
+/// Effort of every encoder and trainer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// A first look.
+    /// Quick results.
     Draft,
-    /// NDGI's default preset, and for M its thorough one too; the thorough ones of the others.
+    /// NDGI's default preset, for M also its thorough one; the thorough presets of the others.
     Full,
 }
 
@@ -76,47 +76,47 @@ impl Effort {
     }
 }
 
-/// Compares all methods on tiles of a dataset; `transfer` is that of its scene, `looks` what is measured of looks. Writes nothing.
+/// Compares all methods on tiles of a dataset; `transfer` is that of its scene. Writes nothing.
 ///
 /// # Errors
-/// As [`crate::compress::compress`]; a transfer that is not of this dataset; the name of no method; a scene to render without geometry.
+/// As [`crate::compress::compress`]; a transfer of another dataset; an unknown method; a scene without geometry to render.
 pub fn compare(
     dataset: &Dataset,
     transfer: Option<&Dataset>,
-    looks: Looks,
+    slow_metrics: SlowMetrics,
     options: &Options,
     console: &Console,
 ) -> Result<Comparison> {
-    dataset.expect_moments()?;
-    let set = TileSet::load(dataset, options)?;
-    if set.tiles.is_empty() {
+    dataset.expect_day()?;
+    let frame = TileSet::load(dataset, options)?;
+    if frame.tiles.is_empty() {
         return Err(Error::invalid(
             dataset.root.display(),
-            "no tile has a valid texel: nothing to compare on",
+            "no tile has a valid texel, so there is nothing to compare; check the dataset's masks",
         ));
     }
-    let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &set)).transpose()?;
+    let transfer = transfer.map(|transfer| Transfer::open(dataset, transfer, &frame)).transpose()?;
     let noise = dataset.noise()?;
-    let judge = Judge::new(&set, noise.as_ref(), looks);
-    let mut comparison = Comparison::new(&set, options);
-    let mut left_out = Vec::new();
+    let judge = Judge::new(&frame, noise.as_ref(), slow_metrics);
+    let mut comparison = Comparison::new(&frame, options);
+    let mut skipped = Vec::new();
     let methods = if options.ablations {
-        ablations::methods(&set, options)
+        ablations::methods(&frame, options)
     } else {
-        let mut methods = own(&set, options);
+        let mut methods = own(&frame, options);
         match &transfer {
-            Some(transfer) => methods.extend(prt::methods(&set, transfer)),
-            None => left_out.push(without_transfer(&dataset.config)),
+            Some(transfer) => methods.extend(prt::methods(&frame, transfer)),
+            None => skipped.push(without_transfer(&dataset.config)),
         }
-        foreign(&set, options, &mut methods, &mut left_out);
+        foreign(&frame, options, &mut methods, &mut skipped);
         named(methods, &options.methods)?
     };
-    let mut stage = options.render.then(|| Stage::new(dataset, &set, console)).transpose()?;
+    let mut stage = options.render.then(|| Stage::new(dataset, &frame, console)).transpose()?;
     let progress = console.progress("comparing", methods.len() as u64);
     let mut shown = Vec::new();
     for method in methods {
         progress.note(&method.name);
-        let (row, judged, way) = measure(&set, &judge, &method)?;
+        let (row, judged, way) = measure(&frame, &judge, &method)?;
         stage.iter_mut().try_for_each(|stage| stage.show(&row, &way))?;
         // The same for all.
         comparison.noise_ceiling_db = judged.quality.noise_ceiling_db;
@@ -125,51 +125,50 @@ pub fn compare(
         progress.advance(1);
     }
     if options.ablations {
-        comparison.rows.extend(ablations::sizes(&set, options)?);
+        comparison.rows.extend(ablations::sizes(&frame, options)?);
     }
-    comparison.left_out = left_out;
+    comparison.skipped = skipped;
     if let Some(stage) = stage {
         comparison.rendered = Some(stage.finish(&comparison, &judge.shown, &shown)?);
     }
-    comparison.finish(&set, &judge.shown, shown);
+    comparison.finish(&frame, &judge.shown, shown);
     Ok(comparison)
 }
 
-/// What is said where PRT is not in the table.
+/// Why PRT is not in the table.
 fn without_transfer(config: &Config) -> String {
     if config.source.is_some() {
-        return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this set was imported".to_owned();
+        return "PRT (clustered PCA of precomputed radiance transfer): it needs a bake of the scene, and this dataset was imported".to_owned();
     }
     format!(
-        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer, which the command that baked this set makes \
-         with --transfer instead of --hours; then `--transfer DIR` here, by default dataset/{}-transfer",
+        "PRT (clustered PCA of precomputed radiance transfer): it needs the scene's transfer: run the command that baked this dataset \
+         with --transfer instead of --hours, then add `--transfer DIR` here (by default dataset/{}-transfer)",
         config.scene
     )
 }
 
-/// Runs a method; the best of its ways counts.
-fn measure<'a>(set: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row, Judged, Way<'a>)> {
+/// Runs a method; its best variant counts.
+fn measure<'a>(frame: &TileSet, judge: &Judge, method: &Method<'a>) -> Result<(Row, Judged, Way<'a>)> {
     stop_if_interrupted()?;
     let mut best: Option<(Row, Judged, Way)> = None;
     let mut notes = Vec::new();
     for way in (method.run)()? {
-        // (Means leave out what is not a number: a method must not gain by that.)
+        // (Means omit what is not a number: a method must not gain by that.)
         let is_number = |texel: &[f32; 3]| texel.iter().all(|value| value.is_finite());
         if !way.coded.decoded.iter().flatten().flatten().all(is_number) {
             return Err(Error::invalid(
                 &method.name,
-                "decodes to what is no finite number: a fault of this method",
+                "decodes to a value that is not finite: a fault of this method",
             ));
         }
         let judged = judge.judge(&way.coded)?;
-        let row = Row::new(set, method.family, &method.name, &way.coded, &judged);
+        let row = Row::new(frame, method.family, &method.name, &way.coded, &judged);
         notes.push((way.note.clone(), table::decibels(row.psnr_db)));
         if best.as_ref().is_none_or(|(best, ..)| row.psnr_db > best.psnr_db) {
             best = Some((Row { note: way.note.clone(), ..row }, judged, way));
         }
     }
-    let (mut row, judged, way) =
-        best.ok_or_else(|| Error::invalid(method.name.clone(), "has no way to run"))?;
+    let (mut row, judged, way) = best.ok_or_else(|| Error::invalid(method.name.clone(), "cannot run"))?;
     if notes.len() > 1 {
         let others = notes.iter().filter(|(note, _)| *note != row.note);
         let others: Vec<String> = others.map(|(note, db)| format!("({note}: {db} dB)")).collect();

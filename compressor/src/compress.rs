@@ -1,7 +1,7 @@
-//! From a dataset to a bundle: tiles in parallel, resumable.
+//! Compresses a dataset into a bundle: tiles in parallel, resumable.
 //!
-//! Every finished tile is kept in the folder `<bundle>.part/` until the bundle stands, so that a run that was stopped, by
-//! whatever, continues where it was. What is written depends on the dataset, the options and the processor's instruction set
+//! Every finished tile is stored in the folder `<bundle>.part/` until the bundle is written, so that a stopped run
+//! continues where it was. The bytes written depend on the dataset, the options and the processor's instruction set
 //! (which rounds sums in its own order), never on threads or time, unless there is a time limit.
 
 mod part;
@@ -16,7 +16,7 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Bundle, Header, Payload};
 use crate::grid::{Grid, Place};
-use crate::law::{Law, can_leave_sun_out, is_sun_apart};
+use crate::law::{Law, can_omit_sun, is_sun_apart};
 use crate::model::{PROFILES, Profile};
 use crate::sunlight::Sunlight;
 use crate::tile::Band;
@@ -51,57 +51,57 @@ pub struct Preset {
     pub passes: usize,
 }
 
-/// A first look.
+/// Quick results.
 pub const DRAFT: Preset = Preset { name: "draft", iterations: 1000, passes: 2 };
 /// The default.
 pub const MEDIUM: Preset = Preset { name: "medium", iterations: 10_000, passes: 2 };
-/// What more time still buys.
+/// The best quality.
 pub const FINAL: Preset = Preset { name: "final", iterations: 32_000, passes: 4 };
-/// All of them, the shortest first.
+/// All presets, the shortest first.
 pub const PRESETS: [Preset; 3] = [DRAFT, MEDIUM, FINAL];
 
-/// What tiles have.
+/// How tiles' configurations are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// Profile M; S where the dataset keeps the sun's direct light apart: what is left is smooth in time.
+    /// Profile M; S where the dataset stores the sun's direct light separately, because the rest is smooth in time.
     Usual,
-    /// The maps of a profile, all tiles alike; only what a tile does not need is left out.
+    /// The same profile for all tiles, omitting what a tile does not need.
     Profile(Profile),
-    /// What brief trials of each tile find: so much that all tiles together reach this pooled PSNR in dB, about.
+    /// By trial fits, so that all tiles together reach about this pooled PSNR in dB.
     Psnr(f64),
-    /// The same, within so many bits per texel and set for the whole bundle.
+    /// By trial fits, within this many bits per texel and frame for the whole bundle.
     Bpp(f64),
 }
 
-/// How to compress.
+/// Options of a compression.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// What tiles have.
+    /// How tiles' configurations are chosen.
     pub rate: Rate,
-    /// Steps of the main phase; with a time limit, at most so many.
+    /// Steps of the main phase; with a time limit, at most this many.
     pub iterations: usize,
     /// See [`Recipe::passes`].
     pub passes: usize,
-    /// Training is planned to end so long after the start of the run: all tiles get about as many steps, none of them is left out. The
-    /// bytes then depend on the machine and its load. Goes with [`Rate::Profile`] alone: trials take what time they take.
+    /// Time from the run's start at which training is planned to end: all tiles get about the same number of steps. The
+    /// bytes then depend on the machine and its load. Only with [`Rate::Profile`], because the time of trial fits cannot be planned.
     pub time_limit: Option<Duration>,
-    /// Leave out the sun's direct light where the dataset keeps it apart: the bundle's reader draws the sun itself.
+    /// Omit the sun's direct light, which the dataset stores separately: the bundle's reader draws the sun itself.
     pub without_sun: bool,
-    /// Shadows of the sun fade from where they are at one set to where they are at the next, instead of moving there.
+    /// Cross-fade the sun's shadows from frame to frame instead of moving them.
     pub still_shadows: bool,
     /// Seed of all randomness.
     pub seed: u64,
     /// The bundle's path; `None` for [`default_bundle`].
     pub out: Option<PathBuf>,
-    /// Train every tile again, even where a stopped run left it finished, and replace whatever bundle is there. Shards and merges only do
+    /// Retrain every tile, even those a stopped run finished, and replace an existing bundle. Shards and merges only do
     /// the latter.
     pub force: bool,
-    /// Train nothing: put together what shards have trained, or, towards a target, choose by what they have tried.
+    /// Train nothing: assemble the tiles that shards have trained, or, with a target, choose configurations by their trial fits.
     pub merge: bool,
 }
 
 impl Options {
-    /// The recipe of all tiles; each has a seed of its own.
+    /// The recipe of all tiles; each has its own seed.
     fn recipe(&self) -> Recipe {
         let aim = match self.rate {
             Rate::Usual | Rate::Profile(_) => Aim::MeanPsnr,
@@ -110,7 +110,7 @@ impl Options {
         Recipe { iterations: self.iterations, passes: self.passes, paper: false, seed: self.seed, aim }
     }
 
-    /// The defaults, trained as a preset says.
+    /// The defaults with a preset's training.
     pub fn of(preset: Preset) -> Self {
         Options {
             rate: Rate::Usual,
@@ -133,28 +133,28 @@ impl Default for Options {
     }
 }
 
-/// Where the bundle of a dataset goes by default: `<dataset>/<scene>.ndgi`.
+/// Default path of a dataset's bundle: `<dataset>/<scene>.ndgi`.
 pub fn default_bundle(dataset: &Dataset) -> PathBuf {
     dataset.root.join(format!("{}.ndgi", dataset.config.scene))
 }
 
-/// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if it says so.
+/// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if the bundle has it.
 pub fn light_of(header: &Header) -> Option<String> {
     let info: serde_json::Value = serde_json::from_str(&header.info).ok()?;
     Some(info["inputs"].as_str()?.to_owned())
 }
 
-/// Whether a bundle lacks the sun's direct light, which its dataset keeps apart.
-pub(crate) fn sun_is_left_out(header: &Header) -> bool {
+/// True if a bundle omits the sun's direct light that its dataset stores separately.
+pub(crate) fn sun_is_omitted(header: &Header) -> bool {
     let info: serde_json::Value = serde_json::from_str(&header.info).unwrap_or_default();
     info["sun"] == "left out"
 }
 
-/// Trains every tile of the dataset in `root` and writes the bundle and, beside it, `<bundle>.run.json` with timings.
+/// Trains every tile of the dataset in `root` and writes the bundle and `<bundle>.run.json` with timings.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a dataset that breaks a rule (a torn file, a NaN, …), before anything is written;
-/// [`Error::Unready`] where another run makes the bundle, or with [`Options::merge`] while tiles are missing;
+/// [`Error::Invalid`] for a dataset that is invalid (a truncated file, a NaN, …), before anything is written;
+/// [`Error::Unready`] if another run is writing the bundle, or with [`Options::merge`] while tiles are missing;
 /// [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
@@ -166,7 +166,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     }
     let part = Part::open(&job.out, options.force && !options.merge)?;
     if options.merge && !job.out.exists() {
-        // This may be asked often until all is there: what is missing is said before anything large is read.
+        // A merge may be tried often until all tiles exist: report missing ones before reading anything large.
         let header = job.header(&part)?;
         job.tiles(&header, &part).expect_shards()?;
     }
@@ -192,7 +192,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     for ([sun, shadows], payload) in suns.into_iter().zip(&mut work.payloads) {
         (payload.sun, payload.shadows) = (sun, shadows);
     }
-    // Where no shadow moves, there is no stream of them.
+    // Without moving shadows the stream is omitted.
     let shadows = work.payloads.iter().any(|payload| !payload.shadows.bytes.is_empty());
     let header = Header { shadows, ..header };
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
@@ -204,7 +204,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let left = part.remove();
     if left > 0 {
         console.say(format!(
-            "{}: left for the runs of other settings that were stopped: {} (--force removes them)",
+            "{}: {} of stopped runs with other settings remain (--force removes them)",
             folder.display(),
             count(left, "finished part")
         ));
@@ -212,34 +212,31 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     Ok(outcome)
 }
 
-/// What a shard did.
+/// Result of a shard.
 #[derive(Clone, Debug)]
 pub enum Sharded {
     /// All tiles of its share are trained.
     Trained(Note),
-    /// The trial fits of its share are there. Others' may be missing, or nobody has chosen by them yet.
-    Tried(Note),
-    /// The bundle is there already.
+    /// The trial fits of its share are done. Those of other shards may be missing, or no merge has chosen by them yet.
+    TrialFits(Note),
+    /// The bundle already exists.
     UpToDate(PathBuf),
 }
 
-/// Trains one share of the tiles into the work folder `<bundle>.part/`, which other shards use at the same time. No bundle is written:
-/// [`compress`] with [`Options::merge`] does that when all shards are done. Towards a target the first call makes trial fits, and once a
-/// merge has chosen by those of all shards, the next call trains.
+/// Trains one share of the tiles into the work folder `<bundle>.part/`, which other shards use at the same time. It writes no bundle:
+/// [`compress`] with [`Options::merge`] does that when all shards are done. With a target, the first call makes trial fits, and once a
+/// merge has chosen configurations by those of all shards, the next call trains.
 ///
 /// # Errors
 /// As [`compress`], of the rows of pages that it reads; [`Error::Unsupported`] with a time limit.
 pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Console) -> Result<Sharded> {
     if options.time_limit.is_some() {
-        return Err(Error::unsupported(
-            "time_limit",
-            "shards do not know of each other's time: expected no time limit",
-        ));
+        return Err(Error::unsupported("time_limit", "a time limit is not supported with shards; omit it"));
     }
     let dataset = Dataset::open(root)?;
     let job = Job::new(&dataset, options, console)?;
     let part = Part::share(&job.out)?;
-    // All that a bundle's header says takes long to find: only where there is a bundle.
+    // The full header is slow to compute: only if a bundle exists.
     if job.out.exists()
         && let Some(outcome) = job.existing(&job.header_with_sun(&part, console)?, console)?
     {
@@ -253,10 +250,10 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     done.inspect_err(|error| shard::note_failure(&part, shard, error))
 }
 
-/// What all who work on a bundle know before the first tile.
+/// Inputs of the work on a bundle, known before the first tile.
 struct Job<'a> {
     dataset: &'a Dataset,
-    /// With the rate settled.
+    /// With the rate resolved.
     options: Options,
     out: PathBuf,
     masks: Vec<Mask>,
@@ -268,24 +265,26 @@ struct Job<'a> {
 impl<'a> Job<'a> {
     fn new(dataset: &'a Dataset, options: &Options, console: &Console) -> Result<Self> {
         if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
-            return Err(Error::unsupported("time_limit", "a target of quality or size has no time limit"));
+            return Err(Error::unsupported(
+                "time_limit",
+                "a time limit is not supported with a target quality or size; omit one of them",
+            ));
         }
-        dataset.expect_moments()?;
+        dataset.expect_day()?;
         let root = dataset.root.display();
         let config = &dataset.config;
-        if options.without_sun && !can_leave_sun_out(config) {
+        if options.without_sun && !can_omit_sun(config) {
             let layers = &config.layers;
-            // Light of others, and of version 1, is one sum.
+            // In imported datasets, and in version 1, the layer is one sum.
             let is_whole =
                 |layer: &Layer| (layer.light, layer.part) == (Light::Sun, dataset::config::Part::All);
             if layers.is_empty() || layers.iter().any(is_whole) {
-                let what = "does not keep the sun's direct light as a layer, so that it cannot be left out; expected no --without-sun";
+                let what = "does not store the sun's direct light as a separate layer, so it cannot be omitted; drop --without-sun, or bake the dataset again";
                 return Err(Error::invalid(root, what));
             }
-            console.warn(format!("--without-sun: {root} has no direct light of the sun to leave out"));
+            console.warn(format!("--without-sun has no effect: {root} has no direct light of the sun"));
         }
-        let law =
-            Law::new(dataset, is_sun_apart(config) || options.without_sun && can_leave_sun_out(config))?;
+        let law = Law::new(dataset, is_sun_apart(config) || options.without_sun && can_omit_sun(config))?;
         let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
         let rate = match (options.rate, usual) {
             (Rate::Usual, Some(profile)) => Rate::Profile(profile),
@@ -306,11 +305,11 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Reads all that tiles are trained to once, so that a bad texel or a torn file stops the run before it has trained anything.
+    /// Reads all training data once, so that a bad texel or a truncated file stops the run before any training.
     fn check(&self, console: &Console) -> Result<()> {
         check_texels(self.dataset, console)?;
         if self.law.is_apart {
-            // Tiles are trained to layers then.
+            // Tiles are then trained on layers.
             let mut seen = BTreeSet::new();
             let mut files = self.dataset.config.layers.iter().flat_map(Layer::files);
             files.try_for_each(|file| match seen.insert(&file.path) {
@@ -321,7 +320,7 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    /// The same for some tiles alone, of which the rows are read but no whole file.
+    /// The same for only some tiles: reads their rows, not whole files.
     fn check_bands(&self, places: &[Place], console: &Console) -> Result<()> {
         let bands: BTreeSet<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
         let progress = console.progress("checking", bands.len() as u64);
@@ -333,8 +332,8 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    /// The bundle's header but for the sun's stream. Where the means of tiles between sets belong is found in light of all pages, so it is
-    /// kept in the work folder: of many shards only the first need read it all.
+    /// The bundle's header without the sun's stream. The hours of means between frames depend on the light of all pages, so they are
+    /// stored in the work folder: only the first of many shards reads all pages.
     fn header(&self, part: &Part) -> Result<Header> {
         let key = blake3::hash(
             json!(["hours", program(), self.trained_on, self.law.is_apart]).to_string().as_bytes(),
@@ -351,12 +350,12 @@ impl<'a> Job<'a> {
         Ok(header(self, between))
     }
 
-    /// The whole header.
+    /// The header with the sun's stream.
     fn header_with_sun(&self, part: &Part, console: &Console) -> Result<Header> {
         let sun = self.sunlight.as_ref().map(|sunlight| sunlight.coded(&self.masks, console)).transpose()?;
         if self.options.still_shadows && sun.is_none() {
             console.warn(format!(
-                "--still-shadows: {} has no shadows of the sun to tell of",
+                "--still-shadows has no effect: {} has no shadows of the sun",
                 self.dataset.root.display()
             ));
         }
@@ -364,26 +363,26 @@ impl<'a> Job<'a> {
         Ok(Header { sun, shadows, ..self.header(part)? })
     }
 
-    /// The bundle that is there, if it is the one that is asked for; an error if it must not be replaced.
+    /// The existing bundle if it is up to date; an error if it must not be replaced.
     fn existing(&self, header: &Header, console: &Console) -> Result<Option<Outcome>> {
         if self.options.force {
             return Ok(None);
         }
-        match standing(&self.out, header) {
-            Standing::Same(outcome) => return Ok(Some(*outcome)),
-            Standing::Kept(what) => {
+        match existing_bundle(&self.out, header) {
+            Existing::Same(outcome) => return Ok(Some(*outcome)),
+            Existing::Protected(what) => {
                 return Err(Error::invalid(
                     self.out.display(),
-                    format!("{what}; expected --out FILE for one of its own, or --force to replace it"),
+                    format!("{what}; choose another file with --out, or replace it with --force"),
                 ));
             }
-            Standing::Other(what) => console.say(format!("{}, {what}, is replaced", self.out.display())),
-            Standing::None => {}
+            Existing::Other(what) => console.say(format!("replacing {}: {what}", self.out.display())),
+            Existing::None => {}
         }
         Ok(None)
     }
 
-    /// The work to do, without the sun's stream and without a deadline.
+    /// The work on tiles, without the sun's stream and without a deadline.
     fn tiles<'b>(&'b self, header: &'b Header, part: &'b Part) -> Tiles<'b> {
         Tiles {
             bytes_of_sun: 0,
@@ -399,7 +398,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Digest of the program that runs: tiles of another build may be other bytes, and are trained again.
+/// Digest of the running program: another build may train different bytes, so its tiles are retrained.
 pub(crate) fn program() -> &'static str {
     static PROGRAM: LazyLock<String> = LazyLock::new(|| {
         let digest = |path: PathBuf| {
@@ -412,90 +411,91 @@ pub(crate) fn program() -> &'static str {
     &PROGRAM
 }
 
-/// The bundle where a new one is to go.
-enum Standing {
-    /// The bundle that would be written, but for bytes that go by the instruction set, and how it came to be.
+/// The state of the output path.
+enum Existing {
+    /// An up-to-date bundle (except for bytes that depend on the instruction set) with its training record.
     Same(Box<Outcome>),
-    /// What a run without `--force` does not replace, in words: no bundle at all, one of another scene, or one of the same light that
+    /// A file that only `--force` replaces, with the reason: not a bundle, one of another scene, or one of the same light that
     /// was trained for more steps.
-    Kept(String),
-    /// One of another bake or other settings, or a broken one, in words.
+    Protected(String),
+    /// A bundle that is replaced, with the reason: another bake, other settings, or damage.
     Other(String),
-    /// None.
+    /// No file.
     None,
 }
 
-/// What stands at `out`, beside what is asked for. Under a time limit no two runs are the same.
-fn standing(out: &Path, header: &Header) -> Standing {
+/// Compares the file at `out` with the requested bundle. With a time limit no bundle is up to date.
+fn existing_bundle(out: &Path, header: &Header) -> Existing {
     if !out.exists() {
-        return Standing::None;
+        return Existing::None;
     }
     let Ok(there) = Bundle::open(out) else {
         return match bundle::begins_like_one(out) {
-            true => Standing::Other("which this program cannot read".to_owned()),
-            false => Standing::Kept("is no bundle".to_owned()),
+            true => Existing::Other("this program cannot read it".to_owned()),
+            false => Existing::Protected("is not a bundle".to_owned()),
         };
     };
     if there.header.scene != header.scene {
-        return Standing::Kept(format!(
-            "is a bundle of the scene {}, not of {}",
+        return Existing::Protected(format!(
+            "is a bundle of scene {}, not of {}",
             printable(&there.header.scene),
             header.scene
         ));
     }
-    let told = |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
-    let (old, new) = (told(&there.header), told(header));
+    let reported =
+        |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
+    let (old, new) = (reported(&there.header), reported(header));
     let is_limited = !new["time_limit_secs"].is_null();
-    // (Whether there are shadows that move is known only when they have been looked for, at the times that the header names.)
+    // (Whether there are moving shadows is known only after searching for them, at the times in the header.)
     let header = &Header { shadows: header.shadows && there.header.shadows, ..header.clone() };
     let is_same = there.header == *header && !is_limited;
     let kept = outcome::read(out).filter(|outcome| is_same && outcome.bytes == there.bytes);
     if let Some(outcome) = kept {
-        return Standing::Same(Box::new(outcome));
+        return Existing::Same(Box::new(outcome));
     }
     let differs = |key: &str| old[key] != new[key];
-    // (Under a time limit they are the most that any tile gets.)
+    // (With a time limit they are an upper bound.)
     let steps = old["iterations"].as_u64().filter(|_| old["time_limit_secs"].is_null());
     if let Some(steps) = steps.filter(|&steps| !differs("inputs") && new["iterations"].as_u64() < Some(steps))
     {
         let what = format!(
-            "is a bundle of this light trained for {steps} steps, and {} would replace it",
+            "is a bundle of the same light trained for {steps} steps, more than the {} requested",
             new["iterations"]
         );
-        return Standing::Kept(what);
+        return Existing::Protected(what);
     }
     let what = match () {
-        () if is_same => "whose record of training (.run.json) is not there, or of another bundle".to_owned(),
-        () if differs("inputs") => "compressed from a different bake".to_owned(),
-        () if differs("trained_on") => "made where other layers told which lamps light a tile".to_owned(),
+        () if is_same => "its training record (.run.json) is missing or belongs to another bundle".to_owned(),
+        () if differs("inputs") => "it was compressed from a different bake".to_owned(),
+        () if differs("trained_on") => "it was trained on different layers".to_owned(),
         () if differs("iterations") => {
-            format!("trained for {} steps", printable(&old["iterations"].to_string()))
+            format!("it was trained for {} steps", printable(&old["iterations"].to_string()))
         }
-        () if there.header == *header => "of an earlier run under a time limit".to_owned(),
-        () => "made with other settings".to_owned(),
+        () if there.header == *header => "it is of an earlier run with a time limit".to_owned(),
+        () => "it was made with other settings".to_owned(),
     };
-    Standing::Other(what)
+    Existing::Other(what)
 }
 
-/// Reads every lightmap once, band by band, so that a bad texel or a torn file stops the run before it has trained anything.
+/// Reads every lightmap once, band by band, so that a bad texel or a truncated file stops the run before any training.
 fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
-    let sets = &dataset.config.frames;
+    let frames = &dataset.config.frames;
     let mut seen = BTreeSet::new();
-    let maps: Vec<(usize, usize)> = (0..sets.len())
-        .flat_map(|set| (0..dataset.config.pages.len()).map(move |page| (set, page)))
-        .filter(|&(set, page)| seen.insert(&sets[set].maps[page].path))
+    let maps: Vec<(usize, usize)> = (0..frames.len())
+        .flat_map(|frame| (0..dataset.config.pages.len()).map(move |page| (frame, page)))
+        .filter(|&(frame, page)| seen.insert(&frames[frame].maps[page].path))
         .collect();
     let progress = console.progress("checking", maps.len() as u64);
     let faults: Vec<Result<()>> = maps
         .par_iter()
-        .map(|&(set, page)| {
+        .map(|&(frame, page)| {
             stop_if_interrupted()?;
             let height = dataset.config.pages[page].height as usize;
             for y in (0..height).step_by(crate::model::STORED) {
-                dataset.map_rows(set, page, y, (y + crate::model::STORED).min(height))?;
+                dataset.map_rows(frame, page, y, (y + crate::model::STORED).min(height))?;
             }
-            // After the texels' check: that says more than "the checksum differs".
-            dataset.check_content(&sets[set].maps[page])?;
+            // After the texels' check, whose message says more than "the checksum differs".
+            dataset.check_content(&frames[frame].maps[page])?;
             progress.advance(1);
             Ok(())
         })
@@ -504,7 +504,7 @@ fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
     faults.into_iter().collect()
 }
 
-/// What the bundle says of itself, but for the sun's stream; `between`: [`Law::hours`].
+/// The bundle's header without the sun's stream; `between`: [`Law::hours`].
 fn header(job: &Job, between: Vec<f64>) -> Header {
     let Job { dataset, law, options, .. } = job;
     let config = &dataset.config;
@@ -531,7 +531,7 @@ fn header(job: &Job, between: Vec<f64>) -> Header {
         "seed": options.seed,
         "sun": law.is_apart.then_some(if options.without_sun { "left out" } else { "apart" }),
     });
-    // A coarser level says which, and of what light.
+    // A coarser level names its level and the light it was made from.
     if let Some(halved) = config.halved() {
         (info["level"], info["level_of"]) = (json!(halved.times), json!(halved.light));
     }
@@ -559,15 +559,15 @@ fn header(job: &Job, between: Vec<f64>) -> Header {
 pub(crate) fn timeline(dataset: &Dataset) -> Timeline {
     let config = &dataset.config;
     Timeline {
-        hours: config.frames.iter().map(|set| set.hour).collect(),
+        hours: config.frames.iter().map(|frame| frame.hour).collect(),
         intervals: config.groups.iter().map(|group| group.on.clone()).collect(),
-        states: config.frames.iter().map(|set| set.groups_on.clone()).collect(),
+        states: config.frames.iter().map(|frame| frame.groups_on.clone()).collect(),
         between: vec![],
         coding: Coding::Standard,
     }
 }
 
-/// Digest of the light and of what else decides a tile's training: the layers tell which groups light it.
+/// Digest of everything that decides a tile's training: the light, and the layers, which show which groups light a tile.
 fn trained_on(dataset: &Dataset, law: &Law) -> String {
     let config = &dataset.config;
     let files = |group: u32| {
@@ -575,7 +575,7 @@ fn trained_on(dataset: &Dataset, law: &Law) -> String {
         layers.flat_map(Layer::files).map(|file| file.blake3.clone()).collect::<Vec<_>>()
     };
     let mut layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
-    // Where the sun is apart, maps hold the sum of layers.
+    // With a separate sun, maps hold the sum of layers.
     if law.is_apart {
         layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3.clone()).collect());
     }

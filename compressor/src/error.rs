@@ -1,8 +1,8 @@
-//! One error type for all that this crate does.
+//! The crate's error type.
 
 use dataset::Error;
 
-/// An error of the decoding crate as one of this: `Bundle::open(path).map_err(of_bundle)`.
+/// Converts an error of the decoding crate: `Bundle::open(path).map_err(of_bundle)`.
 pub fn of_bundle(error: ndgi::Error) -> Error {
     match error {
         ndgi::Error::Invalid { place, what } => Error::Invalid { place, what },

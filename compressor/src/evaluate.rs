@@ -1,8 +1,8 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
-//! Every set is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
-//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, set). A tile without a valid texel is none; those that are all zero are counted apart;
-//! those whose reference is constant in space have no dynamic range and are judged by relative error, apart from the rest.
+//! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
+//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted separately;
+//! samples with a constant reference have no dynamic range and are evaluated separately, by relative error.
 
 mod strips;
 mod rgbe;
@@ -18,7 +18,7 @@ pub use between::Between;
 pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
-pub use sample::{Looks, Sample};
+pub use sample::{Sample, SlowMetrics};
 pub use shadows::Shadows;
 pub use steps::{Step, Steps};
 pub(crate) use strips::{decode, read, strips, valid};
@@ -39,10 +39,10 @@ use sample::Strip;
 use seams::Seams;
 use std::ops::Range;
 
-/// Side of the large tiles that quality is told of too.
+/// Side in texels of the large tiles, on which quality is also reported.
 pub const LARGE: usize = 2 * TILE;
 
-/// Means over (large tile, set), of those that are neither black nor constant in space.
+/// Means over (large tile, frame), of those that are neither black nor constant in space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Large {
     /// Mean PSNR; peak = the tile's largest valid value.
@@ -56,59 +56,59 @@ pub struct Large {
 /// A bundle's quality.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// Every (tile, set) that has a valid texel, set by set, page by page, row by row.
+    /// Every (tile, frame) that has a valid texel, frame by frame, page by page, row by row.
     pub samples: Vec<Sample>,
-    /// Over all sets.
+    /// Over all frames.
     pub all: Quality,
-    /// Over the sets that the sun lights directly, where the dataset tells which.
+    /// Over the frames that the sun lights directly, if the dataset says which.
     pub sunny: Option<Quality>,
-    /// Of what maps hold, without the sun's direct light, where this is a stream of its own: over all sets, without looks and noise.
+    /// Of the maps only (without the sun's direct light, if that is a separate stream): over all frames, without slow metrics and noise.
     pub without_sun: Option<Quality>,
-    /// Whether the sun's direct light was left out of the bundle, and so of what it is compared with.
-    pub sun_is_left_out: bool,
-    /// Per set: hour and quality.
+    /// True if the bundle omits the sun's direct light; the reference then omits it, too.
+    pub sun_is_omitted: bool,
+    /// Per frame: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
-    /// Over the sets that differ: nights under the same lamps are one image, which `all` counts once per set.
+    /// Over the frames that differ: nights with the same light groups on are one image, which `all` counts once per frame.
     pub distinct: Quality,
-    /// How many sets differ.
-    pub distinct_sets: usize,
-    /// Over all sets, on tiles of [`LARGE`]² texels.
+    /// Number of distinct frames.
+    pub distinct_frames: usize,
+    /// Over all frames, on tiles of [`LARGE`]² texels.
     pub large: Large,
-    /// How well the change from set to set is met.
+    /// Error of the change from frame to frame.
     pub steps: Steps,
-    /// Length of the bundle file × 8 ÷ (texels of all pages × sets), texels without a surface included.
+    /// Length of the bundle file × 8 ÷ (texels of all pages × frames), texels without a surface included.
     pub bpp: f64,
-    /// The same ÷ (valid texels × sets), and ÷ (valid texels × sets that differ).
+    /// The same ÷ (valid texels × frames), and ÷ (valid texels × frames that differ).
     pub bits_of_valid: [f64; 2],
     /// Bytes of the bundle's tiles of the sun.
     pub bytes_of_sun: u64,
-    /// And of how its shadows move.
+    /// Bytes of moving shadows.
     pub bytes_of_shadows: u64,
-    /// Tiles of which something is stored.
+    /// Tiles that are not empty.
     pub tiles: usize,
     /// Bytes of the bundle file.
     pub bytes: u64,
-    /// Mean error of the step from a texel to its neighbour across borders of the bundle's tiles, over that inside tiles, each
-    /// page and set weighted by 1 ÷ its mean. 1 where tiles do not show; `None` where there are no borders, or no errors inside.
+    /// Mean error of differences between neighbouring texels across tile borders, divided by that inside tiles, each
+    /// page and frame weighted by 1 ÷ its mean. 1 if tile borders are invisible; `None` if there are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
-    /// The sun's direct light between the sets, where it is a stream of its own.
+    /// The sun's direct light between the frames, where it is a separate stream.
     pub shadows: Option<Shadows>,
-    /// Quality between the sets, where light is interpolated anywhere.
+    /// Quality between the frames, where light is interpolated anywhere.
     pub between: Option<Between>,
     /// Wall-clock seconds of decoding alone.
     pub decode_seconds: f64,
 }
 
-/// What is judged by besides the dataset.
+/// Optional references and metrics of an evaluation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measures<'a> {
-    /// A bake of the same scene at other hours: between the sets it is the truth.
+    /// A bake of the same scene at other hours: the reference between the frames.
     pub withheld: Option<&'a Dataset>,
-    /// What is measured of the looks of tiles.
-    pub looks: Looks<'a>,
+    /// Slow quality metrics.
+    pub slow_metrics: SlowMetrics<'a>,
 }
 
-/// Decodes every set of `decoder`'s bundle and compares it with `dataset`.
+/// Decodes every frame of `decoder`'s bundle and compares it with `dataset`.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged; [`Error::Io`];
@@ -133,13 +133,13 @@ pub fn evaluate(
         noise,
         masks,
         strips,
-        looks: measures.looks,
+        slow_metrics: measures.slow_metrics,
     };
     let found = found(&lightmaps, "evaluating", console)?;
     let mut indirect = None;
     if decoder.bundle().header.sun.is_some() {
         (lightmaps.law, lightmaps.lights) = (Law::of(true), Lights::Baked);
-        (lightmaps.noise, lightmaps.looks) = (None, Looks::default());
+        (lightmaps.noise, lightmaps.slow_metrics) = (None, SlowMetrics::default());
         let found = self::found(&lightmaps, "evaluating without the sun", console)?;
         indirect = Some(Quality {
             dark_relative_error: mean(found.dark.into_iter().flatten()),
@@ -151,7 +151,7 @@ pub fn evaluate(
     Ok(Evaluation { without_sun: indirect, ..evaluation })
 }
 
-/// What people can still see by, in lux: half the light of a full moon. Where the unit is not known, any light counts.
+/// Darkest mean light that counts as visible, in lux: half a full moon's. With an unknown unit, any light counts.
 pub const VISIBLE_LUX: f64 = 0.1;
 
 /// The same in the unit of a dataset.
@@ -164,58 +164,58 @@ fn visible(dataset: &Dataset) -> f64 {
     }
 }
 
-/// What of a dataset's light a bundle is to be compared with: all, or where the sun was left out, all but its direct light.
+/// The dataset's light that a bundle is compared with: all, or without the sun's direct light if the bundle omits it.
 pub(crate) fn reference_law(decoder: &Decoder) -> Law {
-    Law::of(crate::compress::sun_is_left_out(&decoder.bundle().header))
+    Law::of(crate::compress::sun_is_omitted(&decoder.bundle().header))
 }
 
-/// Compares all sets.
+/// Compares all frames.
 fn found(lightmaps: &Lightmaps, what: &str, console: &Console) -> Result<Found> {
-    let sets = lightmaps.dataset.config.frames.len();
-    let progress = console.progress(what, (sets * lightmaps.masks.len()) as u64);
+    let frames = lightmaps.dataset.config.frames.len();
+    let progress = console.progress(what, (frames * lightmaps.masks.len()) as u64);
     let mut found = Found::default();
-    for set in 0..sets {
-        found.add_set(lightmaps, set, &progress)?;
+    for frame in 0..frames {
+        found.add_frame(lightmaps, frame, &progress)?;
     }
     Ok(found)
 }
 
-/// What is compared, page by page in strips.
+/// The inputs of a comparison, page by page in strips.
 struct Lightmaps<'a> {
     dataset: &'a Dataset,
-    /// What of its light is compared, and what of the bundle's.
+    /// Which light of the dataset and of the bundle is compared.
     law: Law,
     lights: Lights,
     decoder: &'a Decoder,
     noise: Option<Noise>,
-    /// Sets of a lower mean are too dark to be judged in their darkest texels.
+    /// Frames of a lower mean are too dark to evaluate in their darkest texels.
     visible: f64,
     /// Of each page.
     masks: Vec<Mask>,
     /// Of each page, the rows of its strips.
     strips: Vec<Vec<Range<usize>>>,
-    looks: Looks<'a>,
+    slow_metrics: SlowMetrics<'a>,
 }
 
-/// What was found so far.
+/// Results so far.
 #[derive(Default)]
 struct Found {
     samples: Vec<Sample>,
     large: Vec<TileQuality>,
     seams: Seams,
-    /// Per set, the relative error of its darkest texels.
+    /// Per frame, the relative error of its darkest texels.
     dark: Vec<Option<f64>>,
     decode_seconds: f64,
 }
 
 impl Found {
-    /// Adds all pages of a set.
-    fn add_set(&mut self, of: &Lightmaps, set: usize, progress: &Progress) -> Result<()> {
+    /// Adds all pages of a frame.
+    fn add_frame(&mut self, of: &Lightmaps, frame: usize, progress: &Progress) -> Result<()> {
         let first = self.samples.len();
         let (mut sum, mut texels) = (0.0, 0);
         let mut brightnesses = Brightnesses::default();
         for page in 0..of.masks.len() {
-            let (page_sum, page_texels) = self.add_page(of, set, page, &mut brightnesses)?;
+            let (page_sum, page_texels) = self.add_page(of, frame, page, &mut brightnesses)?;
             sum += page_sum;
             texels += page_texels;
             progress.advance(1);
@@ -230,17 +230,18 @@ impl Found {
         Ok(())
     }
 
-    /// Adds a page of a set; gives the sum of its valid texels' channels, and how many texels these are.
+    /// Adds a page of a frame; returns the sum of its valid texels' channels and their number.
     fn add_page(
         &mut self,
         of: &Lightmaps,
-        set: usize,
+        frame: usize,
         page: usize,
         brightnesses: &mut Brightnesses,
     ) -> Result<(f64, usize)> {
         let (dataset, mask) = (of.dataset, &of.masks[page]);
-        let sets = &dataset.config.frames;
-        let mut references = References { dataset, law: &of.law, set, page, height: mask.height, last: None };
+        let frames = &dataset.config.frames;
+        let mut references =
+            References { dataset, law: &of.law, frame, page, height: mask.height, last: None };
         // The mean first: it is the unit of what follows.
         let (mut sum, mut texels) = (0.0, 0);
         for rows in &of.strips[page] {
@@ -249,7 +250,7 @@ impl Found {
             sum += of_strip.0;
             texels += of_strip.1;
         }
-        dataset.check_content(&sets[set].maps[page])?;
+        dataset.check_content(&frames[frame].maps[page])?;
         let page_mean = mean_of(sum, texels);
         for rows in &of.strips[page] {
             stop_if_interrupted()?;
@@ -257,7 +258,7 @@ impl Found {
             let more = rows.start..(rows.end + 1).min(mask.height);
             let mut reference = references.take(rows)?;
             let start = std::time::Instant::now();
-            let mut decoded = strips::decode(of.decoder, of.lights, page, sets[set].hour, &more)?;
+            let mut decoded = strips::decode(of.decoder, of.lights, page, frames[frame].hour, &more)?;
             self.decode_seconds += start.elapsed().as_secs_f64();
             let mut mask = strips::cut(mask, &more);
             self.seams.add(&decoded, &reference, &mask, rows, page_mean);
@@ -268,15 +269,15 @@ impl Found {
             mask.height = rows.len();
             mask.valid.truncate(rows.len() * mask.width);
             let strip = Strip {
-                set,
+                frame,
                 page,
                 row: rows.start,
                 decoded: &decoded,
                 reference: &reference,
                 mask: &mask,
                 page_mean,
-                noise: of.noise.as_ref().map(|noise| &noise.mse[set][page][..]),
-                looks: of.looks,
+                noise: of.noise.as_ref().map(|noise| &noise.mse[frame][page][..]),
+                slow_metrics: of.slow_metrics,
             };
             self.large.extend(strip.qualities(LARGE));
             self.samples.extend(strip.samples()?);
@@ -285,7 +286,7 @@ impl Found {
         Ok((sum, texels))
     }
 
-    /// Sums up, and adds what is measured between the sets.
+    /// Computes the means, and adds the measurements between frames.
     fn into_evaluation(
         self,
         dataset: &Dataset,
@@ -294,17 +295,17 @@ impl Found {
         withheld: Option<&Dataset>,
         console: &Console,
     ) -> Result<Evaluation> {
-        let (bundle, sets, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
-        // The quality over some of the sets.
+        let (bundle, frames, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
+        // The quality over some of the frames.
         let over = |wanted: &dyn Fn(usize) -> bool| Quality {
-            dark_relative_error: mean((0..sets.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
-            ..quality(self.samples.iter().filter(|sample| wanted(sample.set)))
+            dark_relative_error: mean((0..frames.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
+            ..quality(self.samples.iter().filter(|sample| wanted(sample.frame)))
         };
         let over_large = |of: fn(&TileQuality) -> Option<f64>| mean(self.large.iter().filter_map(of));
         let texels: u64 = pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
-        let files = |k: usize| sets[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
+        let files = |k: usize| frames[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
         let mut seen = std::collections::BTreeSet::new();
-        let firsts: Vec<usize> = (0..sets.len()).filter(|&k| seen.insert(files(k))).collect();
+        let firsts: Vec<usize> = (0..frames.len()).filter(|&k| seen.insert(files(k))).collect();
         let valid = (0..pages.len())
             .map(|page| Ok(dataset.mask(page)?.valid.iter().filter(|valid| **valid).count()))
             .sum::<Result<usize>>()?;
@@ -312,24 +313,24 @@ impl Found {
             let mut direct = dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
             direct.any(|layer| (0..pages.len()).any(|page| layer.file(k, page).is_some()))
         };
-        let sunny = (0..sets.len()).any(is_sunny);
+        let sunny = (0..frames.len()).any(is_sunny);
         Ok(Evaluation {
             without_sun: None,
-            sun_is_left_out: crate::compress::sun_is_left_out(&decoder.bundle().header),
+            sun_is_omitted: crate::compress::sun_is_omitted(&decoder.bundle().header),
             sunny: sunny.then(|| over(&is_sunny)),
             all: over(&|_| true),
-            by_hour: sets.iter().enumerate().map(|(k, set)| (set.hour, over(&|of| of == k))).collect(),
+            by_hour: frames.iter().enumerate().map(|(k, frame)| (frame.hour, over(&|of| of == k))).collect(),
             distinct: over(&|k| firsts.binary_search(&k).is_ok()),
-            distinct_sets: firsts.len(),
+            distinct_frames: firsts.len(),
             large: Large {
                 psnr_db: over_large(|quality| quality.psnr_db),
                 psnr_range_db: over_large(|quality| quality.psnr_range_db),
                 one_minus_ssim: over_large(|quality| quality.ssim).map(|ssim| 1.0 - ssim),
             },
             steps: steps::steps(dataset, law, decoder, console)?,
-            bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * sets.len() as f64),
-            bits_of_valid: [sets.len(), firsts.len()]
-                .map(|sets| bundle.bytes as f64 * 8.0 / (valid as f64 * sets as f64)),
+            bpp: bundle.bytes as f64 * 8.0 / (texels as f64 * frames.len() as f64),
+            bits_of_valid: [frames.len(), firsts.len()]
+                .map(|frames| bundle.bytes as f64 * 8.0 / (valid as f64 * frames as f64)),
             bytes_of_sun: bundle.index.iter().map(|entry| u64::from(entry.sun.length)).sum(),
             bytes_of_shadows: bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum(),
             tiles: bundle.index.iter().filter(|entry| entry.bytes() > 0).count(),
@@ -343,17 +344,17 @@ impl Found {
     }
 }
 
-/// The mean over the channels of so many texels; 0 of none.
+/// The mean over the channels of this many texels; 0 of none.
 fn mean_of(sum: f64, texels: usize) -> f64 {
     if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
 }
 
-/// One page of one set by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is
+/// One page of one frame by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is
 /// read once.
 struct References<'a> {
     dataset: &'a Dataset,
     law: &'a Law,
-    set: usize,
+    frame: usize,
     page: usize,
     height: usize,
     last: Option<(usize, Image)>,
@@ -370,7 +371,7 @@ impl References<'_> {
             Some((first, image)) if first == rows.start => Ok(image),
             _ => {
                 let more = rows.start..(rows.end + 1).min(self.height);
-                strips::read(self.dataset, self.law, self.set, self.page, &more)
+                strips::read(self.dataset, self.law, self.frame, self.page, &more)
             }
         }
     }
@@ -395,15 +396,15 @@ pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
             pages(config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect()),
         ),
         (
-            "sets at the hours",
+            "frames at the hours",
             hours(header.timeline.hours.clone()),
-            hours(config.frames.iter().map(|set| set.hour).collect()),
+            hours(config.frames.iter().map(|frame| frame.hour).collect()),
         ),
     ];
     for (what, bundle, of_dataset) in kinds {
         if bundle != of_dataset {
             let (scene, root) = (printable(&header.scene), dataset.root.display());
-            let what = format!("has {what} {bundle}; expected those of the dataset {root}, {of_dataset}");
+            let what = format!("has {what} {bundle}; the dataset {root} has {of_dataset}; expected the same");
             return Err(Error::invalid(format!("bundle of scene {scene}"), what));
         }
     }

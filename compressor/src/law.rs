@@ -1,11 +1,11 @@
-//! Which part of a dataset's light goes into a bundle's maps, and how it is interpolated between sets.
+//! Which part of a dataset's light goes into a bundle's maps, and how it is interpolated between frames.
 //!
-//! Where a dataset keeps the sun's direct light and visibility apart, maps hold the rest: what is smooth in time. A layer may have a
-//! curve by which it goes between two frames (`dataset::curve`); the bundle then tells tiles' means at more hours than those of the
-//! sets, so that dusk falls as it does and not in a straight line.
+//! Where a dataset stores the sun's direct light and visibility separately, maps hold the rest, which is smooth in time. A layer may have a
+//! curve between two frames (`dataset::curve`); the bundle then stores tiles' means at more hours than those of the
+//! frames, so that dusk follows its curve and not a straight line.
 
 use crate::model::Knot;
-use crate::time::{Moment, Timeline};
+use crate::time::{TimePoint, Timeline};
 use crate::{Error, Result};
 use dataset::config::{Config, FileRef, Layer, Light, Part};
 use dataset::console::stop_if_interrupted;
@@ -14,29 +14,29 @@ use dataset::image::Mask;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
-/// Means at hours between sets are told where a straight line is wrong by more than this share of the light,
+/// Means at hours between frames are stored where a straight line is wrong by more than this share of the light,
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
-/// Two sets farther apart than this, in hours, have no knots between them: nobody baked that part of the day.
+/// Two frames farther apart than this, in hours, have no knots between them: nobody baked that part of the day.
 pub const WIDEST: f64 = 12.0;
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;
 
-/// How far to blend from the first set's picture to the second's. `sets`: the light of each by its parts; `light`: what of the light between
+/// How far to blend from the first frame's picture to the second's. `frames`: the light of each by its parts; `light`: what of the light between
 /// them stems from each. It is a least-squares fit of the parts' shares of the light; the share of all light counts a little ([`HOLD`]), for
-/// when the parts do not decide. By all light alone it would be wrong after sunset, when half of the sky's light may come from a set at
+/// when the parts do not decide. By all light alone it would be wrong after sunset, when half of the sky's light may come from a frame at
 /// which the sun still shone.
-fn share(sets: [&[[f64; 3]]; 2], light: [&[[f64; 3]]; 2]) -> f64 {
+fn share(frames: [&[[f64; 3]]; 2], light: [&[[f64; 3]]; 2]) -> f64 {
     let part = |of: &[[f64; 3]], i: usize| of[i].iter().sum::<f64>();
-    let [a, b] = sets.map(sum);
+    let [a, b] = frames.map(sum);
     let whole = sum(light[0]) + sum(light[1]);
     if a <= 0.0 || b <= 0.0 || whole <= 0.0 {
         return if whole > 0.0 { sum(light[1]) / whole } else { 0.0 };
     }
     let (mut top, mut bottom) = (HOLD * sum(light[1]) / whole, HOLD);
-    for i in 0..sets[0].len() {
-        let (from, to) = (part(sets[0], i) / a, part(sets[1], i) / b);
+    for i in 0..frames[0].len() {
+        let (from, to) = (part(frames[0], i) / a, part(frames[1], i) / b);
         let now = (part(light[0], i) + part(light[1], i)) / whole;
         top += (now - from) * (to - from);
         bottom += (to - from) * (to - from);
@@ -48,12 +48,12 @@ fn sum(light: &[[f64; 3]]) -> f64 {
     light.iter().flatten().sum()
 }
 
-/// Texels of a page that are looked at together.
+/// Texels of a page that are processed together.
 const TEXELS: usize = 1 << 22;
-/// Hours between two sets that are looked at: every minute.
+/// Step in hours between the examined times: a minute.
 const STEP: f64 = 1.0 / 60.0;
 
-/// Light by layer: of some texels at a set, the mean of each layer that has a curve, and of all light, red, green and blue.
+/// Light by layer: of some texels at a frame, the mean of each layer that has a curve, and of all light, red, green and blue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares {
     /// By curve.
@@ -71,17 +71,17 @@ impl Shares {
     }
 }
 
-/// What the maps of a bundle hold, and how it goes between sets.
+/// Which light the maps of a bundle hold, and its curves between frames.
 #[derive(Debug)]
 pub struct Law {
-    /// Whether the sun's direct light is apart.
+    /// True if the sun's direct light is a separate stream.
     pub is_apart: bool,
     /// Indices of layers with a curve, and it.
     curves: Vec<(usize, Curve)>,
 }
 
 impl Law {
-    /// Of a dataset. `is_apart` leaves the sun's direct light out, which only works where [`can_leave_sun_out`].
+    /// Of a dataset. `is_apart` leaves the sun's direct light out, which only works where [`can_omit_sun`].
     pub fn new(dataset: &Dataset, is_apart: bool) -> Result<Self> {
         let config = &dataset.config;
         let mut curves = Vec::new();
@@ -94,38 +94,38 @@ impl Law {
         Ok(Law { is_apart, curves })
     }
 
-    /// The files whose sum the maps hold of a page at a set: sets of the same files are the same.
-    pub fn files<'a>(&self, dataset: &'a Dataset, set: usize, page: usize) -> Vec<&'a str> {
+    /// The files whose sum the maps hold of a page at a frame: frames of the same files are the same.
+    pub fn files<'a>(&self, dataset: &'a Dataset, frame: usize, page: usize) -> Vec<&'a str> {
         let config = &dataset.config;
         if !self.is_apart {
-            return vec![&config.frames[set].maps[page].path];
+            return vec![&config.frames[frame].maps[page].path];
         }
         let daylight = config.layers.iter().filter(|layer| matches!(layer.light, Light::Sun | Light::Sky));
         let daylight =
-            daylight.filter(|layer| !layer.is_direct_sun()).filter_map(|layer| layer.file(set, page));
-        let local = config.files_of_local(set, page).into_iter().flatten();
+            daylight.filter(|layer| !layer.is_direct_sun()).filter_map(|layer| layer.file(frame, page));
+        let local = config.files_of_local(frame, page).into_iter().flatten();
         daylight.chain(local).map(|file| file.path.as_str()).collect()
     }
 
-    /// The light that maps hold of some rows of a page at a set; and per curve that of its layer, where it is not black.
+    /// The light that maps hold of some rows of a page at a frame; and per curve that of its layer, where it is not black.
     pub fn rows<'a>(
         &self,
         dataset: &'a Dataset,
-        [set, page]: [usize; 2],
+        [frame, page]: [usize; 2],
         [y0, y1]: [usize; 2],
-        kept: &mut Kept<'a>,
+        kept: &mut LayerRows<'a>,
     ) -> Result<Rows> {
         let config = &dataset.config;
         let read = |file: &FileRef| dataset.image_rows(file, page, y0, y1);
         let of_curve =
-            |(layer, _): &(usize, Curve)| config.layers[*layer].file(set, page).map(&read).transpose();
+            |(layer, _): &(usize, Curve)| config.layers[*layer].file(frame, page).map(&read).transpose();
         let layers = self.curves.iter().map(of_curve).collect::<Result<Vec<_>>>()?;
         if !self.is_apart {
-            return Ok((dataset.map_rows(set, page, y0, y1)?, layers));
+            return Ok((dataset.map_rows(frame, page, y0, y1)?, layers));
         }
         let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
         if config.layers.is_empty() || config.layers.iter().any(is_whole) {
-            let what = "keeps no layers of the sun's direct light: what is left without it cannot be told";
+            let what = "has no separate layers of the sun's direct light, so the light without it is unknown";
             return Err(Error::unsupported(dataset.root.display(), what));
         }
         // ((sun indirect + sky) + local), as in frames but for the sun's direct light.
@@ -141,11 +141,11 @@ impl Law {
         for (i, layer) in daylight.filter(|(_, layer)| !layer.is_direct_sun()) {
             match self.curves.iter().position(|(of, _)| *of == i) {
                 Some(at) => layers[at].iter().for_each(|texels| add(texels)),
-                None => layer.file(set, page).map(&read).transpose()?.iter().for_each(|texels| add(texels)),
+                None => layer.file(frame, page).map(&read).transpose()?.iter().for_each(|texels| add(texels)),
             }
         }
-        // What lamps give is the same at many sets.
-        for file in config.files_of_local(set, page).into_iter().flatten() {
+        // The light of lamps is the same in many frames.
+        for file in config.files_of_local(frame, page).into_iter().flatten() {
             if !kept.contains_key(file.path.as_str()) {
                 kept.insert(&file.path, read(file)?);
             }
@@ -159,13 +159,13 @@ impl Law {
         Law { is_apart, curves: Vec::new() }
     }
 
-    /// How far an hour is from one set to another; and by curve and channel, by what the light of each is multiplied.
+    /// How far an hour is from one frame to another; and by curve and channel, by what the light of each is multiplied.
     fn weights(&self, hours: [f64; 2], hour: f64) -> (f64, Vec<[[f64; 2]; 3]>) {
         let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
         (part, self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect())
     }
 
-    /// The light at an hour between two sets, from that of each.
+    /// The light at an hour between two frames, from that of each.
     pub fn mixed(&self, hours: [f64; 2], hour: f64, rows: [&Rows; 2]) -> Vec<[f32; 3]> {
         let (part, weights) = self.weights(hours, hour);
         let texel = |i: usize, c: usize| {
@@ -185,13 +185,13 @@ impl Law {
         (0..rows[0].0.len()).map(|i| [0, 1, 2].map(|c| texel(i, c))).collect()
     }
 
-    /// Hours between sets at which tiles' means are to be told, by the light of all pages.
+    /// Hours between frames at which tiles' means are to be told, by the light of all pages.
     pub fn hours(&self, dataset: &Dataset, masks: &[Mask], timeline: &Timeline) -> Result<Vec<f64>> {
         if self.curves.is_empty() {
             return Ok(Vec::new());
         }
         let shares = (0..timeline.hours.len())
-            .map(|set| self.shares_of_pages(dataset, masks, set))
+            .map(|frame| self.shares_of_pages(dataset, masks, frame))
             .collect::<Result<Vec<_>>>()?;
         let brightest = shares.iter().flat_map(|shares| shares.all).fold(0.0, f64::max);
         let mut found = Vec::new();
@@ -200,10 +200,10 @@ impl Law {
             let span = (timeline.hours[b] - timeline.hours[a]).rem_euclid(24.0);
             let hour = |i: usize| (timeline.hours[a] + i as f64 * STEP).rem_euclid(24.0);
             let steps = (span / STEP).ceil() as usize;
-            // The set, minutes between sets that are both shown, and the other set.
+            // The frame, minutes between frames that are both shown, and the other frame.
             let is_between = |i: &usize| {
-                let moment = timeline.at(hour(*i));
-                (moment.a, moment.b) == (a, b)
+                let point = timeline.at(hour(*i));
+                (point.a, point.b) == (a, b)
             };
             let mut minutes: Vec<f64> = (1..steps).filter(is_between).map(|i| i as f64 * STEP).collect();
             if a == b || minutes.is_empty() || span > WIDEST {
@@ -242,15 +242,15 @@ impl Law {
         Ok(found)
     }
 
-    /// Means over the valid texels of all pages at a set.
-    fn shares_of_pages(&self, dataset: &Dataset, masks: &[Mask], set: usize) -> Result<Shares> {
+    /// Means over the valid texels of all pages at a frame.
+    fn shares_of_pages(&self, dataset: &Dataset, masks: &[Mask], frame: usize) -> Result<Shares> {
         let mut sums = Sums::new(self);
         for (page, mask) in masks.iter().enumerate() {
             let height = (TEXELS / mask.width).max(1);
             for y0 in (0..mask.height).step_by(height) {
                 stop_if_interrupted()?;
                 let rows = [y0, (y0 + height).min(mask.height)];
-                let light = self.rows(dataset, [set, page], rows, &mut Kept::new())?;
+                let light = self.rows(dataset, [frame, page], rows, &mut LayerRows::new())?;
                 let valid = &mask.valid[rows[0] * mask.width..rows[1] * mask.width];
                 sums.add(&light, (0..valid.len()).filter(|i| valid[*i]));
             }
@@ -258,15 +258,15 @@ impl Law {
         Ok(sums.mean())
     }
 
-    /// Of the light at an hour between two sets, what stems from each: by curve, then the rest.
+    /// Of the light at an hour between two frames, what stems from each: by curve, then the rest.
     fn weighed(
         &self,
         timeline: &Timeline,
-        sets: [usize; 2],
+        frames: [usize; 2],
         hour: f64,
         shares: [&Shares; 2],
     ) -> [Vec<[f64; 3]>; 2] {
-        let hours = sets.map(|set| timeline.hours[set]);
+        let hours = frames.map(|frame| timeline.hours[frame]);
         let (part, weights) = self.weights(hours, hour);
         [0, 1].map(|end| {
             let straight = [1.0 - part, part][end];
@@ -276,29 +276,30 @@ impl Law {
         })
     }
 
-    /// The knots of a tile from those of its sets, by the shares of its light at each.
-    pub fn knots(&self, timeline: &Timeline, of_sets: &[Knot], shares: &[Shares]) -> Vec<Knot> {
+    /// The knots of a tile from those of its frames, by the shares of its light at each.
+    pub fn knots(&self, timeline: &Timeline, of_frames: &[Knot], shares: &[Shares]) -> Vec<Knot> {
         let mut knots: BTreeMap<usize, Knot> = BTreeMap::new();
-        knots.extend(of_sets.iter().enumerate().map(|(set, knot)| (timeline.knot_of(set), *knot)));
+        knots.extend(of_frames.iter().enumerate().map(|(frame, knot)| (timeline.knot_of(frame), *knot)));
         for &hour in &timeline.between {
-            let Moment { a, b, knots: [at, _], .. } = timeline.at(hour);
+            let TimePoint { a, b, knots: [at, _], .. } = timeline.at(hour);
             let weighed = self.weighed(timeline, [a, b], hour, [&shares[a], &shares[b]]);
             // A tile's scale is its mean, or more where that is too little.
-            let scaled = |set: usize, light: &[f64; 3]| -> [f64; 3] {
-                std::array::from_fn(|c| match shares[set].all[c] {
-                    mean if mean > 0.0 => light[c] / mean * f64::from(of_sets[set].mean[c]),
+            let scaled = |frame: usize, light: &[f64; 3]| -> [f64; 3] {
+                std::array::from_fn(|c| match shares[frame].all[c] {
+                    mean if mean > 0.0 => light[c] / mean * f64::from(of_frames[frame].mean[c]),
                     _ => 0.0,
                 })
             };
-            let parts = |set: usize, parts: &[[f64; 3]]| {
-                parts.iter().map(|part| scaled(set, part)).collect::<Vec<_>>()
+            let parts = |frame: usize, parts: &[[f64; 3]]| {
+                parts.iter().map(|part| scaled(frame, part)).collect::<Vec<_>>()
             };
             let (of_a, of_b) = (parts(a, &weighed[0]), parts(b, &weighed[1]));
             let (whole_a, whole_b) = (parts(a, &shares[a].parts()), parts(b, &shares[b].parts()));
-            let peak = |set: usize, light: &[[f64; 3]]| match crate::time::brightness(&of_sets[set].mean) {
-                whole if whole > 0.0 => f64::from(of_sets[set].peak) * sum(light) / whole,
-                _ => 0.0,
-            };
+            let peak =
+                |frame: usize, light: &[[f64; 3]]| match crate::time::brightness(&of_frames[frame].mean) {
+                    whole if whole > 0.0 => f64::from(of_frames[frame].peak) * sum(light) / whole,
+                    _ => 0.0,
+                };
             let knot = Knot {
                 mean: std::array::from_fn(|c| {
                     of_a.iter().chain(&of_b).map(|part| part[c]).sum::<f64>() as f32
@@ -353,16 +354,16 @@ impl Sums {
     }
 }
 
-/// Rows of files that several sets name.
-pub type Kept<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
+/// Rows of files that several frames name.
+pub type LayerRows<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
 
-/// Whether a dataset tells of the sun's direct light at any time: keeps it apart, and its visibility.
+/// True if a dataset has the sun's direct light at any time: as a separate layer, with visibility.
 pub fn is_sun_apart(config: &Config) -> bool {
     config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
 }
 
-/// Whether a dataset has the sun's direct light as a layer, so that it can be left out.
-pub fn can_leave_sun_out(config: &Config) -> bool {
+/// True if a dataset has the sun's direct light as a separate layer, so it can be omitted.
+pub fn can_omit_sun(config: &Config) -> bool {
     let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
     config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(is_whole)
 }

@@ -1,6 +1,6 @@
-//! Coarser levels of a bundle, for virtual texturing: each is half the resolution of the one before, and a bundle of its own.
+//! Coarser levels of a bundle, for virtual texturing: each has half the resolution of the one before and is a separate bundle.
 //!
-//! The halved datasets stand in the folder `<bundle>.levels/` until all levels are done, so that a run that was stopped goes on with them.
+//! The halved datasets are stored in the folder `<bundle>.levels/` until all levels are done, so that a stopped run can continue.
 
 use crate::compress::{Options, beside, compress};
 use crate::decode::Decoder;
@@ -20,7 +20,7 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A level that was written and judged.
+/// A level that was written and evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Level {
     /// How often the resolution was halved: from 1.
@@ -33,11 +33,11 @@ pub struct Level {
     pub tiles: usize,
     /// Its bytes.
     pub bytes: u64,
-    /// Mean PSNR beside the light of full resolution, averaged.
+    /// Mean PSNR against the averaged light of full resolution.
     pub psnr_db: Option<f64>,
     /// The same from the mean squared error.
     pub psnr_pooled_db: Option<f64>,
-    /// Whether an earlier run had written it.
+    /// True if an earlier run had written it.
     pub up_to_date: bool,
 }
 
@@ -71,7 +71,7 @@ pub fn options(options: &Options, pages: &[Page], level: u32) -> Options {
     Options { time_limit, ..options.clone() }
 }
 
-/// Compresses and judges all levels of the dataset in `root` but the first, beside the `bundle` of full resolution.
+/// Compresses and evaluates all coarser levels of the dataset in `root`, into the folder of the full-resolution `bundle`.
 ///
 /// # Errors
 /// Those of [`halve`], [`compress`] and [`evaluate`]; [`Error::Invalid`] where another run makes these levels.
@@ -85,8 +85,8 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
     }
     let lock = lock(
         &work,
-        "another run is making the levels of this bundle",
-        "wait for it, or choose another --out",
+        "another run is writing the levels of this bundle",
+        "wait until it ends, or choose another --out",
     )?;
     let mut done = Vec::new();
     for level in 1..=count(&pages) {
@@ -115,7 +115,7 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
     Ok(done)
 }
 
-/// Bundles of coarser levels beside the `bundle` that are of other light than the dataset's: readers that stream would show them.
+/// Bundles of coarser levels in the folder of `bundle` that were made from other light than the dataset's: streaming readers would show them.
 pub fn stale(dataset: &Dataset, bundle: &Path) -> Vec<PathBuf> {
     let light = dataset.config.digest_of_light();
     let is_other = |path: &PathBuf| {
@@ -126,7 +126,7 @@ pub fn stale(dataset: &Dataset, bundle: &Path) -> Vec<PathBuf> {
     (1..).map(|level| name(bundle, level)).take_while(|path| path.exists()).filter(is_other).collect()
 }
 
-/// Compresses and judges a level.
+/// Compresses and evaluates a level.
 fn one(half: &Dataset, level: u32, options: &Options, console: &Console) -> Result<Level> {
     let pages: Vec<[u32; 2]> = half.config.pages.iter().map(|page| [page.width, page.height]).collect();
     let outcome = compress(&half.root, options, console)?;
@@ -173,8 +173,8 @@ impl Level {
 pub fn section(levels: &[Level]) -> Section {
     let mut section = Section::new("Coarser levels");
     section.paragraph(
-        "For virtual texturing: bundles of half the resolution, a quarter, and so on. A texel at level m is the mean of the valid texels \
-         under it, and what is at texel position p of a page is at p ÷ 2^m.",
+        "For virtual texturing: bundles at half the resolution, a quarter, and so on. A texel at level m is the mean of the valid texels \
+         it covers; texel position p of a page is at p ÷ 2^m.",
     );
     let row = |level: &Level| {
         let name = level.bundle.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());

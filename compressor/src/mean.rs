@@ -1,6 +1,6 @@
-//! The means that judging and compressing share.
+//! Means that evaluation and compression share.
 
-/// The mean of what is finite; `None` of nothing.
+/// The mean of the finite values; `None` if there are none.
 pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     weighted_mean(values.map(|value| (value, 1)))
 }

@@ -1,6 +1,6 @@
-//! Text from files, for the terminal.
+//! Makes text from files safe for the terminal.
 
-/// A text without what steers a terminal: control characters, and those that turn the direction of writing, are spelled out, as `\u{1b}`.
+/// A text with control characters and changes of writing direction escaped, such as `\u{1b}`.
 pub fn printable(text: &str) -> String {
     let steers = |c: char| {
         c.is_control()
@@ -21,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_steers_a_terminal_is_spelled_out_and_all_else_stands() {
+    fn control_characters_are_escaped_and_all_else_is_unchanged() {
         assert_eq!(
             printable("a\u{1b}[31mb\u{9b}2J\r\n\u{7}\u{202e}"),
             "a\\u{1b}[31mb\\u{9b}2J\\r\\n\\u{7}\\u{202e}"

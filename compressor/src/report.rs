@@ -1,4 +1,4 @@
-//! Report sections: what is seen first (`lead`), training curves, quality table, pictures, what was left out.
+//! Report sections: summary (`lead`), training curves, quality table, pictures, omissions.
 
 mod lead;
 
@@ -13,11 +13,11 @@ use dataset::image::Image;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
 use dataset::report::preview::{Reduction, exposure, tone_mapped_png};
-use dataset::report::scene::shown_sets;
+use dataset::report::scene::shown_frames;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
-/// A page of at most so many texels is decoded whole for a picture.
+/// A page of at most this many texels is decoded whole for a picture.
 const SMALL: usize = 1 << 22;
 /// Errors are shown this much brighter than the light.
 const ERROR_GAIN: f32 = 16.0;
@@ -31,9 +31,9 @@ pub fn training(outcome: &Outcome) -> Section {
     let mut section = Section::new("Training");
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
     section.paragraph(&format!(
-        "{} tiles, {} of them without light, {} taken over from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
-         training. Steps per tile: {}. What maps hold, mean over tiles by their texels: before quantisation {}, with features of \
-         8 bits {}, as stored in BC7 {}.",
+        "{} tiles, {} of them without light, {} reused from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
+         training. Steps per tile: {}. PSNR of the maps, mean over tiles weighted by their texels: before quantisation {}, with \
+         8-bit features {}, as stored in BC7 {}.",
         outcome.tiles,
         outcome.empty,
         outcome.resumed,
@@ -55,11 +55,11 @@ pub fn training(outcome: &Outcome) -> Section {
         section.plot(&Plot {
             title: "Quality against training time".to_owned(),
             x: "CPU seconds per tile".to_owned(),
-            y: "PSNR in dB; falls where the maps are quantised".to_owned(),
+            y: "PSNR in dB; drops where the maps are quantised".to_owned(),
             log_x: false,
             log_y: false,
             lines: vec![
-                ("mean over tiles, by texels".to_owned(), line(&|point| point.mean_db)),
+                ("mean over tiles, weighted by texels".to_owned(), line(&|point| point.mean_db)),
                 ("worst tile".to_owned(), line(&|point| point.worst_db)),
             ],
         });
@@ -67,7 +67,7 @@ pub fn training(outcome: &Outcome) -> Section {
     section
 }
 
-/// The quality table by hour and the worst tiles; what is to be said of targets and limits first.
+/// The quality table by hour and the worst tiles, after remarks on targets and limits.
 pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     let mut section = Section::new("Quality");
     section.paragraph(
@@ -107,7 +107,7 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     };
     if evaluation.steps.each.iter().any(|step| step.error.is_some()) {
         section.plot(&Plot {
-            title: "Error of the change of light to the next set".to_owned(),
+            title: "Error of the change of light to the next frame".to_owned(),
             x: "hour".to_owned(),
             y: "RMS of the error ÷ RMS of the change".to_owned(),
             log_x: false,
@@ -119,16 +119,16 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
     section
 }
 
-/// Means by measures besides those of the table.
+/// Means of metrics that are not in the table.
 fn other_measures(evaluation: &Evaluation, section: &mut Section) {
     let (all, large) = (&evaluation.all, &evaluation.large);
-    section.subheading("By other measures");
+    section.subheading("Other metrics");
     let row = |name: &str, value: String| vec![name.to_owned(), value];
     section.table(
         &["measure", "value"],
         &[
             row("PSNR dB, peak = largest − smallest", cell(all.psnr_range_db, 2)),
-            row("1 − SSIM, windows of 7×7 texels alike", cell(all.one_minus_ssim_uniform, 5)),
+            row("1 − SSIM, 7×7 box window", cell(all.one_minus_ssim_uniform, 5)),
             row("PSNR dB, tiles of 256×256", cell(large.psnr_db, 2)),
             row("PSNR dB, tiles of 256×256, peak = largest − smallest", cell(large.psnr_range_db, 2)),
             row("1 − SSIM, tiles of 256×256", cell(large.one_minus_ssim, 5)),
@@ -137,7 +137,7 @@ fn other_measures(evaluation: &Evaluation, section: &mut Section) {
     );
 }
 
-/// The (tile, set) pairs of least PSNR.
+/// The (tile, frame) pairs of least PSNR.
 fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
     let mut worst: Vec<_> = evaluation
         .samples
@@ -146,7 +146,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         .filter_map(|s| Some((s.quality.psnr_db?, s)))
         .collect();
     worst.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Sets of one picture have one PSNR, texel for texel: of these the first stands for all.
+    // Identical frames have identical PSNRs: only the first is listed.
     let mut shown = std::collections::BTreeSet::new();
     worst.retain(|(db, s)| shown.insert((s.page, s.rect.y0, s.rect.x0, db.to_bits())));
     let rows: Vec<Vec<String>> = worst
@@ -155,7 +155,7 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         .map(|(db, s)| {
             let place = format!("{}–{}, {}–{}", s.rect.x0, s.rect.x1, s.rect.y0, s.rect.y1);
             let ceiling = cell(s.noise_ceiling_db, 2);
-            let hour = evaluation.by_hour[s.set].0;
+            let hour = evaluation.by_hour[s.frame].0;
             vec![
                 hour.to_string(),
                 s.page.to_string(),
@@ -167,23 +167,23 @@ fn worst_tiles(evaluation: &Evaluation, section: &mut Section) {
         })
         .collect();
     section.subheading("The worst tiles");
-    section.paragraph("Of sets that are alike the first alone.");
+    section.paragraph("Of identical frames, only the first.");
     section.table(&["hour", "page", "texels x, y", "valid texels", "PSNR dB", "noise ceiling dB"], &rows);
 }
 
-/// Decoded pages beside the reference and their difference, at a few hours.
+/// Decoded pages, reference and difference at a few hours.
 ///
 /// # Errors
 /// As reading the dataset and the bundle.
 pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     let mut section = Section::new("Decoded and reference");
     section.paragraph(&format!(
-        "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour at its own exposure."
+        "Reference, decoded, and the absolute difference {ERROR_GAIN} times brighter, each hour with its own exposure."
     ));
-    let (sets, law) = (&dataset.config.frames, reference_law(decoder));
-    for k in shown_sets(&dataset.config) {
+    let (frames, law) = (&dataset.config.frames, reference_law(decoder));
+    for k in shown_frames(&dataset.config) {
         for page in 0..dataset.config.pages.len() {
-            let hour = sets[k].hour;
+            let hour = frames[k].hour;
             let mask = dataset.mask(page)?;
             let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
             let mut reductions = [new(), new(), new()];
@@ -211,26 +211,26 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
             ]);
         }
     }
-    between_sets(dataset, decoder, &mut section)?;
+    between_frames(dataset, decoder, &mut section)?;
     Ok(section)
 }
 
-/// A quarter of an hour after the set in the middle of the day, or between it and the next where they are closer: the first page, where it is
+/// A quarter of an hour after the frame in the middle of the day, or between it and the next where they are closer: the first page, where it is
 /// of modest size and the bundle has a sun, beside the dataset's own light there.
-fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
+fn between_frames(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
     let Some(sun) = &decoder.bundle().header.sun else { return Ok(()) };
     let mask = dataset.mask(0)?;
     if mask.valid.len() > SMALL {
         return Ok(());
     }
     let middle = sun.times.len().saturating_sub(1) / 2;
-    let Some([set, next]) = sun.times.get(middle..middle + 2) else { return Ok(()) };
-    let hour = set + 0.25_f64.min((next - set) / 2.0);
+    let Some([frame, next]) = sun.times.get(middle..middle + 2) else { return Ok(()) };
+    let hour = frame + 0.25_f64.min((next - frame) / 2.0);
     // The middle of the day may lie in hours that were not baked.
     if dataset.sun_path()?.is_none_or(|path| path.at(hour).is_none()) {
         return Ok(());
     }
-    let reference = dataset.moment(hour, 0)?;
+    let reference = dataset.light_at(hour, 0)?;
     let decoded = decode(decoder, Lights::All, 0, hour, &(0..mask.height))?;
     let new = || Reduction::new(mask.width, mask.height, PICTURE_SIDE);
     let reduced = [&reference, &decoded].map(|image| {
@@ -242,8 +242,8 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
     let bright = exposure(&reference, &mask);
     let picture = |image: &Image| tone_mapped_png(image, &mask, bright, PICTURE_SIDE);
     section.paragraph(match decoder.bundle().header.shadows {
-        true => "Between two sets the bundle's shadows of the sun move. Beside them stands what the dataset knows of the sun at that moment.",
-        false => "Between two sets the sun's shadows fade from one place to the next; the dataset knows where they are.",
+        true => "Between two frames the bundle's shadows of the sun move. They are compared with the dataset's visibility of the sun at that time.",
+        false => "Between two frames the bundle's shadows of the sun cross-fade; the dataset's visibility shows where they are.",
     });
     section.pictures(&[
         (format!("page 0, {hour} h, the dataset's light"), picture(&reference)),
@@ -252,9 +252,9 @@ fn between_sets(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> 
     Ok(())
 }
 
-/// What tiles have, and what training left out and why; the sun's direct light too, if it was.
-pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
-    let mut section = Section::new("What tiles have, and what the compressor left out");
+/// Tile configurations and what training omitted and why, including the sun's direct light.
+pub fn omitted(outcome: &Outcome, is_sun: bool) -> Section {
+    let mut section = Section::new("Tile configurations, and what the compressor omitted");
     let mut kinds: BTreeMap<&str, Vec<&TileOutcome>> = BTreeMap::new();
     for tile in &outcome.per_tile {
         kinds.entry(tile.has.as_deref().unwrap_or("nothing")).or_default().push(tile);
@@ -269,10 +269,10 @@ pub fn left_out(outcome: &Outcome, is_sun: bool) -> Section {
     section.table(&["maps and inputs", "tiles", "bytes", "mean PSNR of the maps, dB"], &rows);
     let tiles = |n: usize| if n == 1 { "1 tile".to_owned() } else { format!("{n} tiles") };
     let mut items: Vec<String> =
-        outcome.left_out.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
-    if outcome.left_out.len() > LISTED {
-        let rest = outcome.left_out[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
-        items.push(format!("{rest} further remarks; all of them stand in the bundle's run.json"));
+        outcome.omitted.iter().take(LISTED).map(|(remark, n)| format!("{}: {remark}", tiles(*n))).collect();
+    if outcome.omitted.len() > LISTED {
+        let rest = outcome.omitted[LISTED..].iter().map(|(_, n)| n).sum::<usize>();
+        items.push(format!("{rest} further remarks; all are in the bundle's run.json"));
     }
     if is_sun {
         items.insert(0, "the bundle: the sun's direct light (--without-sun)".to_owned());

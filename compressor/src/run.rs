@@ -1,4 +1,4 @@
-//! The whole command: compress, read the written bundle back, judge it, and tell.
+//! The whole command: compress, read the written bundle back, evaluate and report it.
 
 use crate::compress::{Options, Outcome, Rate, compress};
 use crate::decode::Decoder;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// A bundle that was written and judged.
+/// A bundle that was written and evaluated.
 #[derive(Debug)]
 pub struct Judged {
     /// What compressing did.
@@ -36,7 +36,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
     let outcome = compress(root, options, console)?;
     if outcome.up_to_date {
         let path = outcome.bundle.display();
-        console.say(format!("{path} already holds this dataset so compressed (--force trains it again)"));
+        console.say(format!("{path} is up to date (--force retrains it)"));
     }
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle).map_err(of_bundle)?;
@@ -49,7 +49,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         Some((what, false)) => remarks.push(what.clone()),
         None => {}
     }
-    // The bundle is what was asked for; the table comes besides.
+    // The table is additional: --quiet omits it.
     if !console.quiet {
         print(&evaluation, console);
         remarks.iter().for_each(|what| console.print(what));
@@ -63,7 +63,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         if shows_scene { pictures.folded() } else { pictures },
         report::quality(&evaluation, &remarks).folded(),
         report::training(&outcome).folded(),
-        report::left_out(&outcome, evaluation.sun_is_left_out).folded(),
+        report::omitted(&outcome, evaluation.sun_is_omitted).folded(),
     ];
     Ok(Judged { outcome, evaluation, lead, sections, seconds: start.elapsed().as_secs_f64() })
 }
@@ -72,52 +72,52 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
 fn quantisation(outcome: &Outcome) -> Option<String> {
     let (unquantised, stored) = outcome.psnr_unquantised_db.zip(outcome.psnr_trained_db)?;
     Some(format!(
-        "what maps hold, mean over tiles by their texels: {unquantised:.2} dB with unquantised features, {:.2} dB with features of 8 bits, {stored:.2} dB \
+        "PSNR of the maps, mean over tiles weighted by their texels: {unquantised:.2} dB with unquantised features, {:.2} dB with 8-bit features, {stored:.2} dB \
          as stored, in BC7",
         outcome.psnr_8bit_features_db?
     ))
 }
 
-/// What to say of the training's steps under a time limit.
+/// The remark on training steps under a time limit.
 fn steps(options: &Options, outcome: &Outcome) -> Option<String> {
     options.time_limit?;
     let [least, most] = outcome.steps?;
     (least < options.iterations).then(|| {
         format!(
-            "steps per tile: {least} to {most} of {} at most; under a time limit other machines, or other days, may give other bytes",
+            "steps per tile: {least} to {most}, of at most {}; under a time limit, another run can give different bytes",
             options.iterations
         )
     })
 }
 
-/// A pooled PSNR may be so far below its target before that is a warning: brief trials do not tell it closer.
+/// Largest shortfall in dB below a target PSNR without a warning: trial fits do not predict it more closely.
 const NEAR_DB: f64 = 0.5;
-/// And so far above it before that is worth a remark.
+/// Largest excess in dB above it without a remark.
 const FAR_DB: f64 = 1.0;
 
-/// What to say where a target was not reached, and whether by more than was to be expected.
+/// The remark on a missed target, and true if it was missed by more than expected.
 fn missed(rate: Rate, evaluation: &Evaluation) -> Option<(String, bool)> {
     match rate {
         Rate::Psnr(target) => {
             let reached = evaluation.all.psnr_pooled_db?;
             if reached > target + FAR_DB {
-                let why = "the least that tiles can have gives more, or all of them gained more than those that were measured";
-                return Some((format!("--target-psnr {target}: {reached:.2} dB were reached: {why}"), false));
+                let why = "even the smallest configurations exceed the target, or training gained more than the measured tiles predicted";
+                return Some((format!("--target-psnr {target}: reached {reached:.2} dB: {why}"), false));
             }
             if reached >= target {
                 return None;
             }
             let what = format!(
-                "--target-psnr {target}: {reached:.2} dB were reached, less than brief trials foretold"
+                "--target-psnr {target}: reached {reached:.2} dB, less than the trial fits predicted"
             );
             Some(match reached < target - NEAR_DB {
-                true => (format!("{what}, or the most that the dearest of them give"), true),
+                true => (format!("{what}, or the most that the largest configurations give"), true),
                 false => (what, false),
             })
         }
         Rate::Bpp(target) if evaluation.bpp > target => {
             let what = format!(
-                "--target-bpp {target}: {:.3} bits are the least that the tiles with light take at this size",
+                "--target-bpp {target}: the smallest configurations take {:.3} bits per texel and frame; raise the target",
                 evaluation.bpp
             );
             Some((what, true))
@@ -145,8 +145,8 @@ impl Judged {
         object["tiles_empty"] = json!(outcome.empty);
         object["up_to_date"] = json!(outcome.up_to_date);
         object["tiles_resumed"] = json!(outcome.resumed);
-        object["steps_least"] = json!(outcome.steps.map(|steps| steps[0]));
-        object["steps_most"] = json!(outcome.steps.map(|steps| steps[1]));
+        object["steps_min"] = json!(outcome.steps.map(|steps| steps[0]));
+        object["steps_max"] = json!(outcome.steps.map(|steps| steps[1]));
         object["seconds"] = json!(self.seconds);
         object["training_cpu_seconds"] = json!(outcome.training_seconds);
         object
@@ -165,11 +165,11 @@ mod tests {
             samples: vec![],
             sunny: None,
             without_sun: None,
-            sun_is_left_out: false,
+            sun_is_omitted: false,
             all,
             by_hour: vec![],
             distinct: all,
-            distinct_sets: 0,
+            distinct_frames: 0,
             bpp: 0.5,
             bits_of_valid: [0.7; 2],
             bytes_of_sun: 0,
@@ -188,7 +188,7 @@ mod tests {
         let above = missed(Rate::Psnr(38.6));
         assert!(above.is_some_and(|(what, is_far)| what.contains("gained more") && !is_far));
         let near = missed(Rate::Psnr(40.0));
-        assert!(near.is_some_and(|(what, is_far)| what.contains("39.70 dB were reached") && !is_far));
+        assert!(near.is_some_and(|(what, is_far)| what.contains("reached 39.70 dB") && !is_far));
         assert!(missed(Rate::Psnr(40.3)).is_some_and(|(_, is_far)| is_far));
         assert_eq!(missed(Rate::Bpp(0.5)), None);
         assert!(missed(Rate::Bpp(0.49)).is_some_and(|(_, is_far)| is_far));

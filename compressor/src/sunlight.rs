@@ -1,7 +1,7 @@
-//! The sun as a stream of its own: which texels see it at the times of visibility, and how they face it. The times are the hours of the sunlit
-//! sets and, where shadows are to move, sunrise, sunset and some in between.
+//! The sun as a separate stream: which texels see it at the times of visibility, and how they face it. The times are the hours of the sunlit
+//! frames and, where shadows are to move, sunrise, sunset and some in between.
 //!
-//! Visibility at a set is its direct light over an unshadowed sun's, normal · direction · irradiance. So the sets are met up to the rounding
+//! Visibility at a frame is its direct light over an unshadowed sun's, normal · direction · irradiance. So the frames are met up to the rounding
 //! of levels, normals (about a degree) and the sun's path (0.3 %). Where the sun grazes a texel, and its light is next to none, the
 //! dataset's own visibility counts.
 
@@ -30,7 +30,7 @@ const GRAZING: f32 = 0.02;
 const PATH: f32 = 3e-3;
 /// The longest gap between times of visibility in hours, give or take [`CLOSE`], where shadows move.
 const APART: f64 = 1.0;
-/// Sunrise and sunset get a time of their own only if they are farther than this from a set, in hours.
+/// Sunrise and sunset get a time of their own only if they are farther than this from a frame, in hours.
 const CLOSE: f64 = 0.1;
 
 /// The sun of a dataset that keeps it apart.
@@ -39,38 +39,39 @@ pub struct Sunlight<'a> {
     dataset: &'a Dataset,
     /// What the bundle's header says of it.
     pub sun: Sun,
-    /// Per time of visibility, the set of that hour.
-    sets: Vec<Option<usize>>,
+    /// Per time of visibility, the frame of that hour.
+    frames: Vec<Option<usize>>,
     moves: bool,
 }
 
 impl<'a> Sunlight<'a> {
-    /// Of a dataset; `None` where the sun lights nothing directly at any set. `moves`: whether shadows are to move between the times.
+    /// Of a dataset; `None` if the sun lights nothing directly at any frame. `moves`: whether shadows are to move between the times.
     pub fn new(dataset: &'a Dataset, moves: bool) -> Result<Option<Self>> {
         let config = &dataset.config;
         let Some(path) = dataset.sun_path()?.filter(|_| crate::law::is_sun_apart(config)) else {
             return Ok(None);
         };
-        let is_lit = |&set: &usize| {
+        let is_lit = |&frame: &usize| {
             let mut direct = config.layers.iter().filter(|layer| layer.is_direct_sun());
             let is_there =
-                direct.any(|layer| (0..config.pages.len()).any(|page| layer.file(set, page).is_some()));
-            is_there && path.at(config.frames[set].hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3])
+                direct.any(|layer| (0..config.pages.len()).any(|page| layer.file(frame, page).is_some()));
+            is_there
+                && path.at(config.frames[frame].hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3])
         };
-        let sets: Vec<usize> = (0..config.frames.len()).filter(is_lit).collect();
-        if sets.is_empty() {
+        let frames: Vec<usize> = (0..config.frames.len()).filter(is_lit).collect();
+        if frames.is_empty() {
             return Ok(None);
         }
         let mut times: Vec<(f64, Option<usize>)> =
-            sets.into_iter().map(|set| (config.frames[set].hour, Some(set))).collect();
+            frames.into_iter().map(|frame| (config.frames[frame].hour, Some(frame))).collect();
         if moves {
             add_times(&mut times, &path);
         }
-        let (times, sets) = times.into_iter().unzip();
+        let (times, frames) = times.into_iter().unzip();
         Ok(Some(Sunlight {
             dataset,
             sun: Sun { path: thinned(&path), times, tables: Tables::default() },
-            sets,
+            frames,
             moves,
         }))
     }
@@ -98,16 +99,16 @@ impl<'a> Sunlight<'a> {
         Ok(sun)
     }
 
-    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where that is asked for, how shadows
+    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where that is requested, how shadows
     /// move.
     pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<[Section; 2]>> {
         let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(sun));
         let search = self.moves().then(Search::of_table);
-        let what = if search.is_some() { "how shadows move" } else { "the sun" };
+        let what = if search.is_some() { "moving shadows" } else { "the sun" };
         let sections = self.each_tile(what, masks, console, |band, column, seen| {
-            let (section, told) = band.told(column, &coder, &decoder)?;
-            let moving = match search.as_ref().zip(told) {
-                Some((search, told)) => self.moving(search, band, column, &told, seen)?,
+            let (section, reported) = band.reported(column, &coder, &decoder)?;
+            let moving = match search.as_ref().zip(reported) {
+                Some((search, reported)) => self.moving(search, band, column, &reported, seen)?,
                 None => Section::default(),
             };
             Ok([section, moving])
@@ -177,7 +178,7 @@ impl<'a> Sunlight<'a> {
         let normals = &sunlight.normals.normals[offset..offset + texels];
         // First what the visibility says, in 255ths; then, in its place, the level.
         let (mut levels, ever) = seen(&sunlight.visibility, &rows, &self.sun.times)?;
-        for (time, &set) in self.sets.iter().enumerate() {
+        for (time, &frame) in self.frames.iter().enumerate() {
             let hour = self.sun.times[time];
             let levels = &mut levels[time * texels..][..texels];
             // As a reader will have it.
@@ -185,7 +186,7 @@ impl<'a> Sunlight<'a> {
                 levels.fill([ANY; 3]);
                 continue;
             };
-            let direct = set.map(|set| self.direct(set, page, &rows)).transpose()?;
+            let direct = frame.map(|frame| self.direct(frame, page, &rows)).transpose()?;
             for i in 0..texels {
                 let cosine: f32 = (0..3).map(|axis| normals[i][axis] * direction[axis]).sum();
                 if coverage[i] != Coverage::Valid || cosine <= 0.0 {
@@ -215,7 +216,7 @@ impl<'a> Sunlight<'a> {
             page,
             row,
             rows,
-            times: self.sets.len(),
+            times: self.frames.len(),
             normals: normals.to_vec(),
             levels,
             nearest: vec![None; texels],
@@ -228,10 +229,10 @@ impl<'a> Sunlight<'a> {
         Ok(band)
     }
 
-    /// The sun's direct light of a set.
-    fn direct(&self, set: usize, page: usize, rows: &Range<usize>) -> Result<Vec<[f32; 3]>> {
+    /// The sun's direct light of a frame.
+    fn direct(&self, frame: usize, page: usize, rows: &Range<usize>) -> Result<Vec<[f32; 3]>> {
         let layers = self.dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
-        let files: Vec<_> = layers.filter_map(|layer: &Layer| layer.file(set, page)).collect();
+        let files: Vec<_> = layers.filter_map(|layer: &Layer| layer.file(frame, page)).collect();
         self.dataset.sum_rows(&files, page, rows.start, rows.end)
     }
 }
@@ -298,7 +299,7 @@ impl SunBand {
 
     /// The encoded section of one tile, and the tile decoded from it: levels that did not matter at the times have some value there, which may
     /// matter between them.
-    pub fn told(
+    pub fn reported(
         &self,
         column: usize,
         coder: &Coder,
@@ -309,10 +310,10 @@ impl SunBand {
         if section.bytes.is_empty() {
             return Ok((section, None));
         }
-        let told = decoder
+        let reported = decoder
             .tile(&section.bytes, section.word, [tile.width, tile.height])
             .map_err(|what| dataset::Error::invalid("a tile of the sun", what))?;
-        Ok((section, Some(told)))
+        Ok((section, Some(reported)))
     }
 
     /// One tile; what lies past its border is not looked at.
@@ -333,7 +334,7 @@ impl SunBand {
     }
 }
 
-/// Adds times to those of the sets: where the sun rises and sets, and between any two that are more than [`APART`] hours from each other.
+/// Adds times to those of the frames: where the sun rises and sets, and between any two that are more than [`APART`] hours from each other.
 fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath) {
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let ends = [(0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up)];
@@ -343,17 +344,17 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
             times.insert(if end == 0 { 0 } else { times.len() }, (hour, None));
         }
     }
-    let told = std::mem::take(times);
-    for pair in told.windows(2) {
+    let reported = std::mem::take(times);
+    for pair in reported.windows(2) {
         let [from, to] = [pair[0].0, pair[1].0];
-        // Where the sun is down in between, as by the poles or where hours were left out, there is nothing to tell.
+        // Where the sun is down in between, as by the poles or where hours were omitted, there is nothing to tell.
         let parts = ((to - from - CLOSE) / APART).ceil().max(1.0);
         times.push(pair[0]);
         let between = (1..parts as usize).map(|k| from + (to - from) * k as f64 / parts);
         let is_lit = |hour: &f64| path.at(*hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
         times.extend(between.filter(is_lit).map(|hour| (hour, None)));
     }
-    times.extend(told.last());
+    times.extend(reported.last());
 }
 
 /// What a dataset's visibility says of rows of a page at some times, by time and texel, in 255ths; and whether a texel sees the sun at any time.

@@ -1,4 +1,4 @@
-//! Profiles and presets side by side: some tiles of a dataset, trained by every one of them.
+//! Compares profiles and presets on some tiles of a dataset.
 
 use crate::bundle::{checksum, encode_payload};
 use crate::clock::Clock;
@@ -23,7 +23,7 @@ use dataset::tiles::Rect;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// What is compared on what.
+/// Options of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Tiles with valid texels, at most; the seed draws them.
@@ -52,16 +52,16 @@ const COLUMNS: [&str; 8] = [
 const HEADER: [&str; 8] =
     ["profile", "preset", "bpp", "unquantised dB", "8-bit dB", "BC7 dB", "1 − SSIM", "CPU s per tile"];
 
-/// What a profile reaches with a preset: means over tiles, weighed by their valid texels, of each tile over its lit sets.
+/// What a profile reaches with a preset: means over tiles, weighted by their valid texels, of each tile over its lit frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the profile.
     pub profile: &'static str,
     /// Name of the preset.
     pub preset: &'static str,
-    /// Bits of the payloads per texel and set.
+    /// Bits of the payloads per texel and frame.
     pub bpp: f64,
-    /// PSNR of the float model; peak = the set's largest valid value in the tile.
+    /// PSNR of the float model; peak = the frame's largest valid value in the tile.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all its features rounded to 8 bits.
     pub psnr_8bit_features_db: Option<f64>,
@@ -80,7 +80,7 @@ pub struct Sweep {
     pub tiles: usize,
     /// Tiles with valid texels that there are.
     pub tiles_of: usize,
-    /// Whether the sun's direct light is left to a stream of its own.
+    /// Whether the sun's direct light is left to a separate stream.
     pub is_sun_apart: bool,
     /// Profile by profile, each preset by preset.
     pub rows: Vec<Row>,
@@ -91,7 +91,7 @@ struct Measured {
     /// What it weighs: valid texels, its border with them.
     weight: usize,
     bits: f64,
-    /// Texels the tile owns × sets.
+    /// Texels the tile owns × frames.
     values: f64,
     unquantised: Option<f64>,
     of_8bit: Option<f64>,
@@ -105,7 +105,7 @@ struct Measured {
 /// # Errors
 /// As [`crate::compress::compress`].
 pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<Sweep> {
-    dataset.expect_moments()?;
+    dataset.expect_day()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let (places, of) = choose(&masks, options);
     let timeline = timeline(dataset);
@@ -196,7 +196,7 @@ fn measure(
     Ok(Some(Measured {
         weight,
         bits: 8.0 * payload.bytes() as f64,
-        values: (own * source.sets.len()) as f64,
+        values: (own * source.frames.len()) as f64,
         unquantised: trained.psnr_unquantised_db,
         of_8bit: trained.psnr_8bit_features_db,
         bc7: mean(qualities.iter().filter_map(|quality| quality.psnr_db)),
@@ -205,7 +205,7 @@ fn measure(
     }))
 }
 
-/// A stored tile against its light, at every set.
+/// A stored tile against its light, at every frame.
 fn qualities(
     source: &TileSource,
     params: &TileParams,
@@ -216,12 +216,12 @@ fn qualities(
     let valid = source.coverage.iter().map(|coverage| *coverage == Coverage::Valid).collect();
     let mask = Mask { width, height, valid };
     let all = Rect { x0: 0, y0: 0, x1: width, y1: height };
-    let quality = |(hour, set): (&f64, &Vec<[f32; 3]>)| {
+    let quality = |(hour, frame): (&f64, &Vec<[f32; 3]>)| {
         let decoded = Image { width, height, texels: decoder.decode_tile(&timeline.at(*hour)) };
-        let reference = Image { width, height, texels: set.clone() };
+        let reference = Image { width, height, texels: frame.clone() };
         metrics::compare(&decoded, &reference, &mask, all)
     };
-    Ok(source.hours.iter().zip(&source.sets).map(quality).collect())
+    Ok(source.hours.iter().zip(&source.frames).map(quality).collect())
 }
 
 impl Sweep {
@@ -246,13 +246,13 @@ impl Sweep {
     pub fn table(&self) -> Vec<String> {
         let mut lines = aligned(&HEADER, &self.rows());
         lines.push(format!(
-            "{} of {} tiles with valid texels, weighed by those; only their texels count in bpp. BC7 may be above \
-             unquantised: training goes on around its blocks",
+            "{} of {} tiles with valid texels, weighted by these; only their texels count in bpp. BC7 may exceed \
+             unquantised, because training continues on its blocks",
             self.tiles, self.tiles_of
         ));
         if self.is_sun_apart {
             lines.push(
-                "the sun's direct light, a stream of its own in a bundle, is not in these maps".to_owned(),
+                "the sun's direct light, a separate stream in bundles, is not in these maps".to_owned(),
             );
         }
         lines
@@ -275,10 +275,10 @@ impl Sweep {
     pub fn section(&self) -> Section {
         let mut section = Section::new("Profiles and presets");
         section.paragraph(&format!(
-            "{} of {} tiles with valid texels, each trained by every profile with every preset. PSNR: mean over tiles weighed by their \
-             valid texels, of each over its sets, peak = the set's largest valid value; of the float model, with its \
-             features rounded to 8 bits, and of the stored tile in BC7 as it decodes, which may be above both, for training goes on \
-             around its blocks. Bits of the tiles' payloads over those tiles' texels. CPU seconds per tile, quantisation included.",
+            "{} of {} tiles with valid texels, each trained with every profile and preset. PSNR: mean over tiles weighted by their \
+             valid texels and over frames, peak = the frame's largest valid value; of the float model, with its \
+             features rounded to 8 bits, and of the decoded BC7 tile, which may exceed both, because training continues \
+             on its blocks. Bits of the tiles' payloads per texel of these tiles. CPU seconds per tile, quantisation included.",
             self.tiles, self.tiles_of
         ));
         section.table(&HEADER, &self.rows());

@@ -1,11 +1,11 @@
-//! Cutting pages into tiles: what the trainer of one tile sees.
+//! Cuts pages into tiles: the training data of one tile.
 //!
-//! A page is read one band (row of tiles) at a time, so memory grows with its width and the number of sets, never with its height.
+//! A page is read one band (row of tiles) at a time, so memory grows with its width and the number of frames, never with its height.
 
 use crate::Result;
 use crate::grid::mirrored;
 use crate::grid::{Grid, Place};
-use crate::law::{Kept, Law, Shares, Sums};
+use crate::law::{Law, LayerRows, Shares, Sums};
 use crate::model::{BORDER, PAYLOAD};
 use dataset::config::Light;
 use dataset::image::Mask;
@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// Texels around a valid one that filtering near a chart's edge may read.
 pub const GUTTER: usize = 2;
 
-/// A light group whose light is below this share of every set's, RMS over the tile, does not light it,
+/// A light group whose light is below this share of every frame's, RMS over the tile, does not light it,
 const TRIFLE: f64 = 1e-3;
 /// unless it is above this share in some texel.
 const TRIFLE_ANYWHERE: f32 = 0.01;
@@ -26,7 +26,7 @@ const TRIFLE_ANYWHERE: f32 = 0.01;
 /// How much a stored texel counts in training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coverage {
-    /// Not on a surface and not near one: never looked at.
+    /// Not on a surface and not near one: never read.
     Outside,
     /// Within two texels of a valid one: carries dilated light that filtering at chart edges reads; trained at low weight.
     Gutter,
@@ -39,21 +39,21 @@ pub enum Coverage {
 pub struct Gate {
     /// The group's index.
     pub group: u16,
-    /// Per set: whether the group is on.
+    /// Per frame: whether the group is on.
     pub on: Vec<bool>,
 }
 
-/// The light of one tile over all sets.
+/// The light of one tile over all frames.
 #[derive(Clone, Debug)]
 pub struct TileSource {
     /// Stored width in texels, a multiple of 4.
     pub width: usize,
     /// Stored height in texels, a multiple of 4.
     pub height: usize,
-    /// Per set: its hour, strictly ascending in [0, 24).
+    /// Per frame: its hour, strictly ascending in [0, 24).
     pub hours: Vec<f64>,
-    /// Per set: `width · height` texels of linear irradiance, finite and ≥ 0, borders filled from the neighbours or mirrored.
-    pub sets: Vec<Vec<[f32; 3]>>,
+    /// Per frame: `width · height` texels of linear irradiance, finite and ≥ 0, borders filled from the neighbours or mirrored.
+    pub frames: Vec<Vec<[f32; 3]>>,
     /// Per stored texel.
     pub coverage: Vec<Coverage>,
     /// Light groups that light the tile, ascending.
@@ -123,17 +123,17 @@ pub struct Band {
     grid: Grid,
     page: usize,
     row: usize,
-    /// The sets' hours.
+    /// The frames' hours.
     hours: Vec<f64>,
     /// The page rows held.
     rows: Range<usize>,
-    /// Per set, `rows.len() × width` texels; sets that share a file share the texels.
-    sets: Vec<Arc<Vec<[f32; 3]>>>,
+    /// Per frame, `rows.len() × width` texels; frames that share a file share the texels.
+    frames: Vec<Arc<Vec<[f32; 3]>>>,
     /// Per texel of `rows`.
     coverage: Vec<Coverage>,
-    /// Per column of tiles and set, the shares of its light, over all rows held; nothing where no layer has a curve.
+    /// Per column of tiles and frame, the shares of its light, over all rows held; nothing where no layer has a curve.
     shares: Vec<Vec<Shares>>,
-    /// Light groups that are on at some sets and off at others, with their own light where the dataset keeps it.
+    /// Light groups that are on at some frames and off at others, with their own light where the dataset keeps it.
     groups: Vec<(Gate, Option<Vec<[f32; 3]>>)>,
 }
 
@@ -146,13 +146,13 @@ impl Band {
         top.max(0) as usize..grid.height.min((top + stored as isize) as usize)
     }
 
-    /// Reads one band of all sets: the light that maps hold. Texels are checked by [`Dataset::map_rows`].
+    /// Reads one band of all frames: the light that maps hold. Texels are checked by [`Dataset::map_rows`].
     pub fn load(dataset: &Dataset, law: &Law, mask: &Mask, page: usize, row: usize) -> Result<Self> {
         let grid = Grid { width: mask.width, height: mask.height };
         Self::read(dataset, law, mask, page, row, Self::rows(grid, row))
     }
 
-    /// Reads the rows of a page that hold `rect`, of all sets, and cuts out its texels alone: a tile without a border. `rect` is at
+    /// Reads the rows of a page that hold `rect`, of all frames, and cuts out its texels alone: a tile without a border. `rect` is at
     /// most 128×128.
     pub(crate) fn load_alone(dataset: &Dataset, mask: &Mask, page: usize, rect: Rect) -> Result<TileSource> {
         let band = Self::read(dataset, &Law::of(false), mask, page, 0, rect.y0..rect.y1)?;
@@ -171,16 +171,16 @@ impl Band {
     ) -> Result<Self> {
         let grid = Grid { width: mask.width, height: mask.height };
         let mut read: BTreeMap<Vec<&str>, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
-        let mut sets = Vec::with_capacity(dataset.config.frames.len());
+        let mut frames = Vec::with_capacity(dataset.config.frames.len());
         let mut shares: Vec<Vec<Shares>> = vec![Vec::new(); grid.columns()];
-        let mut kept = Kept::new();
+        let mut kept = LayerRows::new();
         for k in 0..dataset.config.frames.len() {
             let files = law.files(dataset, k, page);
-            // Sets of the same light have the same shares of it, unless the shares alone are wanted.
+            // Frames of the same light have the same shares of it, unless the shares alone are wanted.
             if let Some(texels) = read.get(&files)
                 && law.curves() == 0
             {
-                sets.push(texels.clone());
+                frames.push(texels.clone());
                 continue;
             }
             let light = law.rows(dataset, [k, page], [rows.start, rows.end], &mut kept)?;
@@ -196,14 +196,14 @@ impl Band {
                     shares.push(sums.mean());
                 }
             }
-            sets.push(read.entry(files).or_insert(Arc::new(light.0)).clone());
+            frames.push(read.entry(files).or_insert(Arc::new(light.0)).clone());
         }
-        let hours = dataset.config.frames.iter().map(|set| set.hour).collect();
+        let hours = dataset.config.frames.iter().map(|frame| frame.hour).collect();
         let mut groups = Vec::new();
         let config = &dataset.config;
         for i in 0..config.groups.len() {
-            let on: Vec<bool> = config.frames.iter().map(|set| set.groups_on[i]).collect();
-            // The format counts so many groups as gates.
+            let on: Vec<bool> = config.frames.iter().map(|frame| frame.groups_on[i]).collect();
+            // The format counts this many groups as gates.
             if let Ok(group_index) = u16::try_from(i)
                 && on.contains(&true)
                 && on.contains(&false)
@@ -222,13 +222,13 @@ impl Band {
             hours,
             coverage: coverage(mask, rows.clone()),
             rows,
-            sets,
+            frames,
             groups,
             shares,
         })
     }
 
-    /// The shares of a tile's light per set, its border's rows with them; nothing where no layer has a curve.
+    /// The shares of a tile's light per frame, its border's rows with them; nothing where no layer has a curve.
     pub(crate) fn shares(&self, column: usize) -> &[Shares] {
         &self.shares[column]
     }
@@ -238,19 +238,19 @@ impl Band {
         let (width, height) = self.grid.stored(column, self.row);
         let (own_width, own_height) = self.grid.payload(column, self.row);
         let (left, top) = Place { page: self.page, column, row: self.row }.origin();
-        let looked_at = [own_width, own_height].map(|own| own + 2 * BORDER);
+        let examined = [own_width, own_height].map(|own| own + 2 * BORDER);
         let after = [column + 1 < self.grid.columns(), self.row + 1 < self.grid.rows()];
         TileSource {
             neighbours: [column > 0, after[0], self.row > 0, after[1]],
-            ..self.cut([left, top], [width, height], looked_at)
+            ..self.cut([left, top], [width, height], examined)
         }
     }
 
     /// The texels from (left, top) on, of which only the first `looked_at` across and down are; without neighbours.
-    fn cut(&self, [left, top]: [isize; 2], [width, height]: [usize; 2], looked_at: [usize; 2]) -> TileSource {
+    fn cut(&self, [left, top]: [isize; 2], [width, height]: [usize; 2], examined: [usize; 2]) -> TileSource {
         let from = stored(self.grid, &self.rows, [left, top], [width, height]);
-        let sets = self.sets.iter().map(|texels| from.iter().map(|&i| texels[i]).collect()).collect();
-        let read = |i: usize| i % width < looked_at[0] && i / width < looked_at[1];
+        let frames = self.frames.iter().map(|texels| from.iter().map(|&i| texels[i]).collect()).collect();
+        let read = |i: usize| i % width < examined[0] && i / width < examined[1];
         let coverage = from
             .iter()
             .enumerate()
@@ -261,11 +261,19 @@ impl Band {
         let lights =
             |(gate, layer): &&(Gate, Option<Vec<[f32; 3]>>)| self.lights(gate, layer.as_deref(), &valid);
         let gates = self.groups.iter().filter(lights).map(|(gate, _)| gate.clone()).collect();
-        TileSource { width, height, hours: self.hours.clone(), coverage, sets, gates, neighbours: [false; 4] }
+        TileSource {
+            width,
+            height,
+            hours: self.hours.clone(),
+            coverage,
+            frames,
+            gates,
+            neighbours: [false; 4],
+        }
     }
 
-    /// Whether a group's light is more than a trifle of some set's, over the valid texels of a tile or in one of them. Without the group's own
-    /// light: unless two sets between which it alone switches are the same.
+    /// Whether a group's light is more than a trifle of some frame's, over the valid texels of a tile or in one of them. Without the group's own
+    /// light: unless two frames between which it alone switches are the same.
     fn lights(&self, gate: &Gate, layer: Option<&[[f32; 3]]>, valid: &[usize]) -> bool {
         let square = |texels: &[[f32; 3]]| -> f64 {
             valid.iter().flat_map(|&i| texels[i]).map(|v| f64::from(v) * f64::from(v)).sum()
@@ -274,11 +282,11 @@ impl Band {
         match layer {
             Some(layer) => {
                 let own = square(layer);
-                let somewhere = |set: &[[f32; 3]]| {
-                    valid.iter().any(|&i| (0..3).any(|c| layer[i][c] > TRIFLE_ANYWHERE * set[i][c]))
+                let somewhere = |frame: &[[f32; 3]]| {
+                    valid.iter().any(|&i| (0..3).any(|c| layer[i][c] > TRIFLE_ANYWHERE * frame[i][c]))
                 };
                 let lights =
-                    |k: usize| own > TRIFLE * TRIFLE * square(&self.sets[k]) || somewhere(&self.sets[k]);
+                    |k: usize| own > TRIFLE * TRIFLE * square(&self.frames[k]) || somewhere(&self.frames[k]);
                 own > 0.0 && on().any(lights)
             }
             None => {
@@ -286,8 +294,8 @@ impl Band {
                     gate.on[a] != gate.on[b]
                         && self.groups.iter().all(|(g, _)| g == gate || g.on[a] == g.on[b])
                 };
-                let same = |a: usize, b: usize| valid.iter().all(|&i| self.sets[a][i] == self.sets[b][i]);
-                !(1..self.sets.len()).any(|k| alone(k - 1, k) && same(k - 1, k))
+                let same = |a: usize, b: usize| valid.iter().all(|&i| self.frames[a][i] == self.frames[b][i]);
+                !(1..self.frames.len()).any(|k| alone(k - 1, k) && same(k - 1, k))
             }
         }
     }
@@ -301,7 +309,7 @@ mod tests {
         Mask { width, height, valid: (0..width * height).map(|i| valid(i % width, i / width)).collect() }
     }
 
-    /// A band of one set whose texel (x, y) is [x, y, 0].
+    /// A band of one frame whose texel (x, y) is [x, y, 0].
     fn band(mask: &Mask, row: usize) -> Band {
         let grid = Grid { width: mask.width, height: mask.height };
         let rows = Band::rows(grid, row);
@@ -311,7 +319,7 @@ mod tests {
             page: 0,
             row,
             hours: vec![12.0],
-            sets: vec![Arc::new(texels.collect())],
+            frames: vec![Arc::new(texels.collect())],
             coverage: coverage(mask, rows.clone()),
             groups: vec![],
             shares: vec![],
@@ -352,33 +360,33 @@ mod tests {
     fn a_group_is_a_gate_of_the_tiles_that_it_lights() {
         let mask = mask(300, 20, |_, _| true);
         let mut band = band(&mask, 0);
-        // Four sets; the first group switches after the first set, the second after the third.
+        // Four frames; the first group switches after the first frame, the second after the third.
         let first = Gate { group: 3, on: vec![false, true, true, true] };
         let second = Gate { group: 5, on: vec![true, true, true, false] };
-        let set = |left: f32, right: f32| {
+        let frame = |left: f32, right: f32| {
             let texel = move |i: usize| [if i % 300 < 150 { left } else { right }; 3];
             Arc::new((0..300 * 20).map(texel).collect::<Vec<_>>())
         };
         band.hours = vec![1.0, 2.0, 3.0, 4.0];
-        band.sets = vec![set(1.0, 1.0), set(2.0, 1.0), set(2.5, 1.5), set(2.5, 1.0)];
+        band.frames = vec![frame(1.0, 1.0), frame(2.0, 1.0), frame(2.5, 1.5), frame(2.5, 1.0)];
         let groups = |band: &Band, column: usize| -> Vec<u16> {
             band.tile(column).gates.iter().map(|gate| gate.group).collect()
         };
-        // By their own light: above a thousandth of a set's.
-        let layer = |left: f32, right: f32| Some(set(left, right).to_vec());
+        // By their own light: above a thousandth of a frame's.
+        let layer = |left: f32, right: f32| Some(frame(left, right).to_vec());
         band.groups = vec![(first.clone(), layer(0.01, 0.0)), (second.clone(), layer(1e-4, 0.5))];
         assert_eq!((groups(&band, 0), groups(&band, 2)), (vec![3], vec![5]));
         // Or by one texel, however bright others are.
         let spot = |i: usize| [if i == 40 { 0.1 } else { 0.0 }; 3];
         let bright = |i: usize| [if i == 41 { 1e6 } else { 2.0 }; 3];
-        let sets = std::mem::replace(
-            &mut band.sets,
+        let frames = std::mem::replace(
+            &mut band.frames,
             (0..4).map(|_| Arc::new((0..6000).map(bright).collect())).collect(),
         );
         band.groups =
             vec![(first.clone(), Some((0..6000).map(spot).collect())), (second.clone(), layer(0.001, 0.0))];
         assert_eq!(groups(&band, 0), [3]);
-        band.sets = sets;
+        band.frames = frames;
         // Without it, by what happens where one switches alone.
         band.groups = vec![(first, None), (second, None)];
         assert_eq!((groups(&band, 0), groups(&band, 2)), (vec![3], vec![5]));
@@ -396,7 +404,7 @@ mod tests {
                     let (left, top) = Place { page: 0, column, row }.origin();
                     let (own_width, own_height) = grid.payload(column, row);
                     assert_eq!((tile.width, tile.height), grid.stored(column, row));
-                    for (i, texel) in tile.sets[0].iter().enumerate() {
+                    for (i, texel) in tile.frames[0].iter().enumerate() {
                         let (x, y) = (i % tile.width, i / tile.width);
                         let expected = [
                             mirrored(left + x as isize, width) as f32,

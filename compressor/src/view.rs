@@ -1,4 +1,4 @@
-//! A page for the browser that plays a bundle: [`Source`] finds what belongs to it, [`page()`] puts all in one file, [`serve()`] hands it out
+//! A browser page that plays a bundle: [`Source`] finds its files, [`page()`] puts all into one file, [`serve()`] serves it
 //! piece by piece. The page's own sources stand in `compressor/view/`.
 
 mod glb;
@@ -18,14 +18,14 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// What one page holds at most, in bytes before base64; `--serve` has no such bound.
+/// Largest content of one page, in bytes before base64; `--serve` has no such bound.
 pub const MOST_BYTES: u64 = 128 << 20;
-/// What references may take of a page: 4 bytes a texel, as many sets as fit.
+/// Bytes for references in a page: 4 bytes a texel, as many frames as fit.
 const REFERENCE_BYTES: u64 = 4 << 20;
 /// The hours whose references are wanted first.
 const WANTED: [f64; 8] = [12.0, 18.5, 21.0, 7.0, 15.0, 9.5, 0.0, 4.0];
 
-/// By this a page is known among other HTML files; it stands in `shell.html`, within so many bytes.
+/// Marker that identifies a page among other HTML files; it is in `shell.html`, within this many bytes.
 const MARK: &str = "<meta name=\"generator\" content=\"compress view\">";
 const MARK_WITHIN: u64 = 512;
 /// A dataset's report, by its name.
@@ -47,11 +47,12 @@ const SCRIPTS: [&str; 6] = [
 /// # Errors
 /// `Unsupported` past [`MOST_BYTES`]; what cannot be read.
 pub fn page(source: &Source) -> Result<String> {
-    let sets = source.sets_within(REFERENCE_BYTES);
-    let mut names = source.names(&sets);
+    let frames = source.sets_within(REFERENCE_BYTES);
+    let mut names = source.names(&frames);
     let bytes = names.iter().map(|name| source.len(name)).sum::<Result<u64>>()?;
     if bytes > MOST_BYTES {
-        let what = format!("{bytes} bytes are too much for one page, which holds {MOST_BYTES}: use --serve");
+        let what =
+            format!("{bytes} bytes are too many for one page, which holds up to {MOST_BYTES}; use --serve");
         return Err(Error::unsupported(source.bundle.display(), what));
     }
     names.sort();
@@ -61,14 +62,14 @@ pub fn page(source: &Source) -> Result<String> {
         STANDARD.encode_string(source.read(&name)?, &mut data);
         data += "</script>\n";
     }
-    Ok(shell(source, &sets, &data))
+    Ok(shell(source, &frames, &data))
 }
 
-/// Writes the page of a dataset's bundle beside it, and names it; `None` where it is too large for one page.
+/// Writes the page of a dataset's bundle into the dataset's folder and returns its path; `None` if it is too large for one page.
 ///
 /// # Errors
 /// What [`Source::open`], [`expect_replaceable`] and writing say.
-pub fn write_beside(dataset: &Path, force: bool) -> Result<Option<PathBuf>> {
+pub fn write_into_dataset(dataset: &Path, force: bool) -> Result<Option<PathBuf>> {
     let source = Source::open(dataset, &Options::default())?;
     let html = match page(&source) {
         Err(Error::Unsupported { .. }) => return Ok(None),
@@ -80,26 +81,24 @@ pub fn write_beside(dataset: &Path, force: bool) -> Result<Option<PathBuf>> {
     Ok(Some(path))
 }
 
-/// Refuses a path where another HTML file stands than a page of this kind. `force` replaces all but a dataset's report.
+/// An error if an HTML file that is not a page of `compress view` would be replaced. `force` allows all but a dataset's report.
 ///
 /// # Errors
 /// Such a file.
 pub fn expect_replaceable(path: &Path, force: bool) -> Result<()> {
     let is_report = path.file_name().is_some_and(|name| name.eq_ignore_ascii_case(REPORT));
     if is_report && path.with_file_name(MANIFEST).exists() {
-        return Err(Error::invalid(
-            path.display(),
-            "is the report of a dataset; expected another --out FILE",
-        ));
+        return Err(Error::invalid(path.display(), "is a dataset's report; choose another file with --out"));
     }
     if force || !path.exists() || is_page(path) {
         return Ok(());
     }
-    let what = "is no page of `compress view`; expected another --out FILE, or --force to replace it";
+    let what =
+        "was not written by `compress view`; choose another file with --out, or replace it with --force";
     Err(Error::invalid(path.display(), what))
 }
 
-/// Whether a file is a page, or empty, so that nothing else is lost with it.
+/// True if a file is a page, or empty, so it may be replaced.
 fn is_page(path: &Path) -> bool {
     let mut first = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MARK_WITHIN).read_to_end(&mut first));
@@ -108,13 +107,13 @@ fn is_page(path: &Path) -> bool {
 
 /// The page that fetches its data from where it came from.
 pub(crate) fn shell_of_server(source: &Source) -> String {
-    let all: Vec<usize> = (0..source.sets()).collect();
+    let all: Vec<usize> = (0..source.frames()).collect();
     shell(source, &all, "")
 }
 
-fn shell(source: &Source, sets: &[usize], data: &str) -> String {
+fn shell(source: &Source, frames: &[usize], data: &str) -> String {
     // `<` starts no tag within the JSON.
-    let meta = meta(source, sets).to_string().replace('<', "\\u003c");
+    let meta = meta(source, frames).to_string().replace('<', "\\u003c");
     let title = escape(&format!("{}: the day", source.scene_name));
     let fields: [(&str, &str); 5] = [
         ("{{title}}", &title),
@@ -133,26 +132,27 @@ fn shell(source: &Source, sets: &[usize], data: &str) -> String {
     page + rest
 }
 
-fn meta(source: &Source, sets: &[usize]) -> Value {
-    let hours: Vec<f64> = sets.iter().map(|&set| source.hour(set)).collect();
-    let note = match (sets.len(), &source.left_out) {
+fn meta(source: &Source, frames: &[usize]) -> Value {
+    let hours: Vec<f64> = frames.iter().map(|&frame| source.hour(frame)).collect();
+    let note = match (frames.len(), &source.omitted) {
         (0, Some(why)) => format!("There is no reference: {why}."),
         (0, None) => {
-            "There is no reference: no dataset lies beside the bundle, or it was left out.".to_owned()
+            "There is no reference: the bundle is not in a dataset's folder, or the reference was omitted."
+                .to_owned()
         }
         (n, _) => format!(
-            "The reference is the dataset's lightmaps of {n} of {} sets, as RGB9E5 times a power of two for each page and set: 9 bits a channel with \
+            "The reference is the dataset's lightmaps of {n} of {} frames, as RGB9E5 times a power of two for each page and frame: 9 bits per channel with \
              a common exponent, error at most 1/1024 of the power of two above the texel's brightest channel, down to 2⁻³⁰ of the page's. The dataset \
              itself has 32-bit floats. Reference views go by the stored hours. PSNR here is that of the bundle's tiles, which own 126² texels; \
              `compress evaluate` judges blocks of 128² texels, so that its numbers differ.",
-            source.sets()
+            source.frames()
         ),
     };
     json!({
         "title": source.title(),
         "scene_file": source.scene.is_some(),
         "cameras": source.cameras,
-        "reference": { "hours": hours, "sets": sets, "precision": "RGB9E5", "note": note },
+        "reference": { "hours": hours, "sets": frames, "precision": "RGB9E5", "note": note },
     })
 }
 
@@ -177,6 +177,6 @@ mod tests {
         }
         assert!(expect_replaceable(&report, true).is_ok());
         std::fs::write(folder.path().join(MANIFEST), "{}").unwrap();
-        assert!(expect_replaceable(&report, true).unwrap_err().to_string().contains("report of a dataset"));
+        assert!(expect_replaceable(&report, true).unwrap_err().to_string().contains("dataset's report"));
     }
 }

@@ -75,8 +75,11 @@ fn levels_are_bundles_of_the_halved_light() {
     let page = Decoder::new(bundle).decode_page(0, 12.0).unwrap();
     assert_eq!((page.width, page.height), (75, 70));
     let output = run(&["info", "isles/isles.1.ndgi"], folder.path());
-    let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(told.contains("1: a texel is the mean of 2 × 2 texels") && told.contains("p / 2 here"), "{told}");
+    let reported = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        reported.contains("1: a texel is the mean of 2 × 2 texels") && reported.contains("p / 2 here"),
+        "{reported}"
+    );
     let output = run(&["info", "isles/isles.ndgi"], folder.path());
     assert!(!String::from_utf8_lossy(&output.stdout).contains("level"), "{output:?}");
     let output =
@@ -136,16 +139,16 @@ fn a_level_that_is_left_of_other_light_is_warned_of() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("isles");
     islands().write(&root);
-    let told = |arguments: &[&str]| {
+    let reported = |arguments: &[&str]| {
         let output = run(arguments, folder.path());
         assert!(output.status.success());
         String::from_utf8(output.stderr).unwrap()
     };
     let plain = ["isles", "--iterations", "50"];
-    assert!(!told(&["isles", "--levels", "--iterations", "50"]).contains("other light"));
-    assert!(!told(&plain).contains("other light"), "it is of this light");
-    // A level of who knows what.
+    assert!(!reported(&["isles", "--levels", "--iterations", "50"]).contains("other light"));
+    assert!(!reported(&plain).contains("other light"), "it is of this light");
+    // A level of unknown origin.
     fs::copy(root.join("isles.ndgi"), root.join("isles.1.ndgi")).unwrap();
-    let text = told(&plain);
+    let text = reported(&plain);
     assert!(text.contains("isles.1.ndgi: a level of other light") && text.contains("--levels"), "{text}");
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 /// Side of the page.
 const SIDE: usize = 16384;
-/// Sets, all of them different.
+/// Frames, all of them different.
 const SETS: usize = 26;
 /// Most memory of either command.
 const LIMIT: u64 = 2 << 30;
@@ -23,7 +23,7 @@ fn islands(y: usize, mut each: impl FnMut(Range<usize>)) {
     crossed.for_each(|[left, _, side]| each(*left..left + side));
 }
 
-/// Light of set k.
+/// Light of frame k.
 fn light(x: usize, y: usize, k: usize) -> [f32; 3] {
     let wave = 1.0 + 0.5 * (0.05 * (x + 3 * k) as f32).sin();
     [wave, 1.0 + (y % 128) as f32 / 128.0, 0.5 + k as f32 / SETS as f32]
@@ -78,7 +78,7 @@ fn peak(arguments: &[&str], folder: &Path) -> (u64, f64) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_compress"));
     let mut child = command.args(arguments).current_dir(folder).stdout(Stdio::piped()).spawn().unwrap();
     let mut peak = 0;
-    // The system forgets it with the process, so it is asked for while the command runs.
+    // The system forgets it with the process, so it is requested while the command runs.
     let status = loop {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -90,8 +90,8 @@ fn peak(arguments: &[&str], folder: &Path) -> (u64, f64) {
         std::thread::sleep(Duration::from_millis(20));
     };
     assert!(status.success() && peak > 0);
-    let told: serde_json::Value = serde_json::from_reader(child.stdout.unwrap()).unwrap();
-    (peak, told["psnr_db"].as_f64().unwrap())
+    let reported: serde_json::Value = serde_json::from_reader(child.stdout.unwrap()).unwrap();
+    (peak, reported["psnr_db"].as_f64().unwrap())
 }
 
 #[test]

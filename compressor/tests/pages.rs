@@ -52,15 +52,15 @@ fn write(root: &Path) {
         all.push(Page::atlas(150, 140, mask));
         let lamp = look(&lamp);
         of_lamp[0].push(Some(writer.add(&format!("lamp-{page}"), "exr", &lamp.to_exr()).unwrap()));
-        for (set, of_sky) in frames.iter_mut().zip(&mut of_sky) {
-            let sky = look(&scene.image(set.hour, false));
-            let local = if set.groups_on[0] { &lamp } else { &black };
+        for (frame, of_sky) in frames.iter_mut().zip(&mut of_sky) {
+            let sky = look(&scene.image(frame.hour, false));
+            let local = if frame.groups_on[0] { &lamp } else { &black };
             let texels = sky.texels.iter().zip(&local.texels);
             let texels = texels.map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect();
             let mut add = |stem: &str, image: &Image| {
-                writer.add(&format!("{stem}-{}-{page}", set.hour), "exr", &image.to_exr()).unwrap()
+                writer.add(&format!("{stem}-{}-{page}", frame.hour), "exr", &image.to_exr()).unwrap()
             };
-            set.maps.push(add("frame", &Image { texels, ..sky }));
+            frame.maps.push(add("frame", &Image { texels, ..sky }));
             of_sky.push(Some(add("sky", &sky)));
         }
     }
@@ -107,15 +107,15 @@ fn every_page_comes_back_as_itself() {
     let dataset = Dataset::open(&root).unwrap();
     let faults = dataset.verify(|| {}).faults;
     assert!(faults.is_empty(), "{faults:?}");
-    // The masks, and every set of every page.
+    // The masks, and every frame of every page.
     preview::section(&dataset).unwrap();
 
     let options = Options { iterations: 400, ..Options::default() };
     let judged = compress_and_judge(&root, &options, &Console::silent()).unwrap();
     // Per page 2 × 2 tiles; a tile of the first page and all of the last have no valid texel.
     let empty: usize =
-        judged.outcome.left_out.iter().filter(|(why, _)| why == "no valid texel").map(|(_, n)| n).sum();
-    assert_eq!((judged.outcome.tiles, empty), (12, 5), "{:?}", judged.outcome.left_out);
+        judged.outcome.omitted.iter().filter(|(why, _)| why == "no valid texel").map(|(_, n)| n).sum();
+    assert_eq!((judged.outcome.tiles, empty), (12, 5), "{:?}", judged.outcome.omitted);
     assert_eq!(judged.sections.len(), 4);
 
     // Every valid texel of a page is near its own light, and far from that of the other page.
@@ -141,13 +141,13 @@ fn every_page_comes_back_as_itself() {
         }
     }
 
-    // Quality counts every tile with a valid texel once per set, on its page, against that page's noise.
+    // Quality counts every tile with a valid texel once per frame, on its page, against that page's noise.
     let evaluation = &judged.evaluation;
     let of_page = |page: usize| evaluation.samples.iter().filter(move |s| s.page == page);
     assert_eq!([0, 1, 2].map(|page| of_page(page).count()), [3 * 6, 4 * 6, 0]);
     let bits = std::fs::metadata(&judged.outcome.bundle).unwrap().len() as f64 * 8.0;
     assert!((evaluation.bpp - bits / (3.0 * 150.0 * 140.0 * 6.0)).abs() < 1e-9);
-    let valid = |page: usize| of_page(page).filter(|s| s.set == 3).map(|s| s.quality.texels).sum::<usize>();
+    let valid = |page: usize| of_page(page).filter(|s| s.frame == 3).map(|s| s.quality.texels).sum::<usize>();
     assert_eq!([0, 1].map(valid), [islands().mask().count(); 2]);
 
     // Any place of any page, and no page beyond the last.
@@ -168,7 +168,7 @@ fn every_page_comes_back_as_itself() {
     let mut config = dataset.config.clone();
     config.pages.pop();
     config.instances.pop();
-    config.frames.iter_mut().for_each(|set| drop(set.maps.pop()));
+    config.frames.iter_mut().for_each(|frame| drop(frame.maps.pop()));
     let rows = config.layers.iter_mut().flat_map(|layer| &mut layer.files);
     rows.for_each(|row| drop(row.pop()));
     config.noise = None;

@@ -50,8 +50,8 @@ fn a_dataset_comes_back_from_its_bundle() {
     assert_eq!(outcome.bundle, folder.path().join("isles.ndgi"));
     assert_eq!((outcome.tiles, outcome.resumed), (4, 0));
     // The single texel is the same at every hour, its means apart.
-    let same = "the same at every hour, means apart: F_uv alone";
-    assert_eq!(outcome.left_out, [("no valid texel".to_owned(), 1), (same.to_owned(), 1)]);
+    let same = "the same at every hour except for its mean: F_uv alone";
+    assert_eq!(outcome.omitted, [("no valid texel".to_owned(), 1), (same.to_owned(), 1)]);
     assert!(!outcome.curve.is_empty() && outcome.curve.is_sorted_by_key(|point| point.iteration));
     // Neither poor nor suspiciously good for 1500 steps on smooth light.
     let psnr = judged.evaluation.all.psnr_db.unwrap();
@@ -82,7 +82,7 @@ fn a_dataset_comes_back_from_its_bundle() {
     let rows = decoder.decode_rows(0, 18.05, 100..135).unwrap();
     assert_eq!(rows.texels, page(18.05).texels[100 * 150..135 * 150]);
     assert!(decoder.decode_rows(0, 18.05, 100..141).is_err());
-    // Any moment of the day is finite, and texels agree with the page.
+    // Any time of the day is finite, and texels agree with the page.
     for i in 0..48 {
         let image = page(f64::from(i) / 2.0);
         assert!(image.texels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
@@ -154,9 +154,10 @@ fn a_bundle_decodes_to_what_its_trainer_measured() {
         let options = Options { out: Some(out.clone()), ..brief(800) };
         let judged = compress_and_judge(folder.path(), &options, &Console::silent()).unwrap();
         let decoder = Decoder::open(&out).unwrap();
-        let (told, found) = (judged.outcome.psnr_trained_db.unwrap(), judged.evaluation.all.psnr_db.unwrap());
-        assert!(found > 20.0 && (told - found).abs() < 0.02, "{told} {found}");
-        // Between sets, around midnight, and read texel by texel.
+        let (reported, found) =
+            (judged.outcome.psnr_trained_db.unwrap(), judged.evaluation.all.psnr_db.unwrap());
+        assert!(found > 20.0 && (reported - found).abs() < 0.02, "{reported} {found}");
+        // Between frames, around midnight, and read texel by texel.
         for hour in [3.0, 9.25, 18.05, 21.0, 23.99] {
             let image = decoder.decode_page(0, hour).unwrap();
             assert!(image.texels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
@@ -215,8 +216,8 @@ fn a_target_gives_each_tile_what_it_needs_whatever_the_threads() {
     };
     let tiles = chosen("b.ndgi");
     assert!((1..1500).contains(&tiles[3].0) && tiles[0].1 != tiles[3].1, "{tiles:?}");
-    let told = judged.outcome.left_out.iter().filter(|(why, _)| why.starts_with("chosen by trial: "));
-    assert_eq!(told.map(|(_, n)| n).sum::<usize>(), 3);
+    let reported = judged.outcome.omitted.iter().filter(|(why, _)| why.starts_with("chosen by trial fits: "));
+    assert_eq!(reported.map(|(_, n)| n).sum::<usize>(), 3);
     // More quality takes more bits, and is reached, about: of what the one large tile may have, 45 dB is next below 52.
     let [low, high] = [35.0, 48.0].map(|db| run(&format!("{db}.ndgi"), Rate::Psnr(db), 2).0.evaluation);
     assert!(
@@ -265,7 +266,7 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     assert_eq!(json(&run(&arguments, folder.path()))["tiles_resumed"], kept);
     assert!(!part.exists());
 
-    // What stands there is not trained again; an undisturbed run gives the same bytes, and --force starts over.
+    // What stands there is not retrained; an undisturbed run gives the same bytes, and --force starts over.
     let bytes = fs::read(folder.path().join("a.ndgi")).unwrap();
     assert_eq!(json(&run(&arguments, folder.path()))["up_to_date"], true);
     // One trained for less does not take its place unasked.
@@ -289,7 +290,7 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     let text = fs::read_to_string(&config).unwrap();
     fs::write(&config, text.replacen("\"isles\"", "\"other\"", 1)).unwrap();
     fs::write(folder.path().join("notes.ndgi"), "not to be lost").unwrap();
-    for (out, what) in [("a.ndgi", "of the scene isles, not of other"), ("notes.ndgi", "is no bundle")] {
+    for (out, what) in [("a.ndgi", "of scene isles, not of other"), ("notes.ndgi", "is not a bundle")] {
         let before = fs::read(folder.path().join(out)).unwrap();
         let refused = run(&arguments.map(|word| if word == "a.ndgi" { out } else { word }), folder.path());
         let said = String::from_utf8_lossy(&refused.stderr);
@@ -332,7 +333,7 @@ fn a_bad_texel_is_refused_and_nothing_overwritten() {
         assert!(before == fs::read(folder.path().join("isles.ndgi")).unwrap());
         assert!(!folder.path().join("isles.ndgi.part").exists());
     }
-    // A torn file likewise.
+    // A truncated file likewise.
     islands().write(folder.path());
     let dataset = Dataset::open(folder.path()).unwrap();
     let map = dataset.path(&dataset.config.frames[3].maps[0]);
@@ -388,7 +389,7 @@ fn pages_and_masks_of_any_size() {
 }
 
 #[test]
-fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
+fn between_frames_a_bundle_is_evaluated_by_a_withheld_bake_or_linear_light() {
     // Red grows with the square of the hour: at 12 h it is 2, halfway between those at 8 h and 16 h it would be 19/9; the peak is 2.
     let scene = |hours: &[f64]| Scene {
         width: 40,
@@ -412,13 +413,13 @@ fn between_sets_a_bundle_is_judged_by_a_withheld_bake_or_by_linear_light() {
     };
     let judged = between(Some(&withheld));
     let expected = -10.0 * ((1.0 / 9.0f64).powi(2) / 3.0 / 4.0).log10();
-    assert_eq!(judged.moments, 1);
+    assert_eq!(judged.points, 1);
     assert!((judged.linear_median_db.unwrap() - expected).abs() < 0.01, "{judged:?} {expected}");
     assert!((judged.median_db - expected).abs() < 0.5, "{judged:?} {expected}");
     assert_eq!(judged.worst, (judged.median_db, 12.0));
     // At 10 h and 14 h. Not at midnight: the lamp is on then.
     let judged = between(None);
-    assert_eq!((judged.moments, judged.linear_median_db), (2, None));
+    assert_eq!((judged.points, judged.linear_median_db), (2, None));
     assert!((35.0..90.0).contains(&judged.worst.0) && judged.worst.0 <= judged.median_db, "{judged:?}");
     // A bake of other pages is none of this scene.
     let small = folder.path().join("small");
@@ -453,12 +454,12 @@ fn a_time_limit_of_too_little_and_one_of_more_than_enough() {
     // One second is too little for anything, an hour enough for all.
     let steps = |limit: &str, iterations: &str| {
         let arguments = ["--threads", "1", "--iterations", iterations, "--time-limit", limit, "--json"];
-        let told = json(&run(&[&["."], &arguments[..]].concat(), folder.path()));
-        assert_eq!((&told["tiles"], &told["tiles_empty"]), (&Value::from(4), &Value::from(1)));
-        assert!(told["psnr_db"].as_f64().unwrap() > 25.0, "{told}");
+        let reported = json(&run(&[&["."], &arguments[..]].concat(), folder.path()));
+        assert_eq!((&reported["tiles"], &reported["tiles_empty"]), (&Value::from(4), &Value::from(1)));
+        assert!(reported["psnr_db"].as_f64().unwrap() > 25.0, "{reported}");
         let report = fs::read_to_string(folder.path().join("isles.html")).unwrap();
-        assert_eq!(report.contains("at most; under a time limit"), limit == "1s");
-        [&told["steps_least"], &told["steps_most"]].map(|steps| steps.as_u64().unwrap())
+        assert_eq!(report.contains("another run can give different bytes"), limit == "1s");
+        [&reported["steps_min"], &reported["steps_max"]].map(|steps| steps.as_u64().unwrap())
     };
     let start = Instant::now();
     let [least, most] = steps("1s", "1000000");
@@ -485,10 +486,13 @@ fn methods_and_ablations_are_compared_on_one_tile() {
         let arguments =
             ["compare", ".", "--draft", "--flip", "--csv", "c.csv", "--report", "c.html", "--json", what];
         let arguments = if what == "compare" { &arguments[..9] } else { &arguments[..] };
-        let told = json(&run(arguments, folder.path()));
-        assert_eq!((&told["tiles"], &told["tiles_of"], &told["sets"]), (&1.into(), &1.into(), &4.into()));
-        assert!((told["noise_ceiling_db"].as_f64().unwrap() - 60.0).abs() < 20.0);
-        let rows = told["rows"].as_array().unwrap();
+        let reported = json(&run(arguments, folder.path()));
+        assert_eq!(
+            (&reported["tiles"], &reported["tiles_of"], &reported["frames"]),
+            (&1.into(), &1.into(), &4.into())
+        );
+        assert!((reported["noise_ceiling_db"].as_f64().unwrap() - 60.0).abs() < 20.0);
+        let rows = reported["rows"].as_array().unwrap();
         let row = |name: &str| rows.iter().find(|row| row["method"] == name).unwrap();
         let db = |name: &str| row(name)["psnr_db"].as_f64().unwrap();
         assert!(db(method) > db(control) && db(control) > 10.0, "{} {}", db(method), db(control));
@@ -513,9 +517,12 @@ fn methods_and_ablations_are_compared_on_one_tile() {
     }
     let output =
         run(&["compare", ".", "--draft", "--method", "svd 2", "--method", "NDGI m", "--json"], folder.path());
-    let told = json(&output);
-    let of = told["rows"].as_array().unwrap().iter().map(|row| row["method"].as_str().unwrap());
-    assert_eq!((of.collect::<BTreeSet<_>>(), &told["rendered"]), (["SVD 2", "NDGI M"].into(), &Value::Null));
+    let reported = json(&output);
+    let of = reported["rows"].as_array().unwrap().iter().map(|row| row["method"].as_str().unwrap());
+    assert_eq!(
+        (of.collect::<BTreeSet<_>>(), &reported["rendered"]),
+        (["SVD 2", "NDGI M"].into(), &Value::Null)
+    );
     // Nothing valid is nothing to compare.
     let empty = folder.path().join("empty");
     Scene { width: 20, height: 12, valid: |_, _| false, ..islands() }.write(&empty);
@@ -525,7 +532,7 @@ fn methods_and_ablations_are_compared_on_one_tile() {
 }
 
 #[test]
-fn a_sweep_tells_what_compressing_would_give() {
+fn a_sweep_gives_what_compressing_would_give() {
     let folder = tempfile::tempdir().unwrap();
     // No valid texel in the border, and one evaluation tile: both judge the same texels.
     let valid = |x, y| (2..68).contains(&x) && (2..48).contains(&y);
@@ -543,9 +550,9 @@ fn a_sweep_tells_what_compressing_would_give() {
         "s.html",
         "--json",
     ];
-    let told = json(&run(&arguments, folder.path()));
-    assert_eq!((&told["tiles"], &told["tiles_of"]), (&Value::from(1), &Value::from(1)));
-    let rows = told["rows"].as_array().unwrap();
+    let reported = json(&run(&arguments, folder.path()));
+    assert_eq!((&reported["tiles"], &reported["tiles_of"]), (&Value::from(1), &Value::from(1)));
+    let rows = reported["rows"].as_array().unwrap();
     let number = |row: usize, key: &str| rows[row][key].as_f64().unwrap();
     assert_eq!([&rows[0]["profile"], &rows[1]["profile"]], ["L", "M"]);
     assert!(number(0, "bpp") < number(1, "bpp") && number(0, "seconds") > 0.0);
@@ -567,13 +574,13 @@ fn a_sweep_tells_what_compressing_would_give() {
 fn a_quiet_run_says_nothing() {
     let folder = tempfile::tempdir().unwrap();
     islands().write(folder.path());
-    let told = |quiet: &[&str]| {
+    let reported = |quiet: &[&str]| {
         let output = run(&[&[".", "--iterations", "30"], quiet].concat(), folder.path());
         assert!(output.status.success());
         (output.stdout.len(), output.stderr.len())
     };
-    assert_eq!(told(&["-q"]), (0, 0));
-    assert!(told(&[]).0 > 0);
+    assert_eq!(reported(&["-q"]), (0, 0));
+    assert!(reported(&[]).0 > 0);
 }
 
 #[test]
@@ -582,9 +589,9 @@ fn the_command_line_answers_and_refuses() {
     islands().write(&folder.path().join("isles"));
     // The bake's report stays.
     fs::write(folder.path().join("isles/report.html"), "the bake's").unwrap();
-    let told = json(&run(&["isles", "--iterations", "100", "--profile", "l", "--json"], folder.path()));
+    let reported = json(&run(&["isles", "--iterations", "100", "--profile", "l", "--json"], folder.path()));
     assert_eq!(fs::read_to_string(folder.path().join("isles/report.html")).unwrap(), "the bake's");
-    assert_eq!(told["report"], "isles/isles.html");
+    assert_eq!(reported["report"], "isles/isles.html");
     let keys = [
         "psnr_db",
         "psnr_pooled_db",
@@ -596,16 +603,16 @@ fn the_command_line_answers_and_refuses() {
         "seconds",
     ];
     for key in keys {
-        assert!(told[key].is_number(), "{key}: {}", told[key]);
+        assert!(reported[key].is_number(), "{key}: {}", reported[key]);
     }
-    let report = fs::read_to_string(folder.path().join(told["report"].as_str().unwrap())).unwrap();
+    let report = fs::read_to_string(folder.path().join(reported["report"].as_str().unwrap())).unwrap();
     for part in ["Training", "Quality", "Decoded and reference", "left out", "<svg"] {
         assert!(report.contains(part), "{part}");
     }
 
     let judged =
         json(&run(&["evaluate", "isles", "--json", "--csv", "q.csv", "--threads", "1"], folder.path()));
-    assert!((judged["psnr_db"].as_f64().unwrap() - told["psnr_db"].as_f64().unwrap()).abs() < 1e-9);
+    assert!((judged["psnr_db"].as_f64().unwrap() - reported["psnr_db"].as_f64().unwrap()).abs() < 1e-9);
     assert!(keys.iter().all(|key| judged.get(key).is_some()));
     let csv = fs::read_to_string(folder.path().join("q.csv")).unwrap();
     let columns = csv.lines().next().unwrap().split(',').count();
@@ -644,10 +651,10 @@ fn the_command_line_answers_and_refuses() {
     }
     assert_eq!(json(&run(&["info", "isles/isles.ndgi", "--json"], folder.path()))["profile"], "L");
 
-    for (wrong, told) in [
+    for (wrong, reported) in [
         (&["evalute", "isles"][..], "'evaluate'"),
         (&["ifno"], "'info'"),
-        (&["missing"], "missing: not a temporal lightmap set"),
+        (&["missing"], "missing: not a dataset"),
         (&["isles", "--target-psnr", "-4"], "expected a number above 0"),
         (&["isles", "--target-bpp", "-0.5"], "expected a number above 0"),
         (&["isles", "--time-limit", "5"], "such as 90s"),
@@ -657,7 +664,7 @@ fn the_command_line_answers_and_refuses() {
     ] {
         let output = run(wrong, folder.path());
         let message = String::from_utf8_lossy(&output.stderr);
-        assert!(!output.status.success() && message.contains(told), "{wrong:?}: {message}");
+        assert!(!output.status.success() && message.contains(reported), "{wrong:?}: {message}");
     }
     for wrong in [
         &["isles", "--profile", "XL"][..],
@@ -676,7 +683,7 @@ fn the_command_line_answers_and_refuses() {
     }
     assert!(!folder.path().join("y.exr").exists());
 
-    // What was baked differently is judged, with a warning.
+    // What was baked differently is evaluated, with a warning.
     let light: fn(usize, usize, f64, bool) -> [f32; 3] =
         |x, y, h, on| (islands().light)(x, y, h, on).map(|e| 2.0 * e);
     Scene { light, ..islands() }.write(&folder.path().join("isles"));
@@ -685,7 +692,7 @@ fn the_command_line_answers_and_refuses() {
     let expected = "the bundle was compressed from a different bake; run `compress` again";
     assert!(output.status.success() && message.contains(expected), "{message}");
 
-    // A bundle of other hours is not judged against this dataset.
+    // A bundle of other hours is not evaluated against this dataset.
     let other = Scene { hours: vec![0.0, 12.0], ..islands() };
     other.write(&folder.path().join("isles"));
     let output = run(&["evaluate", "isles"], folder.path());

@@ -77,7 +77,7 @@ fn the_scene_comes_first_then_a_summary_then_tables_folded() {
     let captions: Vec<&str> =
         scene.split("<figcaption>").skip(1).map(|rest| rest.split(" h").next().unwrap()).collect();
     assert_eq!(captions, ["6", "12", "18.1", "0"]);
-    assert!(scene.contains("Above what was baked, below what the bundle decodes to"));
+    assert!(scene.contains("Above: baked. Below: decoded from the bundle"));
     let pictures = pictures(scene);
     assert_eq!(pictures.len(), 8);
     let mean_difference = |a: &image::RgbImage, b: &image::RgbImage| {
@@ -92,7 +92,7 @@ fn the_scene_comes_first_then_a_summary_then_tables_folded() {
     let titles: Vec<&str> =
         summary.split("<dt>").skip(1).map(|rest| rest.split('<').next().unwrap()).collect();
     assert_eq!(titles, ["How good", "How large, how long", "What next"]);
-    assert!(summary.contains("PSNR ") && summary.contains("bits per texel and set"), "{summary}");
+    assert!(summary.contains("PSNR ") && summary.contains("bits per texel and frame"), "{summary}");
     // Everything else is behind its heading.
     assert_eq!(rest.matches("<section").count(), 5);
     assert_eq!(rest.matches("<details>").count(), 5);
@@ -114,7 +114,7 @@ fn a_damaged_geometry_file_costs_its_picture_alone() {
     let html = report(Some(&floor()[..200]));
     let (lead, _) = html.split_once("<nav>").unwrap();
     assert!(
-        lead.contains("The scene is not shown: ") && lead.contains("expected a whole GLB file"),
+        lead.contains("The scene is not shown: ") && lead.contains("expected a complete GLB file"),
         "{lead}"
     );
     assert!(lead.contains("<dt>How good</dt>") && html.contains("<h2>Decoded and reference</h2>"));

@@ -79,7 +79,7 @@ fn shards_give_the_bytes_of_one_process() {
     {
         let out = format!("{of}.ndgi");
         let merge = [&["."][..], &recipe, &["--out", &out, "--merge"]].concat();
-        assert!(refused(&merge, folder, 75).contains("trained tiles of 8 of 8 tiles are not there"));
+        assert!(refused(&merge, folder, 75).contains("trained tiles of 8 of 8 tiles are missing"));
         let names: Vec<String> = order.iter().map(|number| format!("{number}/{of}")).collect();
         let shard = |name| [&["."][..], &recipe, &["--out", &out, "--shard", name]].concat();
         match of {
@@ -117,16 +117,16 @@ fn a_killed_shard_is_named_and_goes_on() {
         assert!(begun.elapsed() < Duration::from_secs(120) && child.try_wait().unwrap().is_none());
         std::thread::sleep(Duration::from_millis(2));
     }
-    // While it works nobody else has the folder alone; those who share it may come in.
-    assert!(refused(&recipe, folder, 75).contains("another run is making this bundle"));
-    assert!(refused(&merge, folder, 75).contains("another run is making this bundle"));
+    // While it works nobody else has the folder alone; callers that share it may come in.
+    assert!(refused(&recipe, folder, 75).contains("another run is writing this bundle"));
+    assert!(refused(&merge, folder, 75).contains("another run is writing this bundle"));
     child.kill().unwrap();
     child.wait().unwrap();
     json(&shard("2/2"), folder);
-    let told = refused(&merge, folder, 75);
+    let reported = refused(&merge, folder, 75);
     assert!(
-        told.contains("of 8 tiles are not there: page 0 (") && told.contains("unfinished: 1/2 on "),
-        "{told}"
+        reported.contains("of 8 tiles are missing: page 0 (") && reported.contains("unfinished: 1/2 on "),
+        "{reported}"
     );
     let status = json(&["status", ".", "--out", "a.ndgi"], folder);
     assert!(status["done"].as_u64() < Some(8) && status["tiles"] == 8, "{status}");
@@ -135,10 +135,10 @@ fn a_killed_shard_is_named_and_goes_on() {
     let merged = fs::read(folder.join("a.ndgi")).unwrap();
     json(&[&recipe[..], &["--force"]].concat(), folder);
     assert!(merged == fs::read(folder.join("a.ndgi")).unwrap());
-    // A bundle of longer training gives way to none of shorter, unless that is asked for; nobody retries that.
+    // A bundle of longer training gives way to none of shorter, unless that is requested; nobody retries that.
     let shorter = [".", "--iterations", "100", "--out", "a.ndgi"];
-    let told = refused(&[&shorter[..], &["--shard", "1/1"]].concat(), folder, 1);
-    assert!(told.contains("trained for 1500 steps") && told.contains("--force"), "{told}");
+    let reported = refused(&[&shorter[..], &["--shard", "1/1"]].concat(), folder, 1);
+    assert!(reported.contains("trained for 1500 steps") && reported.contains("--force"), "{reported}");
     json(&[&shorter[..], &["--shard", "1/1", "--force"]].concat(), folder);
     json(&[&shorter[..], &["--merge", "--force"]].concat(), folder);
     assert!(!folder.join("a.ndgi.part").exists());
@@ -165,10 +165,11 @@ fn a_target_is_tried_chosen_and_trained_by_shards() {
         };
         let merge = with(&["--out", "b.ndgi", "--merge", "--force"]);
         assert_eq!(json(&with(&["--out", "b.ndgi", "--force", "--shard", "1/2"]), folder)["stage"], "trials");
-        let told = refused(&merge, folder, 75);
+        let reported = refused(&merge, folder, 75);
         assert!(
-            told.contains("trial fits of 3 of 5 tiles are not there") && told.contains("2/2 never began"),
-            "{told}"
+            reported.contains("trial fits of 3 of 5 tiles are missing")
+                && reported.contains("2/2 not started"),
+            "{reported}"
         );
         shards("trials");
         assert!(refused(&merge, folder, 75).contains("trained tiles of "));
@@ -192,16 +193,19 @@ fn what_shards_cannot_do_is_refused() {
         (&["--shard", "1/3", "--merge"], "cannot be used with"),
         (&["--instructions", "mmx"], "this processor has portable"),
     ] {
-        let told = refused(&[&["."], words].concat(), folder, 2);
-        assert!(told.contains(what), "{words:?}: {told}");
+        let reported = refused(&[&["."], words].concat(), folder, 2);
+        assert!(reported.contains(what), "{words:?}: {reported}");
     }
     // Machines of unlike processors: the merge says so, and the option that makes them alike.
     let tiers = compressor::lanes::Tier::available().len();
     if tiers > 1 {
         let recipe = [".", "--iterations", "50", "--out", "a.ndgi"];
         json(&[&recipe[..], &["--shard", "1/1", "--instructions", "portable"]].concat(), folder);
-        let told = refused(&[&recipe[..], &["--merge"]].concat(), folder, 75);
-        assert!(told.contains("with Portable instructions") && told.contains("--instructions"), "{told}");
+        let reported = refused(&[&recipe[..], &["--merge"]].concat(), folder, 75);
+        assert!(
+            reported.contains("with Portable instructions") && reported.contains("--instructions"),
+            "{reported}"
+        );
         json(&[&recipe[..], &["--merge", "--instructions", "portable"]].concat(), folder);
     }
     // A bad texel stops the shards that read its rows, and the merge, for good.

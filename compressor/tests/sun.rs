@@ -1,4 +1,4 @@
-//! The sun as a stream of its own: from a dataset that keeps it apart, through the bundle and back, in Rust and in Python.
+//! The sun as a separate stream: from a dataset that keeps it apart, through the bundle and back, in Rust and in Python.
 
 mod common;
 
@@ -224,14 +224,14 @@ fn the_sun_goes_through_the_bundle_and_back() {
         let decoder = Decoder::open(&out).unwrap();
         let header = &decoder.bundle().header;
         let sun = header.sun.as_ref().unwrap();
-        // Besides the sets where the sun rises and sets, and as many as it takes for shadows to move well.
+        // Besides the frames where the sun rises and sets, and as many as it takes for shadows to move well.
         let has = |hour: &f64| sun.times.contains(hour);
         assert!([6.1, 9.0, 12.0, 15.0, 18.1].iter().all(has) && header.shadows, "{:?}", sun.times);
         assert!(sun.times.windows(2).all(|pair| pair[1] - pair[0] <= 1.1), "{:?}", sun.times);
         assert!(sun.times[0] > 5.9 && *sun.times.last().unwrap() > 18.9, "{:?}", sun.times);
         assert!(!header.timeline.between.is_empty());
 
-        // A compact layout at a moment: two times of three bits a texel and channel, at least.
+        // A compact layout at a time: two times of three bits a texel and channel, at least.
         for place in header.places().filter(|place| place.column == 1) {
             let (width, height) = header.pages[0].stored(place.column, place.row);
             let held = decoder.bundle().bytes_held_of_sun(place).unwrap() as usize;
@@ -239,7 +239,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
             assert!((levels..levels + 5000).contains(&held), "{glass} {held} {levels}");
         }
 
-        // At the sets: three bits of visibility, a degree of the normals.
+        // At the frames: three bits of visibility, a degree of the normals.
         let valid = dataset.mask(0).unwrap().valid;
         for hour in [6.1, 9.0, 12.0, 15.0, 18.1] {
             let (found, expected) =
@@ -289,13 +289,13 @@ fn the_sun_goes_through_the_bundle_and_back() {
             );
         }
 
-        // What is judged: all light, what maps hold, and both are good.
+        // What is evaluated: all light, what maps hold, and both are good.
         let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
         let baked = evaluation.without_sun.unwrap();
         assert!(baked.psnr_db.unwrap() > 40.0, "{baked:?}");
         assert!(evaluation.sunny.unwrap().psnr_pooled_db.unwrap() > 30.0, "{:?}", evaluation.sunny);
         assert!(evaluation.bytes_of_sun > 0 && evaluation.bytes_of_sun < evaluation.bytes);
-        // Between the sets shadows move, better than they fade.
+        // Between the frames shadows move, better than they fade.
         let shadows = evaluation.shadows.unwrap();
         assert!(shadows.worst_db < shadows.mean_db && evaluation.bytes_of_shadows > 0, "{shadows:?}");
         let still = folder.path().join("still.ndgi");
@@ -322,7 +322,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
 }
 
 #[test]
-fn a_bundle_of_all_light_is_judged_as_one() {
+fn a_bundle_of_all_light_is_evaluated_as_one() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
     write(&root, moving);
@@ -335,14 +335,14 @@ fn a_bundle_of_all_light_is_judged_as_one() {
     Writer::create(&plain).unwrap().commit(&config).unwrap();
     let out = folder.path().join("plain.ndgi");
     compress(&plain, &options(&out), &Console::silent()).unwrap();
-    // Its layers still tell of the sun's direct light, so it can be left out.
-    let left_out = folder.path().join("left-out.ndgi");
-    compress(&plain, &Options { without_sun: true, ..options(&left_out) }, &Console::silent()).unwrap();
+    // Its layers still tell of the sun's direct light, so it can be omitted.
+    let omitted = folder.path().join("left-out.ndgi");
+    compress(&plain, &Options { without_sun: true, ..options(&omitted) }, &Console::silent()).unwrap();
     let apart = folder.path().join("apart.ndgi");
     compress(&root, &Options { without_sun: true, ..options(&apart) }, &Console::silent()).unwrap();
-    let [left_out, apart] = [left_out, apart].map(|path| Bundle::open(&path).unwrap());
+    let [omitted, apart] = [omitted, apart].map(|path| Bundle::open(&path).unwrap());
     for place in apart.header.places() {
-        assert_eq!(left_out.tile(place).unwrap(), apart.tile(place).unwrap());
+        assert_eq!(omitted.tile(place).unwrap(), apart.tile(place).unwrap());
     }
     // Where it is in one sum with other light, it cannot.
     let mut config = Dataset::open(&plain).unwrap().config;
@@ -352,7 +352,7 @@ fn a_bundle_of_all_light_is_judged_as_one() {
     Writer::create(&summed).unwrap().commit(&config).unwrap();
     let refused = Options { without_sun: true, ..options(&folder.path().join("summed.ndgi")) };
     let error = compress(&summed, &refused, &Console::silent()).unwrap_err().to_string();
-    assert!(error.contains("cannot be left out"), "{error}");
+    assert!(error.contains("cannot be omitted"), "{error}");
     let decoder = Decoder::open(&out).unwrap();
     assert!(decoder.bundle().header.sun.is_none());
     let judged =
@@ -414,7 +414,7 @@ fn random(x: usize, y: usize, key: u64) -> f32 {
     (z >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// A texel to each state that there is: never, always, the morning, the evening, half, a blink between two sets, a blink at one.
+/// A texel to each state that there is: never, always, the morning, the evening, half, a blink between two frames, a blink at one.
 fn states(x: usize, y: usize, hour: f64) -> [f32; 3] {
     let is_lit = match (x + 3 * y) % 7 {
         0 => false,
@@ -489,7 +489,7 @@ fn what_sees_the_sun_in_hard_ways_is_met() {
                 squared[usize::from(is_set)] += f64::from(error * error);
             }
         }
-        // Between the sets shadows that move are no worse than shadows that fade.
+        // Between the frames shadows that move are no worse than shadows that fade.
         let still = folder.path().join(name).join("still.ndgi");
         compress(
             &root,

@@ -116,8 +116,8 @@ fn light_that_the_functions_hold_comes_back_and_counts_its_bits() {
     write(folder.path());
     let output = compare(folder.path(), &["--transfer", "transfer"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let rows = told["rows"].as_array().unwrap();
+    let reported: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let rows = reported["rows"].as_array().unwrap();
     let row = |name: &str| rows.iter().find(|row| row["method"] == name).unwrap();
     // Nine numbers a texel, and the largest values of the functions and of the lamp.
     let (texels, valid) = (240.0, (0..240).filter(|i| (i % 20 + i / 20) % 5 > 0).count() as f64);
@@ -132,7 +132,7 @@ fn light_that_the_functions_hold_comes_back_and_counts_its_bits() {
     assert!((stored(coded) - bits).abs() < 1e-6, "{coded}");
     let (coded, plain) = (&coded["psnr_db"].as_f64().unwrap(), &plain["psnr_db"].as_f64().unwrap());
     assert!((20.0..*plain).contains(coded), "{coded}");
-    assert!(!told["left_out"].to_string().contains("PRT"));
+    assert!(!reported["left_out"].to_string().contains("PRT"));
 }
 
 #[test]
@@ -158,15 +158,12 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     light(|transfer| transfer.scene = "other".to_owned());
     refused(with, &["transfer: is the transfer of other; expected that of isles"]);
     light(|transfer| transfer.inputs.replace_range(..1, "1"));
-    refused(with, &["transfer: goes with another bake than set", "the same `bake` command"]);
+    refused(with, &["transfer: belongs to a different bake than set", "the same `bake` command"]);
     write(folder.path());
-    refused(
-        &["--transfer", "set"],
-        &["set: holds no transfer", "the `bake` of the scene isles makes with --transfer"],
-    );
+    refused(&["--transfer", "set"], &["set: is not a transfer", "`bake --transfer` of the scene isles"]);
     refused(&["--transfer", "transfer", "--ablations"], &["--ablations"]);
     change(&set, |config, _| config.layers.clear());
-    refused(with, &["set: keeps no layer of the light group \"lamp\""]);
+    refused(with, &["set: has no layer of the light group \"lamp\""]);
     // A page of another size.
     let size = [20, 16];
     write(folder.path());

@@ -76,7 +76,7 @@ function openBundle(bytes) {
   expect(c.u32('side') === 128 & c.u32('border') === 1, 'tiles of another size than 128 with a border of 1');
   if (old) bundle.coding = c.u32('coding');
   expect(bundle.coding < 2, `coding ${bundle.coding}; this page reads 0 and 1`);
-  const n = c.count(8, 'sets'), between = old ? 0 : c.count(8, 'hours between sets'), pages = c.count(8, 'pages'), groups = c.count(8, 'light groups');
+  const n = c.count(8, 'frames'), between = old ? 0 : c.count(8, 'hours between frames'), pages = c.count(8, 'pages'), groups = c.count(8, 'light groups');
   let streams = 1, path = 0, seen = 0;
   if (!old) {
     streams = c.count(12, 'streams');
@@ -85,7 +85,7 @@ function openBundle(bytes) {
     expect(c.u32('zero') === 0, 'byte 68: expected 0');
     c.skip(8, 'checksum');
   }
-  expect(n > 0 && pages > 0 && streams > 0, 'no sets, pages or streams');
+  expect(n > 0 && pages > 0 && streams > 0, 'no frames, pages or streams');
   expect(pages <= MOST_PAGES, `${pages} pages; this page shows ${MOST_PAGES} at most`);
   bundle.scene = c.text('scene');
   bundle.info = c.text('info');
@@ -105,7 +105,7 @@ function openBundle(bytes) {
 
 function readTimes(c, bundle, n, between, groups) {
   bundle.hours = c.list(n, () => c.f64('hours'));
-  const extra = c.list(between, () => c.f64('hours between sets'));
+  const extra = c.list(between, () => c.f64('hours between frames'));
   bundle.knots = bundle.hours.concat(extra).sort((a, b) => a - b);
   expect(ascends(bundle.hours) && ascends(extra) && ascends(bundle.knots), 'hours that are not strictly ascending in [0, 24)');
   bundle.groups = c.list(groups, () => {
@@ -181,7 +181,7 @@ function newTile(page, number, column, row) {
 
 function nameOf(tile) { return `${tile.column}, ${tile.row} of page ${tile.page}`; }
 
-// Means by knot, and the second set's shares.
+// Means by knot, and the second frame's shares.
 function readResident(bundle, tile, at) {
   const c = new Cursor(bundle.bytes, at), bits = new DataView(c.bytes.buffer, c.bytes.byteOffset).getUint32(c.skip(4, 'scale'), true);
   const exponent = bits >>> 23;

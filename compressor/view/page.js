@@ -79,7 +79,7 @@ class Viewer {
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, buffer);
   }
 
-  // Per tile a colour by its bits a texel and set: blue is none, yellow as many as the largest tiles have, or more.
+  // Per tile a colour by its bits per texel and frame: blue is none, yellow as many as the largest tiles have, or more.
   bitsOf(page) {
     const { gl } = this, { columns, rows } = this.bundle.pages[page], { tiles } = this.bundle, data = new Uint8Array(4 * columns * rows);
     const area = tile => tile.ownWidth * tile.ownHeight, large = tiles.reduce((most, tile) => Math.max(most, area(tile)), 0) / 2;
@@ -134,16 +134,16 @@ class Viewer {
     const lit = bundle.tiles.filter(tile => tile.features || tile.levels).length, { length } = bundle.bytes;
     const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
     const facts = [
-      `${meta.title}: bundle version ${bundle.version}, ${length.toLocaleString('en')} bytes, ${bundle.hours.length} sets, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(8 * length / texels / bundle.hours.length).toFixed(3)} bits per texel and set.`,
-      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. \`compress view\` looked at its checksums; this page does not.`,
-      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. No sky, gloss or visible emission.` : 'No scene.glb lay beside the bundle: the atlas alone.',
+      `${meta.title}: bundle version ${bundle.version}, ${length.toLocaleString('en')} bytes, ${bundle.hours.length} frames, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(8 * length / texels / bundle.hours.length).toFixed(3)} bits per texel and frame.`,
+      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. \`compress view\` verified its checksums; this page does not.`,
+      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. No sky, gloss or visible emission.` : 'There is no scene.glb beside the bundle: only the atlas is shown.',
       meta.reference.note,
-      bundle.sun ? "The sun's direct light is a stream of its own: it moves between the sets." : "The sun's direct light is in the maps, or left out.",
+      bundle.sun ? "The sun's direct light is a separate stream: it moves between the frames." : "The sun's direct light is in the maps, or omitted.",
     ];
     $('facts').replaceChildren(...facts.map(fact => { const p = document.createElement('p'); p.textContent = fact; return p; }));
   }
 
-  // Sets, hours, and the switches of lamps on the slider.
+  // Frames, hours, and the switches of light groups on the slider.
   buildMarks() {
     const marks = [], mark = (kind, hour, text) => {
       const element = document.createElement(kind);
@@ -366,9 +366,9 @@ class Viewer {
     $('pin').setAttribute('aria-pressed', String(state.pinned));
     for (const choice of this.choices) choice();
     const on = this.bundle.groups.filter(group => isOn(group.on, mod(state.hour, 24))).map(group => group.name);
-    const parts = [on.length ? `on: ${on.join(', ')}` : 'no lamps on'];
+    const parts = [on.length ? `on: ${on.join(', ')}` : 'no light group on'];
     if (this.refers()) parts.push(`reference of ${clock(state.hour)}, ${this.referenceShown === state.hour ? meta.reference.precision : this.missing ?? 'which is on its way'}`);
-    if (state.view === 'bits') parts.push(`blue: no bits, yellow: ${this.mostBits.toFixed(2)} bits per texel and set, or more`);
+    if (state.view === 'bits') parts.push(`blue: no bits, yellow: ${this.mostBits.toFixed(2)} bits per texel and frame, or more`);
     if (state.space === 'scene' && this.scene.unmapped > 0) parts.push('what has no texels is lit by an ambient term');
     $('state').textContent = parts.join(' · ');
   }
@@ -435,7 +435,7 @@ class Viewer {
     const { place, tile, x, y, points } = panel, now = decodeTexel(bundle, tile, state.hour, x, y);
     this.plot(panel.hours, panel.light, points);
     const lines = [`texel ${place.x}, ${place.y} of page ${place.page}, tile ${tile.column}, ${tile.row}`, `${clock(state.hour)}: E = ${now.map(digits).join(', ')} (R, G, B; unit of the lightmaps)`,
-      `${this.bytesOfTile(tile).toLocaleString('en')} bytes, ${this.bitsOfTile(tile).toFixed(3)} bits per texel and set`];
+      `${this.bytesOfTile(tile).toLocaleString('en')} bytes, ${this.bitsOfTile(tile).toFixed(3)} bits per texel and frame`];
     if (!meta.reference.hours.length) lines.push('no reference at hand');
     if (panel.quality) lines.push(panel.quality);
     if (panel.problem) lines.push(panel.problem);

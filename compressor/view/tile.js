@@ -58,7 +58,7 @@ function featuresOf(bundle, tile) {
   return tile.read = read;
 }
 
-// The blocks of a map; those that are left out stay so until they are wanted.
+// The blocks of a map; omitted blocks are filled in when they are needed.
 function readMap(c, count, sparse, wrong) {
   if (!count) return null;
   const length = fieldLength(count), map = { count, field: sparse ? c.take(length, 'a bit field') : null };
@@ -93,7 +93,7 @@ function denseBlocks(map) {
   return out;
 }
 
-// The places of the sets along τ.
+// The places of the frames along τ.
 function readAxis(c, bundle, n, wrong) {
   if (bundle.coding) return bundle.hours.map(hour => hour / 24);
   const m = c.u16('time axis'), places = c.list(n, () => c.u16('time axis'));

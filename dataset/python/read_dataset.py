@@ -6,7 +6,7 @@
 
 As a module: s = Dataset('yard'); s.hours; s.light(12); s.layer('sun', 12); s.layer('porch', 21); s.mask(); where the parts of a light
 are kept apart, s.layer('sun', 12, part='direct'), or 'indirect'; where the sun's visibility is kept, s.sun_direct(12.37), the sun's direct
-light at any time, and what it is made of: s.visibility(12.37), s.normals(), s.sun(12.37). s.moment(12.37) is the whole light at any hour.
+light at any time, and what it is made of: s.visibility(12.37), s.normals(), s.sun(12.37). s.light_at(12.37) is the whole light at any hour.
 """
 import argparse, json, lzma, pathlib, struct, sys, zlib, numpy as np, OpenEXR
 
@@ -48,7 +48,7 @@ class Dataset:
         """'sun', 'sky', a light group, or 'local', the lamps of imported datasets. Black where it does not shine."""
         size = self.config['pages'][page]
         if hour not in self.hours and hour is not None:
-            raise ValueError(f'no frame at {hour} h: expected one of {self.hours}; moment({hour}) is between frames')
+            raise ValueError(f'no frame at {hour} h: expected one of {self.hours}; light_at({hour}) is between frames')
         light = np.zeros((size['height'], size['width'], 3), np.float32)
         for file in self.files(name, None if hour is None else self.hours.index(hour), page, part):
             self.data(file)
@@ -58,11 +58,11 @@ class Dataset:
     def mask(self, page=0):
         """True on surfaces."""
         return png(self.data(self.config['pages'][page]['mask']))[:, :, 0] == 255
-    def moment(self, hour, page=0):
+    def light_at(self, hour, page=0):
         """The light at any hour of the day: between frames by the curves of layers, the sun's direct light by its visibility."""
         n, config = len(self.hours), self.config
         if not 0 <= hour <= 24:
-            raise ValueError(f'the hour {hour}: expected one from 0 to 24')
+            raise ValueError(f'hour {hour}; expected 0 to 24')
         if 'sun_path' in config:
             self.sun(hour)  # which refuses hours that were not baked
         after = int(np.searchsorted(self.hours, hour, 'right'))

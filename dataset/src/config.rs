@@ -15,7 +15,7 @@ pub const FORMAT: &str = "temporal-lightmaps";
 /// The version of the format this crate writes; it reads this and version 1, and refuses newer ones.
 pub const VERSION: u32 = 2;
 
-/// The manifest. Everything in it is reproducible: timings stand in `run.json`. All keys are always there, those of `None` as
+/// The manifest. Everything in it is reproducible; timings are in `run.json`. All keys are always present, with `None` as
 /// `null` (`deserialize_with` makes serde insist on them).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -26,21 +26,21 @@ pub struct Config {
     pub version: u32,
     /// The scene's name, a single path component.
     pub scene: String,
-    /// What wrote the set, e.g. `bake 0.1.0`.
+    /// The program that wrote the dataset, e.g. `bake 0.1.0`.
     pub generator: String,
-    /// Unit of the texels, in words.
+    /// Unit of the texels, as text.
     pub unit: String,
     /// The seed all randomness derives from.
     pub seed: u64,
-    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal sets, but for noise that
+    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal datasets, but for noise that
     /// earlier bakes in the folder left, and for where a time limit fell.
     pub inputs: String,
-    /// Samples of indirect light per texel that the last round went for: what a texel of mean deviation has, or at most has where the
-    /// bake went for a target or a time. (How many were drawn, on average over the texels, tells the writer's report.)
+    /// Samples of indirect light per texel of the last round: those of a texel of mean deviation, or their maximum if the
+    /// bake had a target or a time limit. (The writer's report has the average number drawn.)
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,
-    /// The sun; `None` where the scene has none, or the writer does not know of it.
+    /// The sun; `None` if the scene has none, or the writer does not know of it.
     #[serde(deserialize_with = "Option::deserialize")]
     pub sun: Option<Daylight>,
     /// The sky, in the same way.
@@ -48,7 +48,7 @@ pub struct Config {
     pub sky: Option<Daylight>,
     /// The light groups, in the order their layers are summed.
     pub groups: Vec<Group>,
-    /// The shares of each light: sun, sky, groups in their order, lamps; of each direct before indirect. Empty when layers are not kept.
+    /// The shares of each light: sun, sky, groups in their order, lamps; of each direct before indirect. Empty if layers are not stored.
     pub layers: Vec<Layer>,
     /// The frames, by ascending hour.
     pub frames: Vec<Frame>,
@@ -58,8 +58,8 @@ pub struct Config {
     /// The geometry with its lightmap coordinates (glTF binary).
     #[serde(deserialize_with = "Option::deserialize")]
     pub geometry: Option<FileRef>,
-    /// Where the lightmaps of the geometry's instances lie, in the order of the nodes of [`Config::geometry`] that have
-    /// lightmap coordinates; empty if the writer does not know. What is too large for one page is several nodes.
+    /// The chart placements of the geometry's instances, in the order of the nodes of [`Config::geometry`] that have
+    /// lightmap coordinates; empty if the writer does not know. An instance too large for one page is several nodes.
     pub instances: Vec<Instance>,
     /// The resolved settings of the writer, for the reader's information.
     pub settings: serde_json::Value,
@@ -69,16 +69,16 @@ pub struct Config {
     /// The sun's visibility as a function of time. Only datasets that hold it have the key; they have a `sun_path`, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visibility: Option<SunVisibility>,
-    /// Where an imported set comes from. Only imported sets have the key.
+    /// Where an imported dataset comes from. Only imported datasets have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Source>,
-    /// What makes the frames a scene's transfer. Only transfers have the key.
+    /// The functions and coefficients of a scene's transfer. Only transfers have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
 }
 
 impl Config {
-    /// Digest of the light itself, by which a bundle tells what it was made from: hours, schedules, and the content of masks and lightmaps.
+    /// Digest of the light itself, which bundles record: hours, schedules, and the content of masks and lightmaps.
     /// Equal light has the same digest in every version of the format.
     pub fn digest_of_light(&self) -> String {
         let pages: Vec<_> =
@@ -120,11 +120,11 @@ impl SunVisibility {
 pub struct Transfer {
     /// The name of the scene whose transfer it is.
     pub scene: String,
-    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the set that it goes with.
+    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the dataset that it goes with.
     pub inputs: String,
     /// Per frame, the light that it shows.
     pub parts: Vec<TransferPart>,
-    /// The scene's sky and sun at its moments, by ascending hour.
+    /// The scene's sky and sun at its times, by ascending hour.
     pub light: Vec<TransferLight>,
 }
 
@@ -134,21 +134,21 @@ pub struct Transfer {
 pub struct TransferPart {
     /// Index of the function, l² + l + m of the harmonic.
     pub function: u32,
-    /// Whether it is the negative part.
+    /// True for the negative part.
     pub negative: bool,
 }
 
-/// The light of one moment in terms of the functions.
+/// The light of one time in terms of the functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransferLight {
-    /// The moment, in hours, 0 ≤ hour < 24.
+    /// The time, in hours, 0 ≤ hour < 24.
     pub hour: f64,
-    /// Per function, by what it is multiplied, red, green and blue.
+    /// Per function, its coefficients for red, green and blue.
     pub coefficients: Vec<[f64; 3]>,
 }
 
-/// What an imported set was made of.
+/// The origin of an imported dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
@@ -162,7 +162,7 @@ pub struct Source {
     pub replaced_values: u64,
 }
 
-/// A layout in which sets are exchanged.
+/// A layout in which datasets are exchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Layout {
@@ -170,7 +170,7 @@ pub enum Layout {
     Hprc1,
     /// `config.json` and `Data/`; see [`crate::exchange::layout2`].
     Hprc2,
-    /// One EXR file per moment and page.
+    /// One EXR file per time and page.
     Exr,
 }
 
@@ -185,7 +185,7 @@ impl Layout {
     }
 }
 
-/// What a page holds.
+/// The kind of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PageKind {
@@ -197,7 +197,7 @@ pub enum PageKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Page {
-    /// What it holds.
+    /// The page's kind.
     pub kind: PageKind,
     /// Width in texels, at least 1.
     pub width: u32,
@@ -214,7 +214,7 @@ impl Page {
     }
 }
 
-/// The place of one instance's lightmap: `page coordinates = scale × TEXCOORD_1 + offset`, per axis, where TEXCOORD_1 is that of
+/// The chart placement of one instance: `page coordinates = scale × TEXCOORD_1 + offset`, per axis, where TEXCOORD_1 is that of
 /// its mesh in [`Config::geometry`] (instances may share a mesh) and page coordinates run from (0, 0), the page's top left
 /// corner, to (1, 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -243,7 +243,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// What is wrong with the schedule: each interval whose ends are not two different hours in [0, 24].
+    /// Faults of the schedule: each interval whose ends are not two different hours in [0, 24].
     pub(crate) fn faults_of_schedule(&self) -> impl Iterator<Item = String> + '_ {
         let is_hour = |hour| (0.0..=24.0).contains(&hour);
         let bad = self.on.iter().filter(move |&&[from, to]| !is_hour(from) || !is_hour(to) || from == to);
@@ -252,7 +252,7 @@ impl Group {
         })
     }
 
-    /// Whether the schedule has the lamps on at an hour; `None` at the very ends of its intervals, where several may meet.
+    /// True if the schedule has the light group on at an hour; `None` exactly at the ends of its intervals, where several may meet.
     pub fn is_on(&self, hour: f64) -> Option<bool> {
         let ends = self.on.iter().flatten();
         // Whole days have no ends.
@@ -269,7 +269,7 @@ impl Group {
     }
 }
 
-/// All lightmaps of one time of day. Where layers are kept, each is `(sun + sky) + local` in float32, bit for bit: `sun` is direct +
+/// All lightmaps of one time of day. Where layers are stored, each is `(sun + sky) + local` in float32, bit for bit: `sun` is direct +
 /// indirect, `local` the sum of the lights of the groups that are on, in order, starting from zero, each direct + indirect. In imported
 /// datasets `local` is the layer of the lamps, and the sum holds about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,4 +1,4 @@
-//! What the three binaries share at the terminal: messages, progress, the JSON line, and the exit code.
+//! Terminal output of all binaries: messages, progress, the JSON line, and the exit code.
 
 use crate::signals;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -12,7 +12,7 @@ pub use crate::signals::{INTERRUPTED, interrupted, stop_if_interrupted};
 /// Options every command takes.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct ConsoleArgs {
-    /// Print answers and errors only.
+    /// Print only results and errors.
     #[arg(long, short, global = true)]
     pub quiet: bool,
     /// Print one JSON object on stdout when done (messages go to stderr).
@@ -29,12 +29,12 @@ fn parse_threads(text: &str) -> Result<u16, String> {
     threads.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
 }
 
-/// A number of things: `1 set`, `2 sets`.
+/// A number with its noun: `1 frame`, `2 frames`.
 pub fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// Where messages and progress go: stderr; nothing of it under `--quiet`.
+/// Messages and progress on stderr; silent with `--quiet`.
 #[derive(Clone, Copy, Debug)]
 pub struct Console {
     /// Print errors only.
@@ -43,13 +43,13 @@ pub struct Console {
     pub json: bool,
 }
 
-/// A bar with the share done, what is being done, and the time left; silent under `--quiet`; plain lines where stderr is no terminal.
+/// A progress bar with share, task and remaining time; silent with `--quiet`; plain lines where stderr is not a terminal.
 #[derive(Debug)]
 pub struct Progress {
     what: String,
     /// Counts and estimates the time left; draws only where stderr is a terminal.
     bar: ProgressBar,
-    /// Where stderr is no terminal: when the next plain line is due. `None` where no lines are wanted.
+    /// Where stderr is no terminal: when the next plain line is due. `None` if no lines are wanted.
     next_line: Option<Mutex<Instant>>,
 }
 
@@ -126,7 +126,7 @@ impl Console {
     /// The result of a command: `object` under `--json` (one line on stdout), else nothing.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] where it cannot be written; a reader that closed the pipe is no failure of the command.
+    /// [`crate::Error::Io`] if it cannot be written; a reader that closed the pipe is no failure of the command.
     pub fn result(&self, object: &serde_json::Value) -> crate::Result<()> {
         let mut out = std::io::stdout().lock();
         let written = match self.json {
@@ -166,7 +166,7 @@ impl Progress {
         line(&self.plain());
     }
 
-    /// The plain line: what is being done, the share done, the time left, the note.
+    /// The plain line: task, share, remaining time, note.
     fn plain(&self) -> String {
         let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0).max(1));
         let left = indicatif::HumanDuration(self.bar.eta());
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn one_is_no_plural() {
-        assert_eq!([0, 1, 2].map(|n| count(n, "set")), ["0 sets", "1 set", "2 sets"]);
+        assert_eq!([0, 1, 2].map(|n| count(n, "frame")), ["0 frames", "1 frame", "2 frames"]);
     }
 
     #[test]

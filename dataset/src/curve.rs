@@ -1,4 +1,4 @@
-//! How a light goes between two frames: the file that a layer of [`crate::config`] names as its curve.
+//! Curves: how a layer's light is interpolated between two frames; a layer of [`crate::config`] names its curve's file.
 //!
 //! A light that changes by powers of ten in an hour is far from linear between two frames, but its share of a known quantity is not: of the
 //! sky's light, the share of its irradiance on level ground; of what surfaces reflect of the sun, that of the sun's on the surfaces around.
@@ -14,7 +14,7 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The quantity that a light goes with, over a whole day. Between two times it is interpolated linearly.
+/// A quantity over the day to which a light is nearly proportional between frames. Between two times it is linear.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curve {
@@ -42,19 +42,19 @@ impl Curve {
         }
     }
 
-    /// What is wrong with it.
+    /// A message if it is invalid.
     fn fault(&self) -> Option<String> {
         let (hours, values) = (self.hours.len(), self.values.len());
         if hours != values {
-            return Some(format!("{hours} hours, {values} values: expected as many of each"));
+            return Some(format!("{hours} hours and {values} values; expected one value per hour"));
         }
         let ascend = self.hours.windows(2).all(|pair| pair[0] < pair[1]);
         if !ascend || self.hours.first() != Some(&0.0) || self.hours.last() != Some(&24.0) {
-            return Some("hours: expected ascending ones, the first 0, the last 24".to_owned());
+            return Some("hours: expected ascending hours from 0 to 24".to_owned());
         }
         let is_light = |value: &[f32; 3]| value.iter().all(|x| x.is_finite() && *x >= 0.0);
         let i = self.values.iter().position(|value| !is_light(value))?;
-        Some(format!("value {i}: {:?}: expected finite numbers, 0 or more", self.values[i]))
+        Some(format!("value {i}: {:?}; expected finite numbers ≥ 0", self.values[i]))
     }
 
     /// Its value at an hour.
@@ -66,11 +66,11 @@ impl Curve {
         })
     }
 
-    /// By what the light of the frames before and after an hour is multiplied, per red, green and blue; their sum is the light at the hour.
+    /// Weights of the frames before and after an hour, per red, green and blue; the light at the hour is the weighted sum.
     /// `frames`: the hours of the frames, at most a day apart; where the first is not below the second, midnight lies between them.
     ///
-    /// A frame at which the curve is 0 tells nothing of the share: the other one's is taken. Where the curve is 0 at both, light goes
-    /// linearly.
+    /// Where the curve is 0 at one frame, the share of the other frame is used. Where it is 0 at both, light is
+    /// linear.
     pub fn weights(&self, frames: [f64; 2], hour: f64) -> [[f64; 2]; 3] {
         let part = way(frames, hour);
         let [s, a, b] = [hour, frames[0], frames[1]].map(|hour| self.at(hour));

@@ -1,21 +1,21 @@
-//! The one error type of the three crates: what was wrong, and where.
+//! The error type of all three crates: what is wrong, and where.
 
 use crate::signals;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// A result whose error names the place.
+/// A result of this crate; its error says where.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What can go wrong with input or output. Libraries return it; the binaries print the chain and exit with [`Error::exit_code`].
+/// An error of input or output. Libraries return it; the binaries print its chain and exit with [`Error::exit_code`].
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The input breaks a rule: a bad value, a torn file, a checksum that differs.
+    /// The input is invalid: a bad value, a truncated file, a wrong checksum.
     #[error("{place}: {what}")]
     Invalid {
         /// Where: `file`, `file:line`, or `file, texel (x, y)`.
         place: String,
-        /// What stands there and what was expected.
+        /// What was found and what was expected.
         what: String,
     },
     /// The input is well-formed, but this version does not handle it.
@@ -26,24 +26,24 @@ pub enum Error {
         /// What is not supported, and what to do instead.
         what: String,
     },
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Nothing is wrong with the input: another process works there, or others have not finished their part. The same command can succeed later.
+    /// The input is valid, but another process is using it or has not finished its part. The same command can succeed later.
     #[error("{place}: {what}")]
     Unready {
         /// The folder or file.
         place: String,
-        /// What is in the way or missing, and what to do.
+        /// What blocks it or is missing, and what to do.
         what: String,
     },
-    /// The process was asked to stop (Ctrl-C, a termination request). Bakes and compressions keep what was finished.
-    #[error("interrupted; run the same command again to go on")]
+    /// The process was asked to stop (Ctrl-C, a termination request). Bakes and compressions keep finished work.
+    #[error("interrupted; run the same command again to continue")]
     Interrupted,
 }
 
@@ -68,8 +68,8 @@ impl Error {
         move |source| Error::Io { path: path.to_owned(), source }
     }
 
-    /// The exit code of a command that failed so: [`TRY_AGAIN`] where the same command can succeed later (a busy folder, parts that are
-    /// missing, a full disk, a file server that is away), 1 where it cannot, 128 + the signal's number where one ended it.
+    /// The exit code of a command that failed with this error: [`TRY_AGAIN`] if the same command can succeed later (a busy folder, missing
+    /// parts, a full disk, an unavailable file server), 1 if it cannot, 128 + the signal's number if a signal ended it.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Invalid { .. } | Error::Unsupported { .. } => 1,
@@ -81,10 +81,10 @@ impl Error {
     }
 }
 
-/// `EX_TEMPFAIL` of sysexits.h: what schedulers are told to run again.
+/// Exit code `EX_TEMPFAIL` of sysexits.h: schedulers can be set to rerun such jobs.
 pub const TRY_AGAIN: u8 = 75;
 
-/// Whether an error of the system may go away without a change of the command.
+/// True if a system error can go away without changing the command.
 fn passes(error: &io::Error) -> bool {
     let of_kind = matches!(
         error.kind(),
@@ -95,7 +95,7 @@ fn passes(error: &io::Error) -> bool {
             | ErrorKind::ResourceBusy
             | ErrorKind::OutOfMemory
     );
-    // (EIO, which has no kind, is what file servers answer in trouble.)
+    // (File servers in trouble return EIO, which has no kind.)
     of_kind || error.raw_os_error() == Some(5)
 }
 
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_may_pass_is_to_be_tried_again() {
+    fn only_temporary_errors_ask_for_a_retry() {
         let of_system = |code| Error::io(Path::new("a"))(io::Error::from_raw_os_error(code)).exit_code();
         // ENOSPC, EDQUOT, ESTALE, EIO; ENOENT, EACCES.
         assert_eq!([28, 122, 116, 5].map(of_system), [TRY_AGAIN; 4]);

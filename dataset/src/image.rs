@@ -145,7 +145,7 @@ impl Mask {
     }
 }
 
-/// Reads a PNG file of one colour type, `expected` in words: width, height, and its samples in the machine's byte order.
+/// Reads a PNG file of one colour type, `expected` as text: width, height, and its samples in the machine's byte order.
 pub(crate) fn read_png_of(
     path: &Path,
     colour: image::ColorType,

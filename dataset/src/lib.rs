@@ -1,7 +1,7 @@
-//! The seam of the pipeline: what a temporal lightmap set is on disk.
+//! The dataset on disk: the interface between baker and compressor.
 //!
 //! The baker writes it, the compressor reads it; neither rendering nor training happens here.
-//! Modules in the order the data passes them; a module imports only what stands above it.
+//! Modules are listed in the order of the data flow; a module imports only those above it.
 
 pub mod error;
 pub mod signals;

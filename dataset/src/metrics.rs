@@ -1,7 +1,7 @@
 //! Quality metrics of the paper's protocol: per tile, valid texels only, linear RGB.
 //!
 //! The protocol (NDGI, "Dataset Evaluation"): every lightmap is cut into 128×128 tiles ([`crate::tiles::TILE`]), each
-//! metric is computed inside the mask with the tile's own dynamic range, and averaged over all tiles of all sets.
+//! metric is computed inside the mask with the tile's own dynamic range, and averaged over all tiles of all frames.
 
 use crate::image::{Image, Mask};
 use crate::tiles::Rect;
@@ -19,13 +19,13 @@ pub use lpips::Lpips;
 pub use picture::{PictureQuality, compare_pictures};
 pub use steps::StepError;
 
-/// PSNR is capped here: an exact tile has no finite one.
+/// Cap of PSNR in dB: an exact tile has no finite one.
 pub const PSNR_CAP_DB: f64 = 100.0;
 
-/// Means below this share of their set's mean are floored there by [`relative_error`].
+/// Means below this share of their frame's mean are floored there by [`relative_error`].
 pub const RELATIVE_FLOOR: f64 = 1e-3;
 
-/// What one tile of one set measures.
+/// Quality of one tile of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileQuality {
     /// Valid texels.
@@ -48,7 +48,7 @@ pub struct TileQuality {
     /// as `psnr_range_db`. Windows are cut at the tile's edge; invalid texels weigh nothing, and the weights of the
     /// rest are scaled to a sum of one; windows stand at valid texels. C₁ = (0.01 · range)², C₂ = (0.03 · range)².
     pub ssim: Option<f64>,
-    /// The same with windows of 7×7 texels that count alike.
+    /// The same with a 7×7 box window.
     pub ssim_uniform: Option<f64>,
 }
 
@@ -71,14 +71,14 @@ pub fn psnr_db(peak: f64, mse: f64) -> f64 {
 }
 
 /// The relative error, defined here for all crates: RMSE ÷ mean over valid texels, a mean below
-/// [`RELATIVE_FLOOR`] of its set's mean being floored there. 0 for an exact black set; infinite for an error where the
-/// whole set is black.
+/// [`RELATIVE_FLOOR`] of its frame's mean being floored there. 0 for an exact black frame; infinite for an error where the
+/// whole frame is black.
 pub fn relative_error(mse: f64, mean: f64, set_mean: f64) -> f64 {
     let floored = mean.max(RELATIVE_FLOOR * set_mean);
     if mse == 0.0 { 0.0 } else { mse.sqrt() / floored }
 }
 
-/// Sum over valid texels and channels, and the number of valid texels. The mean of a set is the sum over its pages
+/// Sum over valid texels and channels, and the number of valid texels. The mean of a frame is the sum over its pages
 /// ÷ (3 · texels).
 pub fn valid_sum(texels: &[[f32; 3]], valid: &[bool]) -> (f64, usize) {
     let texels = texels.iter().zip(valid).filter(|(_, valid)| **valid);

@@ -54,7 +54,7 @@ impl Normals {
         let length = |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>().sqrt();
         if let Some(index) = normals.iter().position(|normal| length(normal) > 1.0 + ROUNDING) {
             let place = format!("{}, texel ({}, {})", path.display(), index % width, index / width);
-            let what = format!("a normal of length {}; expected 1 at most", length(&normals[index]));
+            let what = format!("a normal of length {}; expected at most 1", length(&normals[index]));
             return Err(Error::invalid(place, what));
         }
         Ok(Normals { width, height, normals })

@@ -1,7 +1,7 @@
 //! Requests to stop: Ctrl-C, a termination request, a terminal that closes.
 //!
-//! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. What cannot look (a library in C++, one long sort) is ended from
-//! the thread that waits for signals: every file is whole or absent, so the process may end anywhere, and the next run goes on.
+//! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. Code that cannot check (a library in C++, one long sort) is ended from
+//! the thread that waits for signals: every file is complete or absent, so the process may end anywhere, and the next run continues.
 
 use crate::{Error, Result};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -44,7 +44,7 @@ pub fn exit_code() -> u8 {
     128 + SIGNAL.load(Ordering::SeqCst) as u8
 }
 
-/// Whether nobody has said yet that the process stops; to be asked by who is about to.
+/// True if no message has said yet that the process stops; the caller is about to print one.
 pub(crate) fn is_first_to_say() -> bool {
     !SAID.swap(true, Ordering::SeqCst)
 }

@@ -1,4 +1,4 @@
-//! A dataset folder: the writer that fills it, the reader that opens it.
+//! A dataset's folder: writer and reader.
 
 use crate::config::version1::Config1;
 use crate::config::{Config, FileRef, Light, Noise, VERSION};
@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 mod check;
-mod moment;
+mod light_at;
 mod stage;
 mod sunlight;
 mod verify;
@@ -26,10 +26,10 @@ pub(crate) use verify::{about_equal, geometry};
 pub const MANIFEST: &str = "config.json";
 /// The sub-folder of the files that carry their content's hash in their name.
 pub const DATA: &str = "data";
-/// Where `bake` keeps its work until the set is whole.
+/// The folder of `bake`'s work until the dataset is complete.
 pub const WORK: &str = ".bake";
-/// What is said of a folder that holds such work and no manifest yet.
-pub const UNFINISHED: &str = "a bake there is not finished; the same `bake` command continues it";
+/// Message for a folder with such work and no manifest yet.
+pub const UNFINISHED: &str = "the bake in it is not finished; the same `bake` command continues it";
 /// Hexadecimal digits of the hash in a file's name.
 const HASH_DIGITS: usize = 12;
 
@@ -46,7 +46,7 @@ pub struct Writer {
 
 impl Writer {
     /// Opens or creates the folder. Temporaries of dead runs are removed; a folder whose `config.json` is not a
-    /// temporal set's is refused, so that nothing foreign is overwritten.
+    /// dataset's is refused, so that nothing foreign is overwritten.
     pub fn create(root: &Path) -> Result<Self> {
         let data = root.join(DATA);
         let manifest = root.join(MANIFEST);
@@ -123,12 +123,12 @@ impl Writer {
     }
 }
 
-/// Whether a value is none of light.
+/// True if a value is not light: negative or not finite.
 pub(crate) fn is_bad(value: f32) -> bool {
     !value.is_finite() || value < 0.0
 }
 
-/// An error with the first texel of whole rows from row `y0` on that is no light.
+/// An error with the first texel of whole rows from row `y0` on that is negative or not finite.
 pub(crate) fn refuse_light(path: &Path, width: usize, y0: usize, texels: &[[f32; 3]]) -> Result<()> {
     image::refuse_texels(path, width, y0, texels, is_bad, "a finite value, zero or positive")
 }
@@ -183,17 +183,17 @@ fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
     }
 }
 
-/// Reads a manifest of any version, and gives everything in it that breaks a rule; `place` names it in errors.
+/// Reads a manifest of any version, and gives everything in it that is invalid; `place` names it in errors.
 ///
 /// # Errors
-/// `Unsupported` for a version of the future, `Invalid` for what is no manifest.
+/// `Unsupported` for a version of the future, `Invalid` for a file that is not a manifest.
 pub fn parse_config(place: &Path, bytes: &[u8]) -> Result<(Config, Vec<Error>)> {
     let (config, _) = parse(place, bytes)?;
     let faults = check::faults(place, &config);
     Ok((config, faults))
 }
 
-/// A manifest, and the version in which it stands there.
+/// A manifest with its version on disk.
 fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
     // The version decides how the rest reads, so it is looked at first.
     let value = parse_manifest(place, bytes)?;
@@ -202,7 +202,7 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
     let config = match version {
         Some(version) if version > u64::from(VERSION) => {
             return unsupported(format!(
-                "format version {version}; this program reads up to {VERSION}: use a newer one"
+                "format version {version}; this program reads up to {VERSION}; use a newer one"
             ));
         }
         Some(1) => serde_json::from_slice(bytes).map(Config1::upgrade),
@@ -212,7 +212,7 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
         {
             Some((page, _)) => {
                 return unsupported(format!(
-                    "page {page}: kind is \"probes\"; this program reads pages of the kind \"atlas\" alone: use a newer one"
+                    "page {page}: kind is \"probes\"; this program reads only pages of the kind \"atlas\"; use a newer one"
                 ));
             }
             None => serde_json::from_slice(bytes),
@@ -263,7 +263,7 @@ pub struct Dataset {
     pub root: PathBuf,
     /// Its manifest, checked for consistency (versions, counts, hours sorted, paths inside the folder).
     pub config: Config,
-    /// The version of the format in which the manifest stands on disk.
+    /// The format version of the manifest on disk.
     pub version: u32,
 }
 
@@ -275,26 +275,26 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// [`Dataset::open`] without a look at the files.
+    /// [`Dataset::open`] without checking the files.
     pub fn open_manifest(root: &Path) -> Result<Self> {
         let (dataset, faults) = Self::read_manifest(root)?;
         faults.into_iter().next().map_or(Ok(dataset), Err)
     }
 
-    /// Reads `config.json` and gives everything in it that breaks a rule. A set with faults is good for
-    /// [`Dataset::verify_files`] alone.
+    /// Reads `config.json` and returns all its faults. A dataset with faults can only be used with
+    /// [`Dataset::verify_files`].
     pub fn read_manifest(root: &Path) -> Result<(Self, Vec<Error>)> {
         let manifest = root.join(MANIFEST);
         if !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
                 (true, _) if root.join(WORK).is_dir() => UNFINISHED.to_owned(),
-                (true, _) => format!("there is no {MANIFEST} in it"),
-                (false, true) => "it is a file".to_owned(),
+                (true, _) => format!("it has no {MANIFEST}"),
+                (false, true) => "it is not a folder".to_owned(),
                 (false, false) => "it does not exist".to_owned(),
             };
             let expected =
-                format!("expected the folder that `bake` or `dataset import` made, with {MANIFEST} in it");
-            let what = format!("not a temporal lightmap set: {found}; {expected}");
+                format!("expected a folder with {MANIFEST}, as `bake` and `dataset import` write it");
+            let what = format!("not a dataset: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }
         let (config, version) = parse(&manifest, &read(&manifest)?)?;
@@ -453,10 +453,10 @@ impl Dataset {
         Ok(Some(noise))
     }
 
-    /// An error where the frames are no moments of a day: those of a transfer.
-    pub fn expect_moments(&self) -> Result<()> {
+    /// An error where the frames are no times of a day: those of a transfer.
+    pub fn expect_day(&self) -> Result<()> {
         let Some(transfer) = &self.config.transfer else { return Ok(()) };
-        let what = format!("holds the transfer of {}; expected sets that are moments", transfer.scene);
+        let what = format!("is the transfer of {}; expected a dataset of a day", transfer.scene);
         Err(Error::unsupported(self.root.display(), what))
     }
 

@@ -11,7 +11,7 @@ use std::path::Path;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SunPath {
-    /// Ascending, in hours from 0 to 24; one at least.
+    /// Ascending, in hours from 0 to 24; at least one.
     pub hours: Vec<f64>,
     /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
     /// one. x, y (up), z as in the geometry.
@@ -47,22 +47,19 @@ impl SunPath {
                 self.direction.len(),
                 self.irradiance.len()
             );
-            return Some(format!("{found}: expected as many of each, one at least"));
+            return Some(format!("{found}; expected equal numbers ≥ 1"));
         }
         let ascend = self.hours.windows(2).all(|pair| pair[0] < pair[1]);
         if !ascend || self.hours.iter().any(|hour| !(0.0..=24.0).contains(hour)) {
-            return Some("hours: expected ascending ones from 0 to 24".to_owned());
+            return Some("hours: expected ascending hours from 0 to 24".to_owned());
         }
         let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-6;
         if let Some(i) = self.direction.iter().position(|direction| !is_direction(direction)) {
-            return Some(format!(
-                "direction {i}: {:?}: expected a vector no longer than 1",
-                self.direction[i]
-            ));
+            return Some(format!("direction {i}: {:?}; expected a vector of length ≤ 1", self.direction[i]));
         }
         let is_light = |e: &[f32; 3]| e.iter().all(|x| x.is_finite() && *x >= 0.0);
         let i = self.irradiance.iter().position(|irradiance| !is_light(irradiance))?;
-        Some(format!("irradiance {i}: {:?}: expected finite numbers, 0 or more", self.irradiance[i]))
+        Some(format!("irradiance {i}: {:?}; expected finite numbers ≥ 0", self.irradiance[i]))
     }
 
     /// Mean direction and irradiance at an hour; `None` before the first time and after the last.
@@ -83,10 +80,7 @@ impl SunPath {
     pub(crate) fn outside(&self, place: impl ToString, hour: f64) -> Error {
         let [from, to] =
             [self.hours.first(), self.hours.last()].map(|hour| hour.copied().unwrap_or_default());
-        Error::invalid(
-            place,
-            format!("the hour {hour}: expected one from {from} to {to}, the hours that were baked"),
-        )
+        Error::invalid(place, format!("hour {hour}; expected {from} to {to}, the range that was baked"))
     }
 
     /// The direct irradiance of a texel at an hour, red, green and blue: `visibility` · (`normal` · direction)⁺ · irradiance.

@@ -51,7 +51,8 @@ pub fn refuse_misspelt<Cli: CommandFactory>(expected: &str) {
     if let Some(typed) = std::env::args().nth(1)
         && let Some(meant) = misspelt(&typed, &command)
     {
-        let what = format!("'{typed}' is neither a command nor {expected}; a similar command is '{meant}'");
+        let what =
+            format!("'{typed}' is neither a command nor {expected}; did you mean the command '{meant}'?");
         command.error(ErrorKind::InvalidSubcommand, what).exit();
     }
 }

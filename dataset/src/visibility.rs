@@ -95,7 +95,7 @@ pub fn to_bytes(size: [u32; 2], top: u8, hours: &[f64], payloads: &[(Vec<u8>, u3
     bytes
 }
 
-/// A moment between two times: the indices of both, and how far it is from the first to the second.
+/// A time between two times: the indices of both, and how far it is from the first to the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
     /// The time before, or the first.
@@ -107,7 +107,7 @@ pub struct Between {
 }
 
 impl Between {
-    /// Where an hour lies among ascending `hours`, of which there is one at least.
+    /// Where an hour lies among ascending `hours`, of which there is at least one.
     pub fn new(hours: &[f64], hour: f64) -> Self {
         let next = hours.partition_point(|time| *time <= hour);
         let (before, after) = (next.saturating_sub(1), next.min(hours.len() - 1));
@@ -130,7 +130,7 @@ pub struct Visibility {
     pub size: [u32; 2],
     /// The level that stands for 1.
     pub top: u8,
-    /// The times in hours, ascending; one at least.
+    /// The times in hours, ascending; at least one.
     pub hours: Vec<f64>,
     /// The tiles of the page, row by row.
     pub tiles: Vec<Rect>,
@@ -157,9 +157,7 @@ impl Visibility {
         };
         let head = read(HEAD, "a header")?;
         if head[..6] != MAGIC[..6] {
-            return Err(invalid(
-                "not a file of the sun's visibility: expected it to begin with TLMVIS01".into(),
-            ));
+            return Err(invalid("not a visibility file; expected it to begin with TLMVIS01".into()));
         }
         if head[..8] != *MAGIC {
             let found = String::from_utf8_lossy(&head[6..8]).into_owned();
@@ -195,7 +193,7 @@ impl Visibility {
             if !matches!((bytes, channels), (0, 0) | (1.., 1 | 3)) {
                 let expected = "expected 1 or 3 channels, or 0 of no bytes";
                 let place = format!("tile at texel ({}, {})", rect.x0, rect.y0);
-                return Err(invalid(format!("{place}: {channels} channels in {bytes} bytes: {expected}")));
+                return Err(invalid(format!("{place}: {channels} channels in {bytes} bytes; {expected}")));
             }
             places.push((at, bytes, channels));
             at += u64::from(bytes);
@@ -238,7 +236,7 @@ impl Visibility {
         stream
             .take(expected as u64 + 1)
             .read_to_end(&mut levels)
-            .map_err(|error| format!("not a whole .xz stream: {error}"))?;
+            .map_err(|error| format!("not a complete .xz stream: {error}"))?;
         if levels.len() != expected {
             return Err(format!("unpacks to {} bytes or more, expected {expected}", levels.len()));
         }

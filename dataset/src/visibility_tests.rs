@@ -118,7 +118,7 @@ fn damage_is_an_error_and_never_a_panic() {
 fn a_payload_that_unpacks_to_more_is_refused_before_it_fills_memory() {
     // The second one needs a dictionary of megabytes already.
     for (times, expected) in
-        [(256, "unpacks to 1537 bytes or more, expected 1536"), (4096, "not a whole .xz stream")]
+        [(256, "unpacks to 1537 bytes or more, expected 1536"), (4096, "not a complete .xz stream")]
     {
         let planes = Planes { texels: 384, channels: 1, levels: vec![1; 384 * 4 * times] };
         let (packed, channels) = planes.to_payload();

@@ -18,7 +18,7 @@ fn json(output: &Output) -> serde_json::Value {
 }
 
 #[test]
-fn a_whole_set_passes_and_a_torn_one_does_not() {
+fn a_complete_dataset_passes_and_a_truncated_one_does_not() {
     let folder = tempfile::tempdir().unwrap();
     let config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
     let output = run(&["check", "--json"], folder.path());
@@ -38,7 +38,7 @@ fn a_whole_set_passes_and_a_torn_one_does_not() {
 }
 
 #[test]
-fn info_names_hours_and_lamps() {
+fn info_names_hours_and_light_groups() {
     let folder = tempfile::tempdir().unwrap();
     write_set(folder.path(), &[(20, 20), (7, 3)], 1).unwrap();
     let object = json(&run(&["info", "--json"], folder.path()));
@@ -63,13 +63,13 @@ fn info_names_hours_and_lamps() {
 }
 
 #[test]
-fn what_is_no_set_is_said_with_its_name_once() {
+fn what_is_not_a_dataset_is_named_once() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hut.toml");
     fs::write(&file, "name = 1").unwrap();
     for command in ["info", "check"] {
         for (path, found) in [
-            (file.clone(), "it is a file"),
+            (file.clone(), "it is not a folder"),
             (folder.path().join("none"), "it does not exist"),
             (folder.path().to_owned(), "there is no config.json in it"),
         ] {
@@ -77,14 +77,14 @@ fn what_is_no_set_is_said_with_its_name_once() {
             let message = String::from_utf8_lossy(&output.stderr);
             assert_eq!(output.status.code(), Some(1), "{message}");
             let error = message.lines().find(|line| line.starts_with("error: ")).unwrap();
-            assert!(error.contains(found) && error.contains("expected the folder"), "{error}");
+            assert!(error.contains(found) && error.contains("expected a folder"), "{error}");
             assert_eq!(error.matches(path.to_str().unwrap()).count(), 1, "{error}");
         }
     }
 }
 
 #[test]
-fn import_and_export_tell_what_they_did() {
+fn import_and_export_report_what_they_did() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
     common::layouts::write2(Path::new(&at("contest")));
@@ -116,7 +116,7 @@ fn import_and_export_tell_what_they_did() {
     assert!(output.status.success() && output.stderr.is_empty() && output.stdout.is_empty(), "{output:?}");
     let [before, after] = ["contest", "back"].map(|name| common::layouts::content(Path::new(&at(name))));
     assert!(before == after);
-    // The layout must be told, and a set is not written over.
+    // The layout must be told, and a dataset is not written over.
     let output = run(&["import", "--out", &at("other")], Path::new(&at("contest")));
     assert!(
         String::from_utf8_lossy(&output.stderr).contains("expected --layout hprc1 or hprc2"),
@@ -128,7 +128,7 @@ fn import_and_export_tell_what_they_did() {
 }
 
 #[test]
-fn a_manifest_with_several_faults_is_told_all_of_them() {
+fn every_fault_of_a_manifest_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = write_set(folder.path(), &[(20, 20)], 1).unwrap();
     config.frames[1].hour = 25.0;

@@ -11,7 +11,7 @@ use dataset::store::{DATA, Dataset};
 use std::fs;
 use std::path::Path;
 
-/// A day with both sides of the porch's switches, and one moment that no layout has a place for.
+/// A day with both sides of the porch's switches, and one time that no layout has a place for.
 fn day() -> Vec<f64> {
     let mut hours: Vec<f64> = (0..24).map(f64::from).chain([5.9, 18.1, 20.4]).collect();
     hours.sort_by(f64::total_cmp);
@@ -35,7 +35,7 @@ fn bits(texels: &[[f32; 3]]) -> Vec<[u32; 3]> {
 }
 
 #[test]
-fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
+fn a_dataset_in_layout_2_keeps_every_bit_in_a_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     let lightmaps = layouts::write2(&source);
@@ -47,12 +47,12 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
     assert_eq!(dataset.config, config);
     let sizes: Vec<_> = config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect();
     assert_eq!(sizes, lightmaps.iter().map(|l| (l.width, l.height)).collect::<Vec<_>>());
-    let told = lightmaps_of(&dataset).unwrap().unwrap();
+    let reported = lightmaps_of(&dataset).unwrap().unwrap();
     assert_eq!(
-        told.iter().map(|l| l.id).collect::<Vec<_>>(),
+        reported.iter().map(|l| l.id).collect::<Vec<_>>(),
         lightmaps.iter().map(|l| l.id).collect::<Vec<_>>()
     );
-    assert_eq!(told[1].level.as_deref(), Some("Level \u{e9}"));
+    assert_eq!(reported[1].level.as_deref(), Some("Level \u{e9}"));
     let lit: Vec<(f64, bool)> = config.frames.iter().map(|set| (set.hour, set.groups_on[0])).collect();
     assert_eq!(
         lit,
@@ -68,12 +68,12 @@ fn a_set_in_layout_2_keeps_every_bit_and_comes_out_as_it_went_in() {
         }
     }
     let exported = export_folder(&set, Layout::Hprc2, &back);
-    assert_eq!(exported.left_out, Vec::<String>::new());
+    assert_eq!(exported.omitted, Vec::<String>::new());
     assert_eq!(content(&back), content(&source));
 }
 
 #[test]
-fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
+fn a_dataset_in_layout_1_with_parts_and_shares_survives_a_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     let light = layouts::write1(&source, &[(7, (12, 8), 4), (3, (5, 3), 1)], true);
@@ -92,13 +92,13 @@ fn a_set_in_layout_1_with_parts_and_shares_comes_out_as_it_went_in() {
     // In the other layout it keeps its numbers.
     let other = folder.path().join("other");
     let exported = export_folder(&set, Layout::Hprc2, &other);
-    assert!(exported.left_out.iter().any(|what| what.contains("layers")), "{:?}", exported.left_out);
+    assert!(exported.omitted.iter().any(|what| what.contains("layers")), "{:?}", exported.omitted);
     let written = fs::read_to_string(other.join("config.json")).unwrap();
     assert!(written.contains("\"id\": 7") && written.contains("\"level\": \"set\""), "{written}");
 }
 
 #[test]
-fn a_set_in_layout_1_without_shares_is_imported_alone() {
+fn a_frame_in_layout_1_without_shares_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     layouts::write1(&source, &[(0, (4, 4), 2)], false);
@@ -120,9 +120,9 @@ fn a_baked_day_goes_out_and_comes_back() {
     ] {
         let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
         let exported = export_folder(&root, layout, &at("out"));
-        assert_eq!((exported.hours.len(), &*exported.left_out[0]), (hours, reason));
-        let told = exported.left_out.join("\n");
-        assert!(told.contains("geometry") && told.contains("noise"), "{told}");
+        assert_eq!((exported.hours.len(), &*exported.omitted[0]), (hours, reason));
+        let reported = exported.omitted.join("\n");
+        assert!(reported.contains("geometry") && reported.contains("noise"), "{reported}");
         let bytes: u64 = content(&at("out")).values().map(|bytes| bytes.len() as u64).sum();
         assert_eq!(exported.bytes, bytes);
 
@@ -178,7 +178,7 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
     assert!(error.contains("no frame at 0 h; the layout holds all 24 hours"), "{error}");
     let error = refused(&[4.5, 20.4], Layout::Hprc2);
     assert!(error.contains("frames at 4.5, 20.4 h have no time key"), "{error}");
-    // A damaged set, though its texels can still be read.
+    // A damaged dataset, though its texels can still be read.
     write_hours(&root, &[(5, 5)], 1, &[0.0, 12.0]).unwrap();
     let dataset = Dataset::open(&root).unwrap();
     let victim = dataset.path(&dataset.config.frames[1].maps[0]);

@@ -70,7 +70,7 @@ fn equal_images_have_no_error_and_unequal_scales_do_not_matter() {
 }
 
 #[test]
-fn what_is_not_valid_or_black_is_told_of_what_is() {
+fn invalid_and_black_texels_are_distinguished_from_others() {
     // A mask hides what differs.
     let reference = image(40, 20, waves);
     let half = Mask { width: 40, height: 20, valid: (0..800).map(|i| i % 40 < 20).collect() };

@@ -47,7 +47,7 @@ fn what_is_written_is_read() {
 }
 
 #[test]
-fn a_set_written_again_is_the_same_bytes_whatever_stood_there() {
+fn a_dataset_written_again_has_the_same_bytes_whatever_existed() {
     let [fresh, used] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     write_set(fresh.path(), &[(20, 20)], 1).unwrap();
     write_set(used.path(), &[(20, 20)], 1).unwrap();
@@ -92,7 +92,7 @@ fn equal_content_is_stored_once() {
 }
 
 #[test]
-fn a_killed_writer_leaves_the_old_set_and_the_next_one_cleans_up() {
+fn a_killed_writer_leaves_the_old_dataset_and_the_next_one_cleans_up() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     write_set(root, &[(20, 20)], 1).unwrap();
@@ -274,7 +274,7 @@ fn verification_finds_what_opening_does_not() {
     let message = Dataset::open(folder.path()).unwrap().map(1, 0).unwrap_err().to_string();
     assert!(message.contains(&config.frames[1].maps[0].path), "{message}");
 
-    // A torn file, and a missing one: both are named.
+    // A truncated file, and a missing one: both are named.
     fs::write(&victim, &whole[..whole.len() / 2]).unwrap();
     fs::remove_file(folder.path().join(&config.pages[0].mask.path)).unwrap();
     let found = faults();
@@ -317,7 +317,7 @@ fn all_bad_texels_and_files_are_counted() {
 }
 
 #[test]
-fn sets_must_show_the_lamps_as_the_schedule_has_them() {
+fn frames_must_show_the_groups_as_the_schedule_has_them() {
     let folder = tempfile::tempdir().unwrap();
     let hours = [0.0, 5.95, 6.0, 12.0, 18.0, 18.05, 19.95, 20.0, 20.05];
     let mut config = common::write_hours(folder.path(), &[(4, 4)], 1, &hours).unwrap();
@@ -327,7 +327,7 @@ fn sets_must_show_the_lamps_as_the_schedule_has_them() {
         (found.faults.iter().map(ToString::to_string).collect::<Vec<_>>(), found.warnings)
     };
     assert_eq!(verify(&config), (vec![], vec![]));
-    // A switch without a set on its lit side is told, and is no fault. (The noise file is of all sets.)
+    // A switch without a frame on its lit side is told, and is no fault. (The noise file is of all frames.)
     config.noise = None;
     let frame = config.frames.remove(5);
     let by_hour = |layer: &&mut Layer| layer.light != Light::Group;
@@ -387,7 +387,7 @@ fn a_report_shows_every_set() {
     {
         assert!(html.contains(text), "{text}");
     }
-    // Two masks, three sets of two pages, and those again that are much darker, if any.
+    // Two masks, three frames of two pages, and those again that are much darker, if any.
     assert!(html.matches("<img").count() >= 8);
 }
 
@@ -405,7 +405,7 @@ fn a_corrupt_geometry_file_is_a_named_fault_though_its_checksum_is_right() {
     };
     assert_eq!(check(&whole), "");
     let torn = check(&whole[..whole.len() - 4]);
-    assert!(torn.contains(".glb: ") && torn.contains("expected a whole GLB file"), "{torn}");
+    assert!(torn.contains(".glb: ") && torn.contains("expected a complete GLB file"), "{torn}");
     let mut flipped = whole.clone();
     flipped[20] = b'[';
     let flipped = check(&flipped);
@@ -413,7 +413,7 @@ fn a_corrupt_geometry_file_is_a_named_fault_though_its_checksum_is_right() {
 }
 
 #[test]
-fn leftovers_of_killed_writers_are_told() {
+fn leftovers_of_killed_writers_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     write_set(root, &[(20, 20)], 1).unwrap();

@@ -92,7 +92,7 @@ fn light_is_the_mean_of_valid_texels_in_frames_and_layers() {
 }
 
 #[test]
-fn where_it_comes_from_is_told_and_equal_sources_give_equal_bytes() {
+fn the_source_is_recorded_and_equal_sources_give_equal_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let config = write_set(&at("full"), &[(9, 5)], 3).unwrap();
@@ -118,7 +118,7 @@ fn where_it_comes_from_is_told_and_equal_sources_give_equal_bytes() {
     assert_eq!((page.width, page.height), (1, 1));
     // Another source's half is not believed, nor half of a source that changed.
     assert!(open(&at("one"), &config).is_ok());
-    assert!(open(&at("two"), &config).unwrap_err().to_string().contains("not half of that dataset"));
+    assert!(open(&at("two"), &config).unwrap_err().to_string().contains("not made from the present state"));
     let other = write_set(&at("other"), &[(9, 5)], 4).unwrap();
     assert!(open(&at("one"), &other).is_err());
 }
@@ -276,9 +276,10 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let config = write_set(&source, &[(20, 20)], 3).unwrap();
-    let told = || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
+    let reported =
+        || halve(&Dataset::open(&source).unwrap(), &out, &Console::silent()).unwrap_err().to_string();
 
-    // A file whose content changed; one that is torn is told when the set is opened.
+    // A file whose content changed; one that is torn is told when the dataset is opened.
     for file in [
         &config.frames[2].maps[0],
         config.layers[0].files[1][0].as_ref().unwrap(),
@@ -291,7 +292,7 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
         fs::write(&path, bad).unwrap();
         // Lightmaps are summed anew, so that only their layers are read.
         if file != &config.frames[2].maps[0] {
-            let error = told();
+            let error = reported();
             assert!(error.contains(&file.path), "{error}");
         }
         fs::write(&path, good).unwrap();
@@ -313,17 +314,17 @@ fn what_cannot_be_halved_is_refused_and_leaves_nothing() {
 
     fs::create_dir(&out).unwrap();
     fs::write(out.join("mine"), b"x").unwrap();
-    assert!(told().contains("stands there already"));
+    assert!(reported().contains("stands there already"));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 1);
 }
 
 #[test]
-fn an_imported_set_keeps_its_source_without_the_layouts_configuration() {
+fn an_imported_dataset_keeps_its_source_without_the_layouts_configuration() {
     let folder = tempfile::tempdir().unwrap();
     let [source, out] = ["full", "half"].map(|name| folder.path().join(name));
     let mut config = write_set(&source, &[(7, 6)], 3).unwrap();
     config.layers.retain(|layer| layer.light != Light::Group);
-    // The rule of imported sets: lamps of all groups are one layer, black here.
+    // The rule of imported datasets: lamps of all groups are one layer, black here.
     config.frames.iter_mut().for_each(|frame| frame.groups_on.clear());
     config.groups.clear();
     config.frames.truncate(2);
@@ -332,8 +333,8 @@ fn an_imported_set_keeps_its_source_without_the_layouts_configuration() {
     config.frames.remove(0);
     config.layers.iter_mut().for_each(|layer| drop(layer.files.remove(0)));
     let mut writer = Writer::create(&source).unwrap();
-    let told = writer.add("source", "json", b"{}").unwrap();
-    config.source = Some(Source { layout: Layout::Hprc2, config: Some(told), replaced_values: 3 });
+    let reported = writer.add("source", "json", b"{}").unwrap();
+    config.source = Some(Source { layout: Layout::Hprc2, config: Some(reported), replaced_values: 3 });
     config.noise = None;
     writer.commit(&config).unwrap();
     let half = half_of(&source, &out);
@@ -368,6 +369,6 @@ fn the_command_makes_a_level_and_names_it() {
     assert_eq!(again.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&again.stderr).contains("half: stands there already"), "{again:?}");
     let missing = run(&["halve", "none", "--out", "other"]);
-    assert!(String::from_utf8_lossy(&missing.stderr).contains("not a temporal lightmap set"), "{missing:?}");
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("not a dataset"), "{missing:?}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }

@@ -40,7 +40,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
             |c| drop(c["lightmap_list"][0].as_object_mut().unwrap().remove("masks")),
             &["missing field `masks`"],
         ),
-        (|c| c["lightmap_list"][1]["id"] = json!(4), &["lightmap 4 is there twice"]),
+        (|c| c["lightmap_list"][1]["id"] = json!(4), &["lightmap 4 occurs twice"]),
         (|c| c["lightmap_list"][1]["id"] = json!("4"), &["invalid type: string"]),
         (
             |c| c["lightmap_list"][0]["resolution"]["width"] = json!(0),
@@ -108,7 +108,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
     }
     let text = serde_json::to_string_pretty(&good).unwrap();
     fs::write(&place, text.replacen("\"590\":", "\"0\":", 1)).unwrap();
-    refused(Layout::Hprc2, &source, &["config.json:", "time key \"0\" is there twice"]);
+    refused(Layout::Hprc2, &source, &["config.json:", "time key \"0\" occurs twice"]);
     fs::write(&place, &text[..text.len() / 2]).unwrap();
     refused(Layout::Hprc2, &source, &["config.json:", "EOF"]);
     fs::remove_file(&place).unwrap();
@@ -138,18 +138,18 @@ fn every_broken_file_of_layout_2_is_refused() {
     );
     with(&light, &[&*whole, &[0]].concat(), &["649 bytes; expected 648"]);
     with(&light, &[], &["0 bytes; expected 648"]);
-    for (value, told) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-0.25, "-0.25")] {
+    for (value, reported) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-0.25, "-0.25")] {
         let mut bytes = whole.clone();
         bytes[4 * (3 * valid + 1)..][..4].copy_from_slice(&value.to_le_bytes());
         let place =
-            format!("raw_4_600.bin_0, texel ({x}, {y}): channel G is {told}; expected a finite value");
+            format!("raw_4_600.bin_0, texel ({x}, {y}): channel G is {reported}; expected a finite value");
         with(&light, &bytes, &[&place]);
     }
     let mut bytes = whole_mask.clone();
     bytes[10] = 1;
     with(&mask, &bytes, &["mask_4_600.bin_0, texel (1, 1): mask value 1; expected -1 or 127"]);
     bytes[10] = if whole_mask[10] == 127 { 255 } else { 127 };
-    with(&mask, &bytes, &["mask_4_", ".bin_0, texel (1, 1)", "expected one mask for all hours"]);
+    with(&mask, &bytes, &["mask_4_", ".bin_0, texel (1, 1)", "expected the same mask at all hours"]);
 
     // Links: inside the folder they are files like any other, outside they are refused.
     #[cfg(unix)]

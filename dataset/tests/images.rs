@@ -116,7 +116,7 @@ fn foreign_files_are_read_or_refused_with_a_reason() {
         },
     ];
     for encoding in encodings {
-        // Float32, with a channel that is not asked for.
+        // Float32, with a channel that is not requested.
         let channels = rs::SpecificChannels::rgba(|position| {
             let [r, g, b] = at(position);
             (r, g, b, 0.5f32)

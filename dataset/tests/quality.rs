@@ -85,7 +85,7 @@ fn compare_agrees_with_the_definitions() {
 }
 
 /// The expected values were computed with numpy 2.4.6, scipy 1.17.1 and scikit-image 0.26.0: PSNR by
-/// `skimage.metrics.peak_signal_noise_ratio` of the valid texels with data_range = peak, and max − min; each moment of SSIM by
+/// `skimage.metrics.peak_signal_noise_ratio` of the valid texels with data_range = peak, and max − min; each time of SSIM by
 /// `scipy.ndimage.correlate(a · mask, window, mode="constant")` ÷ that of the mask. Where no window is cut these maps equal those of
 /// `skimage.metrics.structural_similarity(gaussian_weights=True, sigma=1.5 | win_size=7, use_sample_covariance=False)` to 1e-14.
 #[test]
@@ -101,7 +101,7 @@ fn values_are_those_of_numpy_scipy_and_scikit_image() {
     let light = |x: usize, y: usize, c: usize| ((7 * x + 13 * y + 5 * c + x * y) % 32) as f32 / 32.0 + 0.125;
     let reference = image(&light);
     let decoded = image(&|x, y, c| light(x, y, c) + (((x * x + 3 * y + c) % 5) as f32 - 2.0) / 16.0);
-    // The next set: upside down and half as bright.
+    // The next frame: upside down and half as bright.
     let next = image(&|x, y, c| light(x, height - 1 - y, c) / 2.0);
     let decoded_next =
         image(&|x, y, c| light(x, height - 1 - y, c) / 2.0 + (((x + y + c) % 3) as f32 - 1.0) / 128.0);
@@ -209,7 +209,7 @@ fn metrics_do_not_depend_on_the_unit() {
 }
 
 #[test]
-fn tiles_without_contrast_are_told_apart() {
+fn tiles_without_contrast_are_distinguished() {
     let whole = Rect { x0: 0, y0: 0, x1: 8, y1: 8 };
     let constant = |texel: [f32; 3]| Image { width: 8, height: 8, texels: vec![texel; 64] };
     let full = full_mask(8, 8);
@@ -324,7 +324,7 @@ fn the_darkest_quarter_is_that_of_the_whole_set() {
     let rmse = (0.6f64 * 0.6 / 3.0 / 4.0).sqrt();
     assert!((judged(&[(1, 3, 0.6)]) - rmse / 2.5).abs() < 1e-7);
     assert!((judged(&[(1, 0, 0.6)]) - rmse / 2.5).abs() < 1e-7);
-    // Equal brightness counts as a whole; a black quarter is measured against the set.
+    // Equal brightness counts as a whole; a black quarter is measured against the dataset.
     let (mut set, grey) = (Brightnesses::default(), Image { width: 9, height: 1, texels: vec![[2.0; 3]; 9] });
     set.add(&Image { texels: vec![[2.5; 3]; 9], ..grey }, &grey, &mask);
     assert_eq!(set.dark_relative_error(2.0), Some(0.25));

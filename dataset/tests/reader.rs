@@ -34,7 +34,7 @@ for page in (0, 1):
             told(s.layer(layer, hour, page))
 ";
 
-fn told(shape: &[usize], bytes: impl Iterator<Item = u8>) -> String {
+fn reported(shape: &[usize], bytes: impl Iterator<Item = u8>) -> String {
     let sum: u64 = bytes.zip(1..).map(|(byte, place): (u8, u64)| u64::from(byte) * place).sum();
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     format!("{} {sum}\n", shape.join(" "))
@@ -42,7 +42,7 @@ fn told(shape: &[usize], bytes: impl Iterator<Item = u8>) -> String {
 
 fn told_image(image: Image) -> String {
     let texels = image.texels.into_iter().flatten().flat_map(f32::to_ne_bytes);
-    told(&[image.height, image.width, 3], texels)
+    reported(&[image.height, image.width, 3], texels)
 }
 
 /// Everything that the script prints.
@@ -50,7 +50,7 @@ fn expected(dataset: &Dataset) -> String {
     let mut text = String::new();
     for page in 0..2 {
         let mask = dataset.mask(page).unwrap();
-        text += &told(&[mask.height, mask.width], mask.valid.iter().map(|&valid| u8::from(valid)));
+        text += &reported(&[mask.height, mask.width], mask.valid.iter().map(|&valid| u8::from(valid)));
         for (number, frame) in dataset.config.frames.iter().enumerate() {
             let map = dataset.map(number, page).unwrap();
             let black = Image::black(map.width, map.height);
@@ -99,7 +99,7 @@ fn the_reader_in_python_reads_the_same_texels() {
     with_hard_masks(&set);
     let dataset = Dataset::open(&set).unwrap();
     release(std::slice::from_ref(&set), &[], false, &out, &dataset::console::Console::silent()).unwrap();
-    // As an unpacked release has it: the layers stand in a manifest beside that of the sets.
+    // As an unpacked release has it: the layers stand in a manifest beside that of the datasets.
     fs::copy(set.join("config.json"), set.join("layers.json")).unwrap();
     fs::write(set.join("config.json"), b"{}").unwrap();
     let run = |arguments: &[&Path]| {
@@ -154,7 +154,7 @@ fn everything(dataset: &Dataset) -> String {
     for page in 0..config.pages.len() {
         let mask = dataset.mask(page).unwrap();
         let (width, height) = (mask.width, mask.height);
-        text += &told(&[height, width], mask.valid.iter().map(|&valid| u8::from(valid)));
+        text += &reported(&[height, width], mask.valid.iter().map(|&valid| u8::from(valid)));
         for (number, frame) in config.frames.iter().enumerate() {
             text += &told_image(dataset.map(number, page).unwrap());
             for &(light, group) in &lights {

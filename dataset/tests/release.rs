@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Two sets, one with a bundle beside it, and their release with a layout of exchange.
+/// Two datasets, one with a bundle beside it, and their release with a layout of exchange.
 struct Released {
     folder: tempfile::TempDir,
 }
@@ -126,7 +126,7 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
         assert!(datasheet.contains(word), "{word}: {datasheet}");
     }
 
-    // The sets alone are a dataset; with the layers and the manifest that names them, it is the one that was packaged.
+    // The datasets alone are a dataset; with the layers and the manifest that names them, it is the one that was packaged.
     let unpacked = released.at("unpacked");
     unpack(&folder.join("hut-sets.tar.zst"), &unpacked);
     let sets = Dataset::open(&unpacked.join("hut")).unwrap();
@@ -159,9 +159,9 @@ fn bundles_of_other_light_are_refused_and_found() {
         assert!(error.contains("other.ndgi") && error.contains(words), "{error}");
         assert!(!out.exists());
     };
-    refused(&foreign, "made from other light than the set it goes with");
-    refused(b"bundle", "not a whole bundle");
-    refused(&[0; 100], "does not begin as one");
+    refused(&foreign, "made from different light than the dataset's");
+    refused(b"bundle", "not a complete bundle");
+    refused(&[0; 100], "its first bytes are not a bundle's");
     let mut long = bundle("{}");
     long[80..84].fill(255);
     refused(&long, "expected up to 1048576");
@@ -169,7 +169,7 @@ fn bundles_of_other_light_are_refused_and_found() {
     newer[8] = 5;
     refused(&newer, "a bundle of version 5; expected 3 or 4");
     let old = bundle_of(3, &format!(r#"{{"inputs":"{other}"}}"#));
-    refused(&old, "made from other light than the set it goes with");
+    refused(&old, "made from different light than the dataset's");
     let whole = bundle("{}");
     refused(&whole[..whole.len() - 1], &format!("expected {}", whole.len()));
     // The same where sums were made to agree.
@@ -234,7 +234,7 @@ fn every_damage_is_found() {
     fs::remove_file(&archive).unwrap();
     released.expect_fault(&["yard-sets.tar.zst", "No such file"]);
     std::os::unix::fs::symlink("/dev/zero", &archive).unwrap();
-    released.expect_fault(&["yard-sets.tar.zst", "not a plain file"]);
+    released.expect_fault(&["yard-sets.tar.zst", "not a regular file"]);
     fs::remove_file(&archive).unwrap();
     fs::write(&archive, &whole).unwrap();
     assert!(released.faults().is_empty());
@@ -252,8 +252,8 @@ fn every_damage_is_found() {
     }
     let sums = fs::read_to_string(folder.join(SUMS)).unwrap();
     for (wrong, word) in [
-        (sums.replace("  hut.md", "  ../hut.md"), "expected the name of a file beside it"),
-        (sums.replace("  hut.md", "  /etc/passwd"), "expected the name of a file beside it"),
+        (sums.replace("  hut.md", "  ../hut.md"), "expected the name of a file in the same folder"),
+        (sums.replace("  hut.md", "  /etc/passwd"), "expected the name of a file in the same folder"),
         (format!("{sums}{sums}"), "twice"),
         (sums.replace("  hut.md", " hut.md"), "64 hexadecimal digits"),
         (sums.lines().skip(1).collect::<Vec<_>>().join("\n"), "is not in it"),
@@ -300,13 +300,13 @@ fn hostile_archives_are_refused_and_write_nothing() {
         (&[("../escaped", b'0', 2, b"hi")], "leads out of the folder"),
         (&[("hut/../../escaped", b'0', 2, b"hi")], "leads out of the folder"),
         (&[("/tmp/escaped", b'0', 2, b"hi")], "leads out of the folder"),
-        (&[("hut/link", b'2', 0, b"")], "expected plain files alone"),
-        (&[("hut/link", b'1', 0, b"")], "expected plain files alone"),
-        (&[("hut/fifo", b'6', 0, b"")], "expected plain files alone"),
-        (&[("hut/", b'5', 0, b"")], "expected plain files alone"),
+        (&[("hut/link", b'2', 0, b"")], "expected only regular files"),
+        (&[("hut/link", b'1', 0, b"")], "expected only regular files"),
+        (&[("hut/fifo", b'6', 0, b"")], "expected only regular files"),
+        (&[("hut/", b'5', 0, b"")], "expected only regular files"),
         // A long name of eight exbibytes, which a reader would hold in memory.
-        (&[("././@LongLink", b'L', 1 << 62, b"")], "expected plain files alone"),
-        (&[("pax", b'x', 1 << 62, b"")], "expected plain files alone"),
+        (&[("././@LongLink", b'L', 1 << 62, b"")], "expected only regular files"),
+        (&[("pax", b'x', 1 << 62, b"")], "expected only regular files"),
         (&[("hut/huge", b'0', 1 << 62, b"")], "not in release.json"),
         (&[("hut/extra", b'0', 2, b"hi")], "not in release.json"),
         (&[], "not in the archive"),
@@ -339,7 +339,7 @@ fn hostile_archives_are_refused_and_write_nothing() {
     bomb.write_all(&hostile(&[])).unwrap();
     std::io::copy(&mut std::io::Read::take(std::io::repeat(0), 1 << 30), &mut bomb).unwrap();
     fs::write(&archive, bomb.finish().unwrap()).unwrap();
-    released.expect_fault(&["hut-sun.tar.zst", "data behind the end"]);
+    released.expect_fault(&["hut-sun.tar.zst", "data after the end"]);
 
     assert_eq!(fs::read_to_string(folder.join(SUMS)).unwrap(), sums);
     let mut names: Vec<_> =
@@ -350,7 +350,7 @@ fn hostile_archives_are_refused_and_write_nothing() {
 }
 
 #[test]
-fn archives_that_do_not_hold_what_the_manifest_of_the_set_names_are_found() {
+fn archives_that_lack_files_of_the_manifest_are_found() {
     let released = Released::new();
     let folder = released.at("release");
     let mut value: serde_json::Value =
@@ -384,7 +384,7 @@ fn what_cannot_be_released_is_refused_and_leaves_nothing() {
         assert!(error.contains(word), "{word}: {error}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "{word}");
     };
-    refused(&[at("set"), at("set")], &[], "there twice");
+    refused(&[at("set"), at("set")], &[], "occurs twice");
     refused(&[at("set"), at("none")], &[], "does not exist");
     refused(&[at("set")], &[Layout::Hprc1], "no frame at 1, 2");
     // A fault that only the check finds.

@@ -99,7 +99,7 @@ fn half_floats_and_a_mask_become_a_set() {
 }
 
 #[test]
-fn channels_of_other_names_are_found_or_asked_for() {
+fn channels_of_other_names_are_found_or_requested() {
     let around = tempfile::tempdir().unwrap();
     let (folder, out) = (around.path().join("renders"), around.path().join("hall"));
     fs::create_dir(&folder).unwrap();
@@ -139,7 +139,7 @@ fn channels_of_other_names_are_found_or_asked_for() {
 }
 
 #[test]
-fn a_table_gives_pages_hours_and_lamps() {
+fn a_table_gives_pages_hours_and_light_groups() {
     let around = tempfile::tempdir().unwrap();
     let (folder, out) = (renders(around.path()), around.path().join("hall"));
     fs::write(folder.join("small.exr"), Image { width: 7, height: 5, texels: vec![[2.0; 3]; 35] }.to_exr())
@@ -167,7 +167,7 @@ fn a_table_gives_pages_hours_and_lamps() {
         ("unit", "units", &["hall.toml:1: unknown field `units`"][..]),
         ("hour = 18.1", "hour = 24.0", &["set of hour 24: expected an hour from 0 to below 24"]),
         ("hour = 18.1", "hour = nan", &["set of hour NaN"]),
-        ("hour = 18.1", "hour = 18.0", &["hall.toml:", "hour 18 is there twice"]),
+        ("hour = 18.1", "hour = 18.0", &["hall.toml:", "hour 18 occurs twice"]),
         ("[[18.0, ", "[[36.0, ", &["hall.toml:", "on 36 to", "expected two different hours in [0, 24]"]),
         (
             ", \"small.exr\"]\n[[set]]",

@@ -60,7 +60,7 @@ fn write(root: &Path) -> Config {
 }
 
 /// What opening a dataset with this manifest says.
-fn told(root: &Path, config: &Config) -> String {
+fn reported(root: &Path, config: &Config) -> String {
     fs::write(root.join(MANIFEST), serde_json::to_vec(config).unwrap()).unwrap();
     Dataset::open(root).map_or_else(|error| error.to_string(), |_| String::new())
 }
@@ -73,7 +73,7 @@ fn faults(root: &Path, good: &Config, of: fn(&mut Config) -> &mut FileRef, bytes
     file.bytes = bytes.len() as u64;
     file.blake3 = blake3::hash(bytes).to_hex().to_string();
     fs::write(root.join(&file.path), bytes).unwrap();
-    assert_eq!(told(root, &config), "");
+    assert_eq!(reported(root, &config), "");
     let faults = Dataset::open(root).unwrap().verify(|| ()).faults;
     faults.iter().map(ToString::to_string).collect()
 }
@@ -120,11 +120,11 @@ fn light_between_frames_has_the_suns_by_its_visibility() {
     let mut config = write(folder.path());
     let with = Dataset::open(folder.path()).unwrap();
     for hour in [5.9, 18.6] {
-        let said = with.moment(hour, 0).unwrap_err().to_string();
+        let said = with.light_at(hour, 0).unwrap_err().to_string();
         assert!(said.contains("expected one from 6 to 18.5"), "{said}");
     }
     let light =
-        |dataset: &Dataset| [6.0, 9.3, 12.0, 17.0].map(|hour| dataset.moment(hour, 0).unwrap().texels);
+        |dataset: &Dataset| [6.0, 9.3, 12.0, 17.0].map(|hour| dataset.light_at(hour, 0).unwrap().texels);
     let (found, sun) = (light(&with), with.sunlight(0).unwrap().unwrap());
     assert!(!with.mask(0).unwrap().valid[0]);
     // At noon a frame: there the layer's light is what is filled in.
@@ -140,7 +140,7 @@ fn light_between_frames_has_the_suns_by_its_visibility() {
     config.visibility = None;
     let direct = config.layers.iter_mut().find(|layer| layer.is_direct_sun()).unwrap();
     direct.files.iter_mut().flatten().for_each(|file| *file = None);
-    assert_eq!(told(folder.path(), &config), "");
+    assert_eq!(reported(folder.path(), &config), "");
     let without = light(&Dataset::open(folder.path()).unwrap());
     for (place, hour) in [6.0, 9.3, 12.0, 17.0].into_iter().enumerate() {
         let direct = sun.at(hour).unwrap().texels;
@@ -161,7 +161,7 @@ fn light_between_frames_has_the_suns_by_its_visibility() {
 fn every_rule_that_the_manifest_breaks_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let good = write(folder.path());
-    assert_eq!(told(folder.path(), &good), "");
+    assert_eq!(reported(folder.path(), &good), "");
     type Change = fn(&mut Config);
     fn of(config: &mut Config) -> &mut SunVisibility {
         config.visibility.as_mut().unwrap()
@@ -174,7 +174,7 @@ fn every_rule_that_the_manifest_breaks_is_named() {
             },
             "sun_path: expected none where sun is null",
         ),
-        (|c| c.sun_path = None, "visibility: expected a sun_path beside it"),
+        (|c| c.sun_path = None, "visibility without sun_path; expected both or neither"),
         (|c| of(c).minutes = 0.0, "minutes is 0; expected a number above 0"),
         (|c| drop(of(c).files.pop()), "visibility: files for 1 page; expected 2"),
         (|c| of(c).normals.clear(), "visibility: normals for 0 pages; expected 2"),
@@ -183,7 +183,7 @@ fn every_rule_that_the_manifest_breaks_is_named() {
     for (change, expected) in changes {
         let mut config = good.clone();
         change(&mut config);
-        let said = told(folder.path(), &config);
+        let said = reported(folder.path(), &config);
         assert!(said.contains(expected), "{expected}: {said:?}");
     }
 }
@@ -215,7 +215,7 @@ fn files_that_do_not_fit_are_faults() {
 }
 
 #[test]
-fn a_release_has_them_beside_the_sets() {
+fn a_release_has_them_with_the_lightmaps() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     let config = write(&set);

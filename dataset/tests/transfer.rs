@@ -11,7 +11,7 @@ use dataset::store::{Dataset, Writer};
 use std::path::Path;
 use std::process::Command;
 
-/// A set of three parts of two functions.
+/// A frame of three parts of two functions.
 fn write(root: &Path) -> Config {
     let mut config = write_set(root, &[(9, 5)], 3).unwrap();
     let light = |hour: f64| TransferLight { hour, coefficients: vec![[1.0, -2.0, 0.5]; 2] };
@@ -28,7 +28,7 @@ fn write(root: &Path) -> Config {
 }
 
 #[test]
-fn a_transfer_is_read_checked_told_and_released() {
+fn a_transfer_is_read_checked_shown_and_released() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     let config = write(&set);
@@ -39,8 +39,8 @@ fn a_transfer_is_read_checked_told_and_released() {
         .args(["info", "set", "--json"])
         .current_dir(&folder)
         .output();
-    let told: serde_json::Value = serde_json::from_slice(&output.unwrap().stdout).unwrap();
-    assert_eq!(told["transfer"], serde_json::json!({ "scene": "yard", "functions": 2, "moments": 2 }));
+    let reported: serde_json::Value = serde_json::from_slice(&output.unwrap().stdout).unwrap();
+    assert_eq!(reported["transfer"], serde_json::json!({ "scene": "yard", "functions": 2, "moments": 2 }));
     release(std::slice::from_ref(&set), &[], false, &out, &Console::silent()).unwrap();
     assert!(verify(&out, &Console::silent()).unwrap().faults.is_empty());
     let datasheet = std::fs::read_to_string(out.join("test.md")).unwrap();
@@ -48,7 +48,7 @@ fn a_transfer_is_read_checked_told_and_released() {
 }
 
 #[test]
-fn a_transfer_is_not_taken_for_moments() {
+fn a_transfer_is_not_taken_for_a_day() {
     let folder = tempfile::tempdir().unwrap();
     write(&folder.path().join("set"));
     let dataset = Dataset::open(&folder.path().join("set")).unwrap();
@@ -70,9 +70,9 @@ fn what_breaks_a_transfer_is_named() {
     let cases: [Case; 9] = [
         (|t| t.scene = "a/b".into(), "transfer: scene is \"a/b\""),
         (|t| t.parts.truncate(2), "transfer: 2 parts; expected 3, one per frame"),
-        (|t| t.parts[2].negative = false, "the positive part of function 1 is there twice"),
+        (|t| t.parts[2].negative = false, "the positive part of function 1 occurs twice"),
         (|t| t.parts[0].function = 2, "no part of function 0; expected functions from 0 on"),
-        (|t| t.light.clear(), "light of no moment"),
+        (|t| t.light.clear(), "light has no entries"),
         (|t| t.light[1].hour = 24.0, "light at hour 24; expected ascending hours in [0, 24)"),
         (|t| t.light.swap(0, 1), "light at hour 0; expected ascending"),
         (|t| t.light[1].coefficients.truncate(1), "light at hour 12.5 has 1 coefficient; expected 2"),

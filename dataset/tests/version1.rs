@@ -86,8 +86,8 @@ fn each_light_has_one_layer_and_maps_are_their_sums() {
             - dataset.files().map(|f| &f.path).collect::<std::collections::BTreeSet<_>>().len();
         assert!(images > frames, "{name}");
         assert!(dataset.verify(|| ()).faults.is_empty(), "{name}");
-        let told = command(&["check", "--json"], &fixture(name));
-        assert_eq!((&told["ok"], &told["frames"]), (&true.into(), &frames.into()), "{name}");
+        let reported = command(&["check", "--json"], &fixture(name));
+        assert_eq!((&reported["ok"], &reported["frames"]), (&true.into(), &frames.into()), "{name}");
         assert_eq!(command(&["info", "--json"], &fixture(name))["version"], 1, "{name}");
     }
 }
@@ -114,7 +114,7 @@ fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
     let [out, back] = ["out", "imported"].map(|name| folder.path().join(name));
     let dataset = open(IMPORTED);
     let exported = export(&dataset, Layout::Hprc1, &out, &Console::silent()).unwrap();
-    assert_eq!((exported.hours.len(), &*exported.left_out), (24, &[][..]));
+    assert_eq!((exported.hours.len(), &*exported.omitted), (24, &[][..]));
     let again = import(&Origin::Folder(Layout::Hprc1, out), &back, &Console::silent()).unwrap();
     assert_eq!((again.version, again.digest_of_light()), (2, dataset.config.digest_of_light()));
     assert_eq!(again.inputs, dataset.config.inputs);
@@ -139,8 +139,8 @@ fn they_are_released_with_the_manifest_that_they_have() {
     release(&[baked, imported], &[], false, &out, &Console::silent()).unwrap();
     let verified = verify(&out, &Console::silent()).unwrap();
     assert!(verified.faults.is_empty(), "{:?}", verified.faults);
-    let told: Value = serde_json::from_slice(&fs::read(out.join("release.json")).unwrap()).unwrap();
-    for scene in told["scenes"].as_array().unwrap() {
+    let reported: Value = serde_json::from_slice(&fs::read(out.join("release.json")).unwrap()).unwrap();
+    for scene in reported["scenes"].as_array().unwrap() {
         let holds: Vec<&str> =
             scene["archives"].as_array().unwrap().iter().map(|a| a["holds"].as_str().unwrap()).collect();
         // At night the imported lightmaps are the lamps' light, so that its files are in the first archive.
@@ -188,7 +188,7 @@ fn keys_of_the_other_version_and_wrong_shapes_are_refused() {
         ),
         (
             &|m| m["sets"][1]["maps"][0]["local"] = file.clone(),
-            "expected the light \"lamps\" in imported datasets only",
+            "light is \"lamps\"; expected this only in imported datasets",
         ),
         (&|m| drop(m["sets"][1]["maps"][0].as_object_mut().unwrap().remove("sky")), "missing field `sky`"),
     ];

@@ -177,7 +177,7 @@ fn backs_are_not_drawn_and_a_picture_of_nothing_is_none() {
 }
 
 #[test]
-fn holes_show_what_is_behind_them_and_panes_are_left_out() {
+fn holes_show_what_is_behind_them_and_panes_are_omitted() {
     let from_above = || camera([0.0, 2.0, 0.0], [0.0; 3]);
     for change in [
         json!({ "alphaMode": "MASK", "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 0.3] } }),

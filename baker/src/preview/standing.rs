@@ -55,7 +55,7 @@ pub fn open(
     console: &Console,
 ) -> Result<Shown> {
     let dataset = Dataset::open(folder)?;
-    dataset.expect_moments()?;
+    dataset.expect_day()?;
     // What has no texels shows the same part of each light as what has some: `--indirect` is not in the scene file.
     let baked = |key: &str| Baked::deserialize(&dataset.config.settings[key]).unwrap_or_default();
     (scene.sun_baked, scene.sky_baked) = (baked("sun_baked"), baked("sky_baked"));

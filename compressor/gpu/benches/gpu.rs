@@ -11,7 +11,7 @@ use ndgi::decode::Lights;
 use ndgi::grid::Grid;
 use ndgi::model::PROFILES;
 use ndgi::testing;
-use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Precision};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Precision};
 use std::time::Instant;
 
 struct Gpu {
@@ -45,7 +45,7 @@ fn gpu() -> Option<Gpu> {
 
 impl Gpu {
     /// Milliseconds of one decoding of a page.
-    fn once(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> f64 {
+    fn once(&self, decoder: &mut Decoder, page: &mut Page, params: &DecodeParams) -> f64 {
         let buffer = |usage| {
             let descriptor =
                 wgpu::BufferDescriptor { label: None, size: 16, usage, mapped_at_creation: false };
@@ -57,7 +57,7 @@ impl Gpu {
         if let Some(clock) = &self.clock {
             encoder.write_timestamp(clock, 0);
         }
-        decoder.decode_page(&mut encoder, page, moment).unwrap();
+        decoder.decode_page(&mut encoder, page, params).unwrap();
         if let Some(clock) = &self.clock {
             encoder.write_timestamp(clock, 1);
             encoder.resolve_query_set(clock, 0..2, &resolved, 0);
@@ -152,17 +152,17 @@ fn main() {
             let options = Options { precision, ..Options::default() };
             let mut decoder = Decoder::new(&gpu.device, &gpu.queue, bundle, options).unwrap();
             let mut page = decoder.page(0, Output::Rgba16Float).unwrap();
-            let moment = Moment { lights, exposure: 256.0, ..Moment::at(12.3) };
+            let params = DecodeParams { lights, exposure: 256.0, ..DecodeParams::at(12.3) };
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            let work = decoder.decode_page(&mut encoder, &mut page, &moment).unwrap();
+            let work = decoder.decode_page(&mut encoder, &mut page, &params).unwrap();
             let start = Instant::now();
             gpu.queue.submit([encoder.finish()]);
             gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-            gpu.once(&mut decoder, &mut page, &moment);
+            gpu.once(&mut decoder, &mut page, &params);
             let first = 1e3 * start.elapsed().as_secs_f64();
-            let mut times: Vec<f64> = (0..9).map(|_| gpu.once(&mut decoder, &mut page, &moment)).collect();
+            let mut times: Vec<f64> = (0..9).map(|_| gpu.once(&mut decoder, &mut page, &params)).collect();
             times.sort_by(f64::total_cmp);
-            let at = decoder.bundle().at(moment.hour).unwrap().only(lights);
+            let at = decoder.bundle().at(params.hour).unwrap().only(lights);
             let (mut texels, mut cpu) = (0, 0.0);
             let grid = decoder.bundle().header.pages[0];
             for place in grid.places(0) {
@@ -175,7 +175,7 @@ fn main() {
                 texels += if tile.is_black() { 0 } else { width * height };
             }
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            let later = decoder.decode_page(&mut encoder, &mut page, &moment).unwrap();
+            let later = decoder.decode_page(&mut encoder, &mut page, &params).unwrap();
             let widths = grid.places(0).filter_map(|place| decoder.bundle().tile(place).unwrap());
             let width = widths.map(|tile| tile.shape.hidden).max().unwrap_or(16);
             let ([of_4060, of_h100], wider) =

@@ -1,4 +1,4 @@
-// Decodes tiles of NDGI bundles (FORMAT.md, sections 6 and 8): any number of them, at one moment, in one dispatch.
+// Decodes tiles of NDGI bundles (FORMAT.md, sections 6 and 8): any number of them, at one time, in one dispatch.
 //
 // Workgroup (j, s) decodes rows STRIP·s and on of the stored texels of job j's tile, each thread one column of them. Hardware only unpacks
 // BC7; all interpolation is done here, in single precision, as filters of hardware have 8 bits for fractions.
@@ -6,7 +6,7 @@
 
 $HEADER
 
-// What of a tile there is at the moment.
+// What of a tile there is at the time.
 const HAS_MAPS: u32 = 1u;     // a section of features
 const HAS_UVT: u32 = 2u;
 const HAS_UV: u32 = 4u;
@@ -46,7 +46,7 @@ struct Job {
 @group(0) @binding(0) var<storage, read> jobs: array<Job>;
 // The codebook of moving shadows, if any tile has some; and per tile weights, F_ut, F_vt and normals.
 @group(0) @binding(1) var<storage, read> resident: array<u32>;
-// Per tile what it sees of the sun at the two times around the moment, and how shadows move between them.
+// Per tile what it sees of the sun at the two times around the time, and how shadows move between them.
 @group(0) @binding(2) var<storage, read> interval: array<u32>;
 // F_uv and the slices of F_uvt of all tiles.
 @group(0) @binding(3) var maps: texture_2d_array<f32>;

@@ -2,7 +2,7 @@
 
 use crate::load::Data;
 use crate::place;
-use crate::request::{Moment, Options, Request, Target, Work};
+use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::stage::{self, Stage};
 use crate::sun::{Held, Seen};
 use crate::survey::Survey;
@@ -29,7 +29,7 @@ struct Tile {
     maps: Option<Maps>,
     seen: Option<Seen>,
     site: Site,
-    /// The times that its part of the interval's buffer is of, and what is seen in it.
+    /// The times of its part of the interval's buffer, and the visibility in it.
     held: Option<([usize; 2], Held)>,
 }
 
@@ -46,7 +46,7 @@ impl Decoder {
     /// Reads all tiles of a bundle onto a device. Pipelines are made when they are first needed.
     ///
     /// # Errors
-    /// [`Error::Bundle`] for a damaged one; [`Error::Device`] where it has too few layers of textures or too small buffers.
+    /// [`Error::Bundle`] for a damaged one; [`Error::Device`] if it has too few layers of textures or too small buffers.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, bundle: Bundle, options: Options) -> Result<Self> {
         let options = stage::resolved(device, options)?;
         let survey = Survey::of([&bundle]);
@@ -72,7 +72,7 @@ impl Decoder {
             let most = device.limits().max_storage_buffer_binding_size;
             if 4 * words > most {
                 let what =
-                    format!("the {what} buffer takes {} bytes; the device binds {most} at most", 4 * words);
+                    format!("the {what} buffer takes {} bytes; the device binds at most {most}", 4 * words);
                 return Err(Error::Device(what));
             }
         }
@@ -92,13 +92,13 @@ impl Decoder {
         &self.bundle
     }
 
-    /// Bytes on the device, targets apart.
+    /// Bytes on the device, without targets.
     pub fn bytes(&self) -> u64 {
         self.stage.bytes
     }
 
-    /// Records the decoding of tiles at a moment: one dispatch for each width of hidden layers and precision that is among them, nearly always
-    /// one in all. Command buffers have to be submitted in the order in which they were recorded; after one was dropped instead, call
+    /// Records the decoding of tiles at one time: one dispatch per width of hidden layers and precision among them, nearly always
+    /// a single one. Submit command buffers in the order in which they were recorded; after dropping one instead, call
     /// [`Decoder::forget`].
     ///
     /// # Errors
@@ -109,13 +109,13 @@ impl Decoder {
         encoder: &mut wgpu::CommandEncoder,
         requests: &[Request],
         target: Target,
-        moment: &Moment,
+        params: &DecodeParams,
     ) -> Result<Work> {
-        stage::check(moment)?;
+        stage::check(params)?;
         let bundle = Arc::clone(&self.bundle);
-        let at = bundle.at(moment.hour)?.only(moment.lights);
+        let at = bundle.at(params.hour)?.only(params.lights);
         let mut uploads = Vec::new();
-        let planned = self.plan(&at, requests, moment, &mut uploads);
+        let planned = self.plan(&at, requests, params, &mut uploads);
         if planned.is_err() {
             // They are not recorded.
             uploads.iter().for_each(|upload| self.tiles[upload.tile].held = None);
@@ -126,24 +126,24 @@ impl Decoder {
         Ok(work)
     }
 
-    /// Forgets what of the sun's visibility is on the device, and what is known of pages: the next calls upload it again and write whole pages. To be
-    /// called after an encoder with decoding on it was dropped instead of submitted.
+    /// Invalidates the sun's visibility on the device and the state of pages: the next calls upload it again and write whole pages.
+    /// Call it after dropping an encoder with recorded decoding instead of submitting it.
     pub fn forget(&mut self) {
         self.forgotten += 1;
         self.tiles.iter_mut().for_each(|tile| tile.held = None);
     }
 
-    /// What is to be dispatched. What is to be uploaded before comes to `uploads`, and counts as uploaded.
+    /// Plans the dispatches. Data to upload first are appended to `uploads` and count as uploaded.
     fn plan(
         &mut self,
         at: &At,
         requests: &[Request],
-        moment: &Moment,
+        params: &DecodeParams,
         uploads: &mut Vec<Upload>,
     ) -> Result<(Work, Vec<Full>)> {
         let (mut work, mut jobs) = (Work::default(), Vec::new());
         for request in requests {
-            match self.job(at, *request, moment, uploads)? {
+            match self.job(at, *request, params, uploads)? {
                 None => work.black.push(*request),
                 Some(job) => {
                     work.count(&job);
@@ -154,15 +154,15 @@ impl Decoder {
         Ok((work, jobs))
     }
 
-    /// A tile's job at a moment; `None` where it is black.
+    /// A tile's job at a time; `None` if it is black.
     fn job(
         &mut self,
         at: &At,
         request: Request,
-        moment: &Moment,
+        params: &DecodeParams,
         uploads: &mut Vec<Upload>,
     ) -> Result<Option<Full>> {
-        let blank = tile::blank(&self.bundle, request, moment.exposure)?;
+        let blank = tile::blank(&self.bundle, request, params.exposure)?;
         let position = self.bundle.header.position(request.place).unwrap_or_default();
         let (tile, sun) = (&mut self.tiles[position], at.sun());
         if let Some((seen, sun)) = tile.seen.as_ref().zip(sun)
@@ -180,10 +180,10 @@ impl Decoder {
         let held = held.map(|(_, held)| held);
         let placed = Placed { maps: maps.as_ref(), seen: seen.as_ref(), site, held };
         let timeline = &self.bundle.header.timeline;
-        Ok(placed.job(timeline, at.moment(), moment.lights, sun.as_ref(), blank))
+        Ok(placed.job(timeline, at.point(), params.lights, sun.as_ref(), blank))
     }
 
-    /// Records that tiles' places on a target become black.
+    /// Records writing black to tiles' areas of a target.
     ///
     /// # Errors
     /// [`Error::Bundle`] for a place that the bundle does not have.

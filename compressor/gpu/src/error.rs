@@ -1,25 +1,27 @@
-//! What can go wrong.
+//! Errors of this crate.
 
-/// What can go wrong.
+/// An error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The bundle is damaged, or what was asked for is not in it.
+    /// The bundle is damaged, or lacks what was requested.
     #[error(transparent)]
     Bundle(#[from] ndgi::Error),
-    /// The device cannot do what was asked for.
+    /// The device does not support the request.
     #[error("{0}")]
     Device(String),
-    /// A pool's buffers have no room for a tile: unload others, and try again.
-    #[error("a tile needs {words} words of the pool's {buffer} buffer in one part; {free} are free in all")]
+    /// A pool's buffers have no room for a tile: unload others and retry.
+    #[error(
+        "a tile needs {words} contiguous words of the pool's {buffer} buffer; {free} are free in total: unload other tiles"
+    )]
     Full {
         /// Which buffer: `resident` or `interval`.
         buffer: &'static str,
         /// Words of 4 bytes that the tile needs.
         words: u32,
-        /// Words that are free in all.
+        /// Free words in total.
         free: u32,
     },
-    /// A value that makes no sense.
+    /// An invalid value.
     #[error("{0}")]
     Invalid(String),
 }

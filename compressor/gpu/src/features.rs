@@ -1,4 +1,4 @@
-//! A tile's data, read and made ready on any thread, in the form in which a pool uploads them.
+//! A tile's data in the form that a pool uploads, read and prepared on any thread.
 
 use crate::load::Data;
 use crate::request::Options;
@@ -10,7 +10,7 @@ use ndgi::bundle::{Entry, SunSections};
 use ndgi::grid::Place;
 use std::sync::Arc;
 
-/// A tile's data, read and made ready on any thread, in the form in which a [`Pool`](crate::Pool) uploads them.
+/// A tile's data in the form that a [`Pool`](crate::Pool) uploads, read and prepared on any thread.
 ///
 /// ```no_run
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -50,7 +50,7 @@ pub(crate) struct OfSun {
 }
 
 impl Features {
-    /// Reads a tile and makes it ready: its maps, and its sections of the sun, which stay in memory as they are compressed. `options` are those of the
+    /// Reads and prepares a tile: its maps, and its sections of the sun, which stay compressed in memory. `options` are those of the
     /// pool, as [`Pool::options`](crate::Pool::options) has them.
     ///
     /// # Errors
@@ -83,26 +83,26 @@ impl Features {
             + 4 * (self.data.words.len() as u64 + u64::from(self.known.interval_words()))
     }
 
-    /// Whether there is light that maps hold.
+    /// True if the tile has maps.
     pub fn has_maps(&self) -> bool {
         self.known.maps.is_some()
     }
 
-    /// Whether the tile sees something of the sun.
+    /// True if the tile sees the sun at any time.
     pub fn has_sun(&self) -> bool {
         self.known.sun.is_some()
     }
 
-    /// What of it [`Features::interval`] needs: a few kilobytes, to be kept where the rest is let go once it is in a pool.
+    /// The part that [`Features::interval`] needs, a few kilobytes: keep it when the rest is dropped after loading into a pool.
     pub fn sunlight(&self) -> Sunlight {
         Sunlight { known: Arc::clone(&self.known) }
     }
 
-    /// What the tile sees of the sun in an interval of visibility, two neighbouring times or twice the same, as
+    /// The tile's visibility of the sun in an interval: two neighbouring times, or twice the same, as
     /// [`SunAt::times`](ndgi::at::SunAt::times) gives them. Nothing is read; `bundle` is the tile's.
     ///
     /// # Errors
-    /// [`Error::Bundle`] for times that there are not, or a damaged tile.
+    /// [`Error::Bundle`] for times that the bundle does not have, or a damaged tile.
     pub fn interval(&self, bundle: &Bundle, times: [usize; 2]) -> Result<Interval> {
         self.sunlight().interval(bundle, times)
     }
@@ -117,7 +117,7 @@ impl Known {
     /// Whether it was read from a bundle, or one that does not differ in what is looked up by the tile.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it was not.
+    /// [`Error::Invalid`] if it was not.
     pub fn check(&self, bundle: &Bundle) -> Result<()> {
         let header = &bundle.header;
         let entry = header.position(self.place).and_then(|position| bundle.index.get(position));
@@ -129,11 +129,11 @@ impl Known {
         if entry == Some(&self.entry) && self.maps.as_ref().is_none_or(has_shape) {
             return Ok(());
         }
-        Err(Error::Invalid(format!("{:?} was read from another bundle", self.place)))
+        Err(Error::Invalid(format!("features of {:?} were read from another bundle", self.place)))
     }
 }
 
-/// Of a tile, what [`Sunlight::interval`] needs; a copy is the same.
+/// A tile's sun data that [`Sunlight::interval`] needs; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Sunlight {
     known: Arc<Known>,
@@ -159,7 +159,7 @@ impl Sunlight {
     }
 }
 
-/// What a tile sees of the sun in an interval of visibility, as a [`Pool`](crate::Pool) uploads it.
+/// A tile's visibility of the sun in an interval, in the form that a [`Pool`](crate::Pool) uploads.
 #[derive(Clone, Debug)]
 pub struct Interval {
     place: Place,
@@ -181,7 +181,7 @@ impl Interval {
         self.times
     }
 
-    /// Bytes that are uploaded: none where nothing is seen of the sun.
+    /// Bytes to upload; 0 if the sun is not seen.
     pub fn bytes(&self) -> u64 {
         if self.held == Held::Dark { 0 } else { 4 * self.words.len() as u64 }
     }

@@ -3,13 +3,13 @@
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let (device, queue): (wgpu::Device, wgpu::Queue) = unimplemented!();
-//! use ndgi_gpu::{Decoder, Moment, Options, Output};
+//! use ndgi_gpu::{Decoder, DecodeParams, Options, Output};
 //!
 //! let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
 //! let mut decoder = Decoder::new(&device, &queue, bundle, Options::default())?;
 //! let mut page = decoder.page(0, Output::Rgba16Float)?; // a texture of the page
 //! let mut encoder = device.create_command_encoder(&Default::default());
-//! decoder.decode_page(&mut encoder, &mut page, &Moment { exposure: 256.0, ..Moment::at(18.05) })?;
+//! decoder.decode_page(&mut encoder, &mut page, &DecodeParams { exposure: 256.0, ..DecodeParams::at(18.05) })?;
 //! queue.submit([encoder.finish()]);
 //! # Ok(())
 //! # }
@@ -45,5 +45,5 @@ pub use features::{Features, Interval, Sunlight};
 pub use page::Page;
 pub use pipelines::Pipelines;
 pub use pool::Pool;
-pub use request::{Moment, Options, Request, SlotRequest, Target, Work, features};
+pub use request::{DecodeParams, Options, Request, SlotRequest, Target, Work, features};
 pub use shader::{Output, Precision, Shader, coarse};

@@ -1,12 +1,12 @@
 //! A page of a bundle as a texture.
 
 use crate::decoder::Decoder;
-use crate::request::{Moment, Request, Target, Work};
+use crate::request::{DecodeParams, Request, Target, Work};
 use crate::shader::Output;
 use crate::{Error, Result};
 use ndgi::grid::Place;
 
-/// A page's texture, and what is known to be on it.
+/// A page's texture, with the state of its tiles.
 #[derive(Debug)]
 pub struct Page {
     /// The texture: the page's size.
@@ -36,14 +36,14 @@ impl Decoder {
         let pages = &self.bundle.header.pages;
         let grid = pages.get(page).ok_or_else(|| {
             Error::Invalid(format!(
-                "page {page}; expected a number below {}, the bundle's pages",
+                "page {page}; expected a number below {}, the bundle's number of pages",
                 pages.len()
             ))
         })?;
         let most = self.stage.device.limits().max_texture_dimension_2d as usize;
         if grid.width.max(grid.height) > most {
             return Err(Error::Device(format!(
-                "page {page} of {} × {} texels; textures of the device have {most} at most: decode tiles",
+                "page {page} has {} × {} texels; the device's textures have at most {most}: decode single tiles instead",
                 grid.width, grid.height
             )));
         }
@@ -67,7 +67,7 @@ impl Decoder {
         Ok(Page { texture, view, output, page, is_black: vec![false; grid.tiles()], forgotten: None })
     }
 
-    /// Records the decoding of a whole page. Tiles that are black, and were before, are left out.
+    /// Records the decoding of a whole page. Tiles that are black and were black before are skipped.
     ///
     /// # Errors
     /// As [`Decoder::decode`].
@@ -75,7 +75,7 @@ impl Decoder {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         page: &mut Page,
-        moment: &Moment,
+        params: &DecodeParams,
     ) -> Result<Work> {
         let grid = self.bundle.header.pages[page.page];
         let request = |place: Place| {
@@ -85,7 +85,7 @@ impl Decoder {
         };
         let requests: Vec<Request> = grid.places(page.page).map(request).collect();
         let target = Target { view: &page.view, output: page.output };
-        let mut work = self.decode(encoder, &requests, target, moment)?;
+        let mut work = self.decode(encoder, &requests, target, params)?;
         let index = |request: &Request| request.place.row * grid.columns() + request.place.column;
         let is_known = page.forgotten.replace(self.forgotten) == Some(self.forgotten);
         let was_black = std::mem::replace(&mut page.is_black, vec![false; grid.tiles()]);

@@ -57,7 +57,7 @@ pub(crate) struct Lattice {
 }
 
 impl Lattice {
-    /// For so many rectangles: as few layers as there can be, with sides of at most `most` if a rectangle's allow it, and about square.
+    /// For this many rectangles: as few layers as there can be, with sides of at most `most` if a rectangle's allow it, and about square.
     pub fn new(size: [u32; 2], count: u32, most: u32) -> Self {
         let size = size.map(|side| side.max(4));
         let [across, down] = size.map(|side| (most / side).max(1));

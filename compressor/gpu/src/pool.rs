@@ -2,7 +2,7 @@
 
 use crate::features::{Features, Interval, Known};
 use crate::place::Lattice;
-use crate::request::{Moment, Options, Request, SlotRequest, Target, Work};
+use crate::request::{DecodeParams, Options, Request, SlotRequest, Target, Work};
 use crate::shader::Output;
 use crate::stage::{self, Stage};
 use crate::sun::Held;
@@ -55,7 +55,7 @@ struct Slot {
     site: Site,
     resident: Range<u32>,
     interval: Range<u32>,
-    /// The times that its part of the interval's buffer is of, and what is seen in it.
+    /// The times of its part of the interval's buffer, and the visibility in it.
     held: Option<([usize; 2], Held)>,
 }
 
@@ -75,7 +75,7 @@ impl Pool {
     ) -> Result<Self> {
         if bundles.is_empty() || slots == 0 {
             return Err(Error::Invalid(format!(
-                "{slots} slots for {} bundles; expected some",
+                "{slots} slots for {} bundles; expected at least 1 of each",
                 bundles.len()
             )));
         }
@@ -93,7 +93,7 @@ impl Pool {
         for (what, words) in [("resident", before + largest), ("interval", largest_interval)] {
             if words > most {
                 let what = format!(
-                    "{what} buffer: a tile takes up to {} bytes; the device binds {}",
+                    "{what} buffer: a tile takes up to {} bytes; the device binds at most {}",
                     4 * words,
                     4 * most
                 );
@@ -123,7 +123,7 @@ impl Pool {
         self.stage.prepare(output);
     }
 
-    /// The options as the device can have them: what [`Features::read`] takes.
+    /// The options that the device supports: the argument of [`Features::read`].
     pub fn options(&self) -> &Options {
         &self.stage.options
     }
@@ -159,7 +159,7 @@ impl Pool {
         let picture = &data.picture;
         if known.maps.is_some() && picture.is_unpacked() != self.stage.options.unpacks {
             return Err(Error::Invalid(format!(
-                "{:?} was read with other options than Pool::options",
+                "features of {:?} were read with options other than Pool::options",
                 known.place
             )));
         }
@@ -190,7 +190,7 @@ impl Pool {
         Ok(())
     }
 
-    /// Makes the resident buffer twice as large, or so that it has room for so many words at its end; gives whether it could grow.
+    /// Makes the resident buffer twice as large, or so that it has room for this many words at its end; gives whether it could grow.
     fn grow(&mut self, queue: &wgpu::Queue, words: u32) -> bool {
         let (old, device) = (&self.stage.resident, &self.stage.device);
         let now = old.size() / 4;
@@ -209,7 +209,7 @@ impl Pool {
         true
     }
 
-    /// Empties a slot. One that is empty, or that there is not, stays so.
+    /// Empties a slot; does nothing for an empty or missing slot.
     pub fn unload(&mut self, slot: u32) {
         if let Some(Slot { resident, interval, .. }) =
             self.slots.get_mut(slot as usize).and_then(Option::take)
@@ -219,7 +219,7 @@ impl Pool {
         }
     }
 
-    /// Uploads what a slot's tile sees of the sun in an interval, before the next submission.
+    /// Uploads the visibility of the sun of a slot's tile in an interval, before the next submission.
     ///
     /// # Errors
     /// [`Error::Invalid`] for an empty slot, or an interval of another tile.
@@ -243,13 +243,13 @@ impl Pool {
         Ok(())
     }
 
-    /// The times of the interval that was set for a slot's tile; `None` where none was, or the slot is empty.
+    /// The times of the interval that was set for a slot's tile; `None` if none was, or the slot is empty.
     pub fn interval_of(&self, slot: u32) -> Option<[usize; 2]> {
         self.slots.get(slot as usize)?.as_ref()?.held.map(|(times, _)| times)
     }
 
-    /// Records the decoding of slots at a moment, as [`Decoder::decode`](crate::Decoder::decode) does of tiles. Where the interval that was set is not that of
-    /// the moment, visibility is held at its nearer end, while direction and irradiance are the moment's; where none was set there is no sun. What is black
+    /// Records the decoding of slots at a time, as [`Decoder::decode`](crate::Decoder::decode) does of tiles. Where the interval that was set is not that of
+    /// the time, visibility is held at its nearer end, while direction and irradiance are the time's; where none was set there is no sun. What is black
     /// is written black, and listed in [`Work::black`].
     ///
     /// # Errors
@@ -259,13 +259,13 @@ impl Pool {
         encoder: &mut wgpu::CommandEncoder,
         requests: &[SlotRequest],
         target: Target,
-        moment: &Moment,
+        params: &DecodeParams,
     ) -> Result<Work<SlotRequest>> {
-        stage::check(moment)?;
+        stage::check(params)?;
         let at: Vec<At> = self
             .bundles
             .iter()
-            .map(|bundle| Ok(bundle.at(moment.hour)?.only(moment.lights)))
+            .map(|bundle| Ok(bundle.at(params.hour)?.only(params.lights)))
             .collect::<Result<_>>()?;
         let (mut work, mut jobs) = (Work::default(), Vec::new());
         for request in requests {
@@ -273,10 +273,10 @@ impl Pool {
             let (bundle, at) = (&self.bundles[slot.bundle], &at[slot.bundle]);
             let SlotRequest { to, with_border, .. } = *request;
             let blank =
-                tile::blank(bundle, Request { place: slot.known.place, to, with_border }, moment.exposure)?;
-            let sun = at.sun().and_then(|sun| slot.sun(bundle, &sun, moment.hour));
+                tile::blank(bundle, Request { place: slot.known.place, to, with_border }, params.exposure)?;
+            let sun = at.sun().and_then(|sun| slot.sun(bundle, &sun, params.hour));
             let job =
-                slot.placed().job(&bundle.header.timeline, at.moment(), moment.lights, sun.as_ref(), blank);
+                slot.placed().job(&bundle.header.timeline, at.point(), params.lights, sun.as_ref(), blank);
             match &job {
                 Some(job) => work.count(job),
                 None => work.black.push(*request),
@@ -325,7 +325,7 @@ impl Slot {
         }
     }
 
-    /// The sun of a moment within the interval that is set: where that is another, at its nearer end.
+    /// The sun of a time within the interval that is set: where that is another, at its nearer end.
     fn sun(&self, bundle: &Bundle, sun: &SunAt, hour: f64) -> Option<SunAt> {
         let (times, _) = self.held?;
         if times == sun.times {
@@ -341,7 +341,7 @@ impl Slot {
     }
 }
 
-/// A part of a buffer of so many words, which may be none.
+/// A part of a buffer of this many words, which may be none.
 fn allocate(of: &mut RangeAllocator<u32>, words: u32, buffer: &'static str) -> Result<Range<u32>> {
     if words == 0 {
         return Ok(0..0);

@@ -1,4 +1,4 @@
-//! What is asked for, and what was done.
+//! Parameters and results of decoding calls.
 
 use crate::pipelines::Pipelines;
 use crate::shader::{Output, Precision};
@@ -21,43 +21,43 @@ pub struct Options {
     pub pipelines: Pipelines,
 }
 
-/// Which light is decoded.
+/// When and how light is decoded: hour, lights and exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
+pub struct DecodeParams {
     /// The hour, periodic in 24.
     pub hour: f64,
     /// All light, or some of it.
     pub lights: Lights,
-    /// What light is multiplied with before it is stored: see [`Output`].
+    /// Factor of the light before it is stored: see [`Output`].
     pub exposure: f32,
 }
 
-impl Moment {
-    /// All light at an hour, as it is.
+impl DecodeParams {
+    /// All light at an hour, with exposure 1.
     pub fn at(hour: f64) -> Self {
-        Moment { hour, lights: Lights::All, exposure: 1.0 }
+        DecodeParams { hour, lights: Lights::All, exposure: 1.0 }
     }
 }
 
-/// A tile that is asked for.
+/// A tile to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
     /// The tile.
     pub place: Place,
-    /// Where its upper left texel comes on the target: the first of its payload, or the border's.
+    /// Position of its upper left texel on the target: the payload's first, or the border's.
     pub to: [i32; 2],
-    /// Whether the border around the payload is written too, a texel wide, for filters of hardware.
+    /// True to write also the border of one texel around the payload, for hardware filtering.
     pub with_border: bool,
 }
 
-/// A tile in a slot of a [`Pool`](crate::Pool) that is asked for.
+/// A tile in a slot of a [`Pool`](crate::Pool) to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SlotRequest {
     /// The slot.
     pub slot: u32,
-    /// Where the tile's upper left texel comes on the target: the first of its payload, or the border's.
+    /// Position of the tile's upper left texel on the target: the payload's first, or the border's.
     pub to: [i32; 2],
-    /// Whether the border around the payload is written too, a texel wide, for filters of hardware.
+    /// True to write also the border of one texel around the payload, for hardware filtering.
     pub with_border: bool,
 }
 
@@ -66,18 +66,18 @@ pub struct SlotRequest {
 pub struct Target<'a> {
     /// A texture of two dimensions, of the output's format, with [`wgpu::TextureUsages::STORAGE_BINDING`].
     pub view: &'a wgpu::TextureView,
-    /// What is stored.
+    /// The output format.
     pub output: Output,
 }
 
-/// What a call did.
+/// Statistics of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Work<R = Request> {
     /// Tiles dispatched; those that are black are not counted.
     pub tiles: usize,
-    /// Those of them whose network was evaluated; the others have the sun alone.
+    /// Tiles whose network was evaluated; the others have only the sun.
     pub networks: usize,
-    /// Tiles that are black at the moment. A [`Decoder`](crate::Decoder) dispatched nothing for them, and the target is as it was; a
+    /// Tiles that are black at this time. A [`Decoder`](crate::Decoder) dispatched nothing for them and left the target unchanged; a
     /// [`Pool`](crate::Pool) wrote black.
     pub black: Vec<R>,
     /// Bytes uploaded.

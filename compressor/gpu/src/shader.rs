@@ -136,8 +136,8 @@ impl Shader {
         };
         let mut text = String::new();
         // An array of no biases there cannot be.
-        let is_left_out = |line: &str| line.starts_with("//$") || h == 0 && line.trim().starts_with("bias:");
-        for line in TEMPLATE.lines().filter(|line| !is_left_out(line)) {
+        let is_omitted = |line: &str| line.starts_with("//$") || h == 0 && line.trim().starts_with("bias:");
+        for line in TEMPLATE.lines().filter(|line| !is_omitted(line)) {
             let indent = line.len() - line.trim_start().len();
             match line.trim() {
                 "$HEADER" => text += &header,
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rows_of_every_map_fit_and_none_that_counts_is_left_out() {
+    fn the_rows_of_every_map_fit_and_none_that_counts_is_omitted() {
         let mut too_many = 0;
         for side in [4, 8, 16, 32, 64, 128] {
             let stored = |a: usize| 4 * (a * side).div_ceil(128).div_ceil(4);

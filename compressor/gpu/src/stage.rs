@@ -1,6 +1,6 @@
-//! What a device has of bundles, and the dispatches that decode it: the same for a whole bundle and for a pool of tiles.
+//! A bundle's data on a device and the dispatches that decode them: shared by whole bundles and pools of tiles.
 
-use crate::request::{Moment, Options, Request, Target, Work};
+use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::shader::{self, Output, Precision, Shader};
 use crate::survey::Survey;
 use crate::tile::{self, Full, Job};
@@ -16,12 +16,12 @@ const MOST_JOBS: usize = 65_535;
 /// The options as a device can have them.
 ///
 /// # Errors
-/// [`Error::Device`] where it has no 16-bit floats and they are asked for.
+/// [`Error::Device`] if it has no 16-bit floats and they are requested.
 pub(crate) fn resolved(device: &wgpu::Device, options: Options) -> Result<Options> {
     let has = device.features();
     if options.precision == Precision::Half && !has.contains(wgpu::Features::SHADER_F16) {
         return Err(Error::Device(
-            "the device was made without the feature SHADER_F16; ask for it, or for Precision::Single"
+            "the device was created without the feature SHADER_F16; request it, or use Precision::Single"
                 .to_owned(),
         ));
     }
@@ -46,8 +46,9 @@ pub(crate) fn texture(
     let limits = device.limits();
     let (most, side) = (limits.max_texture_array_layers, limits.max_texture_dimension_2d);
     if layers > most || width.max(height) > side {
-        let what =
-            format!("the maps take {layers} layers of {width} × {height}; the device has {most} of {side}²");
+        let what = format!(
+            "the maps take {layers} layers of {width} × {height} texels; the device has at most {most} of {side}²"
+        );
         return Err(Error::Device(what));
     }
     Ok(device.create_texture(&wgpu::TextureDescriptor {
@@ -65,7 +66,7 @@ pub(crate) fn texture(
     }))
 }
 
-/// A buffer of so many words, one at least.
+/// A buffer of this many words, at least one.
 pub(crate) fn buffer(device: &wgpu::Device, label: &str, words: u64) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
@@ -75,7 +76,7 @@ pub(crate) fn buffer(device: &wgpu::Device, label: &str, words: u64) -> wgpu::Bu
     })
 }
 
-/// What is on a device.
+/// The buffers and textures on a device.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pub device: wgpu::Device,
@@ -155,7 +156,7 @@ impl Stage {
         bytes
     }
 
-    /// Records that tiles' places on a target become black.
+    /// Records writing black to tiles' areas of a target.
     ///
     /// # Errors
     /// [`Error::Bundle`] for a place that the bundle does not have.
@@ -226,15 +227,15 @@ impl<R> Work<R> {
     }
 }
 
-/// Whether a moment can be decoded.
+/// Checks that the parameters are valid.
 ///
 /// # Errors
 /// [`Error::Invalid`] for an exposure that is not a finite number ≥ 0.
-pub(crate) fn check(moment: &Moment) -> Result<()> {
-    if moment.exposure.is_finite() && moment.exposure >= 0.0 {
+pub(crate) fn check(params: &DecodeParams) -> Result<()> {
+    if params.exposure.is_finite() && params.exposure >= 0.0 {
         return Ok(());
     }
-    Err(Error::Invalid(format!("exposure {}; expected a finite number ≥ 0", moment.exposure)))
+    Err(Error::Invalid(format!("exposure {}; expected a finite number ≥ 0", params.exposure)))
 }
 
 /// Merges jobs without a network into a dispatch that has one, if there is one.

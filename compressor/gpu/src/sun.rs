@@ -1,4 +1,4 @@
-//! What a tile sees of the sun, as the shader reads it: normals, which stay resident, and what changes from one time of visibility to the next.
+//! A tile's sun data as the shader reads them: resident normals, and visibility that changes from one interval to the next.
 
 use crate::tile::{HAS_COLOUR, HAS_SUN, HAS_WORDS, Job, Site};
 use ndgi::at::SunAt;

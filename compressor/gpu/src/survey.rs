@@ -1,4 +1,4 @@
-//! What the index of a bundle tells of its tiles' sizes, before any is read.
+//! Bounds of tiles' sizes from a bundle's index, before any tile is read.
 
 use crate::place::shelves;
 use crate::shader;
@@ -100,10 +100,10 @@ fn room(bundle: &Bundle, place: Place, entry: &Entry, shape: Option<&Shape>) -> 
         let (texels, channels) = (width * height, (entry.sun.word & 3).max(1) as usize);
         // Of the section, all might be normals. Without any, one stands for all texels.
         let [words, bytes] = OF_NORMALS;
-        let told = (words * entry.sun.length as usize).div_ceil(bytes) + 3;
-        let told = told.min(OF_BLOCK * texels / 16);
-        room.likely = room.resident + (texels / 8 + told / LIKELY) as u32;
-        room.resident += (texels / 8 + told) as u32;
+        let reported = (words * entry.sun.length as usize).div_ceil(bytes) + 3;
+        let reported = reported.min(OF_BLOCK * texels / 16);
+        room.likely = room.resident + (texels / 8 + reported / LIKELY) as u32;
+        room.resident += (texels / 8 + reported) as u32;
         let cover = |side: usize| width.div_ceil(side) * height.div_ceil(side);
         let moving = match entry.shadows.length as usize {
             0 => 0,

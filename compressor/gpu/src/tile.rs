@@ -1,4 +1,4 @@
-//! A tile's data as the shader reads it: what stays resident of its maps, and the job of a moment.
+//! A tile's data as the shader reads them: resident maps, and the job for one time.
 
 use crate::place::Spot;
 use crate::request::Request;
@@ -9,7 +9,7 @@ use ndgi::Bundle;
 use ndgi::at::SunAt;
 use ndgi::decode::{Inputs, Lights, along_tau};
 use ndgi::model::{BORDER, Shape, TileParams};
-use ndgi::time::{Coding, Moment, Timeline};
+use ndgi::time::{Coding, TimePoint, Timeline};
 
 const HAS_MAPS: u32 = 1;
 const HAS_UVT: u32 = 2;
@@ -98,18 +98,18 @@ impl Full {
 }
 
 impl Placed<'_> {
-    /// The tile's job at a moment, made of a blank one; `None` where it is black. `sun`: within the interval that is held.
+    /// The tile's job at a time, made of a blank one; `None` if it is black. `sun`: within the interval that is held.
     pub fn job(
         &self,
         timeline: &Timeline,
-        moment: &Moment,
+        point: &TimePoint,
         lights: Lights,
         sun: Option<&SunAt>,
         blank: Job,
     ) -> Option<Full> {
         let mut job = blank;
         let maps = self.maps.filter(|_| lights != Lights::Sun);
-        let maps = maps.and_then(|maps| Some((maps, maps.job(self.site, timeline, moment, &mut job)?)));
+        let maps = maps.and_then(|maps| Some((maps, maps.job(self.site, timeline, point, &mut job)?)));
         let seen = self.seen.zip(self.held).zip(sun);
         let is_sunlit = seen.is_some_and(|((seen, held), sun)| seen.job(self.site, held, sun, &mut job));
         match maps {
@@ -168,10 +168,10 @@ impl Maps {
         self.params.shape.hidden
     }
 
-    /// Fills in what a job says of the maps at a moment, and gives the biases of the first layer; `None` where they are black.
-    fn job(&self, site: &Site, timeline: &Timeline, moment: &Moment, job: &mut Job) -> Option<Vec<f32>> {
+    /// Fills in what a job says of the maps at a time, and gives the biases of the first layer; `None` if they are black.
+    fn job(&self, site: &Site, timeline: &Timeline, point: &TimePoint, job: &mut Job) -> Option<Vec<f32>> {
         let (shape, has) = (&self.params.shape, &self.params.shape.contents);
-        let inputs = Inputs::at(&self.params, timeline, moment);
+        let inputs = Inputs::at(&self.params, timeline, point);
         if inputs.means == [0.0; 3] {
             return None;
         }
@@ -205,7 +205,7 @@ impl Maps {
             job.sides = [shape.ut as u32, shape.vt as u32];
             job.has |= if has.ut { HAS_UT } else { 0 } | if has.vt { HAS_VT } else { 0 };
         }
-        Some(self.bias(&inputs.gamma, &timeline.states[moment.a]))
+        Some(self.bias(&inputs.gamma, &timeline.states[point.a]))
     }
 
     /// b₁ with γ and the gates, which are the same for all texels.

@@ -1,4 +1,4 @@
-//! A bundle at one moment, for those who ask for texels: tiles made ready once, then sampled without memory or a lock being taken.
+//! A bundle at one time of day: tiles are prepared once, then sampled without allocation or locks.
 //!
 //! ```no_run
 //! let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
@@ -13,19 +13,19 @@ use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use crate::pack;
 use crate::sun::{Sun, TileSun, add_shares, around};
-use crate::time::{Moment, fold_hour};
+use crate::time::{TimePoint, fold_hour};
 use crate::{Error, Result};
 
-/// Tiles that a [`Page`] keeps at first: some 40 MB of whole tiles under a sun, twice that behind coloured glass.
+/// Default number of tiles that a [`Page`] caches: about 40 MB of full tiles with a sun, twice that behind coloured glass.
 const KEPT: usize = 256;
 
-/// A bundle at one moment.
+/// A bundle at one time of day.
 #[derive(Clone, Debug)]
 pub struct At<'a> {
     bundle: &'a Bundle,
     lights: Lights,
     hour: f64,
-    moment: Moment,
+    point: TimePoint,
     /// Where the sun is up: the indices of the surrounding visibility times, and a copy of the sun restricted to them.
     sun: Option<(Vec<usize>, Sun)>,
 }
@@ -47,15 +47,15 @@ impl Bundle {
         if !hour.is_finite() {
             return Err(Error::invalid("hour", format!("{hour}; expected a finite number")));
         }
-        let (moment, hour) = (self.header.timeline.at(hour), fold_hour(hour));
+        let (point, hour) = (self.header.timeline.at(hour), fold_hour(hour));
         let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
         let sun = self.header.sun.as_ref().filter(is_up).map(|sun| sun.near(hour));
-        Ok(At { bundle: self, lights: Lights::All, hour, moment, sun })
+        Ok(At { bundle: self, lights: Lights::All, hour, point, sun })
     }
 }
 
 impl<'a> At<'a> {
-    /// The same moment, but only some of the light.
+    /// The same time, but only some of the light.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -71,7 +71,7 @@ impl<'a> At<'a> {
         At { lights, ..self }
     }
 
-    /// Reads a tile and makes it ready: some 75 µs, and 300 more where the sun is a stream of its own and up.
+    /// Reads and prepares a tile: about 75 µs, plus 300 µs where the sun is a separate stream and above the horizon.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -97,7 +97,7 @@ impl<'a> At<'a> {
             _ => self.bundle.tile(place)?,
         };
         let maps = match &tile {
-            Some(tile) => Prepared::new(tile, &self.bundle.header.timeline, &self.moment)?,
+            Some(tile) => Prepared::new(tile, &self.bundle.header.timeline, &self.point)?,
             None => None,
         };
         let lit = match self.sun.as_ref().filter(|_| self.lights != Lights::Baked) {
@@ -116,12 +116,12 @@ impl<'a> At<'a> {
         })
     }
 
-    /// The moment on the bundle's timeline.
-    pub fn moment(&self) -> &Moment {
-        &self.moment
+    /// The position on the bundle's timeline.
+    pub fn point(&self) -> &TimePoint {
+        &self.point
     }
 
-    /// The sun, where it is a stream of its own, up, and asked for.
+    /// The sun, if it is a separate stream, above the horizon and requested.
     pub fn sun(&self) -> Option<SunAt> {
         let (times, sun) = self.sun.as_ref().filter(|_| self.lights != Lights::Baked)?;
         let (direction, irradiance) = sun.path.at(self.hour)?;
@@ -130,8 +130,8 @@ impl<'a> At<'a> {
         Some(SunAt { times: [first, last], part, direction, irradiance })
     }
 
-    /// What a tile sees of the sun at the times of [`SunAt::times`] alone, and how shadows move between them; `None` where that is nothing, or
-    /// there is no sun at the moment.
+    /// A tile's visibility of the sun at the times of [`SunAt::times`], with moving shadows between them; `None` if it sees nothing of the sun, or
+    /// the sun is down.
     ///
     /// # Errors
     /// As [`At::tile`].
@@ -142,7 +142,7 @@ impl<'a> At<'a> {
         }
     }
 
-    /// A page that makes its tiles ready as they are asked for, and keeps them.
+    /// A page that prepares its tiles on demand and caches them.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -159,10 +159,10 @@ impl<'a> At<'a> {
     }
 }
 
-/// The sun at one moment.
+/// The sun at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunAt {
-    /// The times of visibility around, as indices of [`Sun::times`]; twice the same outside of all.
+    /// The surrounding times of visibility, as indices of [`Sun::times`]; equal outside their range.
     pub times: [usize; 2],
     /// How far it is from the first to the second.
     pub part: f32,
@@ -174,18 +174,21 @@ pub struct SunAt {
 
 fn no_page(bundle: &Bundle, page: usize) -> Error {
     let pages = bundle.header.pages.len();
-    Error::invalid(format!("page {page}"), format!("expected a number below {pages}, the bundle's pages"))
+    Error::invalid(
+        format!("page {page}"),
+        format!("expected a number below {pages}, the bundle's number of pages"),
+    )
 }
 
-/// What a tile sees of the sun at one moment.
+/// A tile's direct light of the sun at one time.
 #[derive(Clone, Debug)]
 struct Lit {
-    /// By channel (one or three), the share of the irradiance on each stored texel.
+    /// By channel (one or three), the share of the sun's irradiance on each stored texel.
     shares: Vec<Vec<f32>>,
     irradiance: [f32; 3],
 }
 
-/// A tile at one moment, ready to be sampled. It holds all that it needs.
+/// A tile at one time of day, ready for sampling; it borrows nothing.
 ///
 /// Texels are those of its own part, its *payload*, (0, 0) the upper left one: [`Tile::width`] across, [`Tile::height`] down. Light is linear
 /// Rec. 709 irradiance, red, green, blue, in the bundle's unit, never a NaN and never infinite.
@@ -208,7 +211,7 @@ impl Tile {
         self.size.1
     }
 
-    /// Whether all of it is black at this moment.
+    /// True if every texel is black at this time.
     pub fn is_black(&self) -> bool {
         self.maps.is_none() && self.lit.is_none()
     }
@@ -216,13 +219,13 @@ impl Tile {
     /// One texel.
     ///
     /// # Panics
-    /// For one that the tile does not have.
+    /// For a texel outside the tile.
     pub fn texel(&self, x: usize, y: usize) -> [f32; 3] {
         assert!(x < self.size.0 && y < self.size.1, "texel ({x}, {y}) of {:?}", self.size);
         self.stored_texel(x + BORDER, y + BORDER)
     }
 
-    /// Bilinear between texel centres, which are at halves; also a texel beyond the payload, as the border tells. What is not a number
+    /// Light by bilinear filtering; texel centres are at halves. Positions up to a texel beyond the payload read the border; a NaN
     /// counts as 0.
     ///
     /// ```
@@ -275,7 +278,7 @@ impl Tile {
         self.decode_as(out, |light| light);
     }
 
-    /// All texels as RGBA of 16-bit floats: light times `exposure`, and 1; what is above 65504 is cut. An exposure of 256, which the material divides
+    /// All texels as RGBA of 16-bit floats: light times `exposure`, and 1; values above 65504 are clamped. An exposure of 256, which the material divides
     /// by, reaches 255 kilolux (twice full daylight) and holds 11 bits down to a quarter of a millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux
     /// (1) lose bits below 61 millilux.
     ///
@@ -310,7 +313,7 @@ impl Tile {
         self.decode_as(out, |light| pack::rgb9e5(light, exposure));
     }
 
-    /// All texels as RGBA of 8 bits: √(light / peak), cut at 1, and 255. [`Bundle::knots`] tells how bright a tile's maps are.
+    /// All texels as RGBA of 8 bits: √(light / peak), clamped to 1, and 255. [`Bundle::knots`] has the peaks of a tile's maps.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -338,7 +341,7 @@ impl Tile {
         }
     }
 
-    /// All stored texels, border and all, in place of what `out` holds.
+    /// Overwrites `out` with all stored texels, the border included.
     pub(crate) fn stored_light(&self, out: &mut Vec<[f32; 3]>) {
         out.clear();
         out.resize(self.stored.0 * self.stored.1, [0.0; 3]);
@@ -351,20 +354,20 @@ impl Tile {
     }
 }
 
-/// A page at one moment, whose tiles are made ready as they are asked for; those asked for last are kept.
+/// A page at one time of day; tiles are prepared on demand and the most recently used are cached.
 #[derive(Clone, Debug)]
 pub struct Page<'a> {
     at: At<'a>,
     page: usize,
     grid: Grid,
-    /// Column and row, when it was asked for last, and the tile.
+    /// Column and row, time of the last use, and the tile.
     tiles: Vec<([usize; 2], u64, Tile)>,
     most: usize,
     now: u64,
 }
 
 impl Page<'_> {
-    /// How many tiles are kept at most; at least one.
+    /// Sets the largest number of cached tiles; at least one.
     pub fn keeping(self, tiles: usize) -> Self {
         Page { most: tiles.max(1), ..self }
     }
@@ -418,7 +421,7 @@ impl Page<'_> {
                 self.tiles.len() - 1
             }
         };
-        // The one asked for last is found first.
+        // The most recently used tile is found first.
         self.tiles.swap(0, at);
         self.tiles[0].1 = self.now;
         Ok(&self.tiles[0].2)

@@ -98,7 +98,7 @@ impl Mode {
     }
 }
 
-/// A level of so many bits (5 to 8) as a byte: its upper bits are repeated below.
+/// A level of this many bits (5 to 8) as a byte: its upper bits are repeated below.
 pub fn expand(level: u8, bits: u32) -> u8 {
     let high = u32::from(level) << (8 - bits);
     (high | high >> bits) as u8
@@ -177,7 +177,7 @@ impl Block {
     }
 }
 
-/// The [`WEIGHTS`] of so many bits of indices from a bit on: their share of the highest index in 64ths, rounded.
+/// The [`WEIGHTS`] of this many bits of indices from a bit on: their share of the highest index in 64ths, rounded.
 #[inline(always)]
 fn sixty_fourths<const BITS: u32>(indices: &[u8; 16], from: u32) -> [i16; 16] {
     let top = (1u16 << BITS) - 1;
@@ -203,7 +203,7 @@ impl Bits {
         self.at += width;
     }
 
-    /// Indices of so many bits; texel 0 lacks its top bit.
+    /// Indices of this many bits; texel 0 lacks its top bit.
     fn push_indices(&mut self, indices: &[u8; 16], width: u32) {
         self.push(indices[0], width - 1);
         indices[1..].iter().for_each(|&index| self.push(index, width));
@@ -307,7 +307,7 @@ pub fn unpack(block: &[u8; 16]) -> Result<Block> {
     Ok(Block { mode: Mode::Four { alone, coarse }, endpoints, indices: all })
 }
 
-/// Indices of so many bits, of which texel 0 lacks its top bit, and nothing above them.
+/// Indices of this many bits, of which texel 0 lacks its top bit, and nothing above them.
 #[inline(always)]
 fn indices(bits: u64, width: u32) -> [u8; 16] {
     let low = (1 << (width - 1)) - 1;

@@ -1,9 +1,9 @@
 //! The bundle file: header, tile index, payloads, checksums (FORMAT.md has every byte).
 //!
-//! Opening reads the header and the index; a tile is one more read. Everything that comes from a file is checked before it is
-//! believed, so a damaged or hostile file gives an [`Error`]. What is allocated is bounded by the file's own length: the header and
-//! the index by what stands there, a tile by what its payload unpacks to, up to 128 times its bytes; what it sees of the
-//! sun by the number of times, 50 MB at most.
+//! Opening reads the header and the index; each tile is one more read. Everything from a file is validated before
+//! use, so a damaged or hostile file gives an [`Error`]. Allocations are bounded by the file's length: the header and
+//! the index by their own size, a tile by its unpacked payload, up to 128 times its bytes, and its visibility of the
+//! sun by the number of times, at most 50 MB.
 
 mod header;
 mod payload;
@@ -28,18 +28,18 @@ use std::{fs::File, io::Read, path::Path};
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
 /// The version this crate writes.
 pub const VERSION: u32 = 4;
-/// The oldest that it reads.
+/// The oldest version this crate reads.
 const OLDEST: u32 = 3;
 /// Bytes before the variable part of the header.
 const FIXED: usize = 32;
-/// Headers, and every payload, start and end on multiples of this.
+/// Alignment in bytes of the header's and every payload's start and end.
 const ALIGN: usize = 16;
-/// A header and its index are at most this long (about ten million tiles).
+/// Largest length in bytes of a header with its index (about ten million tiles).
 const MAX_HEADER: u64 = 1 << 28;
-/// A page's sides are at most this long.
+/// Longest side of a page, in texels.
 const MAX_SIDE: usize = 1 << 20;
 
-/// What a page holds.
+/// The kind of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PageKind {
     /// The charts of surfaces.
@@ -48,25 +48,25 @@ pub enum PageKind {
     Probes = 1,
 }
 
-/// What a bundle says of itself.
+/// A bundle's metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     /// The scene's name.
     pub scene: String,
-    /// What wrote the bundle and how, as a JSON object. Decoding does not need it; `compress evaluate` and `bake` tell by it whether
-    /// the bundle is of the dataset there.
+    /// The writer and its settings, as a JSON object. Decoding does not need it; `compress evaluate` and `bake` check with it whether
+    /// the bundle belongs to the dataset.
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,
-    /// What each page holds.
+    /// The kind of each page.
     pub kinds: Vec<PageKind>,
     /// Names of the light groups, in the timeline's order.
     pub groups: Vec<String>,
-    /// Hours of the sets, schedules and states of the groups, and the coding.
+    /// Hours of the frames, schedules and states of the groups, and the coding.
     pub timeline: Timeline,
-    /// The sun, where its direct light is a stream of its own.
+    /// The sun, where its direct light is a separate stream.
     pub sun: Option<Sun>,
-    /// Whether there is a stream of how its shadows move between the times of visibility.
+    /// True if the bundle has a stream of moving shadows between the times of visibility.
     pub shadows: bool,
 }
 
@@ -81,7 +81,7 @@ impl Header {
         self.pages.iter().enumerate().flat_map(|(page, grid)| grid.places(page))
     }
 
-    /// Where a tile stands in the index. `None` for a place that no page has.
+    /// A tile's position in the index; `None` for coordinates outside all pages.
     pub fn position(&self, place: Place) -> Option<usize> {
         let grid = self.pages.get(place.page)?;
         let inside = place.column < grid.columns() && place.row < grid.rows();
@@ -100,11 +100,11 @@ impl Header {
         Shape::new(contents, width, height, self.timeline.hours.len(), self.timeline.coding)
     }
 
-    /// What a tile has whose section of features has this word and length; `None` for a black tile. `has_means`: whether it is of version
-    /// 3, which keeps means there.
+    /// The contents of a tile whose section of features has this word and length; `None` for a black tile. `has_means`: true for version
+    /// 3, which stores means in the section.
     ///
     /// # Errors
-    /// What is wrong: a word that no tile of this bundle can have, or a length that its maps cannot have.
+    /// A message for a word that no tile of this bundle can have, or a length that its maps cannot have.
     fn contents(
         &self,
         place: Place,
@@ -116,9 +116,8 @@ impl Header {
             return if word == 0 { Ok(None) } else { Err(format!("word {word:#x} of a tile of length 0")) };
         }
         let axis = self.timeline.coding == Coding::Standard;
-        let contents = payload::contents(word, self.groups.len(), axis).ok_or_else(|| {
-            format!("word {word:#x}, which stands for no contents that a tile here can have")
-        })?;
+        let contents = payload::contents(word, self.groups.len(), axis)
+            .ok_or_else(|| format!("word {word:#x}; expected the word of valid tile contents"))?;
         let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word, has_means);
         if !(least..=largest).contains(&length) || !length.is_multiple_of(ALIGN) {
             return Err(format!(
@@ -129,14 +128,14 @@ impl Header {
     }
 }
 
-/// Where something stands in the file.
+/// The extent of a section in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Part {
-    /// Where it starts.
+    /// Offset in bytes.
     pub offset: u64,
     /// Its length in bytes; 0 where there is nothing.
     pub length: u32,
-    /// What its stream says of it: [`Section::word`].
+    /// The stream's word for it: [`Section::word`].
     pub word: u32,
     /// [`checksum`] of it; 0 where there is nothing.
     pub checksum: u64,
@@ -145,22 +144,22 @@ pub struct Part {
 /// One line of the index.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Entry {
-    /// Features and decoder; of a tile whose light, the sun's apart, is black at all times, nothing.
+    /// Features and decoder; empty for a tile without light other than the sun's direct light.
     pub ndgi: Part,
     /// The sun's visibility.
     pub sun: Part,
-    /// How it moves between its times.
+    /// Moving shadows between its times.
     pub shadows: Part,
 }
 
 impl Entry {
-    /// Bytes of all.
+    /// Total bytes.
     pub fn bytes(&self) -> u64 {
         [self.ndgi, self.sun, self.shadows].iter().map(|part| u64::from(part.length)).sum()
     }
 }
 
-/// Whether a file is a bundle, of any version and however broken, or is empty, so that nothing else is lost with it.
+/// True if a file is empty or begins like a bundle (of any version, even a damaged one), so it may be replaced.
 #[cfg(feature = "file")]
 pub fn begins_like_one(path: &Path) -> bool {
     let mut first = Vec::new();
@@ -168,7 +167,7 @@ pub fn begins_like_one(path: &Path) -> bool {
     read.is_ok() && (first == MAGIC || first.is_empty())
 }
 
-/// The first eight bytes of the BLAKE3 digest of the parts one after another, as a little-endian number.
+/// The first eight bytes of the BLAKE3 digest of the concatenated parts, as a little-endian number.
 pub fn checksum(parts: &[&[u8]]) -> u64 {
     let mut hasher = blake3::Hasher::new();
     for part in parts {
@@ -218,15 +217,15 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
 /// An opened bundle: header, index and resident block in memory, payloads where they were.
 #[derive(Debug)]
 pub struct Bundle {
-    /// What the bundle says of itself.
+    /// The bundle's metadata.
     pub header: Header,
     /// One line per [`Header::places`].
     pub index: Vec<Entry>,
     /// Length of the whole file in bytes.
     pub bytes: u64,
-    /// Length of the block that stays resident: means and peaks of all tiles.
+    /// Length in bytes of the resident block: means and peaks of all tiles.
     pub bytes_resident: u64,
-    /// Per place, how bright the tile is at each knot; none of a tile without features, and before version 4.
+    /// Per tile, its brightness at each knot; empty for a tile without features, and before version 4.
     knots: Vec<Vec<Knot>>,
     is_old: bool,
     sun_decoder: OnceLock<SunDecoder>,
@@ -250,14 +249,14 @@ impl Bundle {
     /// ```
     /// # let bytes: std::sync::Arc<[u8]> = ndgi::testing::sunny_bundle().into();
     /// let bundle = ndgi::Bundle::from_bytes(std::sync::Arc::clone(&bytes))?;
-    /// println!("{}: {} sets, {} tiles", bundle.header.scene, bundle.header.timeline.hours.len(), bundle.header.tiles());
+    /// println!("{}: {} frames, {} tiles", bundle.header.scene, bundle.header.timeline.hours.len(), bundle.header.tiles());
     /// # Ok::<(), ndgi::Error>(())
     /// ```
     pub fn from_bytes(bytes: impl AsRef<[u8]> + Send + Sync + 'static) -> Result<Self> {
         Self::parse(Box::new(Memory(bytes)), "bundle".to_owned())
     }
 
-    /// A bundle that is read where its bytes lie: in an archive, over a network. Errors as [`Bundle::open`].
+    /// A bundle read through a custom source, such as an archive or a network. Errors as [`Bundle::open`].
     pub fn from_source(source: impl ReadAt + 'static) -> Result<Self> {
         Self::parse(Box::new(source), "bundle".to_owned())
     }
@@ -266,7 +265,7 @@ impl Bundle {
         let io = |source| Error::Io { path: name.clone().into(), source };
         let bytes = source.size().map_err(io)?;
         if bytes < FIXED as u64 {
-            return Err(Error::invalid(&name, format!("{bytes} bytes; a bundle has at least {FIXED}")));
+            return Err(Error::invalid(&name, format!("{bytes} bytes; expected at least {FIXED}")));
         }
         let read = |offset: u64, length: usize| {
             let mut bytes = vec![0; length];
@@ -304,15 +303,17 @@ impl Bundle {
         self.index.iter().map(line).collect::<Result<_, String>>().map_err(wrong)
     }
 
-    /// The bytes of a part whose checksum is right. `at` names it.
+    /// The bytes of a section after verifying its checksum; `at` names it in errors.
     fn read(&self, part: &Part, at: impl Fn() -> String) -> Result<Vec<u8>> {
         let io = |source| Error::Io { path: self.name.clone().into(), source };
         let mut bytes = vec![0; part.length as usize];
         self.source.read_at(part.offset, &mut bytes).map_err(io)?;
         let found = checksum(&[&bytes]);
         if found != part.checksum {
-            let what =
-                format!("checksum {found:016x}; the index says {:016x}: the file is damaged", part.checksum);
+            let what = format!(
+                "checksum {found:016x}, but the index says {:016x}: the file is damaged",
+                part.checksum
+            );
             return Err(Error::invalid(at(), what));
         }
         Ok(bytes)
@@ -326,14 +327,14 @@ impl Bundle {
         format!("{}, page {}, tile ({}, {})", self.name, place.page, place.column, place.row)
     }
 
-    /// How bright a tile is at each of [`Timeline::knots`], without reading it: a fallback colour, and by how much light will change. Empty
+    /// A tile's brightness at each of [`Timeline::knots`], without reading the tile: a fallback colour, and a measure of how much its light changes. Empty
     /// for a black tile, and in bundles of version 3.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
     /// use ndgi::grid::Place;
     ///
-    /// // How bright a tile is over the day, without reading it.
+    /// // A tile's brightness over the day, without reading the tile.
     /// let place = Place { page: 0, column: 1, row: 0 };
     /// for (hour, knot) in bundle.header.timeline.knots().iter().zip(bundle.knots(place)?) {
     ///     println!("{hour} h: mean {:?}, at most about {}", knot.mean, knot.peak);
@@ -352,7 +353,7 @@ impl Bundle {
         self.knots.get(number).map_or(&[], Vec::as_slice)
     }
 
-    /// Reads and checks one tile's features and decoder; `None` where its light, the sun's stream apart, is black.
+    /// Reads and checks one tile's features and decoder; `None` if it has no light other than the sun's stream.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -385,7 +386,7 @@ impl Bundle {
 
 #[cfg(any(test, feature = "testing"))]
 impl Bundle {
-    /// The bytes of a bundle whose pages are those of this one so many times over: for tests of many tiles.
+    /// The bytes of a bundle that repeats this one's pages `times` times: for tests with many tiles.
     ///
     /// # Errors
     /// As [`Bundle::tile`]; [`Error::Unsupported`] for a bundle of version 3.

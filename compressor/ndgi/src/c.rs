@@ -101,7 +101,7 @@ pub unsafe extern "C" fn ndgi_page_size(bundle: *const Bundle, page: usize, size
     guarded(|| {
         // SAFETY: as the caller says.
         let bundle = unsafe { bundle.as_ref() }.ok_or_else(|| Error::invalid("bundle", "is null"))?;
-        let missing = || Error::invalid(format!("page {page}"), "the bundle does not have it");
+        let missing = || Error::invalid(format!("page {page}"), "the bundle does not have this page");
         let grid = bundle.header.pages.get(page).ok_or_else(missing)?;
         // SAFETY: as the caller says.
         unsafe {
@@ -211,7 +211,7 @@ unsafe fn decode<T: Default + Copy>(
         let tile = unsafe { tile.as_ref() }.ok_or_else(|| Error::invalid("tile", "is null"))?;
         let expected = tile.width() * tile.height();
         if count != expected || texels.is_null() {
-            return Err(Error::invalid("texels", format!("{count} places; expected {expected}")));
+            return Err(Error::invalid("texels", format!("{count} elements; expected {expected}")));
         }
         // What the caller's memory holds may be no number yet.
         let mut out = vec![T::default(); count];

@@ -1,11 +1,11 @@
-//! Decoding: a stored tile, or a whole bundle, at any (u, v, t).
+//! Decoding: a stored tile, or a complete bundle, at any (u, v, t).
 //!
-//! Four ways to the same values, none of which ever gives a NaN or an infinity:
+//! Four ways to the same values; none ever returns a NaN or an infinity:
 //! - [`texel`] follows the formulae of [`crate::model`] literally for one texel of a tile's maps, reading only the blocks it needs.
 //!   The others are tested against it.
-//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any moment: for tiles that stand in no bundle yet.
-//! - [`Decoder`] gives samples and pages of a bundle at any hour, with the sun: for tools.
-//! - [`At`](crate::at::At) is a bundle at one moment, where what depends on the time alone is folded once per tile: for games, and
+//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any time: for tiles that are not in a bundle yet.
+//! - [`Decoder`] returns samples and pages of a bundle at any hour, with the sun: for tools.
+//! - [`At`](crate::at::At) is a bundle at one time, where everything that depends only on time is computed once per tile: for games, and
 //!   for the pages of [`Decoder`].
 
 mod kernel;
@@ -21,7 +21,7 @@ use crate::bundle::Bundle;
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams};
 use crate::sun::TileSun;
-use crate::time::{self, Coding, Moment, Timeline};
+use crate::time::{self, Coding, TimePoint, Timeline};
 use crate::{Error, Result};
 #[cfg(feature = "rayon")]
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The decoder's output is cut here before it is raised to its power: the largest finite f16.
+/// Upper clamp of the decoder's output before it is raised to its power: the largest finite f16.
 const Y_MAX: f32 = 65504.0;
 
 /// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped at the ends,
@@ -57,24 +57,24 @@ fn lerp(a: f32, b: f32, s: f32) -> f32 {
     a * (1.0 - s) + b * s
 }
 
-/// The means at a moment.
-fn means_at(tile: &TileParams, moment: &Moment) -> [f32; 3] {
-    let [a, b] = moment.knots.map(|knot| tile.knots[knot].mean);
-    let [of_a, of_b] = [1.0 - moment.fraction, moment.fraction];
+/// The means at a time.
+fn means_at(tile: &TileParams, point: &TimePoint) -> [f32; 3] {
+    let [a, b] = point.knots.map(|knot| tile.knots[knot].mean);
+    let [of_a, of_b] = [1.0 - point.fraction, point.fraction];
     std::array::from_fn(|c| (of_a * f64::from(a[c]) + of_b * f64::from(b[c])) as f32)
 }
 
-/// A tile's time coordinate at a moment.
-fn tau_at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> f64 {
+/// A tile's time coordinate at a time.
+fn tau_at(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> f64 {
     let taus = timeline.coding.taus(&timeline.hours, &tile.axis);
     let brightness = |knot: usize| match timeline.coding {
         Coding::Standard => time::brightness(&tile.knots[knot].mean),
         Coding::Paper => 1.0,
     };
-    moment.tau(&taus, brightness, |knot| f64::from(tile.knots[knot].share))
+    point.tau(&taus, brightness, |knot| f64::from(tile.knots[knot].share))
 }
 
-/// What a tile's decoder is given at a moment beside its maps: for those who decode elsewhere, as shaders do.
+/// A tile's decoder inputs at one time, except for its maps: for decoding elsewhere, as in shaders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// The time coordinate: where the maps are read along τ.
@@ -86,7 +86,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Of a tile at a moment of its bundle's timeline.
+    /// The inputs of a tile at a position on its bundle's timeline.
     ///
     /// ```no_run
     /// # let bundle = ndgi::Bundle::open("yard.ndgi".as_ref())?;
@@ -99,9 +99,9 @@ impl Inputs {
     /// }
     /// # Ok::<(), ndgi::Error>(())
     /// ```
-    pub fn at(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> Self {
-        let tau = tau_at(tile, timeline, moment);
-        Inputs { tau, means: means_at(tile, moment), gamma: timeline.coding.gamma(tau) }
+    pub fn at(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> Self {
+        let tau = tau_at(tile, timeline, point);
+        Inputs { tau, means: means_at(tile, point), gamma: timeline.coding.gamma(tau) }
     }
 }
 
@@ -135,9 +135,9 @@ pub struct Image {
 pub enum Lights {
     /// All of it.
     All,
-    /// What the maps hold: without the sun's direct light, where that is a stream of its own.
+    /// The light of the maps: without the sun's direct light, if that is a separate stream.
     Baked,
-    /// The sun's direct light alone, where it is a stream of its own.
+    /// Only the sun's direct light, if it is a separate stream.
     Sun,
 }
 
@@ -161,7 +161,7 @@ pub struct Decoder {
     bundle: Bundle,
     /// Most recently read tiles by their place in the index, newest first.
     recent: Recent<TileParams>,
-    /// The same of what they see of the sun.
+    /// The same for their visibility of the sun.
     recent_sun: Recent<TileSun>,
 }
 
@@ -219,13 +219,13 @@ impl Decoder {
     /// [`Error::Invalid`] for a page that does not exist or a damaged tile; [`Error::Io`].
     pub fn sample(&self, page: usize, u: f64, v: f64, hour: f64) -> Result<[f32; 3]> {
         let grid = self.grid(page)?;
-        let moment = self.bundle.header.timeline.at(hour);
+        let point = self.bundle.header.timeline.at(hour);
         let (place, [x, y], [s, t]) = grid.around(page, [u, v]);
         let (tile, lit) = (self.tile(place)?, self.sun(place)?);
         let (width, _) = grid.stored(place.column, place.row);
         let at = |dx, dy| {
             let baked =
-                tile.as_ref().map(|tile| texel(tile, &self.bundle.header.timeline, &moment, x + dx, y + dy));
+                tile.as_ref().map(|tile| texel(tile, &self.bundle.header.timeline, &point, x + dx, y + dy));
             let lit = self.bundle.header.sun.as_ref().zip(lit.as_ref());
             let direct =
                 lit.map(|(sun, tile)| tile.texel(sun, time::fold_hour(hour), (y + dy) * width + x + dx));
@@ -242,7 +242,7 @@ impl Decoder {
         recent(&self.recent, position, |_| 0, || self.bundle.tile(place))
     }
 
-    /// What a tile sees of the sun, in the same way; `None` where that is nothing, or no stream of its own.
+    /// A tile's visibility of the sun, cached in the same way; `None` if it sees nothing of the sun, or the sun is not a separate stream.
     pub fn sun(&self, place: Place) -> Result<Option<Arc<TileSun>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
         recent(&self.recent_sun, position, TileSun::bytes, || self.bundle.sun(place))
@@ -309,7 +309,7 @@ impl Decoder {
     ) -> Result<Image> {
         let grid = self.grid(page)?;
         if rows.start > rows.end || rows.end > grid.height {
-            let what = format!("rows {}..{} asked for, it has {}", rows.start, rows.end, grid.height);
+            let what = format!("rows {}..{} requested, but it has {}", rows.start, rows.end, grid.height);
             return Err(Error::invalid(format!("page {page}"), what));
         }
         let at = self.bundle.at(hour)?.only(lights);

@@ -1,35 +1,35 @@
-//! The error type: what was wrong, and where.
+//! The error type: what is wrong, and where.
 
 use std::fmt;
 #[cfg(feature = "file")]
 use std::path::Path;
 use std::path::PathBuf;
 
-/// A result whose error names the place.
+/// A result of this crate; its error says where.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What can go wrong when a bundle is read.
+/// An error when reading a bundle.
 #[derive(Debug)]
 pub enum Error {
-    /// A bundle breaks a rule of its format, or something is asked for that it does not have.
+    /// A bundle violates its format, or lacks what was requested.
     Invalid {
         /// Where: a file, a page, a tile.
         place: String,
-        /// What stands there and what was expected.
+        /// What was found and what was expected.
         what: String,
     },
-    /// A bundle of another version, or more than this machine holds.
+    /// A bundle of another version, or one that needs more memory than this machine has.
     Unsupported {
         /// Where, as in [`Error::Invalid`].
         place: String,
         /// What is not supported.
         what: String,
     },
-    /// The operating system refused.
+    /// The operating system reported an error.
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
 }

@@ -100,7 +100,7 @@ impl Tier {
         let limit = LIMIT.load(Ordering::Relaxed);
         let mut allowed = Self::available();
         allowed.retain(|tier| tier.0 as u8 <= limit);
-        *allowed.last().expect("the portable tier is always there")
+        *allowed.last().expect("the portable tier is always available")
     }
 
     /// Makes this the best that any thread of the process uses from now on: for the same bytes on machines of other processors.

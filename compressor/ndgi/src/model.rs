@@ -1,9 +1,9 @@
 //! The representation of one tile: hybrid feature maps, a tiny decoder, and how they are sampled.
 //!
 //! A tile covers `width × height` stored texels (128×128; fewer, multiples of 4, at a page's right and bottom edge), of
-//! which [`BORDER`] on each side repeat the neighbouring texels. What of the following it has is its own choice ([`Contents`]).
-//! Its time coordinate τ is periodic with period 1: with `i_k` the place of set `k` on the tile's time axis of `m` places,
-//! `τ_k = (i_k + ½)/m`; sets that look alike share a place ([`crate::time`] has the moments between sets).
+//! which [`BORDER`] on each side repeat the neighbouring texels. Each tile has some of the following ([`Contents`]).
+//! Its time coordinate τ is periodic with period 1: with `i_k` the place of frame `k` on the tile's time axis of `m` places,
+//! `τ_k = (i_k + ½)/m`; frames that look alike share a place ([`crate::time`] has the times between frames).
 //! For the stored texel (x, y), with u = (x + ½)/width and v = (y + ½)/height:
 //!
 //! - `V_uv  = F_uv[x, y]` (no interpolation: F_uv has one texel per stored texel), 4 channels;
@@ -16,7 +16,7 @@
 //! - irradiance of channel c: `E_c = mean_c(t) · max(y_c, 0)²`, y_c at most 65504 and E_c the largest f32.
 //!
 //! That is the standard coding; the paper's literal one has another τ, γ and power ([`crate::time::Coding`]), and no gates.
-//! Everything that depends on the time alone, γ and the gates, folds into the first layer's bias. Feature values lie in [0, 1].
+//! Everything that depends only on time (γ and the gates) is folded into the first layer's bias. Feature values lie in [0, 1].
 
 use crate::time::{Axis, Coding};
 
@@ -24,7 +24,7 @@ use crate::time::{Axis, Coding};
 pub const STORED: usize = 128;
 /// Texels on each side of a tile that repeat its neighbours (mirrored at the page's edge): one is what bilinear filtering needs.
 pub const BORDER: usize = 1;
-/// Side of the part of a tile that is its own.
+/// Side of a tile's payload (without its border), in texels.
 pub const PAYLOAD: usize = STORED - 2 * BORDER;
 /// Features entering the decoder, at most: V_uvt 4, V_uv 4, V_ut 2, V_vt 2.
 pub const FEATURES: usize = 12;
@@ -49,7 +49,7 @@ pub struct Profile {
     pub name: &'static str,
     /// Side of F_uvt for a full tile.
     pub uvt: usize,
-    /// Whether it has F_ut and F_vt.
+    /// True if it has F_ut and F_vt.
     pub planes: bool,
     /// Width of the two hidden layers.
     pub hidden: usize,
@@ -68,7 +68,7 @@ pub const PROFILES: [Profile; 8] = [
 ];
 
 impl Profile {
-    /// The profile's maps, all of them, for so many sets that look different and `gates` gates: min(12, ⌈distinct/2⌉) slices
+    /// All maps of the profile, for `distinct` frames that differ and `gates` gates: min(12, ⌈distinct/2⌉) slices
     /// of F_uvt, min(24, distinct) rows of F_ut and F_vt.
     pub fn contents(&self, distinct: usize, gates: usize) -> Contents {
         Contents {
@@ -85,7 +85,7 @@ impl Profile {
     }
 }
 
-/// What a tile has, of the maps and inputs that there can be: one word in the bundle's index.
+/// A tile's configuration: which maps and inputs it has; one word in the bundle's index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contents {
     /// F_uv.
@@ -109,7 +109,7 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// No map and no input: the means alone, and a decoder of 16 that gives one colour.
+    /// No map and no input: only means, and a decoder with 16 hidden units that gives one colour.
     pub const NONE: Contents = Contents {
         uv: false,
         uvt: 0,
@@ -122,10 +122,10 @@ impl Contents {
         hidden: 16,
     };
 
-    /// Bits of a word that say nothing of the contents; the payload's coding uses them.
+    /// Bits of a word that are not part of the contents; the payload's coding uses them.
     pub const SPARE: u32 = 0b11 << 30;
 
-    /// The contents as a word (FORMAT.md, section 2); `None` for contents that there cannot be.
+    /// The contents as a word (FORMAT.md, section 2); `None` for invalid contents.
     pub fn word(&self) -> Option<u32> {
         let side = match self.uvt {
             0 => 0,
@@ -146,7 +146,7 @@ impl Contents {
         })
     }
 
-    /// The contents of a word, its spare bits apart; `None` for one that [`Contents::word`] never gives.
+    /// The contents of a word, ignoring its spare bits; `None` for a word that [`Contents::word`] never returns.
     pub fn of_word(word: u32) -> Option<Self> {
         let flag = |bit: u32| word >> bit & 1 == 1;
         let byte = |bit: u32| (word >> bit & 0xff) as usize;
@@ -168,7 +168,7 @@ impl Contents {
     }
 }
 
-/// The contents in words, such as `F_uv, F_uvt 32² × 12, γ, 2 gates`.
+/// The contents as text, such as `F_uv, F_uvt 32² × 12, γ, 2 gates`.
 impl std::fmt::Display for Contents {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let plane = |name: &str| format!("{name} × {}", self.rows);
@@ -193,14 +193,14 @@ impl std::fmt::Display for Contents {
 /// All sizes of one tile's maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// What the tile has.
+    /// The tile's contents.
     pub contents: Contents,
     /// Stored texels across, a multiple of 4.
     pub width: usize,
     /// Stored texels down, a multiple of 4.
     pub height: usize,
-    /// Sets n.
-    pub sets: usize,
+    /// Frames n.
+    pub frames: usize,
     /// Texels of F_ut along u (64 for a full tile); 0 without it.
     pub ut: usize,
     /// Texels of F_vt along v; 0 without it.
@@ -211,19 +211,19 @@ pub struct Shape {
     pub uvt: [usize; 3],
     /// Width of the hidden layers.
     pub hidden: usize,
-    /// Whether the tile has a time axis of its own: under the standard coding.
+    /// True if the tile has its own time axis: with the standard coding.
     pub axis: bool,
 }
 
 impl Shape {
     /// The shape of a tile of `width × height` stored texels.
-    pub fn new(contents: &Contents, width: usize, height: usize, sets: usize, coding: Coding) -> Self {
+    pub fn new(contents: &Contents, width: usize, height: usize, frames: usize, coding: Coding) -> Self {
         let side = |stored: usize| (stored * contents.uvt).div_ceil(STORED).next_multiple_of(4);
         Shape {
             contents: *contents,
             width,
             height,
-            sets,
+            frames,
             ut: if contents.ut { width.div_ceil(2) } else { 0 },
             vt: if contents.vt { height.div_ceil(2) } else { 0 },
             rows: contents.rows,
@@ -245,15 +245,15 @@ impl Shape {
         ]
     }
 
-    /// Whether there are such contents, and the sizes are theirs.
+    /// True if the contents are valid and the sizes match them.
     fn is_known(&self) -> bool {
         let side = |side: usize| (4..=STORED).contains(&side) && side.is_multiple_of(4);
         let coding = if self.axis { Coding::Standard } else { Coding::Paper };
         side(self.width)
             && side(self.height)
-            && self.sets > 0
+            && self.frames > 0
             && self.contents.word().is_some()
-            && Shape::new(&self.contents, self.width, self.height, self.sets, coding) == *self
+            && Shape::new(&self.contents, self.width, self.height, self.frames, coding) == *self
     }
 
     /// The columns of W₁ of V_uvt, V_uv, V_ut, V_vt, γ and the gates, in this order; empty for what the tile does not have.
@@ -284,7 +284,7 @@ impl Shape {
         self.mlp_lens().iter().sum()
     }
 
-    /// How many each of W₁ b₁ W₂ b₂ W₃ b₃ has.
+    /// Lengths of W₁ b₁ W₂ b₂ W₃ b₃.
     fn mlp_lens(&self) -> [usize; 6] {
         let h = self.hidden;
         [self.inputs() * h, h, h * h, h, 3 * h, 3]
@@ -301,18 +301,18 @@ impl Shape {
     }
 }
 
-/// How bright a tile is at an hour.
+/// A tile's brightness at one hour.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Knot {
-    /// What each channel's curve is multiplied with, finite and ≥ 0; exactly 0 decodes to 0.
+    /// Factor of each channel's curve, finite and ≥ 0; exactly 0 decodes to 0.
     pub mean: [f32; 3],
-    /// At least the tile's largest value, about, finite and ≥ 0: for output in few bits. Decoding does not need it.
+    /// Approximate upper bound of the tile's values, finite and ≥ 0: for output in few bits. Decoding does not need it.
     pub peak: f32,
-    /// Between two sets, the share of the light that is the second one's, from 0 to 1; 0 at a set.
+    /// Between two frames, the second frame's share of the light, from 0 to 1; 0 at a frame.
     pub share: f32,
 }
 
-/// A tile as it is stored: everything a decoder needs.
+/// A stored tile: everything a decoder needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TileParams {
     /// The sizes of what follows.
@@ -327,7 +327,7 @@ pub struct TileParams {
     pub f_vt: Vec<[u8; 2]>,
     /// W₁ (`hidden × inputs`, row-major), b₁, W₂ (`hidden × hidden`), b₂, W₃ (`3 × hidden`), b₃.
     pub mlp: Vec<crate::half::F16>,
-    /// How bright the tile is at each of [`crate::time::Timeline::knots`].
+    /// The tile's brightness at each of [`crate::time::Timeline::knots`].
     pub knots: Vec<Knot>,
     /// The time axis; empty under the paper's coding.
     pub axis: Axis,
@@ -336,10 +336,10 @@ pub struct TileParams {
 }
 
 impl TileParams {
-    /// Checks that a tile can have the shape, and that every list is as long as the shape says.
+    /// Checks that the shape is valid and that every list has the length it gives.
     ///
     /// # Errors
-    /// What differs.
+    /// A message that says what differs.
     pub fn check_lengths(&self) -> Result<(), String> {
         let shape = &self.shape;
         if !shape.is_known() {
@@ -352,20 +352,28 @@ impl TileParams {
             ("texels of F_ut", self.f_ut.len(), ut),
             ("texels of F_vt", self.f_vt.len(), vt),
             ("decoder weights", self.mlp.len(), shape.mlp_len()),
-            ("places on the time axis", self.axis.places.len(), if shape.axis { shape.sets } else { 0 }),
+            (
+                "coordinates on the time axis",
+                self.axis.places.len(),
+                if shape.axis { shape.frames } else { 0 },
+            ),
             ("gates", self.gates.len(), shape.contents.gates),
         ] {
             if found != expected {
                 return Err(format!("{found} {what}; expected {expected}"));
             }
         }
-        if self.knots.len() < shape.sets {
-            return Err(format!("{} knots; expected one for each of {} sets", self.knots.len(), shape.sets));
+        if self.knots.len() < shape.frames {
+            return Err(format!(
+                "{} knots; expected one for each of {} frames",
+                self.knots.len(),
+                shape.frames
+            ));
         }
         Ok(())
     }
 
-    /// The input of each gate at a set, whose state of the light groups is given; a group that it lacks is off.
+    /// The input of each gate, given the states of the light groups; a missing group is off.
     pub fn gate_inputs<'a>(&'a self, state: &'a [bool]) -> impl Iterator<Item = f32> + 'a {
         self.gates.iter().map(|&group| gate(state.get(usize::from(group)).copied().unwrap_or(false)))
     }

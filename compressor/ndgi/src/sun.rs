@@ -1,4 +1,4 @@
-//! The sun: where it stands and how bright it is over the day, and the times at which a bundle tells which texels see it.
+//! The sun: its direction and irradiance over the day, and the times at which a bundle stores which texels see it.
 
 mod bits;
 mod normals;
@@ -12,8 +12,8 @@ pub use tables::Tables;
 
 use planes::Decoder;
 
-/// The sun by the minute, or less often where it moves evenly. Between two times direction and irradiance are interpolated linearly,
-/// component by component; outside of all times there is no sun.
+/// The sun's path by the minute, or less often where it moves evenly. Between two times direction and irradiance are interpolated linearly,
+/// component by component; outside their range there is no sun.
 ///
 /// ```
 /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -27,7 +27,7 @@ use planes::Decoder;
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SunPath {
-    /// Ascending, in hours from 0 to 24; one at least.
+    /// Ascending, in hours from 0 to 24; at least one.
     pub hours: Vec<f64>,
     /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
     /// one, in the axes of the normals.
@@ -47,7 +47,7 @@ impl SunPath {
     }
 }
 
-/// The indices of the times before and after an hour, and how far it is from the one to the other; outside of all times the nearest.
+/// The indices of the times before and after an hour and the fraction between them; outside their range, the nearest time.
 pub(crate) fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
     let next = times.partition_point(|time| *time <= hour);
     let (before, after) = (next.saturating_sub(1), next.min(times.len() - 1));
@@ -56,15 +56,15 @@ pub(crate) fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
     (before, after, part as f32)
 }
 
-/// Most times of visibility: a tile is then 50 MB at most, whatever a file says.
+/// Largest number of times of visibility; it limits a tile to 50 MB, whatever a file says.
 const MOST_TIMES: usize = 1024;
 
-/// What a bundle's header says of the sun.
+/// The sun in a bundle's header.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sun {
-    /// Where it stands and how bright it is.
+    /// Its direction and irradiance over the day.
     pub path: SunPath,
-    /// The times of visibility, ascending, in hours from 0 to 24; one at least.
+    /// The times of visibility, ascending, in hours from 0 to 24; at least one.
     pub times: Vec<f64>,
     /// How levels are coded.
     pub tables: Tables,
@@ -79,10 +79,10 @@ impl Sun {
         (near, Sun { path: self.path.clone(), times, tables: Tables::default() })
     }
 
-    /// Whether it keeps what the format asks for.
+    /// Checks the rules of the format.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A message that says which rule is violated.
     pub fn check(&self) -> Result<(), String> {
         let SunPath { hours, direction, irradiance } = &self.path;
         for hours in [hours, &self.times] {
@@ -93,10 +93,7 @@ impl Sun {
             }
         }
         if self.times.len() > MOST_TIMES {
-            return Err(format!(
-                "{} times of visibility; at most {MOST_TIMES} are possible",
-                self.times.len()
-            ));
+            return Err(format!("{} times of visibility; expected at most {MOST_TIMES}", self.times.len()));
         }
         let is_direction = |d: &[f32; 3]| d.iter().map(|x| x * x).sum::<f32>().sqrt() <= 1.0 + 1e-5;
         if direction.len() != hours.len() || !direction.iter().all(is_direction) {
@@ -110,7 +107,7 @@ impl Sun {
     }
 }
 
-/// What one tile sees of the sun, unpacked.
+/// One tile's visibility of the sun and its normals, unpacked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TileSun {
     /// Stored texels across, a multiple of 4.
@@ -119,22 +116,22 @@ pub struct TileSun {
     pub height: usize,
     /// Number of [`Sun::times`].
     pub times: usize,
-    /// By channel (one, or red, green and blue behind coloured glass), time and texel. Level 0: nothing of the sun is seen;
-    /// [`TileSun::TOP`]: all of it. Before a tile is encoded, [`TileSun::ANY`]: does not matter.
+    /// By channel (one, or red, green and blue behind coloured glass), time and texel. Level 0: the sun is hidden;
+    /// [`TileSun::TOP`]: all of it is visible; [`TileSun::ANY`], only before encoding: any level will do.
     pub levels: Vec<u8>,
-    /// Per texel, the mean of the shading normals there. Before a tile is encoded, 0 where it does not matter.
+    /// Per texel, the mean shading normal; before encoding, 0 where it does not matter.
     pub normals: Vec<[f32; 3]>,
-    /// How shadows move between the times. By default they do not: visibility is linear.
+    /// Moving shadows between the times. By default there are none: visibility is linear.
     pub shadows: Shadows,
 }
 
 impl TileSun {
-    /// The level that stands for all of the sun.
+    /// The level of full visibility.
     pub const TOP: u8 = 7;
     /// A level that does not matter.
     pub const ANY: u8 = u8::MAX;
 
-    /// About what it takes of memory.
+    /// Approximate bytes of memory.
     pub(crate) fn bytes(&self) -> usize {
         self.levels.len() + size_of_val(&self.normals[..])
     }
@@ -145,7 +142,7 @@ impl TileSun {
     }
 
     /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. `sun` is the one that the tile was decoded with. Between
-    /// its times visibility is linear, plus moving shadows where there are any; outside of them it is held.
+    /// its times visibility is linear, plus moving shadows where there are any; outside their range it is held.
     pub fn visibility(&self, sun: &Sun, hour: f64) -> Vec<[f32; 3]> {
         let planes: Vec<Vec<f32>> = (0..self.channels()).map(|c| self.seen(sun, hour, c)).collect();
         (0..self.width * self.height).map(|i| [0, 1, 2].map(|c| planes[c.min(planes.len() - 1)][i])).collect()
@@ -202,7 +199,7 @@ impl TileSun {
     /// Adds the sun's direct light at an hour, visibility · (normal · direction)⁺ · irradiance, to that of all texels, row by row.
     ///
     /// # Panics
-    /// Unless there are as many as the tile has.
+    /// Unless `light` has as many texels as the tile.
     pub fn add_light(&self, sun: &Sun, hour: f64, out: &mut [[f32; 3]]) {
         assert_eq!(out.len(), self.width * self.height, "texels of the tile");
         if let Some((_, irradiance)) = sun.path.at(hour) {
@@ -259,13 +256,13 @@ impl TileSun {
         if all(0) { Some(DARK) } else { all(Self::TOP).then_some(LIT) }
     }
 
-    /// Counts symbols, of which tables are made. With a `coder`, levels that do not matter are what it would make them.
+    /// Counts symbols for building tables. With a `coder`, levels that do not matter get the values it would choose.
     pub fn count(&self, coder: Option<&Coder>, counts: &mut Counts) {
         let mixed = self.planes().filter(|plane| Self::even(plane).is_none());
         mixed.for_each(|plane| planes::count(plane, self.size(), coder, counts));
     }
 
-    /// The tile's section; an empty one where it sees nothing of the sun.
+    /// The tile's encoded section; empty if it sees nothing of the sun.
     ///
     /// # Panics
     /// Unless there is a level for each texel, time and channel.
@@ -302,7 +299,7 @@ impl TileSun {
     }
 }
 
-/// Tiles of a bundle's sun, decoded.
+/// A decoder of the tiles of a bundle's sun.
 #[derive(Clone, Debug)]
 pub struct SunDecoder {
     decoder: Decoder,
@@ -310,21 +307,21 @@ pub struct SunDecoder {
 }
 
 impl SunDecoder {
-    /// By the tables of a bundle's header.
+    /// A decoder with the tables of a bundle's header.
     pub fn new(sun: &Sun) -> Self {
         SunDecoder { decoder: Decoder::new(&sun.tables), times: sun.times.len() }
     }
 
-    /// A tile from its section, the word of its line in the index, and its size in stored texels.
+    /// Decodes a tile from its section, its word in the index, and its size in stored texels.
     ///
     /// # Errors
-    /// What the format forbids.
+    /// A message that says which rule of the format is violated.
     pub fn tile(&self, bytes: &[u8], word: u32, size: [usize; 2]) -> Result<TileSun, String> {
         let all: Vec<usize> = (0..self.times).collect();
         self.tile_at(bytes, word, size, &all)
     }
 
-    /// Bytes at one moment of a section that [`SunDecoder::tile`] reads, in a compact layout: levels of two times in 3 bits, and normals as stored,
+    /// Bytes of memory at one time for a section that [`SunDecoder::tile`] reads, in a compact layout: levels of two times in 3 bits, and normals as stored,
     /// with four bytes a block of 4×4 in place of runs: its kind, and where its directions are. `ndgi-gpu` needs more.
     pub(crate) fn held(&self, bytes: &[u8], word: u32, [width, height]: [usize; 2]) -> usize {
         let channels = (word & 3) as usize;
@@ -336,10 +333,10 @@ impl SunDecoder {
         levels + bytes.len() - list - streams + blocks
     }
 
-    /// The same at some of the times alone, ascending: those of the tile.
+    /// Decodes a tile at only some of the times, ascending; these become the tile's times.
     ///
     /// # Errors
-    /// As [`SunDecoder::tile`]; what is wrong at other times is not found.
+    /// As [`SunDecoder::tile`]; errors at other times are not found.
     pub fn tile_at(
         &self,
         bytes: &[u8],
@@ -349,7 +346,7 @@ impl SunDecoder {
     ) -> Result<TileSun, String> {
         let (channels, has_normals, count) = (word & 3, word & 4 != 0, (word >> 8 & 255) as usize);
         if channels == 2 || word & 0xffff_00f8 != 0 || count > 0 && !has_normals {
-            return Err(format!("word {word:#x} of a sun, which stands for nothing"));
+            return Err(format!("word {word:#x} of a sun's section; expected a valid word"));
         }
         let [width, height] = size;
         let texels = width * height;
@@ -359,14 +356,14 @@ impl SunDecoder {
         } else {
             let planes = channels as usize * self.times;
             let (lengths, streams) =
-                rest.split_at_checked(2 * planes).ok_or("lengths of planes that are cut short")?;
+                rest.split_at_checked(2 * planes).ok_or("lengths of planes are cut short")?;
             rest = streams;
             levels.reserve_exact(channels as usize * times.len() * texels);
             for (plane, length) in lengths.as_chunks::<2>().0.iter().enumerate() {
                 let length = u16::from_le_bytes(*length);
                 let is_even = [DARK, LIT].contains(&length);
                 let stream = if is_even { 0 } else { usize::from(length) };
-                let (stream, tail) = rest.split_at_checked(stream).ok_or("levels that are cut short")?;
+                let (stream, tail) = rest.split_at_checked(stream).ok_or("levels are cut short")?;
                 rest = tail;
                 match times.contains(&(plane % self.times)) {
                     false => {}

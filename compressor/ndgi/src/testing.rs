@@ -67,18 +67,18 @@ pub fn tile(shape: Shape, seed: u64) -> TileParams {
     // In whole steps of what a resident block holds.
     let mut mean = || (2048.0 * random.unit()).floor() / 2048.0;
     let knot = |_| Knot { mean: [mean(), 8.0 * mean(), 0.0], ..Knot::default() };
-    let knots = (0..shape.sets).map(knot).collect();
-    // Sets in pairs on the axis, the last ones with the first.
-    let place = |k: usize| (3 * (k / 2 % (shape.sets / 2).max(1))) as u16;
+    let knots = (0..shape.frames).map(knot).collect();
+    // Frames in pairs on the axis, the last ones with the first.
+    let place = |k: usize| (3 * (k / 2 % (shape.frames / 2).max(1))) as u16;
     let axis = match shape.axis {
-        true => Axis { length: 2 * shape.sets as u16, places: (0..shape.sets).map(place).collect() },
+        true => Axis { length: 2 * shape.frames as u16, places: (0..shape.frames).map(place).collect() },
         false => Axis::default(),
     };
     let gates = (0..shape.contents.gates as u16).collect();
     TileParams { shape, f_uv, f_uvt, f_ut, f_vt, mlp, knots, axis, gates }
 }
 
-/// A header with two small pages (2 + 1 tiles), 4 sets and two light groups.
+/// A header with two small pages (2 + 1 tiles), 4 frames and two light groups.
 pub fn header() -> Header {
     let hours = vec![0.0, 5.9, 6.0, 18.1];
     let intervals = vec![vec![[18.0, 6.0]], vec![[0.0, 24.0], [3.0, 4.0]]];
@@ -95,7 +95,7 @@ pub fn header() -> Header {
     }
 }
 
-/// The tiles of [`bundle`]: all maps and a gate; black; some of F_uv and F_uvt left out, no planes.
+/// The tiles of [`bundle`]: all maps and a gate; black; some of F_uv and F_uvt omitted, no planes.
 pub fn tile_of(header: &Header, i: usize, place: Place) -> Option<TileParams> {
     let all = PROFILES[1].contents(2, 1);
     let contents = match i {
@@ -248,13 +248,13 @@ fn shadows_of(tile: &TileSun) -> bundle::Section {
     sun::encode_shadows(&planes, size)
 }
 
-/// The knot between sets of [`header`].
+/// The knot between frames of [`header`].
 pub fn dusk() -> Knot {
     Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 }
 }
 
-/// A bundle whose lamps switch at the hour of a set, and blink: at noon, when the neighbouring sets lack what two others as near show, and at
-/// 9.77, 21 and 23.9 h, which no set shows. Around 1.5 h the second tile is black.
+/// A bundle whose light groups switch at the hour of a frame, and blink: at noon, when the neighbouring frames lack what two others as near show, and at
+/// 9.77, 21 and 23.9 h, which no frame shows. Around 1.5 h the second tile is black.
 pub fn switching_bundle() -> Vec<u8> {
     let mut header = Header { pages: vec![Grid { width: 140, height: 10 }], ..header() };
     header.kinds.truncate(1);

@@ -1,9 +1,9 @@
-//! Hours to time coordinates: which sets surround a moment, and how far along it stands.
+//! Hours to time coordinates: which frames surround an hour, and how far it lies between them.
 //!
-//! Light jumps where a lamp switches, so means and time coordinate interpolate only between neighbouring sets that show the
-//! light groups as they are at that moment; next to a switch the set on the moment's own side is held, and its state with it.
+//! Light jumps where a light group switches, so means and time coordinate interpolate only between neighbouring frames that show the
+//! light groups in that hour's state; next to a switch, the frame on the hour's side of the switch is held.
 
-/// How time and light are coded in a tile's maps; one choice for a whole bundle.
+/// How time and light are coded in a tile's maps; one choice for a complete bundle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
     /// `τ = (i + ½)/m` for place i of m on the tile's own time axis, `γ` on 2πτ and 4πτ, `E = mean · y²`.
@@ -13,7 +13,7 @@ pub enum Coding {
 }
 
 impl Coding {
-    /// The time coordinate of every set: of its place on a tile's time axis; under the paper's coding, of its hour.
+    /// The time coordinate of every frame: from its place on the tile's time axis, or with the paper's coding from its hour.
     pub fn taus(self, hours: &[f64], axis: &Axis) -> Vec<f64> {
         match self {
             Coding::Standard => {
@@ -52,7 +52,7 @@ impl Coding {
         }
     }
 
-    /// The output that stands for a ratio ≥ 0 of light to mean: the inverse of [`Self::light`].
+    /// The output for a ratio ≥ 0 of light to mean: the inverse of [`Self::light`].
     pub fn output(self, ratio: f64) -> f64 {
         match self {
             Coding::Standard => ratio.sqrt(),
@@ -66,12 +66,12 @@ impl Coding {
 pub struct Axis {
     /// Number of places.
     pub length: u16,
-    /// Per set: its place. The first is 0; they do not step back, but that the last sets may be on place 0 again.
+    /// Per frame, its place. The first is 0 and places never decrease, except that the last frames may be at place 0 again.
     pub places: Vec<u16>,
 }
 
 impl Axis {
-    /// An error unless the places are as [`Axis::places`] says, and below the length.
+    /// Checks that the places follow the rules of [`Axis::places`] and are below the length.
     pub(crate) fn check(&self) -> Result<(), String> {
         let Some(&largest) = self.places.iter().max() else { return Ok(()) };
         let turn = self.places.iter().rposition(|&place| place == largest).map_or(0, |i| i + 1);
@@ -80,55 +80,55 @@ impl Axis {
         if forwards && largest < self.length {
             return Ok(());
         }
-        Err(format!("a time axis of {} places that does not go forwards from 0 on them", self.length))
+        Err(format!("a time axis of {} coordinates that does not ascend from 0", self.length))
     }
 }
 
-/// What a decoder knows about time: the sets' hours and when each light group is on.
+/// What a decoder knows about time: the frames' hours and when each light group is on.
 ///
 /// ```
 /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
 /// let timeline = &bundle.header.timeline;
-/// let moment = timeline.at(5.0);
-/// println!("between sets {} and {}", timeline.hours[moment.a], timeline.hours[moment.b]);
+/// let time = timeline.at(5.0);
+/// println!("between frames {} and {}", timeline.hours[time.a], timeline.hours[time.b]);
 /// // The groups that are on then.
 /// let on = timeline.state(5.0);
 /// # Ok::<(), ndgi::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
-    /// The sets' hours: at least one, strictly ascending, in [0, 24).
+    /// The frames' hours: at least one, strictly ascending, in [0, 24).
     pub hours: Vec<f64>,
-    /// Hours between sets at which tiles' means are known too, strictly ascending, in [0, 24): see [`Timeline::knots`].
+    /// Hours between frames at which tiles' means are known too, strictly ascending, in [0, 24): see [`Timeline::knots`].
     pub between: Vec<f64>,
     /// Per light group: its open on-intervals `(from, to)` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
     pub intervals: Vec<Vec<[f64; 2]>>,
-    /// Per set, per light group: whether the set shows it on.
+    /// Per frame and light group: true if the group is on in the frame.
     pub states: Vec<Vec<bool>>,
     /// The bundle's coding.
     pub coding: Coding,
 }
 
-/// A moment between (or at) sets.
+/// An hour's position between two frames, or at one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
-    /// The set before, or the one that is held.
+pub struct TimePoint {
+    /// Index of the frame before, or of the held frame.
     pub a: usize,
-    /// The set after; equal to `a` at a set's hour and where a set is held.
+    /// Index of the frame after; equal to `a` at a frame's hour and where a frame is held.
     pub b: usize,
-    /// The knots around the moment, as indices of [`Timeline::knots`], from that of `a` to that of `b`.
+    /// The surrounding knots, as indices of [`Timeline::knots`]; they lie between the knots of `a` and `b`.
     pub knots: [usize; 2],
-    /// Whether the second of them is that of `b`.
+    /// True if the second knot is that of frame `b`.
     pub reaches_b: bool,
-    /// Share of the second knot in the means, in [0, 1). In double precision, because where the second knot is far dimmer the result depends on
+    /// Weight of the second knot in the means, in [0, 1). In double precision because, where the second knot is far dimmer, the result depends on
     /// 1 − fraction.
     pub fraction: f64,
 }
 
-impl Moment {
-    /// The interpolated time coordinate. `taus`: per set; `brightness`: per knot; `share`: the part of a knot's light that comes from `b`,
-    /// 0 at `a`. It goes forwards from the coordinate of `a` to that of `b`, so far as `b` has a share of the light. Beside a set a
-    /// thousand times brighter the picture is that set's almost at once, and beside a black one light only fades. May pass 1.
+impl TimePoint {
+    /// The interpolated time coordinate. `taus`: per frame; `brightness`: per knot; `share`: the part of a knot's light that comes from `b`,
+    /// 0 at `a`. It runs from the coordinate of `a` to that of `b` as the share of `b` grows. Next to a frame
+    /// a thousand times brighter it reaches that frame's coordinate almost at once; next to a black frame the light only fades. May exceed 1.
     pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {
         let [from, to] = self.knots;
         let shares = [share(from), if self.reaches_b { 1.0 } else { share(to) }];
@@ -137,7 +137,7 @@ impl Moment {
     }
 }
 
-/// The share of the light that is the second set's at a fraction of the way between two knots of such brightnesses and shares; linear
+/// The second frame's share of the light at a fraction of the way between two knots with these brightnesses and shares; linear
 /// where both are black.
 fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
     let weights = [(1.0 - fraction) * a, fraction * b];
@@ -149,14 +149,14 @@ fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
     }
 }
 
-/// The fraction of the way at which the second of two sets, neither of them black, has this share of the light: the inverse of what
-/// [`Moment::tau`] does without knots between them.
+/// The fraction of the way between two lit frames at which the second has this share of the light: the inverse of what
+/// [`TimePoint::tau`] computes without knots between them.
 pub fn fraction_of_share(share: f64, a: f64, b: f64) -> f64 {
     let (a, b) = (share * a, (1.0 - share) * b);
     a / (a + b)
 }
 
-/// How bright a set is for [`Moment::tau`]: the sum of its means.
+/// A frame's brightness for [`TimePoint::tau`]: the sum of its means.
 pub fn brightness(means: &[f32; 3]) -> f64 {
     means.iter().map(|&mean| f64::from(mean)).sum()
 }
@@ -174,7 +174,7 @@ pub fn is_on(intervals: &[[f64; 2]], hour: f64) -> bool {
     })
 }
 
-/// `hour` folded into [0, 24); what is not finite counts as midnight.
+/// `hour` folded into [0, 24); a value that is not finite counts as midnight.
 pub fn fold_hour(hour: f64) -> f64 {
     let folded = hour.rem_euclid(24.0);
     // A tiny negative hour folds to 24 by rounding.
@@ -187,11 +187,11 @@ impl Timeline {
         self.intervals.iter().map(|on| is_on(on, hour)).collect()
     }
 
-    /// Where the moment `hour` (periodic in 24 h) stands.
-    pub fn at(&self, hour: f64) -> Moment {
+    /// The position of `hour` (periodic in 24 h) between the frames.
+    pub fn at(&self, hour: f64) -> TimePoint {
         let hour = fold_hour(hour);
         let n = self.hours.len();
-        // First set later than the moment; the one before it, around midnight.
+        // First frame later than the time; the one before it, around midnight.
         let next = self.hours.partition_point(|&h| h <= hour);
         let prev = (next + n - 1) % n;
         if self.hours[prev] == hour {
@@ -203,7 +203,7 @@ impl Timeline {
             (true, true) if prev != next => self.between(prev, next, hour),
             (true, _) => self.hold(prev),
             (_, true) => self.hold(next),
-            // Neither neighbour shows this state: the nearest set that does, else the nearest.
+            // Neither neighbour shows this state: the nearest frame that does, else the nearest.
             (false, false) => {
                 let distance = |k: usize| {
                     let d = (self.hours[k] - hour).abs();
@@ -218,45 +218,47 @@ impl Timeline {
         }
     }
 
-    /// Whether the moment that [`Timeline::at`] gives for an hour has the lamps as they are then.
+    /// True if the frames that [`Timeline::at`] gives for an hour have the light groups in that hour's state.
     pub fn shows(&self, hour: f64) -> bool {
         let hour = fold_hour(hour);
-        let Moment { a, .. } = self.at(hour);
-        // (At the instant of a switch a set may show either side of it.)
+        let TimePoint { a, .. } = self.at(hour);
+        // (At the instant of a switch a frame may show either side of it.)
         self.hours[a] == hour || self.states[a] == self.state(hour)
     }
 
-    /// Exactly at set `k`.
-    pub fn hold(&self, k: usize) -> Moment {
+    /// Exactly at frame `k`.
+    pub fn hold(&self, k: usize) -> TimePoint {
         let knot = self.knot_of(k);
-        Moment { a: k, b: k, knots: [knot; 2], reaches_b: true, fraction: 0.0 }
+        TimePoint { a: k, b: k, knots: [knot; 2], reaches_b: true, fraction: 0.0 }
     }
 
-    /// The hours at which tiles' means are known, ascending: the sets' and those between.
+    /// The hours at which tiles' means are known, ascending: the frames' and those between.
     pub fn knots(&self) -> Vec<f64> {
         let mut knots = [&self.hours[..], &self.between].concat();
         knots.sort_by(f64::total_cmp);
         knots
     }
 
-    /// The knot of set `k`.
+    /// The knot of frame `k`.
     pub fn knot_of(&self, k: usize) -> usize {
         k + self.between.partition_point(|&hour| hour < self.hours[k])
     }
 
-    /// What is wrong with the hours between sets: one that no decoder looks at.
+    /// An error if an hour between frames is never used by a decoder.
     pub(crate) fn check_between(&self) -> Result<(), String> {
         if !self.between.is_sorted_by(|a, b| a < b) || self.between.iter().any(|h| !(0.0..24.0).contains(h)) {
-            return Err("hours between sets that are not strictly ascending in [0, 24)".to_owned());
+            return Err("hours between frames that are not strictly ascending in [0, 24)".to_owned());
         }
         match self.between.iter().find(|&&hour| self.at(hour).a == self.at(hour).b) {
-            Some(hour) => Err(format!("{hour} h, between sets of which one is held, or a set's own hour")),
+            Some(hour) => {
+                Err(format!("{hour} h; expected an hour strictly between two frames that are interpolated"))
+            }
             None => Ok(()),
         }
     }
 
-    /// Linearly between neighbouring sets, or between knots that lie between them, possibly across midnight.
-    fn between(&self, a: usize, b: usize, hour: f64) -> Moment {
+    /// The position between neighbouring frames, or between knots that lie between them, possibly across midnight.
+    fn between(&self, a: usize, b: usize, hour: f64) -> TimePoint {
         let after = |x: f64| {
             let x = x - self.hours[a];
             if x < 0.0 { x + 24.0 } else { x }
@@ -265,7 +267,7 @@ impl Timeline {
             (after(hour), (0.0, self.knot_of(a)), (after(self.hours[b]), self.knot_of(b)));
         let (end, mut reaches_b) = (to.0, true);
         for (i, &knot) in self.between.iter().enumerate() {
-            let (at, index) = (after(knot), i + self.hours.partition_point(|&set| set < knot));
+            let (at, index) = (after(knot), i + self.hours.partition_point(|&frame| frame < knot));
             if at <= now && at > from.0 {
                 from = (at, index);
             } else if at > now && at < to.0 && at < end {
@@ -273,7 +275,7 @@ impl Timeline {
             }
         }
         let fraction = (now - from.0) / (to.0 - from.0);
-        Moment { a, b, knots: [from.1, to.1], reaches_b, fraction }
+        TimePoint { a, b, knots: [from.1, to.1], reaches_b, fraction }
     }
 }
 
@@ -281,7 +283,7 @@ impl Timeline {
 mod tests {
     use super::*;
 
-    /// Hourly sets and the two switch extras of lamps that are on 18:00–06:00.
+    /// Hourly frames and the two extra times for lamps that are on 18:00–06:00.
     fn lamps_at_night() -> Timeline {
         let mut hours: Vec<f64> = (0..24).map(f64::from).collect();
         hours.extend([5.9, 18.1]);
@@ -294,19 +296,19 @@ mod tests {
         Timeline { hours, between: vec![], intervals, states, coding: Coding::Standard }
     }
 
-    /// The time coordinate where every set has a place of its own.
-    fn tau(timeline: &Timeline, moment: Moment) -> f64 {
+    /// The time coordinate where every frame has a place of its own.
+    fn tau(timeline: &Timeline, point: TimePoint) -> f64 {
         let length = timeline.hours.len() as u16;
         let axis = Axis { length, places: (0..length).collect() };
-        moment.tau(&timeline.coding.taus(&timeline.hours, &axis), |_| 1.0, |_| 0.0)
+        point.tau(&timeline.coding.taus(&timeline.hours, &axis), |_| 1.0, |_| 0.0)
     }
 
-    fn set(timeline: &Timeline, hour: f64) -> usize {
+    fn frame(timeline: &Timeline, hour: f64) -> usize {
         timeline.hours.iter().position(|&h| h == hour).unwrap()
     }
 
     #[test]
-    fn a_set_s_hour_is_that_set_exactly() {
+    fn a_frame_s_hour_is_that_frame_exactly() {
         let t = lamps_at_night();
         for (k, &hour) in t.hours.iter().enumerate() {
             for day in [-24.0, 0.0, 24.0] {
@@ -324,17 +326,17 @@ mod tests {
     fn the_side_of_a_switch_is_held() {
         let t = lamps_at_night();
         // Lamps still on at 5.95, off at 6.0 itself; still off at 18.0, on right after.
-        assert_eq!(t.at(5.95), t.hold(set(&t, 5.9)));
-        assert_eq!(t.at(6.0), t.hold(set(&t, 6.0)));
-        assert_eq!(t.at(18.0), t.hold(set(&t, 18.0)));
-        assert_eq!(t.at(18.0 + 1e-9), t.hold(set(&t, 18.1)));
-        assert_eq!(t.at(18.05), t.hold(set(&t, 18.1)));
-        assert_eq!(t.at(18.1), t.hold(set(&t, 18.1)));
+        assert_eq!(t.at(5.95), t.hold(frame(&t, 5.9)));
+        assert_eq!(t.at(6.0), t.hold(frame(&t, 6.0)));
+        assert_eq!(t.at(18.0), t.hold(frame(&t, 18.0)));
+        assert_eq!(t.at(18.0 + 1e-9), t.hold(frame(&t, 18.1)));
+        assert_eq!(t.at(18.05), t.hold(frame(&t, 18.1)));
+        assert_eq!(t.at(18.1), t.hold(frame(&t, 18.1)));
         // Away from the switch both neighbours agree.
         let m = t.at(18.55);
-        assert_eq!((m.a, m.b), (set(&t, 18.1), set(&t, 19.0)));
+        assert_eq!((m.a, m.b), (frame(&t, 18.1), frame(&t, 19.0)));
         assert!((m.fraction - 0.5).abs() < 1e-6);
-        let k = set(&t, 18.1) as f64;
+        let k = frame(&t, 18.1) as f64;
         assert!((tau(&t, m) - (k + 1.0) / 26.0).abs() < 1e-6);
     }
 
@@ -365,16 +367,17 @@ mod tests {
             assert_eq!(t.at(hour).tau(&taus, |_| 1.0, |_| 0.0), 0.5 / 15.0, "{hour}");
         }
         // Forwards past 1 from the last place to the first.
-        let late = Moment { a: 19, b: 20, knots: [19, 20], reaches_b: true, fraction: 0.75 };
+        let late = TimePoint { a: 19, b: 20, knots: [19, 20], reaches_b: true, fraction: 0.75 };
         assert!((late.tau(&taus, |_| 1.0, |_| 0.0) - (14.5 + 0.75) / 15.0).abs() < 1e-12);
     }
 
     #[test]
     fn the_time_coordinate_goes_with_the_light() {
-        let moment = |fraction: f64| Moment { a: 0, b: 1, knots: [0, 1], reaches_b: true, fraction };
-        let tau =
-            |fraction: f64, light: [f64; 2]| moment(fraction).tau(&[0.25, 0.75], |set| light[set], |_| 0.0);
-        // Beside a black set that of the lit one; a thousandth of the way to a set a thousand times as bright, halfway.
+        let point = |fraction: f64| TimePoint { a: 0, b: 1, knots: [0, 1], reaches_b: true, fraction };
+        let tau = |fraction: f64, light: [f64; 2]| {
+            point(fraction).tau(&[0.25, 0.75], |frame| light[frame], |_| 0.0)
+        };
+        // Beside a black frame that of the lit one; a thousandth of the way to a frame a thousand times as bright, halfway.
         assert_eq!([tau(0.01, [0.0, 2.0]), tau(0.99, [2.0, 0.0]), tau(0.5, [0.0, 0.0])], [0.75, 0.25, 0.5]);
         assert!((tau(0.001, [1.0, 999.0]) - 0.5).abs() < 1e-6);
         for (share, a, b) in [(0.5, 1.0, 1.0), (1.0 / 3.0, 1e-8, 1.0), (0.7, 3.0, 1e9)] {
@@ -388,7 +391,7 @@ mod tests {
 
     #[test]
     fn means_go_from_knot_to_knot_and_the_picture_by_the_share_of_light() {
-        // Dusk: a tenth of the light, all of it the first set's picture, at the first knot; at the second a half is the second's.
+        // Dusk: a tenth of the light, all of it the first frame's picture, at the first knot; at the second a half is the second's.
         let t = Timeline {
             between: vec![1.0, 19.0, 19.5, 23.0],
             ..timeline(vec![2.0, 18.0, 20.0, 22.0], vec![])
@@ -408,7 +411,7 @@ mod tests {
             ((3, 0, [6, 7], 0.5), (3, 0, [7, 0], 0.5), (3, 0, [0, 1], 0.5))
         );
         assert_eq!((tau(18.5), tau(19.0), tau(19.5)), (0.25, 0.25, 0.375));
-        // Light linear between knots: (0.5 · 0.2 · 0.5 + 0.5 · 0.1) / 0.15 of it is the second set's.
+        // Light linear between knots: (0.5 · 0.2 · 0.5 + 0.5 · 0.1) / 0.15 of it is the second frame's.
         assert!((tau(19.75) - (0.25 + 0.25 * 2.0 / 3.0)).abs() < 1e-12);
         assert!((tau(1.5) - (0.75 + 0.25 * 0.75)).abs() < 1e-12);
         for between in [vec![24.0], vec![-1.0], vec![f64::NAN], vec![3.0, 3.0], vec![4.0, 3.0], vec![18.0]] {
@@ -417,14 +420,14 @@ mod tests {
                 "{between:?}"
             );
         }
-        // Where a set is held nobody looks.
+        // Where a frame is held nobody looks.
         let held = Timeline { between: vec![18.2], ..timeline(vec![18.0, 19.0], vec![vec![[18.5, 20.0]]]) };
         assert!(held.check_between().is_err());
     }
 
     #[test]
     fn a_blinking_lamp_stays_within_its_minutes() {
-        // On for 0.1 h, shown by one extra set inside and one on either side.
+        // On for 0.1 h, shown by one extra frame inside and one on either side.
         let t = timeline(vec![20.0, 20.39, 20.45, 20.51, 21.0], vec![vec![[20.4, 20.5]]]);
         assert_eq!(t.at(20.395), t.hold(1));
         assert_eq!(t.at(20.4), t.hold(1));
@@ -433,10 +436,10 @@ mod tests {
         }
         assert_eq!(t.at(20.5), t.hold(3));
         assert_eq!(t.at(20.505), t.hold(3));
-        // Without a set that shows it on: the nearest set.
+        // Without a frame that shows it on: the nearest frame.
         let t = timeline(vec![20.0, 21.0], vec![vec![[20.6, 20.7]]]);
         assert_eq!(t.at(20.65), t.hold(1));
-        // A set elsewhere that shows the state is preferred to a nearer one that does not.
+        // A frame elsewhere that shows the state is preferred to a nearer one that does not.
         let t = timeline(vec![3.0, 20.0, 21.0], vec![vec![[20.6, 20.7], [2.0, 4.0]]]);
         assert_eq!(t.at(20.65), t.hold(0));
     }
@@ -452,14 +455,14 @@ mod tests {
     }
 
     #[test]
-    fn an_hour_whose_lamps_no_set_has_is_told() {
+    fn an_hour_whose_groups_no_frame_has_is_reported() {
         let t = timeline(vec![11.0, 12.0], vec![vec![[18.0, 6.0]]]);
         assert!([0.0, 11.0, 11.5, 12.0, 15.0, 18.0, 24.0 + 11.0].iter().all(|&h| t.shows(h) == (h != 0.0)));
         assert!(!t.shows(18.1) && !t.shows(-1.0) && !t.shows(20.0));
     }
 
     #[test]
-    fn one_set_is_held_all_day() {
+    fn one_frame_is_held_all_day() {
         for on in [vec![], vec![[18.0, 6.0]], vec![[0.0, 24.0]]] {
             let t = timeline(vec![12.0], vec![on]);
             for i in 0..240 {
@@ -485,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn just_before_a_set_what_is_left_of_the_one_before_keeps_its_digits() {
+    fn just_before_a_frame_the_remainder_of_the_one_before_keeps_its_digits() {
         let timeline = Timeline {
             hours: vec![0.0, 6.0],
             between: vec![],
@@ -494,9 +497,9 @@ mod tests {
             coding: Coding::Standard,
         };
         for left in [1e-3, 1e-6, 1e-9] {
-            let moment = timeline.at(6.0 - left);
-            let found = 6.0 * (1.0 - moment.fraction);
-            assert_eq!((moment.a, moment.b), (0, 1));
+            let point = timeline.at(6.0 - left);
+            let found = 6.0 * (1.0 - point.fraction);
+            assert_eq!((point.a, point.b), (0, 1));
             assert!((found / left - 1.0).abs() < 1e-5, "{left}: {found}");
         }
     }

@@ -1,4 +1,4 @@
-//! The paper's ablations on the same tiles: which maps, whether training knows of blocks, what quantisation saves.
+//! The paper's ablations on the same tiles: choice of maps, block-aware training, quantisation.
 
 use super::Options;
 use super::method::{CodedTiles, Method, Way, each_tile};
@@ -110,7 +110,7 @@ pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
             &params.shape.contents,
             tile.source.width,
             tile.source.height,
-            tile.source.sets.len(),
+            tile.source.frames.len(),
             Coding::Standard,
         );
         let [uv, uvt, ut, vt] = shape.counts();

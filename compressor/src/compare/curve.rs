@@ -7,7 +7,7 @@ use super::tiles::Texels;
 pub(super) enum Curve {
     /// The value to the power of 1 ÷ this.
     Power(f64),
-    /// The logarithm of so many stops below the peak: log₂(1 + (2ᵇ − 1) x) ÷ b.
+    /// The logarithm of this many stops below the peak: log₂(1 + (2ᵇ − 1) x) ÷ b.
     Log(f64),
 }
 

@@ -1,9 +1,9 @@
-//! What a method reaches: the paper's measures over the same tiles and sets for all.
+//! Evaluates a method: the paper's metrics over the same tiles and frames for all methods.
 
 use super::method::CodedTiles;
 use super::tiles::{Texels, Tile, TileSet, set_means};
 use crate::Result;
-use crate::evaluate::{Looks, Quality, Sample, Steps, quality};
+use crate::evaluate::{Quality, Sample, SlowMetrics, Steps, quality};
 use crate::mean::mean;
 use dataset::config::Noise;
 use dataset::image::Image;
@@ -15,24 +15,24 @@ use rayon::prelude::*;
 pub(super) struct Judged {
     pub quality: Quality,
     pub steps: Steps,
-    /// Per tile: the image of the set that is shown of it, and its PSNR.
+    /// Per tile: the image of the frame that is shown of it, and its PSNR.
     pub shown: Vec<(Texels, Option<f64>)>,
 }
 
-/// What judging needs that is the same for all methods.
+/// Inputs of the evaluation that all methods share.
 pub(super) struct Judge<'a> {
     set: &'a TileSet,
     set_means: Vec<f64>,
     noise: Option<&'a Noise>,
-    looks: Looks<'a>,
-    /// Per tile: the set that is shown of it.
+    slow_metrics: SlowMetrics<'a>,
+    /// Per tile: the frame that is shown of it.
     pub shown: Vec<usize>,
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>, looks: Looks<'a>) -> Self {
+    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>, slow_metrics: SlowMetrics<'a>) -> Self {
         let shown = set.tiles.iter().map(most_contrast).collect();
-        Judge { set, set_means: set_means(set), noise, looks, shown }
+        Judge { set, set_means: set_means(set), noise, slow_metrics, shown }
     }
 
     /// Compares what a method decodes with the light.
@@ -53,9 +53,9 @@ impl<'a> Judge<'a> {
             let mut brightnesses = Brightnesses::default();
             for (tile, decoded) in tiles.iter().zip(&coded.decoded) {
                 let next = (k + 1) % n;
-                let sets = &tile.source.sets;
-                brightnesses.add(&image(tile, &decoded[k]), &image(tile, &sets[k]), &tile.mask);
-                steps[k].add([&decoded[k], &decoded[next]], [&sets[k], &sets[next]], &tile.mask.valid);
+                let frames = &tile.source.frames;
+                brightnesses.add(&image(tile, &decoded[k]), &image(tile, &frames[k]), &tile.mask);
+                steps[k].add([&decoded[k], &decoded[next]], [&frames[k], &frames[next]], &tile.mask.valid);
             }
             dark.push(brightnesses.dark_relative_error(self.set_means[k]));
         }
@@ -68,16 +68,16 @@ impl<'a> Judge<'a> {
             shown: (0..tiles.len())
                 .map(|i| {
                     let k = self.shown[i];
-                    let sample = samples[i].iter().find(|sample| sample.set == k);
+                    let sample = samples[i].iter().find(|sample| sample.frame == k);
                     (coded.decoded[i][k].clone(), sample.and_then(|sample| sample.quality.psnr_db))
                 })
                 .collect(),
         })
     }
 
-    /// A tile at a set; nothing of one without a valid texel.
+    /// A tile at a frame; nothing of one without a valid texel.
     fn sample(&self, tile: &Tile, k: usize, decoded: &Texels) -> Result<Option<Sample>> {
-        let (decoded, reference) = (image(tile, decoded), image(tile, &tile.source.sets[k]));
+        let (decoded, reference) = (image(tile, decoded), image(tile, &tile.source.frames[k]));
         let quality = metrics::compare(&decoded, &reference, &tile.mask, tile.rect());
         let ceiling =
             |noise: &Noise| metrics::psnr_db(quality.peak, noise.mse[k][tile.place.page][tile.index]);
@@ -89,7 +89,7 @@ impl<'a> Judge<'a> {
         };
         let flip = || metrics::flip(&decoded, &reference, &tile.mask, tile.rect(), &quality);
         Ok(Some(Sample {
-            set: k,
+            frame: k,
             page: tile.place.page,
             rect: tile.rect(),
             quality,
@@ -103,8 +103,8 @@ impl<'a> Judge<'a> {
                 tile.rect(),
                 self.set_means[k],
             ),
-            lpips: self.looks.lpips.and_then(lpips).transpose()?,
-            flip: self.looks.flip.then(flip).flatten(),
+            lpips: self.slow_metrics.lpips.and_then(lpips).transpose()?,
+            flip: self.slow_metrics.flip.then(flip).flatten(),
             largest: tile.valid().flat_map(|i| decoded.texels[i]).fold(0.0, f32::max),
         }))
     }
@@ -114,10 +114,10 @@ pub(super) fn image(tile: &Tile, texels: &Texels) -> Image {
     Image { width: tile.source.width, height: tile.source.height, texels: texels.clone() }
 }
 
-/// The set whose light varies most in space beside its peak: there is most to see.
+/// The frame whose light varies most in space beside its peak: there is most to see.
 fn most_contrast(tile: &Tile) -> usize {
     let contrast = |k: usize| {
-        let values: Vec<f64> = tile.valid().flat_map(|i| tile.source.sets[k][i]).map(f64::from).collect();
+        let values: Vec<f64> = tile.valid().flat_map(|i| tile.source.frames[k][i]).map(f64::from).collect();
         let n = values.len().max(1) as f64;
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n;
@@ -136,14 +136,14 @@ mod tests {
     fn an_exact_method_has_no_error_and_another_has_its_own() {
         let hours = [1.0, 9.0, 17.0];
         let set = set_of(vec![tile(8, 8, 3, 1), tile(12, 4, 3, 2)], &hours);
-        let judge = Judge::new(&set, None, Looks::default());
+        let judge = Judge::new(&set, None, SlowMetrics::default());
         let coded = |offset: f32| Coded {
             decoded: set
                 .tiles
                 .iter()
                 .map(|tile| {
                     let set = |set: &Texels| set.iter().map(|texel| texel.map(|v| v + offset)).collect();
-                    tile.source.sets.iter().map(set).collect()
+                    tile.source.frames.iter().map(set).collect()
                 })
                 .collect(),
             bits: 1.0,
@@ -157,7 +157,7 @@ mod tests {
         let brighter = judge.judge(&coded(0.01)).unwrap();
         // Peaks are just below 1.
         assert!((brighter.quality.psnr_db.unwrap() - 40.0).abs() < 0.5);
-        // All sets are wrong alike: their steps are not.
+        // All frames are wrong alike: their steps are not.
         assert!(brighter.steps.smooth.unwrap() < 1e-6);
         assert_eq!(brighter.shown.len(), 2);
     }

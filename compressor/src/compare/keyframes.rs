@@ -1,8 +1,8 @@
-//! What games do today: a few sets stored whole, light linear in time between them. Where lamps differ between two of them, a set under
-//! the same lamps as one of the two is that one.
+//! Common practice in games: a few whole frames (keyframes), light linear in time between them. Where light groups differ between two of them, a frame
+//! with the light groups of one of the two is that one.
 //!
-//! Which sets are kept is found by dynamic programming over the day: the choice of least squared error relative to the peaks, over
-//! all tiles, if the kept sets were exact.
+//! Which frames are kept is found by dynamic programming over the day: the choice of least squared error relative to the peaks, over
+//! all tiles, if the kept frames were exact.
 
 use super::method::{CodedTile, CodedTiles, ImageCodec, each_tile, together};
 use super::tiles::{Texels, Tile, TileSet};
@@ -10,25 +10,25 @@ use crate::Result;
 use crate::clock::Clock;
 use crate::time::Timeline;
 
-/// Sets that are kept, of a day's 24 and more.
+/// Frames that are kept, of a day's 24 and more.
 pub(super) const KEPT: usize = 8;
 
-/// Compresses the kept sets by a codec; which they are is told too.
+/// Compresses the kept frames with a codec; returns which they are, too.
 pub(super) fn code(set: &TileSet, codec: &dyn ImageCodec) -> Result<(CodedTiles, Vec<usize>)> {
     let kept = choose(&costs(set), KEPT);
-    let sets = set.timeline.hours.len();
+    let frames = set.timeline.hours.len();
     let coded = each_tile(set, |tile| {
         let images = kept.iter().map(|&k| codec.code(&tile.filled[k], tile)).collect::<Result<Vec<_>>>()?;
         let keys = together(images);
         let clock = Clock::start();
-        let decoded = (0..sets).map(|k| between(k, &kept, &set.timeline, &keys.decoded)).collect();
+        let decoded = (0..frames).map(|k| between(k, &kept, &set.timeline, &keys.decoded)).collect();
         let decode_seconds = keys.decode_seconds + clock.seconds();
         Ok(CodedTile { decoded, decode_seconds, ..keys })
     })?;
     Ok((coded, kept))
 }
 
-/// Set k between the kept ones around it.
+/// Frame k from the kept frames around it.
 fn between(k: usize, kept: &[usize], timeline: &Timeline, keys: &[Texels]) -> Texels {
     let n = kept.len();
     let at = kept.partition_point(|&kept| kept <= k);
@@ -39,8 +39,8 @@ fn between(k: usize, kept: &[usize], timeline: &Timeline, keys: &[Texels]) -> Te
     keys[a].iter().zip(&keys[b]).map(|(a, b)| [0, 1, 2].map(|c| mix(a[c], b[c]))).collect()
 }
 
-/// How far set k is on the way from set a to set b, in hours around the clock; where a switch lies between those two, at the one whose
-/// lamps it has.
+/// How far frame k is on the way from frame a to frame b, in hours around the clock; where a switch lies between those two, at the one whose
+/// light groups it has.
 fn way(k: usize, a: usize, b: usize, timeline: &Timeline) -> f64 {
     let (hours, lamps) = (&timeline.hours, |set: usize| &timeline.states[set]);
     match (lamps(k) == lamps(a), lamps(k) == lamps(b)) {
@@ -56,7 +56,7 @@ fn way(k: usize, a: usize, b: usize, timeline: &Timeline) -> f64 {
     after(k) / length
 }
 
-/// `[a][b]`: the squared error of the sets after a and before b, if these two are kept; with b = a, of all the others.
+/// `[a][b]`: the squared error of the frames after a and before b, if these two are kept; with b = a, of all the others.
 fn costs(set: &TileSet) -> Vec<Vec<f64>> {
     let n = set.timeline.hours.len();
     let mut costs = vec![vec![0.0; n]; n];
@@ -79,16 +79,16 @@ fn costs(set: &TileSet) -> Vec<Vec<f64>> {
     costs
 }
 
-/// The products of every two sets over the valid texels.
+/// The products of every two frames over the valid texels.
 fn products(tile: &Tile) -> Vec<Vec<f64>> {
     let valid: Vec<usize> = tile.valid().collect();
-    let sets: Vec<Vec<f32>> =
-        tile.source.sets.iter().map(|set| valid.iter().flat_map(|&i| set[i]).collect()).collect();
+    let frames: Vec<Vec<f32>> =
+        tile.source.frames.iter().map(|set| valid.iter().flat_map(|&i| set[i]).collect()).collect();
     let product = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum();
-    sets.iter().map(|a| sets.iter().map(|b| product(a, b)).collect()).collect()
+    frames.iter().map(|a| frames.iter().map(|b| product(a, b)).collect()).collect()
 }
 
-/// The `number` sets around the clock, ascending, whose gaps cost least.
+/// The `number` frames around the clock, ascending, whose gaps cost least.
 fn choose(costs: &[Vec<f64>], number: usize) -> Vec<usize> {
     let n = costs.len();
     let number = number.min(n);
@@ -96,10 +96,10 @@ fn choose(costs: &[Vec<f64>], number: usize) -> Vec<usize> {
     best.map_or_else(Vec::new, |(_, kept)| kept)
 }
 
-/// The best choice whose least is `first`, with its cost; none where too few sets follow it.
+/// The best choice whose least is `first`, with its cost; none where too few frames follow it.
 fn from(costs: &[Vec<f64>], first: usize, number: usize) -> Option<(f64, Vec<usize>)> {
     let n = costs.len();
-    // Per last set: the least cost up to it with so many kept, and the one before it, count by count.
+    // Per last frame: the least cost up to it with this many kept, and the one before it, count by count.
     let mut least = vec![f64::INFINITY; n];
     least[first] = 0.0;
     let mut before: Vec<Vec<usize>> = Vec::new();
@@ -151,8 +151,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kept_sets_are_exact_and_others_linear_between_them() {
-        // Light goes 0 1 2 … 5 and back to 0 over six sets at uneven hours; two are kept.
+    fn kept_frames_are_exact_and_others_linear_between_them() {
+        // Light goes 0 1 2 … 5 and back to 0 over six frames at uneven hours; two are kept.
         let hours = [1.0, 2.0, 3.0, 5.0, 11.0, 17.0];
         let light = [4.0, 5.0, 6.0, 8.0, 14.0, 9.0];
         let tile = tile_of(4, 4, light.iter().map(|&v| vec![[v; 3]; 16]).collect());

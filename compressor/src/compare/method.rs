@@ -1,4 +1,4 @@
-//! The shape of a method: tiles in; decoded sets, bits and seconds out.
+//! The shape of a method: tiles in; decoded frames, bits and seconds out.
 
 use super::curve::{Curve, tally};
 use super::tiles::{Texels, Tile, TileSet};
@@ -7,7 +7,7 @@ use crate::clock::Clock;
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// What a method makes of one image, or of one tile's images.
+/// A method's result for one image, or for one tile's images.
 #[derive(Clone, Debug)]
 pub(super) struct Coded<T> {
     /// What its decoder gives: never negative, always finite.
@@ -22,7 +22,7 @@ pub(super) struct Coded<T> {
     pub curves: Vec<Curve>,
 }
 
-/// A tile at every set.
+/// A tile at every frame.
 pub(super) type CodedTile = Coded<Vec<Texels>>;
 /// All tiles.
 pub(super) type CodedTiles = Coded<Vec<Vec<Texels>>>;
@@ -30,23 +30,23 @@ pub(super) type CodedTiles = Coded<Vec<Vec<Texels>>>;
 /// The images of all tiles at an hour.
 pub(super) type AtHour<'a> = Box<dyn Fn(f64) -> Result<Vec<Texels>> + 'a>;
 
-/// A way of a method.
+/// A variant of a method.
 pub(super) struct Way<'a> {
     pub coded: CodedTiles,
-    /// What is to be said of it.
+    /// A note for the table.
     pub note: String,
-    /// What its decoder gives between sets too; without it, light is linear between those around.
+    /// What its decoder gives between frames too; without it, light is linear between those around.
     pub at_hour: Option<AtHour<'a>>,
 }
 
 impl Way<'_> {
-    /// One that has nothing of its own between sets.
+    /// One that has nothing of its own between frames.
     pub fn new(coded: CodedTiles, note: String) -> Self {
         Way { coded, note, at_hour: None }
     }
 }
 
-/// Ways of one method; the best is shown.
+/// The variants of one method; the best is shown.
 pub(super) type Ways<'a> = Vec<Way<'a>>;
 
 /// A row of the table to be.
@@ -132,11 +132,11 @@ pub(super) fn squared_error(decoded: &Texels, wanted: &Texels, tile: &Tile) -> f
 /// Errors relative to the peak are told apart down to this (100 dB).
 const LEAST_ERROR: f64 = 1e-10;
 
-/// Per set: the mean squared error relative to the peak; none of a black one.
+/// Per frame: the mean squared error relative to the peak; none of a black one.
 pub(super) fn relative_errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64>> {
     let values = (3 * tile.valid().count()).max(1) as f64;
     let of = |(k, texels): (usize, &Texels)| {
-        let error = squared_error(texels, &tile.source.sets[k], tile) / values;
+        let error = squared_error(texels, &tile.source.frames[k], tile) / values;
         (tile.peaks[k] > 0.0).then(|| (error / f64::from(tile.peaks[k]).powi(2)).max(LEAST_ERROR))
     };
     decoded.iter().enumerate().map(of).collect()
@@ -145,9 +145,9 @@ pub(super) fn relative_errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64
 /// Rounds of weighting; after the eighth little changes.
 pub(super) const ROUNDS: usize = 8;
 
-/// What has the highest mean PSNR of so many rounds, and the mean over the lit sets of the logarithm of its error. Each round encodes by
-/// weights of the sets' squared errors: 1 at first, then 1 ÷ the last round's relative error, which is its derivative in Σ ln error;
-/// black sets have 0.
+/// What has the highest mean PSNR of this many rounds, and the mean over the lit frames of the logarithm of its error. Each round encodes by
+/// weights of the frames' squared errors: 1 at first, then 1 ÷ the last round's relative error, which is its derivative in Σ ln error;
+/// black frames have 0.
 pub(super) fn reweighted<S>(
     tile: &Tile,
     rounds: usize,
@@ -170,7 +170,7 @@ pub(super) fn reweighted<S>(
 }
 
 impl<T> Coded<T> {
-    /// What is to be said of the curves.
+    /// A note on the curves.
     pub fn note(&self) -> String {
         if self.curves.is_empty() { String::new() } else { tally(self.curves.iter().copied()) }
     }

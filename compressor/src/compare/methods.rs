@@ -1,4 +1,4 @@
-//! The methods that there are, each with what runs it.
+//! The list of methods, each with the function that runs it.
 
 use super::keyframes::{self, Float16, KEPT};
 use super::method::{AtHour, ImageCodec, Method, Way, each_tile};
@@ -11,7 +11,7 @@ use crate::{Error, Result};
 /// Components of the singular value decomposition.
 const RANKS: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
-/// Those of the named methods; all of no names. Case does not matter, nor whether × is an x.
+/// The named methods, or all without names. Case does not matter, and × may be written x.
 ///
 /// # Errors
 /// [`Error::Invalid`] with a name that no method has.
@@ -29,7 +29,7 @@ pub(super) fn named<'a>(methods: Vec<Method<'a>>, names: &[String]) -> Result<Ve
     Ok(methods.into_iter().filter(is_wanted).collect())
 }
 
-/// Methods that need nothing foreign.
+/// Methods without third-party codecs.
 pub(super) fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>> {
     let ndgi = |name: String, profile: &'static Profile, preset: Preset| Method {
         family: "NDGI",
@@ -57,7 +57,7 @@ pub(super) fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>>
             run: Box::new(move || {
                 let (coded, networks) = ntc::code(set, preset, options.effort, options.seed)?;
                 let note =
-                    format!("networks not counted: {networks:.2} bpp more if only these tiles shared them");
+                    format!("networks not counted: {networks:.2} bpp more if shared only by these tiles");
                 Ok(vec![Way::new(coded, note)])
             }),
         });
@@ -77,7 +77,7 @@ pub(super) fn own<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<'a>>
     methods
 }
 
-/// Sets that are kept, by some codec.
+/// Frames that are kept, by some codec.
 fn keys<'a>(
     set: &'a TileSet,
     codec_name: &'a str,
@@ -85,7 +85,7 @@ fn keys<'a>(
 ) -> Method<'a> {
     Method {
         family: "keyframes",
-        name: format!("{KEPT} sets, {codec_name}"),
+        name: format!("{KEPT} frames, {codec_name}"),
         run: Box::new(move || {
             let (coded, kept) = keyframes::code(set, &*codec())?;
             let hours: Vec<String> = kept.iter().map(|&k| set.timeline.hours[k].to_string()).collect();
@@ -95,13 +95,13 @@ fn keys<'a>(
 }
 
 #[cfg(not(feature = "baselines"))]
-pub(super) fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, left_out: &mut Vec<String>) {
-    left_out.push(
-        "BC6H, BC7 and ASTC: this build has no foreign codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
+pub(super) fn foreign(_: &TileSet, _: &Options, _: &mut Vec<Method>, skipped: &mut Vec<String>) {
+    skipped.push(
+        "BC6H, BC7 and ASTC: this build lacks these codecs; build with `--features compressor/baselines` (a C++ compiler)".to_owned(),
     );
 }
 
-/// Methods of foreign codecs.
+/// Methods with third-party codecs.
 #[cfg(feature = "baselines")]
 pub(super) fn foreign<'a>(
     set: &'a TileSet,

@@ -13,7 +13,7 @@ use crate::{Error, Result, of_bundle};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// A bundle's tiles overlap by their border: so many more texels are stored than there are.
+/// A bundle's tiles overlap by their border: this many more texels are stored than there are.
 const BORDERS: f64 = (STORED * STORED) as f64 / (PAYLOAD * PAYLOAD) as f64;
 
 /// What a tile is trained with.

@@ -1,9 +1,9 @@
 //! Neural texture compression (Vaidyanathan et al. 2023), the paper's neural baseline.
 //!
-//! A texture set has at most 16 channels, so the day is cut into segments of at most five sets, each compressed on its own: per tile a
+//! A texture set has at most 16 channels, so the day is cut into segments of at most five frames, each compressed on its own: per tile a
 //! grid of high resolution, whose four cells around a texel are read side by side, and one of low resolution, read bilinearly; both of
-//! few bits. One network, shared by all tiles of a run, reads them with a positional encoding and gives all sets of the segment at once.
-//! Light is relative to the peak of its tile and set. What the original does to other mip levels has no counterpart here.
+//! few bits. One network, shared by all tiles of a run, reads them with a positional encoding and gives all frames of the segment at once.
+//! Light is relative to the peak of its tile and frame. What the original does to other mip levels has no counterpart here.
 
 mod network;
 mod grids;
@@ -20,7 +20,7 @@ use network::Weights;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Sets of a segment, at most: 15 channels of 16.
+/// Frames of a segment, at most: 15 channels of 16.
 const SETS: usize = 5;
 /// The curve from light to what the network gives: on the scene `room` a little better than the square root by every measure.
 const CURVE: Curve = Curve::Power(3.0);
@@ -53,7 +53,7 @@ fn steps(effort: Effort) -> usize {
 }
 
 /// Compresses all tiles. Bits are those of the grids and peaks, as published rates are; what the networks would add if these tiles
-/// alone shared them is given too, in bits per texel and set.
+/// alone shared them is given too, in bits per texel and frame.
 pub(super) fn code(set: &TileSet, preset: &Preset, effort: Effort, seed: u64) -> Result<(CodedTiles, f64)> {
     let layout = Layout::new(set, preset);
     let n = set.timeline.hours.len();
@@ -62,7 +62,9 @@ pub(super) fn code(set: &TileSet, preset: &Preset, effort: Effort, seed: u64) ->
         .par_iter()
         .enumerate()
         .with_max_len(1)
-        .map(|(i, sets)| segment(set, &layout, preset, sets.clone(), steps(effort), seed ^ (i as u64) << 32))
+        .map(|(i, frames)| {
+            segment(set, &layout, preset, frames.clone(), steps(effort), seed ^ (i as u64) << 32)
+        })
         .collect::<Result<_>>()?;
     let bits = layout.bits(preset) * segments.len() as f64 + 32.0 * (n * set.tiles.len()) as f64;
     let networks = 16.0 * (segments.len() * Weights::stored(preset)) as f64;
@@ -76,19 +78,19 @@ pub(super) fn code(set: &TileSet, preset: &Preset, effort: Effort, seed: u64) ->
     for segment in done {
         coded.encode_seconds += segment.encode_seconds;
         coded.decode_seconds += segment.decode_seconds;
-        coded.decoded.iter_mut().zip(segment.decoded).for_each(|(all, sets)| all.extend(sets));
+        coded.decoded.iter_mut().zip(segment.decoded).for_each(|(all, frames)| all.extend(frames));
     }
     Ok((coded, networks / set.values()))
 }
 
-/// The sets of each segment: as few segments as possible, of nearly equal length.
+/// The frames of each segment: as few segments as possible, of nearly equal length.
 fn segments(n: usize) -> Vec<Range<usize>> {
     let number = n.div_ceil(SETS);
     (0..number).map(|i| i * n / number..(i + 1) * n / number).collect()
 }
 
 struct Segment {
-    /// Per tile, per set of the segment.
+    /// Per tile, per frame of the segment.
     decoded: Vec<Vec<Texels>>,
     encode_seconds: f64,
     decode_seconds: f64,
@@ -98,15 +100,15 @@ fn segment(
     set: &TileSet,
     layout: &Layout,
     preset: &Preset,
-    sets: Range<usize>,
+    frames: Range<usize>,
     steps: usize,
     seed: u64,
 ) -> Result<Segment> {
     let clock = Clock::start();
-    let trained = train::train(set, layout, preset, sets.clone(), steps, seed)?;
+    let trained = train::train(set, layout, preset, frames.clone(), steps, seed)?;
     let encode_seconds = clock.seconds();
     let clock = Clock::start();
-    let decoded = train::decode(set, layout, &trained, sets);
+    let decoded = train::decode(set, layout, &trained, frames);
     Ok(Segment { decoded, encode_seconds, decode_seconds: clock.seconds() })
 }
 
@@ -136,14 +138,14 @@ mod tests {
             let (x, y) = ((i % 16) as f32 / 16.0, (i / 16) as f32 / 16.0);
             [1.0 + x, 2.0 + (1.0 + k as f32) * y * x, 0.5 + y]
         };
-        let sets: Vec<Texels> = (0..6).map(|k| (0..256).map(|i| light(k, i)).collect()).collect();
+        let frames: Vec<Texels> = (0..6).map(|k| (0..256).map(|i| light(k, i)).collect()).collect();
         let hours: Vec<f64> = (0..6).map(|k| 4.0 * f64::from(k)).collect();
-        let set = set_of(vec![tile_of(16, 16, sets.clone())], &hours);
+        let set = set_of(vec![tile_of(16, 16, frames.clone())], &hours);
         let layout = Layout::new(&set, &PRESETS[0]);
         let error = |steps: usize| {
             let segment = segment(&set, &layout, &PRESETS[0], 3..6, steps, 1).unwrap();
             let decoded = segment.decoded[0].iter().flatten().flatten();
-            let wanted = sets[3..].iter().flatten().flatten();
+            let wanted = frames[3..].iter().flatten().flatten();
             (decoded.zip(wanted).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / 2304.0).sqrt()
         };
         let (short, long) = (error(10), error(400));

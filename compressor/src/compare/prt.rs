@@ -1,7 +1,7 @@
-//! Precomputed radiance transfer: what each spherical harmonic of sky light does to a texel, lit by each moment's sky and sun.
+//! Precomputed radiance transfer: what each spherical harmonic of sky light does to a texel, lit by each time's sky and sun.
 //!
 //! A texel is a vector: the irradiance under each function, from the scene's transfer (`bake --transfer`), and under each light group,
-//! from the dataset's layers. Its light at a moment is linear in that vector, by weights that all texels share: the coefficients of sky
+//! from the dataset's layers. Its light at a time is linear in that vector, by weights that all texels share: the coefficients of sky
 //! and sun, and 1 for the groups that are on. What the functions cannot follow, shadows of the sun above all, no coding brings back.
 
 mod cluster;
@@ -18,7 +18,7 @@ use dataset::tiles::TILE;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Bits per texel and set of the compressed vectors.
+/// Bits per texel and frame of the compressed vectors.
 const BPP: f64 = 1.0;
 
 /// A dataset with its scene's transfer, which fits it.
@@ -28,8 +28,8 @@ pub(super) struct Transfer<'a> {
     basis: &'a Basis,
     /// Per page of the transfer.
     masks: Vec<Mask>,
-    /// Per set of the dataset, its moment in the transfer's light.
-    moments: Vec<usize>,
+    /// Per frame of the dataset, its time in the transfer's light.
+    times: Vec<usize>,
 }
 
 /// The vectors of a tile's valid texels.
@@ -38,7 +38,7 @@ pub(super) struct Vectors {
     sources: usize,
     /// Per valid texel and channel, a value per source; functions together, and each group, relative to their largest in the tile.
     rows: Vec<f64>,
-    /// Per set and channel, the weight of each source.
+    /// Per frame and channel, the weight of each source.
     weights: Vec<f64>,
     /// Largest values stored with the tile: one for the functions, one per group.
     scales: usize,
@@ -51,7 +51,7 @@ impl<'a> Transfer<'a> {
         let scene = &dataset.config.scene;
         let Some(basis) = &transfer.config.transfer else {
             return Err(wrong(format!(
-                "holds no transfer; expected what the `bake` of the scene {scene} makes with --transfer"
+                "is not a transfer; expected the output of `bake --transfer` of the scene {scene}"
             )));
         };
         if basis.scene != *scene {
@@ -68,34 +68,34 @@ impl<'a> Transfer<'a> {
                 "pages of {found}; {there} has {expected}: bake both alike (--draft, --final)"
             )));
         }
-        let moment = |hour: f64| {
+        let time = |hour: f64| {
             let found = basis.light.iter().position(|light| (light.hour - hour).abs() < 1e-6);
             found.ok_or_else(|| {
                 wrong(format!(
-                    "has no light for {hour} h, of which {} has a set; expected a dataset of the moments of --hours 0..24",
+                    "has no light for {hour} h, of which {} has a frame; expected a dataset baked with --hours 0..24",
                     dataset.root.display()
                 ))
             })
         };
-        let moments = dataset.config.frames.iter().map(|set| moment(set.hour)).collect::<Result<Vec<_>>>()?;
+        let times = dataset.config.frames.iter().map(|set| time(set.hour)).collect::<Result<Vec<_>>>()?;
         let mut groups = (0..).zip(&dataset.config.groups);
         let is_kept = |group: u32| dataset.config.layers_of(Light::Group, Some(group)).next().is_some();
         if let Some((_, group)) = groups.find(|(index, _)| !is_kept(*index)) {
             let what = format!(
-                "keeps no layer of the light group {:?}; expected one for PRT, which has lamps by group",
+                "has no layer of the light group {:?}; PRT needs the light of each group",
                 group.name
             );
             return Err(Error::invalid(dataset.root.display(), what));
         }
         if basis.inputs != dataset.config.inputs {
             return Err(wrong(format!(
-                "goes with another bake than {there}: scene file, models or settings differ; expected both by the same `bake` command, \
+                "belongs to a different bake than {there}: scene file, models or settings differ; expected both from the same `bake` command, \
                  with and without --transfer, for --hours 0..24"
             )));
         }
         let masks =
             (0..transfer.config.pages.len()).map(|page| transfer.mask(page)).collect::<Result<Vec<_>>>()?;
-        let opened = Transfer { dataset, transfer, basis, masks, moments };
+        let opened = Transfer { dataset, transfer, basis, masks, times };
         let pages: BTreeSet<usize> = set.tiles.iter().map(|tile| tile.place.page).collect();
         let images: Vec<_> = pages.into_iter().flat_map(|page| opened.images(page)).collect();
         images
@@ -161,12 +161,12 @@ impl<'a> Transfer<'a> {
         Ok(Vectors { sources, rows, weights: self.weights(&scales), scales: scales.len() })
     }
 
-    /// Per set and channel, the weight of each source; `scales` are that of the functions and those of the groups.
+    /// Per frame and channel, the weight of each source; `scales` are that of the functions and those of the groups.
     fn weights(&self, scales: &[f64]) -> Vec<f64> {
         let mut weights = Vec::new();
-        for (set, &moment) in self.dataset.config.frames.iter().zip(&self.moments) {
+        for (set, &time) in self.dataset.config.frames.iter().zip(&self.times) {
             for c in 0..3 {
-                let functions = self.basis.light[moment].coefficients.iter();
+                let functions = self.basis.light[time].coefficients.iter();
                 weights.extend(functions.map(|rgb| rgb[c] * scales[0]));
                 weights.extend(
                     set.groups_on.iter().zip(&scales[1..]).map(|(on, scale)| if *on { *scale } else { 0.0 }),
@@ -183,7 +183,7 @@ impl Vectors {
         3 * self.sources
     }
 
-    /// The light of a vector, or of anything that light goes linearly with: 3 values a set.
+    /// The light of a vector, or of anything that light goes linearly with: 3 values a frame.
     fn light(&self, vector: &[f64]) -> Vec<f64> {
         let of = |(i, weights): (usize, &[f64])| {
             let channel = &vector[i % 3 * self.sources..][..self.sources];
@@ -216,7 +216,7 @@ pub(super) fn methods<'a>(set: &'a TileSet, transfer: &'a Transfer) -> Vec<Metho
             "PRT, clustered PCA",
             Box::new(move || {
                 let coded = each(set, transfer, code::clustered)?;
-                let what = "per tile the clusters and components that are best at these bits";
+                let what = "per tile the best clusters and components at these bits";
                 Ok(vec![Way::new(coded, note(what))])
             }),
         ),

@@ -1,20 +1,20 @@
-//! The scene as cameras see it in the light of some methods, how that light moves over a day, and tiles from near: the paper's figures.
+//! Renders the scene with the light of some methods, measures temporal error over a day, and shows tiles close up: the paper's figures.
 //!
-//! A method is shown right after it is judged, from what it decoded then, and forgotten; what stays are 8-bit pictures. `moments`: which
-//! times are shown; `pages`: light of tiles as pages; `lapse`: a day in half hours; `told`: what there is to
-//! tell; `page`: how it is laid out.
+//! A method is rendered right after it is evaluated, from its decoded tiles, which are then dropped; 8-bit pictures remain. `times`: which
+//! times are shown; `pages`: light of tiles as pages; `lapse`: a day in half hours; `results`: numbers and
+//! pictures; `page`: the HTML page.
 
-mod moments;
+mod times;
 mod pages;
 mod lapse;
-mod told;
+mod results;
 mod page;
 #[cfg(test)]
 mod tests;
 
 pub use lapse::Line;
-pub use moments::Shown as ShownMoment;
-pub use told::{Crop, Rendered, Seen};
+pub use results::{Crop, Rendered, Seen};
+pub use times::Shown as ShownTime;
 
 use super::method::Way;
 use super::table::{Comparison, Row, Shown as ShownTiles};
@@ -30,35 +30,35 @@ use dataset::report::scene::PICTURE;
 use dataset::store::Dataset;
 use dataset::view::{Light, View};
 use lapse::Lapse;
-use moments::Shown;
 use ndgi::Bundle;
 use pages::Pages;
 use std::borrow::Cow;
+use times::Shown;
 
-/// The methods whose light is shown.
+/// The methods that are rendered.
 const SHOWN: [&str; 4] = ["NDGI M", "NTC L", "PRT, clustered PCA", "ASTC 12×12"];
-/// The dataset's own frames with nothing coded: what is lost by light that is linear between them.
+/// The dataset's uncompressed frames: the error of linear interpolation alone.
 pub(super) const FRAMES: &str = "frames, linear";
-/// What those take as float16, in bits per texel and set.
+/// Their size as float16, in bits per texel and frame.
 const FRAMES_BPP: f64 = 48.0;
-/// Cameras that are shown, at most.
+/// Largest number of cameras.
 const CAMERAS: usize = 3;
 
-/// Pictures of a moment by a camera: the dataset's, and how all are exposed.
+/// Pictures of a time by a camera: the dataset's, and how all are exposed.
 struct Reference {
     codes: Vec<u8>,
     exposure: f64,
 }
 
-/// A picture of a row: of which moment, by which camera, in whose light.
+/// A picture of a row: of which time, by which camera, in whose light.
 struct Picture {
-    moment: usize,
+    time: usize,
     view: usize,
     method: String,
     png: Vec<u8>,
 }
 
-/// What is shown, and what was shown so far.
+/// State of the rendering.
 pub(super) struct Stage<'a> {
     dataset: &'a Dataset,
     set: &'a TileSet,
@@ -66,24 +66,24 @@ pub(super) struct Stage<'a> {
     views: Vec<View>,
     /// Per view, the pixels that show texels.
     judged: Vec<Mask>,
-    moments: Vec<Shown>,
-    /// Per moment and view.
+    times: Vec<Shown>,
+    /// Per time and view.
     references: Vec<Vec<Reference>>,
     lapse: Lapse,
     pictures: Vec<Picture>,
-    told: Rendered,
+    reported: Rendered,
 }
 
-/// What takes part: its name and its bits, and whether it is shown at the sets' hours too.
+/// A method to render: its name and bits, and whether it is also rendered at the frames' hours.
 struct Part<'a> {
     method: &'a str,
     bpp: f64,
     bytes: f64,
-    at_sets: bool,
+    at_frames: bool,
 }
 
 impl<'a> Stage<'a> {
-    /// Looks at the scene in the dataset's own light, and in that of its bundle where there is one.
+    /// Renders the scene with the dataset's own light, and with that of its bundle if there is one.
     ///
     /// # Errors
     /// [`Error::Invalid`] without geometry, or where nothing in it has texels.
@@ -92,42 +92,40 @@ impl<'a> Stage<'a> {
         if views.is_empty() {
             let what = match &dataset.config.geometry {
                 None => {
-                    "has no geometry file, so there is nothing to render; expected a dataset of `bake`, or no --render"
+                    "has no geometry file, so nothing can be rendered; use a dataset made by `bake`, or omit --render"
                 }
-                Some(_) => {
-                    "nothing in its geometry has texels, so there is nothing to render; expected no --render"
-                }
+                Some(_) => "nothing in its geometry has texels, so nothing can be rendered; omit --render",
             };
             return Err(Error::invalid(dataset.root.display(), what));
         }
         let pages = Pages::new(dataset, set)?;
-        let (moments, mut left_out) = moments::choose(dataset)?;
+        let (times, mut skipped) = times::choose(dataset)?;
         let hours = lapse::hours(dataset)?;
-        let progress = console.progress("the dataset's light", (moments.len() + hours.len()) as u64);
+        let progress = console.progress("the dataset's light", (times.len() + hours.len()) as u64);
         let judged = views.iter().map(with_texels).collect();
         let mut references = Vec::new();
         let mut pictures = Vec::new();
-        for (i, moment) in moments.iter().enumerate() {
+        for (i, time) in times.iter().enumerate() {
             stop_if_interrupted()?;
-            let images = pages.of_dataset(moment.hour, moment.set)?;
+            let images = pages.of_dataset(time.hour, time.frame)?;
             let mut of_views = Vec::new();
             for (v, view) in views.iter().enumerate() {
                 let light = lit(view, dataset, &images)?;
                 let exposure = view.exposure(&light);
                 let png = view.to_png(&light, exposure);
                 of_views.push(Reference { codes: view.to_codes(&light, exposure), exposure });
-                pictures.push(Picture { moment: i, view: v, method: told::REFERENCE.to_owned(), png });
+                pictures.push(Picture { time: i, view: v, method: results::REFERENCE.to_owned(), png });
             }
             references.push(of_views);
             progress.advance(1);
         }
         let lapse = Lapse::new(dataset, &pages, hours, &progress)?;
-        let bundle = bundle(dataset, &mut left_out)?;
-        let told = Rendered::new(dataset, &views, &moments, left_out);
+        let bundle = bundle(dataset, &mut skipped)?;
+        let reported = Rendered::new(dataset, &views, &times, skipped);
         let mut stage =
-            Stage { dataset, set, pages, views, judged, moments, references, lapse, pictures, told };
+            Stage { dataset, set, pages, views, judged, times, references, lapse, pictures, reported };
         let bytes = FRAMES_BPP / 8.0 * set.values();
-        let frames = Part { method: FRAMES, bpp: FRAMES_BPP, bytes, at_sets: false };
+        let frames = Part { method: FRAMES, bpp: FRAMES_BPP, bytes, at_frames: false };
         stage.add(&frames, &|stage, hour| Ok(stage.pages.of_tiles(&stage.frames(hour))))?;
         if let Some(bundle) = bundle {
             stage.add_bundle(bundle)?;
@@ -135,12 +133,12 @@ impl<'a> Stage<'a> {
         Ok(stage)
     }
 
-    /// Shows a method, if it is one that is shown.
+    /// Renders a method if it is one of [`SHOWN`].
     pub fn show(&mut self, row: &Row, way: &Way) -> Result<()> {
         if !SHOWN.contains(&&*row.method) {
             return Ok(());
         }
-        let part = Part { method: &row.method, bpp: row.bpp, bytes: way.coded.bits / 8.0, at_sets: true };
+        let part = Part { method: &row.method, bpp: row.bpp, bytes: way.coded.bits / 8.0, at_frames: true };
         self.add(&part, &|stage, hour| {
             let tiles = match &way.at_hour {
                 Some(at_hour) => at_hour(hour)?,
@@ -150,24 +148,24 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// The numbers and pictures of all that was shown, and tiles from near as `shown` has them, each at the set `of_tiles`.
+    /// The numbers and pictures of all that was shown, and tiles close up as `shown` has them, each at the frame `of_tiles`.
     pub fn finish(
         mut self,
         comparison: &Comparison,
         of_tiles: &[usize],
         shown: &[ShownTiles],
     ) -> Result<Rendered> {
-        self.told.lapse = self.lapse.lines;
-        self.told.lapse_camera = self.lapse.view.camera.name.clone();
-        self.told.lapse_change = self.lapse.change;
-        self.told.add_rows(&self.views, &self.moments, self.pictures);
-        self.told.add_crops(self.set, comparison, of_tiles, shown);
-        Ok(self.told)
+        self.reported.lapse = self.lapse.lines;
+        self.reported.lapse_camera = self.lapse.view.camera.name.clone();
+        self.reported.lapse_change = self.lapse.change;
+        self.reported.add_rows(&self.views, &self.times, self.pictures);
+        self.reported.add_crops(self.set, comparison, of_tiles, shown);
+        Ok(self.reported)
     }
 
     /// The dataset's frames as methods code them, linear between the hours.
     fn frames(&self, hour: f64) -> Vec<Texels> {
-        between(self.set, hour, |tile, k| &self.set.tiles[tile].source.sets[k])
+        between(self.set, hour, |tile, k| &self.set.tiles[tile].source.frames[k])
     }
 
     fn add_bundle(&mut self, decoder: Decoder) -> Result<()> {
@@ -178,10 +176,10 @@ impl<'a> Stage<'a> {
             config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
         let bpp = 8.0 * bytes / (texels * config.frames.len() as f64);
         let method = match bundle.header.sun {
-            Some(_) => "bundle, sun apart",
+            Some(_) => "bundle, separate sun",
             None => "bundle",
         };
-        self.add(&Part { method, bpp, bytes, at_sets: true }, &|stage, hour| {
+        self.add(&Part { method, bpp, bytes, at_frames: true }, &|stage, hour| {
             let page = |page: usize| {
                 let rows = 0..stage.dataset.config.pages[page].height as usize;
                 let image = crate::evaluate::decode(&decoder, Lights::All, page, hour, &rows)?;
@@ -191,21 +189,21 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// Shows light at every moment by every camera, and over the day.
+    /// Renders light at every time from every camera, and over the day.
     fn add(&mut self, part: &Part, at_hour: &dyn Fn(&Stage, f64) -> Result<Vec<Image>>) -> Result<()> {
-        for (i, moment) in self.moments.iter().enumerate() {
-            if moment.set.is_some() && !part.at_sets {
+        for (i, time) in self.times.iter().enumerate() {
+            if time.frame.is_some() && !part.at_frames {
                 continue;
             }
             stop_if_interrupted()?;
-            let images = at_hour(self, moment.hour)?;
+            let images = at_hour(self, time.hour)?;
             for (v, view) in self.views.iter().enumerate() {
                 let light = lit(view, self.dataset, &images)?;
                 let Reference { codes, exposure } = &self.references[i][v];
                 let quality = compare_pictures(&view.to_codes(&light, *exposure), codes, &self.judged[v]);
-                self.told.views.push(Seen {
+                self.reported.views.push(Seen {
                     camera: view.camera.name.clone(),
-                    hour: moment.hour,
+                    hour: time.hour,
                     method: part.method.to_owned(),
                     bpp: part.bpp,
                     bytes: part.bytes,
@@ -214,7 +212,7 @@ impl<'a> Stage<'a> {
                     flip: quality.map_or(0.0, |quality| quality.flip),
                 });
                 let png = view.to_png(&light, *exposure);
-                self.pictures.push(Picture { moment: i, view: v, method: part.method.to_owned(), png });
+                self.pictures.push(Picture { time: i, view: v, method: part.method.to_owned(), png });
             }
         }
         let line = self.lapse.line(self.dataset, part.method, |hour| at_hour(self, hour))?;
@@ -223,14 +221,14 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// Tiles at an hour: of a set, or linear between two where lamps do not switch.
+/// Tiles at an hour: of a frame, or linear between two if no light group switches.
 fn between<'t>(set: &TileSet, hour: f64, of: impl Fn(usize, usize) -> &'t Texels) -> Vec<Texels> {
-    let moment = set.timeline.at(hour);
-    let share = moment.fraction as f32;
+    let time = set.timeline.at(hour);
+    let share = time.fraction as f32;
     let mix = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| (1.0 - share) * a[c] + share * b[c]);
-    let tile = |i: usize| match moment.a == moment.b {
-        true => of(i, moment.a).clone(),
-        false => of(i, moment.a).iter().zip(of(i, moment.b)).map(|(a, b)| mix(a, b)).collect(),
+    let tile = |i: usize| match time.a == time.b {
+        true => of(i, time.a).clone(),
+        false => of(i, time.a).iter().zip(of(i, time.b)).map(|(a, b)| mix(a, b)).collect(),
     };
     (0..set.tiles.len()).map(tile).collect()
 }
@@ -251,18 +249,18 @@ fn with_texels(view: &View) -> Mask {
 }
 
 /// The dataset's bundle, where there is one of this light.
-fn bundle(dataset: &Dataset, left_out: &mut Vec<String>) -> Result<Option<Decoder>> {
+fn bundle(dataset: &Dataset, skipped: &mut Vec<String>) -> Result<Option<Decoder>> {
     let path = default_bundle(dataset);
     if !path.exists() {
-        let how = format!("its own bundle: there is none at {}; `compress` writes it", name(&path));
-        left_out.push(how);
+        let how = format!("its own bundle: {} does not exist; `compress` writes it", name(&path));
+        skipped.push(how);
         return Ok(None);
     }
     let decoder = Decoder::new(Bundle::open(&path).map_err(of_bundle)?);
     match expect_match(dataset, &decoder) {
         Ok(()) => Ok(Some(decoder)),
         Err(error) => {
-            left_out.push(format!("its own bundle, {}: {error}", name(&path)));
+            skipped.push(format!("its own bundle, {}: {error}", name(&path)));
             Ok(None)
         }
     }

@@ -1,8 +1,8 @@
-//! The linear control: a tile's texels × (sets · RGB) as a truncated singular value decomposition, its maps in 8 bits.
+//! The linear control: a tile's texels × (frames · RGB) as a truncated singular value decomposition, its maps in 8 bits.
 //!
-//! Light is relative to each set's peak, as the PSNR is. The maps (one value a valid texel and component) are rounded to 8 bits
+//! Light is relative to each frame's peak, as the PSNR is. The maps (one value a valid texel and component) are rounded to 8 bits
 //! between their extremes, then the curves in time, and a constant one, are fitted to the rounded maps by least squares and stored as
-//! float16. Like NDGI's training it aims at the mean PSNR: the sets are weighted anew by what is left of their error, some rounds long.
+//! float16. Like NDGI's training it aims at the mean PSNR: the frames are weighted anew by what is left of their error, some rounds long.
 //! The best round of the best of three transfer curves is taken for each tile.
 
 use super::curve::Curve;
@@ -23,11 +23,11 @@ struct Stored {
     ranges: Vec<[f32; 2]>,
     /// Per valid texel, `rank` bytes.
     maps: Vec<u8>,
-    /// Per component, 3 values a set.
+    /// Per component, 3 values a frame.
     curves: Vec<f16>,
 }
 
-/// Compresses a tile to so many components.
+/// Compresses a tile to this many components.
 pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
     let encode = || {
         let (stored, _) = best(tile, rank, ROUNDS);
@@ -43,21 +43,21 @@ pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
     timed(encode, |stored| Ok(decode(tile, stored)))
 }
 
-/// What has the highest mean PSNR after so many rounds by each curve; and the mean over the lit sets of the logarithm of the error.
+/// What has the highest mean PSNR after this many rounds by each curve; and the mean over the lit frames of the logarithm of the error.
 fn best(tile: &Tile, rank: usize, rounds: usize) -> (Stored, f64) {
-    let tried = TRIED.map(|curve| {
+    let trial_fits = TRIED.map(|curve| {
         let rows = matrix(tile, curve);
         let encode = |weights: &[f64]| encode(&rows, rank, curve, weights);
         reweighted(tile, rounds, encode, |stored| decode(tile, stored))
     });
-    tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("there is a curve")
+    trial_fits.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("there is a curve")
 }
 
-/// The matrix that is decomposed: a row a valid texel, a column a set and channel.
+/// The matrix that is decomposed: a row a valid texel, a column a frame and channel.
 fn matrix(tile: &Tile, curve: Curve) -> Vec<f64> {
     let mut rows = Vec::new();
     for i in tile.valid() {
-        for (set, &peak) in tile.source.sets.iter().zip(&tile.peaks) {
+        for (set, &peak) in tile.source.frames.iter().zip(&tile.peaks) {
             let relative = |c: usize| if peak > 0.0 { f64::from(set[i][c]) / f64::from(peak) } else { 0.0 };
             rows.extend([0, 1, 2].map(|c| curve.encode(relative(c))));
         }
@@ -101,7 +101,7 @@ fn fit(maps: &[f64], rows: &[f64], columns: usize, rank: usize) -> Vec<f64> {
     solve(normal, right, rank, columns)
 }
 
-/// Maps that serve the sets by the weights of their squared errors, and the curves that are best for each set by them.
+/// Maps that serve the frames by the weights of their squared errors, and the curves that are best for each frame by them.
 fn encode(rows: &[f64], rank: usize, curve: Curve, weights: &[f64]) -> Stored {
     let columns = 3 * weights.len();
     let rank = rank.min(columns);
@@ -144,7 +144,7 @@ fn value(ranges: &[[f32; 2]], component: usize, byte: u8) -> f64 {
 fn decode(tile: &Tile, stored: &Stored) -> Vec<Texels> {
     let columns = 3 * tile.peaks.len();
     let curves: Vec<f64> = stored.curves.iter().map(|value| value.to_f64()).collect();
-    let mut sets: Vec<Texels> = vec![vec![[0.0; 3]; tile.texels()]; tile.peaks.len()];
+    let mut frames: Vec<Texels> = vec![vec![[0.0; 3]; tile.texels()]; tile.peaks.len()];
     let mut row = vec![0.0; columns];
     for (i, bytes) in tile.valid().zip(stored.maps.chunks_exact(stored.rank)) {
         row.copy_from_slice(&curves[..columns]);
@@ -153,11 +153,11 @@ fn decode(tile: &Tile, stored: &Stored) -> Vec<Texels> {
             let curve = &curves[(component + 1) * columns..][..columns];
             row.iter_mut().zip(curve).for_each(|(sum, x)| *sum += weight * x);
         }
-        for (k, set) in sets.iter_mut().enumerate() {
+        for (k, set) in frames.iter_mut().enumerate() {
             set[i] = [0, 1, 2].map(|c| tile.peaks[k] * stored.curve.decode(row[3 * k + c]) as f32);
         }
     }
-    sets
+    frames
 }
 
 #[cfg(test)]
@@ -187,13 +187,13 @@ mod tests {
 
     #[test]
     fn weighted_rounds_raise_the_mean_psnr() {
-        // Three sets that are one picture, three that are noise.
+        // Three frames that are one picture, three that are noise.
         let noise = tile(12, 8, 6, 5);
-        let mut sets = noise.source.sets;
+        let mut frames = noise.source.frames;
         for k in [1, 2] {
-            sets[k] = sets[0].iter().map(|texel| texel.map(|x| x * (1.0 - 0.2 * k as f32))).collect();
+            frames[k] = frames[0].iter().map(|texel| texel.map(|x| x * (1.0 - 0.2 * k as f32))).collect();
         }
-        let tile = tile_of(12, 8, sets);
+        let tile = tile_of(12, 8, frames);
         let [plain, weighted] = [1, ROUNDS].map(|rounds| best(&tile, 3, rounds).1);
         // One decibel at least, in natural logarithms.
         assert!(weighted < plain - 0.23, "{weighted} {plain}");
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn what_is_the_same_for_all_texels_needs_no_component() {
-        let moving = tile(12, 8, 1, 2).source.sets.remove(0);
+        let moving = tile(12, 8, 1, 2).source.frames.remove(0);
         let grey = |k: u8| moving.iter().map(|texel| [0.5 + f32::from(k) * 0.2 * texel[0]; 3]).collect();
         let error = best(&tile_of(12, 8, (0..4).map(grey).collect()), 1, ROUNDS).1;
         assert!(error < (1e-5f64).ln(), "{error}");
@@ -211,7 +211,7 @@ mod tests {
     fn eight_bits_cost_little_and_each_component_costs_a_byte_a_texel() {
         let tile = tile(12, 8, 3, 5);
         let error = |coded: &CodedTile| {
-            (0..3).map(|k| squared_error(&coded.decoded[k], &tile.source.sets[k], &tile)).sum::<f64>()
+            (0..3).map(|k| squared_error(&coded.decoded[k], &tile.source.frames[k], &tile)).sum::<f64>()
         };
         let [one, all] = [1, 9].map(|rank| code(&tile, rank).unwrap());
         assert!(error(&all) < 1e-3 * error(&one), "{} {}", error(&all), error(&one));

@@ -11,14 +11,14 @@ use dataset::report::plot::Plot;
 use dataset::report::preview::{exposure, tone_mapped_png};
 use serde::Serialize;
 
-/// What a method reaches on all tiles of a run. Means as in [`crate::evaluate::Quality`].
+/// Quality of a method on all tiles of a run. Means as in [`crate::evaluate::Quality`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Methods of one family make one line of the plot.
     pub family: &'static str,
     /// Name.
     pub method: String,
-    /// Bits per stored texel and set.
+    /// Bits per stored texel and frame.
     pub bpp: f64,
     /// Mean PSNR.
     pub psnr_db: Option<f64>,
@@ -32,21 +32,21 @@ pub struct Row {
     pub psnr_worst_percent_db: Option<f64>,
     /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
-    /// The same, windows of 7×7 alike.
+    /// The same with a 7×7 box window.
     pub one_minus_ssim_uniform: Option<f64>,
     /// Mean LPIPS.
     pub lpips: Option<f64>,
     /// Mean HDR-ꟻLIP.
     pub flip: Option<f64>,
-    /// Relative error in the darkest quarter of each set.
+    /// Relative error in the darkest quarter of each frame.
     pub dark_relative_error: Option<f64>,
-    /// Error of the change from set to set.
+    /// Error of the change from frame to frame.
     pub step_error: Option<f64>,
     /// The same across switches.
     pub switch_error: Option<f64>,
-    /// CPU seconds to encode a tile with all its sets.
+    /// CPU seconds to encode a tile with all its frames.
     pub encode_seconds: Option<f64>,
-    /// CPU milliseconds to decode 1024² texels of one set.
+    /// CPU milliseconds to decode 1024² texels of one frame.
     pub decode_milliseconds: Option<f64>,
     /// What was chosen.
     pub note: String,
@@ -81,7 +81,7 @@ const PAPER: [(&str, &str, f64); 6] = [
     ("endpoints and weights, plain BC7", "texel by texel, plain BC7", 6.24),
 ];
 
-/// A method's image of one set of each tile, with its PSNR.
+/// A method's image of one frame of each tile, with its PSNR.
 pub(super) struct Shown {
     pub method: String,
     pub images: Vec<(Texels, Option<f64>)>,
@@ -97,9 +97,9 @@ pub struct Comparison {
     pub tiles: usize,
     /// Tiles with valid texels that the dataset has.
     pub tiles_of: usize,
-    /// Sets.
-    pub sets: usize,
-    /// True for a first look.
+    /// Frames.
+    pub frames: usize,
+    /// True with draft effort.
     pub draft: bool,
     /// True where the rows are the paper's ablations.
     pub ablations: bool,
@@ -107,9 +107,9 @@ pub struct Comparison {
     pub noise_ceiling_db: Option<f64>,
     /// Every method, by bits.
     pub rows: Vec<Row>,
-    /// What is not there, and why.
-    pub left_out: Vec<String>,
-    /// The scene in the light of some of the methods, where that was asked for.
+    /// What was skipped, and why.
+    pub skipped: Vec<String>,
+    /// The scene in the light of some of the methods, where that was requested.
     pub rendered: Option<Rendered>,
     /// Tiles shown: what and the pictures.
     #[serde(skip)]
@@ -219,18 +219,18 @@ impl Comparison {
         Comparison {
             tiles: set.tiles.len(),
             tiles_of: set.of,
-            sets: set.timeline.hours.len(),
+            frames: set.timeline.hours.len(),
             draft: options.effort == Effort::Draft,
             ablations: options.ablations,
             noise_ceiling_db: None,
             rows: Vec::new(),
-            left_out: Vec::new(),
+            skipped: Vec::new(),
             rendered: None,
             pictures: Vec::new(),
         }
     }
 
-    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's set that is shown.
+    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's frame that is shown.
     pub(super) fn finish(&mut self, set: &TileSet, of_tiles: &[usize], shown: Vec<Shown>) {
         let near = self.method("NDGI M").map(|row| row.bpp);
         let equal = near.and_then(|bpp| self.no_fewer("SVD", bpp));
@@ -243,7 +243,7 @@ impl Comparison {
             "NTC L",
             "PRT, clustered PCA",
             "ASTC 12×12",
-            "8 sets, ASTC 8×8",
+            "8 frames, ASTC 8×8",
             "BC7",
             "BC6H",
         ]
@@ -298,15 +298,15 @@ impl Comparison {
             n => format!("; {} {} not measured", missing.join(" and "), if n == 1 { "is" } else { "are" }),
         };
         format!(
-            "{} of {} tiles with valid texels, {} sets, {effort}; noise ceiling {} dB{missing}",
+            "{} of {} tiles with valid texels, {} frames, {effort}; noise ceiling {} dB{missing}",
             self.tiles,
             self.tiles_of,
-            self.sets,
+            self.frames,
             decibels(self.noise_ceiling_db)
         )
     }
 
-    /// Differences beside the paper's, the linear control at equal bits, and what is left out.
+    /// Differences compared with the paper's, the linear control at equal bits, and what was skipped.
     fn remarks(&self) -> Vec<String> {
         let gap = |a: &str, b: &str| {
             let of = |name: &str| self.method(name).and_then(|row| row.psnr_db);
@@ -321,7 +321,7 @@ impl Comparison {
             let (db, a, b) = gap("NDGI M", &self.no_fewer("SVD", bpp)?)?;
             Some(format!("{a} − {b}, the next larger: {db:+.2} dB"))
         });
-        paper.chain(control).chain(self.left_out.iter().map(|what| format!("not run: {what}"))).collect()
+        paper.chain(control).chain(self.skipped.iter().map(|what| format!("not run: {what}"))).collect()
     }
 
     /// Comma-separated values, to full precision.
@@ -333,10 +333,10 @@ impl Comparison {
     pub fn section(&self) -> Section {
         let mut section = Section::new(if self.ablations { "Ablations" } else { "Methods" });
         section.paragraph(&format!(
-            "{}. All methods compress the same tiles of 128×128 texels. PSNR: mean over tiles and sets, valid texels, linear RGB, peak = \
+            "{}. All methods compress the same tiles of 128×128 texels. PSNR: mean over tiles and frames, valid texels, linear RGB, peak = \
              the tile's largest valid value; pooled: from the mean squared error relative to the peak; log: of ln(1 + E/ε), ε a \
-             thousandth of the set's mean. Step error: of the change of light from set to set under the same lamps, beside that change. \
-             Bits: all that a decoder needs, over the tile's texels and sets; NDGI's with the border of a bundle's tiles. Seconds of one \
+             thousandth of the frame's mean. Step error: of the change of light between frames with the same light groups on, relative to that change. \
+             Bits: all that a decoder needs, per texel of the tile and frame; NDGI's with the border of a bundle's tiles. Seconds of one \
              processor core.",
             self.basis()
         ));
@@ -373,7 +373,7 @@ impl Comparison {
         };
         Plot {
             title: "Rate and distortion".to_owned(),
-            x: "bits per texel and set".to_owned(),
+            x: "bits per texel and frame".to_owned(),
             y: y.to_owned(),
             log_x: true,
             log_y: y.starts_with('1'),
@@ -387,10 +387,10 @@ const ERROR_GAIN: f32 = 16.0;
 /// Screen pixels of a texel, along a side.
 const ZOOM: usize = 2;
 
-/// A tile at a set: the reference, and each method with its error.
+/// A tile at a frame: the reference, and each method with its error.
 fn pictures(set: &TileSet, i: usize, k: usize, shown: &[&Shown]) -> (String, Vec<Picture>) {
     let tile = &set.tiles[i];
-    let reference = image(tile, &tile.source.sets[k]);
+    let reference = image(tile, &tile.source.frames[k]);
     let bright = exposure(&reference, &tile.mask);
     let png = |image: &Image, gain: f32| {
         let (image, mask) = enlarged(image, &tile.mask, ZOOM);

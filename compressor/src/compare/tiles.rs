@@ -1,4 +1,4 @@
-//! What every method compresses: the same tiles, whole, at all sets.
+//! The input of every method: the same whole tiles in all frames.
 
 use super::Options;
 use crate::bundle::checksum;
@@ -18,10 +18,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Memory that the light of all tiles may take.
 const MEMORY: u64 = 8 << 30;
-/// How often it is held at once: as it is, filled, and as a method decodes it.
+/// Number of copies in memory at once: original, filled, and decoded.
 const HELD: usize = 3;
 
-/// An image of a tile at one set: its texels row by row.
+/// An image of a tile at one frame: its texels row by row.
 pub(super) type Texels = Vec<[f32; 3]>;
 
 /// A tile of the paper's grid with its light.
@@ -33,11 +33,11 @@ pub(super) struct Tile {
     pub index: usize,
     /// What the NDGI trainer sees, without a border.
     pub source: TileSource,
-    /// What a texture holds at every set: where no texel is valid, what its neighbours have, so that no method spends bits there.
+    /// What a texture holds at every frame: where no texel is valid, what its neighbours have, so that no method spends bits there.
     pub filled: Vec<Texels>,
-    /// The texels that are judged.
+    /// The texels that are evaluated.
     pub mask: Mask,
-    /// Per set: the largest valid value.
+    /// Per frame: the largest valid value.
     pub peaks: Vec<f32>,
 }
 
@@ -72,24 +72,24 @@ impl Tile {
         let valid = source.coverage.iter().map(|coverage| *coverage == Coverage::Valid).collect();
         let mask = Mask { width, height, valid };
         let fill = Fill::new(&mask);
-        let filled = source.sets.iter().map(|set| fill.apply(set)).collect();
+        let filled = source.frames.iter().map(|set| fill.apply(set)).collect();
         let peak = |set: &Texels| {
             let values =
                 set.iter().zip(&mask.valid).filter(|(_, valid)| **valid).flat_map(|(texel, _)| *texel);
             values.fold(0.0, f32::max)
         };
-        let peaks = source.sets.iter().map(peak).collect();
+        let peaks = source.frames.iter().map(peak).collect();
         Tile { place, index, source, filled, mask, peaks }
     }
 }
 
 impl TileSet {
-    /// Values that bits are counted on: stored texels × sets.
+    /// Values that bits are counted on: stored texels × frames.
     pub fn values(&self) -> f64 {
-        self.tiles.iter().map(|tile| (tile.texels() * tile.source.sets.len()) as f64).sum()
+        self.tiles.iter().map(|tile| (tile.texels() * tile.source.frames.len()) as f64).sum()
     }
 
-    /// Reads the tiles of a run: so many, drawn by the seed from all pages, or the first page's.
+    /// Reads the tiles of a run: this many, drawn by the seed from all pages, or the first page's.
     pub fn load(dataset: &Dataset, options: &Options) -> Result<Self> {
         let pages = &dataset.config.pages;
         let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
@@ -99,11 +99,11 @@ impl TileSet {
         let texels: usize = chosen.iter().map(|(_, rect)| rect.width() * rect.height()).sum();
         let bytes = (HELD * texels * dataset.config.frames.len() * size_of::<[f32; 3]>()) as u64;
         if bytes > MEMORY {
-            let hint = if options.render { "run without --render" } else { "choose fewer with --tiles" };
+            let hint = if options.render { "omit --render" } else { "use fewer --tiles" };
             let what = format!(
-                "{} with {} would take about {} GB of memory; expected at most {}: {hint}",
+                "{} with {} would need about {} GB of memory; expected at most {}: {hint}",
                 count(chosen.len(), "tile"),
-                count(dataset.config.frames.len(), "set"),
+                count(dataset.config.frames.len(), "frame"),
                 bytes >> 30,
                 MEMORY >> 30
             );
@@ -170,7 +170,7 @@ impl Fill {
         Fill::near(mask, usize::MAX)
     }
 
-    /// So many rings around valid texels.
+    /// This many rings around valid texels.
     pub fn near(mask: &Mask, most: usize) -> Self {
         let (width, height) = (mask.width, mask.height);
         let mut known = mask.valid.clone();
@@ -206,10 +206,10 @@ impl Fill {
     }
 }
 
-/// The mean of a set over the tiles of a run.
+/// The mean of a frame over the tiles of a run.
 pub(super) fn set_means(set: &TileSet) -> Vec<f64> {
     let mean = |k: usize| {
-        let sums = set.tiles.iter().map(|tile| metrics::valid_sum(&tile.source.sets[k], &tile.mask.valid));
+        let sums = set.tiles.iter().map(|tile| metrics::valid_sum(&tile.source.frames[k], &tile.mask.valid));
         let (sum, texels) = sums.fold((0.0, 0), |(a, n), (b, m)| (a + b, n + m));
         if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
     };

@@ -1,17 +1,17 @@
-//! Bits to where they matter: one of every tile's trials, so that all tiles gain alike from their last bits.
+//! Rate allocation: chooses one trial fit per tile so that all tiles gain equally from their last bits.
 
-use crate::train::Trial;
+use crate::train::TrialFit;
 
-/// What all tiles together must keep.
+/// The target of all tiles together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Goal {
-    /// At most so many bytes.
+    /// At most this many bytes.
     Bytes(u64),
-    /// At most so large a sum of the trials' errors.
+    /// At most this sum of the trial fits' errors.
     Error(f64),
 }
 
-/// A step of a tile to a dearer trial of its lower convex hull.
+/// A tile's step to the next larger trial fit on its lower convex hull.
 struct Step {
     tile: usize,
     to: usize,
@@ -19,9 +19,9 @@ struct Step {
     gain: f64,
 }
 
-/// The chosen trial of every tile that has any: from the cheapest upwards, the step that gains most per byte next, until the
-/// error is reached or no step fits the bytes. Where the cheapest are too large already, they are chosen.
-pub(super) fn choose(tiles: &[Vec<Trial>], goal: Goal) -> Vec<Option<usize>> {
+/// Chooses a trial fit for every tile that has any: starting from the smallest, the step with the largest gain per byte comes next, until the
+/// error is reached or no step fits the bytes. If even the smallest exceed the bytes, they are chosen.
+pub(super) fn choose(tiles: &[Vec<TrialFit>], goal: Goal) -> Vec<Option<usize>> {
     let hulls: Vec<Vec<usize>> = tiles.iter().map(|trials| hull(trials)).collect();
     let mut chosen: Vec<Option<usize>> = hulls.iter().map(|hull| hull.first().copied()).collect();
     let first = || tiles.iter().zip(&chosen).filter_map(|(trials, at)| at.map(|at| &trials[at]));
@@ -53,9 +53,9 @@ pub(super) fn choose(tiles: &[Vec<Trial>], goal: Goal) -> Vec<Option<usize>> {
     chosen
 }
 
-/// The trials on the lower convex hull of error over bytes, cheapest first; those that are not better than a cheaper one are
+/// The trial fits on the lower convex hull of error over bytes, cheapest first; those that are not better than a cheaper one are
 /// not on it.
-fn hull(trials: &[Trial]) -> Vec<usize> {
+fn hull(trials: &[TrialFit]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..trials.len()).collect();
     let of = |i: usize| (trials[i].bytes as f64, trials[i].error);
     order.sort_by(|&a, &b| of(a).0.total_cmp(&of(b).0).then(of(a).1.total_cmp(&of(b).1)));
@@ -80,12 +80,12 @@ fn hull(trials: &[Trial]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn tile(points: &[(u64, f64)]) -> Vec<Trial> {
-        points.iter().map(|&(bytes, error)| Trial { word: 0, bytes, error, terms: 1 }).collect()
+    fn tile(points: &[(u64, f64)]) -> Vec<TrialFit> {
+        points.iter().map(|&(bytes, error)| TrialFit { word: 0, bytes, error, terms: 1 }).collect()
     }
 
     /// Easy at once; hard; nothing to store; a dear trial that is worse than a cheap one.
-    fn tiles() -> Vec<Vec<Trial>> {
+    fn tiles() -> Vec<Vec<TrialFit>> {
         vec![
             tile(&[(10, 1.0), (30, 0.5), (100, 0.4)]),
             tile(&[(100, 20.0), (10, 90.0), (50, 60.0), (200, 5.0)]),
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn no_other_choice_of_as_many_bytes_is_better() {
         let tiles = tiles();
-        let total = |choice: &[Option<usize>], of: &dyn Fn(&Trial) -> f64| -> f64 {
+        let total = |choice: &[Option<usize>], of: &dyn Fn(&TrialFit) -> f64| -> f64 {
             tiles.iter().zip(choice).filter_map(|(t, c)| c.map(|c| of(&t[c]))).sum()
         };
         // Where the steps use up the bytes.

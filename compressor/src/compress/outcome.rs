@@ -1,4 +1,4 @@
-//! What a run did: of every tile, of all together, and as `<bundle>.run.json`.
+//! Results of a run: per tile, in total, and as `<bundle>.run.json`.
 
 use super::beside;
 use super::stats::TileStats;
@@ -22,13 +22,13 @@ pub struct CurvePoint {
     pub iteration: usize,
     /// CPU seconds per tile, mean over tiles.
     pub seconds: f64,
-    /// PSNR in dB, mean over tiles, each weighing as many texels as it is trained to.
+    /// PSNR in dB, mean over tiles weighted by the texels they are trained on.
     pub mean_db: f64,
     /// The worst tile's.
     pub worst_db: f64,
 }
 
-/// What a run did; kept as `<bundle>.run.json`.
+/// Results of a run, stored as `<bundle>.run.json`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     /// The bundle's path.
@@ -37,11 +37,11 @@ pub struct Outcome {
     pub bytes: u64,
     /// Tiles of all pages.
     pub tiles: usize,
-    /// Of these, without light or valid texel, so nothing is stored.
+    /// Of these, tiles without light or valid texels, for which nothing is stored.
     pub empty: usize,
-    /// Of these, taken over from a run that was stopped.
+    /// Of these, tiles reused from a stopped run.
     pub resumed: usize,
-    /// Whether this very bundle stood there already, and nothing was trained.
+    /// True if the bundle was up to date and nothing was trained.
     #[serde(skip)]
     pub up_to_date: bool,
     /// Threads and vector instructions it ran with.
@@ -50,33 +50,34 @@ pub struct Outcome {
     pub seconds_checking: f64,
     /// Wall-clock seconds of this run.
     pub seconds: f64,
-    /// Sum over tiles of CPU seconds of training, trials included.
+    /// Sum over tiles of CPU seconds of training, trial fits included.
     pub training_seconds: f64,
-    /// Of these, of trials.
+    /// Of these, of trial fits.
     pub trial_seconds: f64,
     /// Fewest and most steps of a tile with light.
     pub steps: Option<[usize; 2]>,
-    /// PSNR before quantisation, mean over tiles weighed by their valid texels, in dB (each tile: mean over its sets, peak = the
-    /// set's largest valid value).
+    /// PSNR before quantisation, mean over tiles weighted by their valid texels, in dB (each tile: mean over its frames, peak = the
+    /// frame's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
-    /// The same with features of 8 bits, which BC7 is not.
+    /// The same with features rounded to 8 bits (not BC7).
     pub psnr_8bit_features_db: Option<f64>,
     /// The same of the stored tiles.
     pub psnr_trained_db: Option<f64>,
     /// PSNR against seconds.
     pub curve: Vec<CurvePoint>,
-    /// What was left out and why, and what else is to be said, with the number of tiles, most frequent first.
-    pub left_out: Vec<(String, usize)>,
+    /// Remarks: what was omitted and why, and others, with the number of tiles, most frequent first.
+    #[serde(rename = "left_out")]
+    pub omitted: Vec<(String, usize)>,
     /// Every tile, in the order of the bundle's index.
     pub per_tile: Vec<TileOutcome>,
 }
 
-/// What one tile has and reaches.
+/// Configuration and quality of one tile.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TileOutcome {
     /// Page, column and row.
     pub place: [usize; 3],
-    /// Its [`Contents`] in words; `None` for a tile of which nothing is stored.
+    /// Its [`Contents`] as text; `None` for a tile of which nothing is stored.
     pub has: Option<String>,
     /// Length of its payload.
     pub bytes: usize,
@@ -84,12 +85,13 @@ pub struct TileOutcome {
     pub steps: usize,
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
-    /// What was left out and why, and what else is to be said.
-    pub left_out: Vec<String>,
+    /// Remarks: what was omitted and why, and others.
+    #[serde(rename = "left_out")]
+    pub omitted: Vec<String>,
 }
 
 impl Outcome {
-    /// Of a run that began at `start` and wrote so many bytes.
+    /// The outcome of a run that began at `start` and wrote `bytes` bytes.
     pub(super) fn new(
         header: &Header,
         bundle: PathBuf,
@@ -108,7 +110,7 @@ impl Outcome {
                 bytes: payload.bytes(),
                 steps: stats.steps,
                 psnr_db: stats.psnr_db,
-                left_out: stats.left_out.clone(),
+                omitted: stats.omitted.clone(),
             };
         let mean_of = |value: fn(&TileStats) -> Option<f64>| {
             weighted_mean(stats.iter().filter_map(|tile| Some((value(tile)?, tile.texels))))
@@ -131,13 +133,13 @@ impl Outcome {
             psnr_8bit_features_db: mean_of(|tile| tile.psnr_8bit_features_db),
             psnr_trained_db: mean_of(|tile| tile.psnr_db),
             curve: aggregate(stats),
-            left_out: count(stats),
+            omitted: count(stats),
             per_tile: header.places().zip(payloads.iter().zip(stats)).map(tile).collect(),
         }
     }
 }
 
-/// The training curve over all tiles: the i-th points of all tiles that have one, averaged, PSNR by texels.
+/// The training curve over all tiles: the mean of the tiles' i-th points, PSNR weighted by texels.
 fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
     let points = stats.iter().map(|tile| tile.curve.len()).max().unwrap_or(0);
     let at = |i: usize| {
@@ -156,10 +158,10 @@ fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
         .collect()
 }
 
-/// Distinct remarks with the number of tiles they were made of.
+/// Distinct remarks with their number of tiles.
 fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
     let mut counts = BTreeMap::new();
-    for remark in stats.iter().flat_map(|tile| &tile.left_out) {
+    for remark in stats.iter().flat_map(|tile| &tile.omitted) {
         *counts.entry(remark.clone()).or_insert(0) += 1;
     }
     let mut counts: Vec<_> = counts.into_iter().collect();
@@ -167,13 +169,13 @@ fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
     counts
 }
 
-/// Writes `<bundle>.run.json`: what changes from run to run.
+/// Writes `<bundle>.run.json`, which has everything that changes from run to run.
 pub(super) fn write(out: &Path, outcome: &Outcome) -> Result<()> {
     let text = serde_json::to_string_pretty(outcome).map_err(|error| Error::invalid("run.json", error))?;
     write_atomically(&beside(out, ".run.json"), format!("{text}\n").as_bytes())
 }
 
-/// What is told of the bundle at `out`, if something is.
+/// Reads the `.run.json` of the bundle at `out`, if there is one.
 pub(super) fn read(out: &Path) -> Option<Outcome> {
     let outcome: Outcome = serde_json::from_slice(&std::fs::read(beside(out, ".run.json")).ok()?).ok()?;
     // (It may have been moved since.)

@@ -1,27 +1,27 @@
-//! Steps under a time limit: as many for a tile as the time left allows for it and every tile after it, at the pace of those before.
+//! Steps under a time limit: as many per tile as the remaining time allows for it and all later tiles, at the measured pace.
 
 use super::stats::TileStats;
 use crate::grid::Place;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Fewest steps of a tile, however little time is left: the rise of the rate, and as many again.
+/// Fewest steps of a tile, however little time remains: the learning rate's warm-up, and as many again.
 pub(super) const FLOOR: usize = 200;
-/// Share of the time left that is planned for; the rest is for what a plan does not know: reading bands, and threads that wait for the
+/// Share of the remaining time that is planned for; the rest covers reading bands, and threads that wait for the
 /// last tile of those read together.
 const PLANNED: f64 = 0.95;
-/// How much the measures before a whole tile weigh beside its own.
+/// Weight of earlier measurements relative to that of a full tile.
 const MEMORY: f64 = 0.75;
-/// What a tile of hardly a texel takes, where the largest takes 1: for a step, which has as many samples but fewer maps to read
+/// Cost of a tile with almost no texels relative to the largest: for a step, which has as many samples but fewer maps to read
 /// (0.65 measured, of slivers of the yard); and for all else, which goes through its texels (0.12 measured).
 const LEAST_STEP: f64 = 0.65;
 const LEAST_REST: f64 = 0.1;
 
-/// What decides the steps of the next tile.
+/// Plans the steps of the next tile.
 pub(super) struct Pace {
     /// Steps that no tile exceeds.
     most: usize,
-    /// Nothing without a limit.
+    /// `None` without a limit.
     limit: Option<Limit>,
 }
 
@@ -31,7 +31,7 @@ struct Limit {
     state: Mutex<State>,
 }
 
-/// Tiles with the time that they take; seconds are by the clock, since the start.
+/// Tiles and their measured costs; seconds are wall-clock seconds since the start.
 #[derive(Clone, Debug, Default)]
 struct State {
     /// Tiles that are trained at a time.
@@ -65,12 +65,12 @@ impl Size {
 }
 
 impl Pace {
-    /// Every tile gets `most` steps.
+    /// A plan without a limit: every tile gets `most` steps.
     pub(super) fn unlimited(most: usize) -> Self {
         Pace { most, limit: None }
     }
 
-    /// Until `deadline`, for `open` tiles with their valid texels, in the order in which they are trained.
+    /// A plan until `deadline`, for `open` tiles with their valid texels, in the order in which they are trained.
     pub(super) fn until(deadline: Instant, most: usize, open: Vec<(Place, usize)>) -> Self {
         let state = Mutex::new(State::new(rayon::current_num_threads(), open));
         Pace { most, limit: Some(Limit { start: Instant::now(), deadline, state }) }
@@ -134,7 +134,7 @@ impl State {
         steps
     }
 
-    /// Seconds from now to the end of a tile that begins now and of all open ones, at so many steps each. Each begins on the thread
+    /// Seconds from now to the end of a tile that begins now and of all open ones, at this many steps each. Each begins on the thread
     /// that is free first.
     fn needed(&self, now: f64, first: Size, steps: f64) -> f64 {
         let mut free: Vec<f64> = self.running.iter().map(|(.., ends)| (ends - now).max(0.0)).collect();
@@ -158,8 +158,8 @@ impl State {
     /// Learns from a tile: the seconds of its steps, and all others. (One that was only tried stays open.)
     fn ended(&mut self, place: Place, steps: usize, stepping: f64, rest: f64) {
         let running = self.running.iter().position(|(running, ..)| *running == place);
-        let tried = || self.open.iter().find(|(open, _)| *open == place).map(|(_, size)| *size);
-        let Some(size) = running.map(|at| self.running.swap_remove(at).1).or_else(tried) else { return };
+        let trial_fits = || self.open.iter().find(|(open, _)| *open == place).map(|(_, size)| *size);
+        let Some(size) = running.map(|at| self.running.swap_remove(at).1).or_else(trial_fits) else { return };
         // A tile without light has no steps, and tells nothing.
         if steps == 0 || stepping <= 0.0 {
             return;
@@ -184,7 +184,7 @@ mod tests {
         Place { page: 0, column, row: 0 }
     }
 
-    /// Tiles of so many texels trained on so many threads until `limit` at most: the steps of each, and when the last one ended. `rate`: the
+    /// Tiles of this many texels trained on this many threads until `limit` at most: the steps of each, and when the last one ended. `rate`: the
     /// seconds of a step of a whole tile that begins at a time; all else takes it 1.5. Small tiles take less, not quite as `State` thinks.
     fn simulate(
         texels: &[usize],
@@ -198,8 +198,8 @@ mod tests {
         let rest = |i: usize| 0.15 + 1.35 * size(i);
         let tiles = texels.iter().enumerate().map(|(i, texels)| (place(i), *texels));
         let mut state = State::new(threads, tiles.collect());
-        let tried = texels.iter().position(|n| *n == WHOLE).unwrap();
-        state.ended(place(tried), FLOOR, stepping(tried, FLOOR, 0.0), rest(tried));
+        let trial_fits = texels.iter().position(|n| *n == WHOLE).unwrap();
+        state.ended(place(trial_fits), FLOOR, stepping(trial_fits, FLOOR, 0.0), rest(trial_fits));
         // When each thread is free, and what it did.
         let mut busy: Vec<(f64, Option<(usize, f64)>)> = vec![(2.0, None); threads];
         let (mut steps, mut open) = (vec![0; texels.len()], 0..texels.len());
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn time_for_all_that_is_asked_and_for_nothing() {
+    fn enough_time_gives_all_steps_and_none_gives_the_fewest() {
         assert_eq!(simulate(&page(5), 2, 3000.0, 12_000, |_| 1e-3).0, [12_000; 25]);
         assert_eq!(simulate(&page(5), 2, 1.0, 12_000, |_| 1e-3).0, [FLOOR; 25]);
         assert_eq!(simulate(&page(5), 2, 1.0, 10, |_| 1e-3).0, [10; 25]);
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_without_light_tells_nothing() {
+    fn a_tile_without_light_does_not_change_the_pace() {
         let mut state = State::new(1, vec![(place(0), 5), (place(1), 5)]);
         state.ended(place(1), 200, 0.2, 1.0);
         let before = state.clone();

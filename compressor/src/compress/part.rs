@@ -1,4 +1,4 @@
-//! The work folder `<bundle>.part/`: one file per finished tile and per finished list of trials, named by what decided it.
+//! The work folder `<bundle>.part/`: one file per finished tile and list of trial fits, named by a digest of its inputs.
 
 use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
@@ -15,23 +15,23 @@ use std::sync::Mutex;
 /// Extension of the files.
 const EXTENSION: &str = "tile";
 
-/// Whose the folder is.
+/// The lock on the folder.
 enum Held {
-    /// This run's alone.
-    Alone(#[allow(dead_code, reason = "held, not asked")] Lock),
-    /// That of all shards.
-    Together(#[allow(dead_code, reason = "held, not asked")] Shared),
+    /// Only this run.
+    Alone(#[allow(dead_code, reason = "held, never read")] Lock),
+    /// Shared by all shards.
+    Together(#[allow(dead_code, reason = "held, never read")] Shared),
 }
 
-/// Who else there may be, and what to do.
-const BUSY: [&str; 2] = ["another run is making this bundle", "wait for it, or choose another --out"];
+/// Message when another run holds the folder.
+const BUSY: [&str; 2] = ["another run is writing this bundle", "wait until it ends, or choose another --out"];
 
 /// The folder.
 pub(super) struct Part {
     folder: PathBuf,
-    /// Keeps other runs out.
+    /// Excludes other runs.
     _held: Held,
-    /// The files that this run asked for or wrote.
+    /// The files that this run looked up or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
     written: Mutex<BTreeSet<String>>,
@@ -50,7 +50,7 @@ impl Part {
         Ok(part)
     }
 
-    /// Opens or creates it together with others who share it. What killed ones left stays until one has the folder alone.
+    /// Opens or creates it, shared with other shards. Leftovers of killed processes stay until a run has the folder alone.
     pub(super) fn share(out: &Path) -> Result<Self> {
         let folder = created(out)?;
         let held = Held::Together(share(&folder, BUSY[0], BUSY[1])?);
@@ -68,7 +68,7 @@ impl Part {
         &self.folder
     }
 
-    /// A finished tile: its payload and what training told. `None` where there is none, or a damaged one.
+    /// A finished tile: its payload and statistics; `None` if missing or damaged.
     pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<(Payload, S)> {
         // Checksum of the rest, length of the statistics, statistics, word, length and bytes of the features, resident bytes.
         let bytes = fs::read(self.path(key)).ok()?;
@@ -86,7 +86,7 @@ impl Part {
         Some((payload, serde_json::from_slice(stats).ok()?))
     }
 
-    /// Keeps a finished tile, its sun apart: that is found again in no time.
+    /// Stores a finished tile without its sun sections, which are quick to recompute.
     pub(super) fn write(&self, key: &str, payload: &Payload, stats: &impl Serialize) -> Result<()> {
         let path = self.path(key);
         let stats = serde_json::to_vec(stats).map_err(|error| Error::invalid(path.display(), error))?;
@@ -99,7 +99,7 @@ impl Part {
         Ok(())
     }
 
-    /// The names of the files that this run asked for or wrote.
+    /// The names of the files that this run looked up or wrote.
     pub(super) fn own(&self) -> Vec<String> {
         let own = self.own.lock().unwrap_or_else(|e| e.into_inner());
         own.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect()
@@ -122,12 +122,12 @@ impl Part {
         self.written.lock().unwrap_or_else(|e| e.into_inner()).contains(key)
     }
 
-    /// Removes the tiles of this run, and the folder if nothing is left in it; how many files of runs of other settings are.
+    /// Removes this run's tiles, and the folder if it is then empty; returns the number of remaining files of other settings.
     pub(super) fn remove(self) -> usize {
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
         shard::files(&self.folder).for_each(remove);
         let left = self.files().count();
-        // What cannot be removed is no harm: the bundle stands.
+        // A failure to remove is harmless: the bundle is written.
         if left == 0 {
             remove(self.folder.join(LOCK));
             let _ = fs::remove_dir(&self.folder);
@@ -141,7 +141,7 @@ impl Part {
     }
 }
 
-/// The folder's path; it is made where it is not there.
+/// The folder's path; creates the folder if it is missing.
 fn created(out: &Path) -> Result<PathBuf> {
     let folder = beside(out, ".part");
     match fs::create_dir(&folder) {
@@ -173,7 +173,7 @@ mod tests {
             psnr_db: None,
             error: Some(0.5),
             curve: vec![(10, 0.1, 30.0)],
-            left_out: vec!["black at 1 of 2 sets".to_owned()],
+            omitted: vec!["black at 1 of 2 sets".to_owned()],
             seconds: 1.5,
         };
         let ndgi = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };
@@ -182,7 +182,7 @@ mod tests {
         part.write("k", &payload, &stats).unwrap();
         assert!(part.wrote("k"));
         let busy = Part::open(&out, false).err().map(|error| error.to_string()).unwrap_or_default();
-        assert!(busy.contains("another run is making this bundle"), "{busy}");
+        assert!(busy.contains("another run is writing this bundle"), "{busy}");
         drop(part);
         let part = Part::open(&out, false).unwrap();
         assert!(!part.wrote("k"));

@@ -1,5 +1,5 @@
-//! One machine's share of a bundle's tiles, for schedulers that run the same command on many: which tiles it has, and a note for others of
-//! how far it is. Shards write into the same work folder; whoever merges finds every tile there.
+//! One machine's share of a bundle's tiles, for schedulers that run the same command on many machines: its tiles, and a note of its
+//! progress for others. Shards write into the same work folder, where the merge finds every tile.
 
 use super::part::Part;
 use crate::clock::seconds_since_1970;
@@ -18,7 +18,7 @@ use std::str::FromStr;
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// A shard that wrote nothing for so many seconds may be dead: a tile of the longest training takes less.
+/// Seconds of silence after which a shard may be dead: a tile of the longest training takes less.
 const SILENT: u64 = 300;
 /// Seconds between two notes of a shard.
 const NOTE_INTERVAL: f64 = 2.0;
@@ -33,7 +33,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Its share of so many things in order: neighbours, so that it reads few rows of the pages.
+    /// Its share of a number of things in order: neighbours, so that it reads few rows of the pages.
     pub fn share(self, things: usize) -> Range<usize> {
         let end = |shards: u32| (things as u64 * u64::from(shards) / u64::from(self.of)) as usize;
         end(self.number - 1)..end(self.number)
@@ -59,29 +59,29 @@ impl FromStr for Shard {
         match numbers {
             Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
             Some((0, of)) if of > 0 => {
-                Err(format!("shards are numbered from 1: expected 1/{of} to {of}/{of}"))
+                Err(format!("shards are numbered from 1; expected 1/{of} to {of}/{of}"))
             }
-            _ => Err("expected a shard's number and how many there are, such as 2/7".to_owned()),
+            _ => Err("expected a shard's number and the number of shards, such as 2/7".to_owned()),
         }
     }
 }
 
-/// What a shard is at.
+/// The stage of a shard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
-    /// Trial fits, from which a target's bits are shared out.
+    /// Trial fits, by which bits are allocated towards a target.
     Trials,
     /// Training.
     Training,
 }
 
-/// What a shard says of itself, as a file in the work folder. For people alone: no tile depends on it.
+/// A shard's progress, a file in the work folder. For people only: no tile depends on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Note {
     /// Which.
     pub shard: Shard,
-    /// What it is at.
+    /// Its stage.
     pub stage: Stage,
     /// Tiles of its share that are finished.
     pub done: usize,
@@ -95,13 +95,13 @@ pub struct Note {
     pub seconds: f64,
     /// Its process.
     pub process: Process,
-    /// Its vector instructions: tiles of others are not the same bytes.
+    /// Its vector instructions: others train different bytes.
     pub instructions: String,
-    /// Its program: tiles of another build are trained again.
+    /// Digest of its program: tiles of another build are retrained.
     pub program: String,
-    /// Why it ended, where no retry helps.
+    /// Why it ended, if no retry helps.
     pub error: Option<String>,
-    /// When it said so, in seconds since 1970 by its machine's clock.
+    /// Time of the note, in seconds since 1970 by its machine's clock.
     pub at: u64,
 }
 
@@ -130,12 +130,12 @@ impl Note {
         write_unsynced_with(&path, |file| file.write_all(&text))
     }
 
-    /// Whether nothing is left to do at its stage.
+    /// True if its stage is finished.
     pub fn is_finished(&self) -> bool {
         self.done == self.tiles && self.error.is_none()
     }
 
-    /// For how many seconds it has been silent, if it is not finished and that is too long.
+    /// Seconds since its last note, if it is not finished and they are too many.
     pub fn silent_for(&self, now: u64) -> Option<u64> {
         let silence = now.saturating_sub(self.at);
         (!self.is_finished() && (silence > SILENT || self.process.is_gone())).then_some(silence)
@@ -172,7 +172,7 @@ impl<'a> Notes<'a> {
         Ok(notes)
     }
 
-    /// A tile of so many texels is finished; with its PSNR where it was trained.
+    /// Counts a finished tile of `texels` texels, with its PSNR if it was trained.
     pub(super) fn finished(&self, texels: usize, psnr_db: Option<f64>) -> Result<()> {
         self.write(|state| {
             state.note.done += 1;
@@ -183,7 +183,7 @@ impl<'a> Notes<'a> {
         })
     }
 
-    /// What was said last.
+    /// The last note.
     pub(super) fn last(self) -> Note {
         self.state.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).note
     }
@@ -210,7 +210,7 @@ pub(super) fn note_failure(part: &Part, shard: Shard, error: &Error) {
     }
 }
 
-/// The notes of the shards that last worked in a folder, by number; of those cut into as many shares as the latest was.
+/// The notes of the shards in a folder, by number; only those with the same number of shards as the latest note.
 pub fn notes(folder: &Path) -> Vec<Note> {
     let read = |path: PathBuf| serde_json::from_slice::<Note>(&fs::read(path).ok()?).ok();
     let mut notes: Vec<Note> = files(folder).filter_map(read).collect();
@@ -229,7 +229,7 @@ pub(super) fn files(folder: &Path) -> impl Iterator<Item = PathBuf> {
     })
 }
 
-/// Which tiles are missing, and what to do about it, for people.
+/// The error that names missing tiles and says what to do.
 pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize) -> Error {
     const NAMED: usize = 4;
     let mut names: Vec<String> = missing
@@ -240,12 +240,8 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     if missing.len() > NAMED {
         names.push(format!("{} more", missing.len() - NAMED));
     }
-    let mut text = format!(
-        "{what} of {} of {} are not there: {}",
-        missing.len(),
-        count(tiles, "tile"),
-        names.join(", ")
-    );
+    let mut text =
+        format!("{what} of {} of {} are missing: {}", missing.len(), count(tiles, "tile"), names.join(", "));
     let notes = notes(folder);
     if let Some((note, error)) = notes.iter().find_map(|note| Some((note, note.error.as_ref()?))) {
         let what = format!("shard {} on {} failed: {error}", note.shard, note.process.host);
@@ -257,15 +253,15 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     if let Some(note) = unlike {
         let what = match note.program == super::program() {
             true => format!(
-                "with {} instructions, this process has {:?}: give all of them --instructions with what every machine has",
+                "uses {} instructions, but this process {:?}; give all of them the same --instructions",
                 note.instructions,
                 Tier::detect()
             ),
-            false => "by another build of this program: run the same one everywhere".to_owned(),
+            false => "is of another build of this program; run the same build everywhere".to_owned(),
         };
-        text += &format!("; shard {} (on {}) works {what}", note.shard, note.process.host);
+        text += &format!("; shard {} (on {}) {what}", note.shard, note.process.host);
     } else {
-        text += "; give the shards again with the same options, then this command";
+        text += "; run the shards again with the same options, then this command";
     }
     let ill = ill(&notes, seconds_since_1970());
     if !ill.is_empty() {
@@ -274,26 +270,26 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     Error::unready(folder.display(), text)
 }
 
-/// Shards that are unfinished, and those that never said a word, in words.
+/// Unfinished shards, and those that have not started, as text.
 fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let of = notes.first().map_or(0, |note| note.shard.of);
-    let told = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
-        None => Some(format!("{number}/{of} never began")),
+    let reported = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
+        None => Some(format!("{number}/{of} not started")),
         Some(note) if note.is_finished() => None,
         Some(note) => Some(match (&note.error, note.silent_for(now)) {
             (Some(error), _) => format!("{} on {} failed: {error}", note.shard, note.process.host),
             (None, Some(silence)) => {
-                format!("{} on {} silent for {}", note.shard, note.process.host, minutes(silence))
+                format!("{} on {} not heard from for {}", note.shard, note.process.host, minutes(silence))
             }
             (None, None) => {
                 format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles)
             }
         }),
     };
-    (1..=of).filter_map(told).collect()
+    (1..=of).filter_map(reported).collect()
 }
 
-/// A time in seconds, in words.
+/// A time in seconds, as text.
 pub(super) fn minutes(seconds: u64) -> String {
     match seconds {
         0..120 => format!("{seconds} s"),
@@ -302,32 +298,32 @@ pub(super) fn minutes(seconds: u64) -> String {
     }
 }
 
-/// How all shards are doing.
+/// Progress of all shards.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Status {
-    /// What they are at: trial fits as long as one of them is.
+    /// Their stage: trial fits until all shards have finished them.
     pub stage: Stage,
     /// Tiles that are finished at that stage, and all.
     pub done: usize,
-    /// All tiles of the shards that have said a word.
+    /// All tiles of the shards that have reported.
     pub tiles: usize,
     /// Mean PSNR so far.
     pub psnr_db: Option<f64>,
-    /// Seconds until the slowest is finished, if all go on as they do.
+    /// Seconds until the slowest shard finishes at the present pace.
     pub seconds_left: Option<f64>,
-    /// Every shard that has said a word.
+    /// Every shard that has reported.
     pub shards: Vec<Note>,
-    /// How many shards there are.
+    /// The number of shards.
     pub of: u32,
 }
 
-/// How the shards are doing that work for the bundle at `out`; `None` where none does.
+/// Progress of the shards of the bundle at `out`; `None` if there are none.
 pub fn status(out: &Path) -> Option<Status> {
     let shards = notes(&super::beside(out, ".part"));
     let of = shards.first()?.shard.of;
     let trials = shards.iter().any(|note| note.stage == Stage::Trials);
     let stage = if trials { Stage::Trials } else { Stage::Training };
-    // (Whoever trains already has tried all it has.)
+    // (A shard that trains has finished its trial fits.)
     let done = |note: &Note| if note.stage == stage { note.done } else { note.tiles };
     let left = shards
         .iter()
@@ -346,7 +342,7 @@ pub fn status(out: &Path) -> Option<Status> {
 }
 
 impl Status {
-    /// One line.
+    /// The progress in one line.
     pub fn line(&self) -> String {
         let stage = if self.stage == Stage::Trials { "trial fits" } else { "training" };
         let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(100);
@@ -362,7 +358,9 @@ impl Status {
             line += &format!(" ({})", ill.join(", "));
         }
         self.psnr_db.iter().for_each(|db| line += &format!("; {db:.1} dB"));
-        self.seconds_left.iter().for_each(|left| line += &format!("; about {} left", minutes(*left as u64)));
+        self.seconds_left
+            .iter()
+            .for_each(|left| line += &format!("; about {} remaining", minutes(*left as u64)));
         line
     }
 }
@@ -418,7 +416,7 @@ mod tests {
         let part = super::super::beside(&out, ".part");
         fs::create_dir(&part).unwrap();
         let now = seconds_since_1970();
-        // The third never began; another cut into fewer shares, from before, does not count.
+        // The third did not start; a note of an earlier run with fewer shards does not count.
         let old = Note { shard: Shard { number: 2, of: 2 }, ..note(2, 0, now - 9000) };
         for note in [note(1, 10, now - 5000), note(2, 5, now - 900), old] {
             fs::write(part.join(note.shard.name()), serde_json::to_vec(&note).unwrap()).unwrap();
@@ -428,7 +426,7 @@ mod tests {
         let line = status.line();
         assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 20, 2, 3));
         assert!(line.starts_with("training: 15 of 20 tiles (75 %); 1 of 3 shards finished ("), "{line}");
-        assert!(line.contains("2/3 on node silent for 15 min, 3/3 never began"), "{line}");
+        assert!(line.contains("2/3 on node not heard from for 15 min, 3/3 not started"), "{line}");
         assert!(line.ends_with("; 30.0 dB; about 20 s left"), "{line}");
     }
 }

@@ -1,15 +1,15 @@
-//! What training told about a tile.
+//! Training statistics of a tile.
 
 use serde::{Deserialize, Serialize};
 
-/// What training told about one tile.
+/// Training statistics of one tile.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TileStats {
-    /// Valid texels, its border with them: what it weighs in means over tiles.
+    /// Valid texels including the border: its weight in means over tiles.
     pub texels: usize,
     /// Steps of the main phase; 0 for a tile without light.
     pub steps: usize,
-    /// CPU seconds of these alone.
+    /// CPU seconds of these steps.
     pub stepping_seconds: f64,
     /// PSNR before quantisation, in dB, where the tile has one.
     pub psnr_unquantised_db: Option<f64>,
@@ -17,12 +17,13 @@ pub struct TileStats {
     pub psnr_8bit_features_db: Option<f64>,
     /// The same as stored.
     pub psnr_db: Option<f64>,
-    /// Squared error as stored, as [`crate::train::Trial::error`] counts it.
+    /// Squared error as stored, as [`crate::train::TrialFit::error`] counts it.
     pub error: Option<f64>,
     /// (step, CPU seconds, dB) along the training.
     pub curve: Vec<(usize, f64, f64)>,
-    /// What was left out and why, and what else is to be said.
-    pub left_out: Vec<String>,
+    /// Remarks: what was omitted and why, and others.
+    #[serde(rename = "left_out")]
+    pub omitted: Vec<String>,
     /// CPU seconds.
     pub seconds: f64,
 }

@@ -1,4 +1,4 @@
-//! Works through the tiles of a dataset, in parallel: the trials of all, where a target asks for them, then the training of all.
+//! Processes the tiles of a dataset in parallel: trial fits of all, if there is a target, then training of all.
 
 use super::allocate::{self, Goal};
 use super::pace::{self, Pace};
@@ -13,7 +13,7 @@ use crate::lanes::Tier;
 use crate::law::Law;
 use crate::model::{Contents, PROFILES, TileParams};
 use crate::tile::{self, Band};
-use crate::train::{self, Recipe, Trial};
+use crate::train::{self, Recipe, TrialFit};
 use crate::{Error, Result, of_bundle};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::Mask;
@@ -24,38 +24,38 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 sets).
+/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 frames).
 const TILES_PER_THREAD: usize = 8;
 
-/// Towards a target PSNR, so many tiles are trained before the rest to tell what training gains, so many times at most.
+/// With a target PSNR, this many tiles are trained first to measure the gain of full training, at most this many times.
 const CALIBRATED: usize = 4;
 const CALIBRATIONS: usize = 4;
-/// An error that is so much larger reaches the target, about (0.3 dB): the tiles that are not measured mostly gain more.
+/// An error up to this factor larger (0.3 dB) counts as reaching the target, because unmeasured tiles mostly gain more.
 const NEARLY: f64 = 1.07;
 
-/// What came of all tiles, in the order of the bundle's index.
+/// Results of all tiles, in the order of the bundle's index.
 pub(super) struct Work {
-    /// What the bundle stores.
+    /// The bundle's payloads.
     pub payloads: Vec<Payload>,
-    /// What training told.
+    /// Training statistics.
     pub stats: Vec<TileStats>,
-    /// How many a stopped run had left.
+    /// Number of tiles reused from a stopped run.
     pub resumed: usize,
-    /// CPU seconds of trials.
+    /// CPU seconds of trial fits.
     pub trial_seconds: f64,
 }
 
-/// What a tile's trial fits gave, and their CPU seconds.
-type Tried = (Vec<Trial>, f64);
+/// A tile's trial fits and their CPU seconds.
+type TileTrials = (Vec<TrialFit>, f64);
 
-/// What the trials of all tiles chose for each, in the order of the index.
+/// The configurations chosen by trial fits, in the order of the index.
 #[derive(Debug, Serialize, Deserialize)]
 struct Choice {
     /// Words of [`Contents`].
     words: Vec<Option<u32>>,
-    /// CPU seconds of the trials.
+    /// CPU seconds of the trial fits.
     trial_seconds: f64,
-    /// The trials' files, and those of tiles that were trained to choose by.
+    /// The trial fits' files, and those of tiles that were trained to choose by.
     files: Vec<String>,
 }
 
@@ -70,38 +70,38 @@ struct Tile {
     /// As [`bundle::encode_payload`] gives it; the default for a black tile.
     payload: Payload,
     stats: TileStats,
-    /// Whether a stopped run had left it.
+    /// True if it is reused from a stopped run.
     resumed: bool,
 }
 
 impl Tile {
-    /// One without a valid texel.
+    /// A tile without a valid texel.
     fn empty() -> Self {
-        let stats = TileStats { left_out: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
+        let stats = TileStats { omitted: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
         Tile { payload: Payload::default(), stats, resumed: false }
     }
 }
 
-/// All that decides the tiles.
+/// Everything that decides the tiles' bytes.
 pub(super) struct Tiles<'a> {
     pub dataset: &'a Dataset,
-    /// What of its light the maps hold.
+    /// Which light the maps hold.
     pub law: &'a Law,
     /// Of every page.
     pub masks: &'a [Mask],
     pub options: &'a Options,
     pub header: &'a Header,
     pub part: &'a Part,
-    /// Digest of what of the dataset decides a tile.
+    /// Digest of the dataset's parts that decide a tile.
     pub trained_on: &'a str,
-    /// Bytes of what tiles see of the sun.
+    /// Bytes of the tiles' sun sections.
     pub bytes_of_sun: u64,
     /// When training is to end.
     pub deadline: Option<Instant>,
 }
 
 impl Tiles<'_> {
-    /// Trials and training of every tile that a stopped run has not left.
+    /// Trial fits and training of every tile that a stopped run has not finished.
     pub(super) fn work(&self, console: &Console) -> Result<Work> {
         let (chosen, trial_seconds) = self.chosen(console)?;
         let tiles = self.trained(&chosen, console)?;
@@ -110,17 +110,16 @@ impl Tiles<'_> {
         Ok(Work { payloads, stats, resumed, trial_seconds })
     }
 
-    /// An error unless shards have done their part: trained every tile, or towards a target that nobody has chosen for yet, tried every one.
+    /// An error unless shards have trained every tile or, with a target before any choice, finished all trial fits.
     pub(super) fn expect_shards(&self) -> Result<()> {
         match self.known_choice() {
             Some(chosen) => self.expect_trained(&chosen),
-            None => {
-                self.expect("trial fits", |place| self.part.read::<Tried>(&self.trial_key(place)).is_some())
-            }
+            None => self
+                .expect("trial fits", |place| self.part.read::<TileTrials>(&self.trial_key(place)).is_some()),
         }
     }
 
-    /// An error unless every tile is trained as was chosen.
+    /// An error unless every tile is trained with its chosen configuration.
     pub(super) fn expect_trained(&self, chosen: &[Option<Contents>]) -> Result<()> {
         let is_there = |place| self.finished(&self.key(place, self.contents(chosen, place))).is_some();
         self.expect("trained tiles", is_there)
@@ -135,7 +134,7 @@ impl Tiles<'_> {
         }
     }
 
-    /// What tiles are to have, where that is the same for all or has been chosen.
+    /// The tiles' configurations, if they are all the same or have been chosen.
     fn known_choice(&self) -> Option<Vec<Option<Contents>>> {
         match self.options.rate {
             Rate::Usual | Rate::Profile(_) => Some(Vec::new()),
@@ -154,12 +153,19 @@ impl Tiles<'_> {
         lit[shard.share(lit.len())].to_vec()
     }
 
-    /// Trains the tiles of a shard, or tries them where nobody has chosen yet what they are to have.
+    /// Trains the tiles of a shard, or makes their trial fits if no configurations have been chosen.
     pub(super) fn train_shard(&self, shard: Shard, own: &[Place], console: &Console) -> Result<Sharded> {
         let Some(chosen) = self.known_choice() else {
-            let is_open = |place: &&Place| self.part.read::<Tried>(&self.trial_key(**place)).is_none();
+            let is_open = |place: &&Place| self.part.read::<TileTrials>(&self.trial_key(**place)).is_none();
             let work = |place: Place, band: &Band| self.try_tile(place, band).map(|_| (0, None));
-            return Ok(Sharded::Tried(self.shard_of(shard, Stage::Trials, own, is_open, work, console)?));
+            return Ok(Sharded::TrialFits(self.shard_of(
+                shard,
+                Stage::Trials,
+                own,
+                is_open,
+                work,
+                console,
+            )?));
         };
         let is_open =
             |place: &&Place| self.finished(&self.key(**place, self.contents(&chosen, **place))).is_none();
@@ -172,7 +178,7 @@ impl Tiles<'_> {
         Ok(Sharded::Trained(self.shard_of(shard, Stage::Training, own, is_open, work, console)?))
     }
 
-    /// Does something with those tiles of a shard that are open; what that gives, its texels and PSNR, goes into the shard's notes.
+    /// Runs `work` on the unfinished tiles of a shard; its result (texels and PSNR) goes into the shard's notes.
     fn shard_of(
         &self,
         shard: Shard,
@@ -195,7 +201,7 @@ impl Tiles<'_> {
         Ok(notes.last())
     }
 
-    /// What a tile is to have.
+    /// A tile's configuration.
     fn contents(&self, chosen: &[Option<Contents>], place: Place) -> Option<Contents> {
         self.header.position(place).and_then(|at| chosen.get(at).copied().flatten())
     }
@@ -219,7 +225,7 @@ impl Tiles<'_> {
         let left = left.filter(|&place| tile::valid_texels(&self.masks[place.page], place) > 0).count();
         if left > 0 {
             console.say(format!(
-                "continuing: {left} of {} tiles stand from an earlier run",
+                "continuing: {left} of {} tiles are reused from an earlier run",
                 self.header.tiles()
             ));
         }
@@ -234,8 +240,8 @@ impl Tiles<'_> {
         self.each_tile(console, "training", finished, work, note)
     }
 
-    /// How many steps tiles get. With a time limit the tiles of most texels, one a thread, are trained briefly first, to tell what a
-    /// step takes.
+    /// Plans the tiles' steps. With a time limit the largest tiles, one per thread, are trained briefly first to measure the
+    /// time of a step.
     fn pace(
         &self,
         contents: &(impl Fn(Place) -> Option<Contents> + Sync),
@@ -265,8 +271,8 @@ impl Tiles<'_> {
         Ok(pace)
     }
 
-    /// What the trials chose for each tile, in the order of the index: nothing for a tile without light; and their CPU
-    /// seconds. No list where all tiles have the same profile.
+    /// The configuration chosen for each tile by trial fits, in the order of the index (`None` for a tile without light), and their CPU
+    /// seconds. An empty list if all tiles have the same profile.
     pub(super) fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
         if let Rate::Usual | Rate::Profile(_) = self.options.rate {
             return Ok((Vec::new(), 0.0));
@@ -276,15 +282,15 @@ impl Tiles<'_> {
             return Ok((choice.contents(), choice.trial_seconds));
         }
         let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
-            0 => Some(Tried::default()),
-            _ => self.part.read::<Tried>(&self.trial_key(place)).map(|(_, tried)| tried),
+            0 => Some(TileTrials::default()),
+            _ => self.part.read::<TileTrials>(&self.trial_key(place)).map(|(_, trial_fits)| trial_fits),
         };
         if self.options.merge {
             self.expect_shards()?;
         }
         let work = |place: Place, band: &Band| self.try_tile(place, band);
-        let tried = self.each_tile(console, "trying", finished, work, |_| None)?;
-        let (trials, seconds): (Vec<Vec<Trial>>, Vec<f64>) = tried.into_iter().unzip();
+        let trial_fits = self.each_tile(console, "trying", finished, work, |_| None)?;
+        let (trials, seconds): (Vec<Vec<TrialFit>>, Vec<f64>) = trial_fits.into_iter().unzip();
         let contents = |tile: usize, at: Option<usize>| {
             at.and_then(|at| trials[tile].get(at)).and_then(|trial| Contents::of_word(trial.word))
         };
@@ -303,22 +309,22 @@ impl Tiles<'_> {
         Ok((chosen, choice.trial_seconds))
     }
 
-    /// Tries a tile, and keeps what that gave.
-    fn try_tile(&self, place: Place, band: &Band) -> Result<Tried> {
+    /// Makes a tile's trial fits and stores them.
+    fn try_tile(&self, place: Place, band: &Band) -> Result<TileTrials> {
         let clock = Clock::start();
         let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
             .map_err(|error| of_tile(place, error))?;
-        let tried = (trials, clock.seconds());
-        self.part.write(&self.trial_key(place), &Payload::default(), &tried)?;
-        Ok(tried)
+        let trial_fits = (trials, clock.seconds());
+        self.part.write(&self.trial_key(place), &Payload::default(), &trial_fits)?;
+        Ok(trial_fits)
     }
 
-    /// The cheapest choice found whose tiles reach a pooled PSNR, by what training gains on some of them: from choices that foresee a
-    /// gain that is too small, as they turn out, to those that foresee one too large. Where none reaches it, the dearest.
+    /// The smallest choice found whose tiles reach a pooled PSNR, by the measured gain of training on some of them: bisects between choices that
+    /// assume too small a gain and choices that assume too large a one. If none reaches it, the largest.
     fn calibrated(
         &self,
         db: f64,
-        trials: &[Vec<Trial>],
+        trials: &[Vec<TrialFit>],
         contents: impl Fn(&[Option<usize>]) -> Vec<Option<Contents>>,
         console: &Console,
     ) -> Result<Vec<Option<usize>>> {
@@ -358,11 +364,11 @@ impl Tiles<'_> {
         Ok(met.map_or(chosen, |(_, chosen)| chosen))
     }
 
-    /// How much smaller the error of the tiles that have most of it is after their training than after their trials; they are kept, for
-    /// most will have what they were given here. `None` where no tile has light.
+    /// The factor by which training reduces the error, compared with trial fits, of the tiles with the largest errors. Their results are stored, because
+    /// most tiles will keep these configurations. `None` if no tile has light.
     fn measured_gain(
         &self,
-        trials: &[Vec<Trial>],
+        trials: &[Vec<TrialFit>],
         chosen: &[Option<usize>],
         contents: &[Option<Contents>],
         console: &Console,
@@ -376,7 +382,7 @@ impl Tiles<'_> {
         let finished = |place: Place| self.finished(&self.key(place, chosen_for(place)));
         let open = worst.iter().map(|&(_, tile)| places[tile]).filter(|&place| finished(place).is_none());
         let open: Vec<Place> = open.collect();
-        let progress = console.progress("measuring what training gains", open.len() as u64);
+        let progress = console.progress("measuring the gain of full training", open.len() as u64);
         self.some_tiles(&open, |place, band| {
             stop_if_interrupted()?;
             let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;
@@ -384,12 +390,13 @@ impl Tiles<'_> {
             self.part.write(&self.key(place, chosen_for(place)), &tile.payload, &tile.stats)
         })?;
         let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.error);
-        let pairs = worst.iter().filter_map(|&(tried, tile)| Some((tried, stored(tile)?)));
-        let (tried, stored) = pairs.fold((0.0, 0.0), |(a, b), (tried, stored)| (a + tried, b + stored));
-        Ok((stored > 0.0).then(|| tried / stored))
+        let pairs = worst.iter().filter_map(|&(trial_fits, tile)| Some((trial_fits, stored(tile)?)));
+        let (trial_fits, stored) =
+            pairs.fold((0.0, 0.0), |(a, b), (trial_fits, stored)| (a + trial_fits, b + stored));
+        Ok((stored > 0.0).then(|| trial_fits / stored))
     }
 
-    /// What is left for the features of all tiles of so many bits per texel and set.
+    /// The bytes that a rate in bits per texel and frame leaves for the features of all tiles.
     fn bytes(&self, bpp: f64) -> Result<Goal> {
         let none = vec![Payload::default(); self.header.tiles()];
         let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
@@ -398,7 +405,7 @@ impl Tiles<'_> {
         Ok(Goal::Bytes((bytes - header - self.bytes_of_sun as f64).max(0.0) as u64))
     }
 
-    /// Does something with every tile that is not `finished`, in parallel; the results in the order of the bundle's index.
+    /// Runs `work` on every tile that is not `finished`, in parallel; the results are in the order of the bundle's index.
     /// A few bands are in memory at a time.
     fn each_tile<T: Send>(
         &self,
@@ -457,7 +464,7 @@ impl Tiles<'_> {
         Ok(done)
     }
 
-    /// Does something with some tiles, in parallel, and no more bands in memory than where all are worked through.
+    /// Runs `work` on some tiles, in parallel, with the same limit of bands in memory.
     fn some_tiles(&self, places: &[Place], work: impl Fn(Place, &Band) -> Result<()> + Sync) -> Result<()> {
         let mut rows: Vec<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
         rows.sort_unstable();
@@ -491,7 +498,7 @@ impl Tiles<'_> {
         Recipe { seed, ..recipe }
     }
 
-    /// A name in the work folder for what a list of values, the input, the place and the program decide.
+    /// A file name in the work folder: a digest of a list of values, the input, the tile's coordinate and the program.
     fn name(&self, place: Place, values: &serde_json::Value) -> String {
         let Place { page, column, row } = place;
         let tier = format!("{:?}", Tier::detect());
@@ -509,7 +516,7 @@ impl Tiles<'_> {
         blake3::hash(all.to_string().as_bytes()).to_hex()[..32].to_owned()
     }
 
-    /// What decides a tile, and so names its file in the work folder.
+    /// The name of a tile's file in the work folder: a digest of everything that decides its bytes.
     fn key(&self, place: Place, contents: Option<Contents>) -> String {
         let Recipe { iterations, passes, aim, .. } = self.recipe(place);
         let limit = self.options.time_limit;
@@ -520,19 +527,19 @@ impl Tiles<'_> {
         self.name(place, &json!(["tile", has, iterations, passes, limit, format!("{aim:?}")]))
     }
 
-    /// The same for its trials.
+    /// The same for its trial fits.
     fn trial_key(&self, place: Place) -> String {
         self.name(place, &json!(["trials"]))
     }
 
-    /// The name of what was chosen by all trials.
+    /// The name of the file with the chosen configurations.
     fn choice_key(&self) -> String {
         let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
         let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
         self.name(Place { page: 0, column: 0, row: 0 }, &json!(["choice", options]))
     }
 
-    /// The tile as a stopped run left it, if it did.
+    /// The tile, if a stopped run finished it.
     fn finished(&self, key: &str) -> Option<Tile> {
         let (payload, stats) = self.part.read(key)?;
         Some(Tile { payload, stats, resumed: !self.part.wrote(key) })
@@ -550,7 +557,7 @@ impl Tiles<'_> {
         let trained = match (self.options.rate, contents) {
             (Rate::Profile(profile), _) => train::train(&source, &profile, &recipe),
             (_, Some(contents)) => train::train_chosen(&source, &contents, &recipe),
-            // Nothing was tried, for there is nothing to store, or all trials diverged.
+            // There are no trial fits: the tile has nothing to store, or all of them diverged.
             (_, None) => train::train(&source, &PROFILES[0], &recipe),
         };
         let trained = trained.map_err(|error| of_tile(place, error))?;
@@ -576,7 +583,7 @@ impl Tiles<'_> {
                 .iter()
                 .map(|point| (point.iteration, point.seconds, point.psnr_db))
                 .collect(),
-            left_out: trained.left_out,
+            omitted: trained.omitted,
             seconds: clock.seconds(),
         };
         Ok(Tile { payload, stats, resumed: false })
@@ -589,7 +596,7 @@ pub(crate) fn seed(seed: u64, place: Place) -> u64 {
     bundle::checksum(&numbers.map(u64::to_le_bytes).each_ref().map(|n| &n[..]))
 }
 
-/// The error, with the tile's place for its own where it is of the tile's content.
+/// The error, placed at the tile if it concerns the tile's content.
 pub(crate) fn of_tile(place: Place, error: Error) -> Error {
     match error {
         Error::Invalid { what, .. } => {

@@ -1,14 +1,14 @@
-//! Quality between the sets: at hours of which the bundle has none.
+//! Quality between frames: at hours that the bundle has no frame of.
 //!
-//! What light does there only another bake can tell, the *withheld* one: the same scene at other hours. Without it the decoder is
-//! compared with light that goes from set to set by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
+//! The reference is another bake, the *withheld* one: the same scene at other hours. Without it the decoder is
+//! compared with light that goes from frame to frame by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
 //! more places.
 
 use super::reference_law;
 use super::strips::{cut, decode, read, strips};
 use crate::decode::{Decoder, Lights};
-use crate::law::{Kept, Law, Rows};
-use crate::time::Moment;
+use crate::law::{Law, LayerRows, Rows};
+use crate::time::TimePoint;
 use crate::{Error, Result};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::{Image, Mask};
@@ -17,20 +17,20 @@ use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 use std::ops::Range;
 
-/// PSNR between sets, each moment's pooled over its texels: from the mean squared error relative to the tile's peak.
+/// PSNR between frames, each time's pooled over its texels: from the mean squared error relative to the tile's peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
-    /// Of the decoder: the median over the moments. (A mean would tell of the quietest ones, or of the worst one.)
+    /// Of the decoder: the median over the times. (A mean would tell of the quietest ones, or of the worst one.)
     pub median_db: f64,
-    /// The worst moment's, and its hour.
+    /// The worst time's, and its hour.
     pub worst: (f64, f64),
-    /// The median of light linear between the dataset's uncompressed sets, against a withheld bake; without one it is the reference.
+    /// The median of light linear between the dataset's uncompressed frames, against a withheld bake; without one it is the reference.
     pub linear_median_db: Option<f64>,
-    /// Moments judged.
-    pub moments: usize,
+    /// Times evaluated.
+    pub points: usize,
 }
 
-/// Judges a bundle, which is the dataset's, between its sets. `None` where there is no moment to be judged: light is held at all
+/// Evaluates a bundle, which is the dataset's, between its frames. `None` if there is no time to evaluate: light is held at all
 /// of them, or does not change.
 ///
 /// # Errors
@@ -51,9 +51,9 @@ pub fn between(
             mask.valid.iter_mut().zip(also).for_each(|(valid, also)| *valid &= also);
         }
     }
-    let moments = moments(dataset, withheld, decoder);
-    // Without another bake, light between the sets is the dataset's own by the curves of its layers; the sun of a stream of its own is not
-    // looked at then.
+    let points = points(dataset, withheld, decoder);
+    // Without another bake, light between the frames is the dataset's own by the curves of its layers; the sun of a separate stream is not
+    // evaluated then.
     let reference = reference_law(decoder);
     let has_sun = decoder.bundle().header.sun.is_some();
     let (law, lights) = match withheld {
@@ -64,22 +64,22 @@ pub fn between(
         }
     };
     let strips: Vec<_> = masks.iter().map(strips).collect();
-    let total = moments.len() * strips.iter().map(Vec::len).sum::<usize>();
-    let progress = console.progress("between sets", total as u64);
-    let mut pools: Vec<[Pool; 2]> = moments.iter().map(|_| Default::default()).collect();
+    let total = points.len() * strips.iter().map(Vec::len).sum::<usize>();
+    let progress = console.progress("between frames", total as u64);
+    let mut pools: Vec<[Pool; 2]> = points.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
         if let Some(withheld) = withheld {
-            let mut sets =
-                moments.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.frames[k]);
-            sets.try_for_each(|set| withheld.check_content(&set.maps[page]))?;
+            let mut frames =
+                points.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.frames[k]);
+            frames.try_for_each(|frame| withheld.check_content(&frame.maps[page]))?;
         }
         for rows in &strips[page] {
             let mask = cut(mask, rows);
             let rects = tiles(mask.width, mask.height, TILE);
-            let mut sets = Sets { dataset, law: &law, page, rows: rows.clone(), recent: Vec::new() };
-            for (&(hour, moment, index), [of_decoder, of_linear]) in moments.iter().zip(&mut pools) {
+            let mut frames = Frames { dataset, law: &law, page, rows: rows.clone(), recent: Vec::new() };
+            for (&(hour, point, index), [of_decoder, of_linear]) in points.iter().zip(&mut pools) {
                 stop_if_interrupted()?;
-                let linear = sets.linear(hour, &moment)?;
+                let linear = frames.linear(hour, &point)?;
                 let decoded = decode(decoder, lights, page, hour, rows)?;
                 let truth = match (withheld, index) {
                     (Some(withheld), Some(index)) => Some(read(withheld, &reference, index, page, rows)?),
@@ -93,7 +93,7 @@ pub fn between(
             }
         }
     }
-    let hours = moments.iter().map(|(hour, ..)| *hour);
+    let hours = points.iter().map(|(hour, ..)| *hour);
     let decoded: Vec<(f64, f64)> =
         pools.iter().zip(hours).filter_map(|(pools, hour)| Some((pools[0].db()?, hour))).collect();
     let worst = decoded.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
@@ -101,7 +101,7 @@ pub fn between(
         median_db: median(decoded.iter().map(|(db, _)| *db).collect()).unwrap_or(worst.0),
         worst,
         linear_median_db: median(pools.iter().filter_map(|pools| pools[1].db()).collect()),
-        moments: decoded.len(),
+        points: decoded.len(),
     }))
 }
 
@@ -111,17 +111,17 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len().saturating_sub(1) / 2).copied()
 }
 
-/// The moments to judge where light is interpolated: hours that only the withheld bake has, with its set; or a quarter and three
-/// quarters of the way between sets that are not the same images.
-fn moments(
+/// The times to evaluate where light is interpolated: hours that only the withheld bake has, with its frame; or a quarter and three
+/// quarters of the way between frames that are not the same images.
+fn points(
     dataset: &Dataset,
     withheld: Option<&Dataset>,
     decoder: &Decoder,
-) -> Vec<(f64, Moment, Option<usize>)> {
+) -> Vec<(f64, TimePoint, Option<usize>)> {
     let timeline = &decoder.bundle().header.timeline;
     let hours: Vec<(f64, Option<usize>)> = match withheld {
         Some(withheld) => {
-            withheld.config.frames.iter().enumerate().map(|(k, set)| (set.hour, Some(k))).collect()
+            withheld.config.frames.iter().enumerate().map(|(k, frame)| (frame.hour, Some(k))).collect()
         }
         None => {
             let n = timeline.hours.len();
@@ -135,8 +135,8 @@ fn moments(
     };
     let files = |k: usize| dataset.config.frames[k].maps.iter().map(|map| &map.blake3);
     let judged = |&(hour, index): &(f64, Option<usize>)| {
-        let moment = timeline.at(hour);
-        (moment.a != moment.b && files(moment.a).ne(files(moment.b))).then_some((hour, moment, index))
+        let point = timeline.at(hour);
+        (point.a != point.b && files(point.a).ne(files(point.b))).then_some((hour, point, index))
     };
     hours.iter().filter_map(judged).collect()
 }
@@ -152,12 +152,12 @@ fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
     if found == expected {
         return Ok(());
     }
-    let what = format!("{found}; expected that of {}: {expected}", dataset.root.display());
+    let what = format!("{found}; expected the same as {}: {expected}", dataset.root.display());
     Err(Error::invalid(withheld.root.display(), what))
 }
 
-/// Rows of a page of the dataset's sets; the last two read are kept.
-struct Sets<'a> {
+/// Rows of a page of the dataset's frames; the last two read are kept.
+struct Frames<'a> {
     dataset: &'a Dataset,
     page: usize,
     rows: Range<usize>,
@@ -165,31 +165,31 @@ struct Sets<'a> {
     law: &'a Law,
 }
 
-impl Sets<'_> {
-    fn read(&mut self, set: usize) -> Result<()> {
-        if self.recent.iter().all(|(k, _)| *k != set) {
+impl Frames<'_> {
+    fn read(&mut self, frame: usize) -> Result<()> {
+        if self.recent.iter().all(|(k, _)| *k != frame) {
             self.recent.truncate(1);
             let range = [self.rows.start, self.rows.end];
-            let light = self.law.rows(self.dataset, [set, self.page], range, &mut Kept::new())?;
-            self.recent.insert(0, (set, light));
+            let light = self.law.rows(self.dataset, [frame, self.page], range, &mut LayerRows::new())?;
+            self.recent.insert(0, (frame, light));
         }
         // The newest first.
-        self.recent.sort_by_key(|(k, _)| *k != set);
+        self.recent.sort_by_key(|(k, _)| *k != frame);
         Ok(())
     }
 
-    /// Light as it goes between the sets around a moment.
-    fn linear(&mut self, hour: f64, moment: &Moment) -> Result<Image> {
-        self.read(moment.a)?;
-        self.read(moment.b)?;
+    /// Light as it goes between the frames around a time.
+    fn linear(&mut self, hour: f64, point: &TimePoint) -> Result<Image> {
+        self.read(point.a)?;
+        self.read(point.b)?;
         let [(_, b), (_, a)] = &self.recent[..] else { unreachable!("two sets that differ were read") };
-        let hours = [moment.a, moment.b].map(|set| self.dataset.config.frames[set].hour);
+        let hours = [point.a, point.b].map(|frame| self.dataset.config.frames[frame].hour);
         let width = self.dataset.config.pages[self.page].width as usize;
         Ok(Image { width, height: self.rows.len(), texels: self.law.mixed(hours, hour, [a, b]) })
     }
 }
 
-/// Squared errors relative to the peak of their tile and moment: sum and number.
+/// Squared errors relative to the peak of their tile and time: sum and number.
 #[derive(Default)]
 struct Pool {
     sum: f64,

@@ -4,18 +4,18 @@ use super::sample::Sample;
 use crate::mean::mean;
 use dataset::metrics;
 
-/// Means over samples, for all sets or for one.
+/// Means over samples, for all frames or for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Mean PSNR; peak = the sample's largest valid value.
     pub psnr_db: Option<f64>,
     /// Mean PSNR with peak = largest − smallest.
     pub psnr_range_db: Option<f64>,
-    /// `−10 log₁₀` of the mean over valid texels of the squared error ÷ peak²: bad samples weigh as much as they are bad.
+    /// `−10 log₁₀` of the mean over valid texels of the squared error ÷ peak²: bad samples count in full.
     pub psnr_pooled_db: Option<f64>,
     /// Mean PSNR after the 8-bit four-channel output ([`super::to_rgbe`]).
     pub psnr_8bit_db: Option<f64>,
-    /// Mean PSNR of the logarithm ([`metrics::psnr_log_db`]): sees errors in the dark.
+    /// Mean PSNR of the logarithm ([`metrics::psnr_log_db`]): sensitive to errors in the dark.
     pub psnr_log_db: Option<f64>,
     /// Mean noise ceiling.
     pub noise_ceiling_db: Option<f64>,
@@ -23,15 +23,15 @@ pub struct Quality {
     pub psnr_worst_percent_db: Option<f64>,
     /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
-    /// The same with windows of 7×7 texels that count alike.
+    /// The same with a 7×7 box window.
     pub one_minus_ssim_uniform: Option<f64>,
     /// Mean LPIPS; `None` without a network.
     pub lpips: Option<f64>,
-    /// Mean HDR-ꟻLIP; `None` where it is not asked for.
+    /// Mean HDR-ꟻLIP; `None` if it is not requested.
     pub flip: Option<f64>,
     /// Mean relative error.
     pub relative_error: Option<f64>,
-    /// Relative error over the darkest quarter of the valid texels of a set; the mean over sets.
+    /// Relative error over the darkest quarter of the valid texels of a frame; the mean over frames.
     pub dark_relative_error: Option<f64>,
     /// Samples behind the means above.
     pub samples: usize,
@@ -41,11 +41,11 @@ pub struct Quality {
     pub constant_relative_error: Option<f64>,
     /// Samples that are all zero, not among them.
     pub black: usize,
-    /// Largest value that decoded black samples hold (they should hold none).
+    /// Largest decoded value of black samples (ideally 0).
     pub black_largest_error: f64,
 }
 
-/// The means over samples; without the error in the dark, which is a set's.
+/// The means over samples; without the error in the dark, which is a frame's.
 pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
     let (black, lit): (Vec<&Sample>, Vec<&Sample>) =
         samples.partition(|sample| sample.quality.psnr_db.is_none());
@@ -92,7 +92,7 @@ mod tests {
     fn sample(texels: usize, mse: f64, peak: f64, constant: bool) -> Sample {
         let psnr = (peak > 0.0).then(|| metrics::psnr_db(peak, mse));
         Sample {
-            set: 0,
+            frame: 0,
             page: 0,
             rect: Rect { x0: 0, y0: 0, x1: 1, y1: 1 },
             quality: TileQuality {

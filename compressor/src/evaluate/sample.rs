@@ -1,4 +1,4 @@
-//! One tile of one set, as it was decoded and as it should be.
+//! One tile of one frame: decoded and reference.
 
 use super::rgbe::{from_rgbe, to_rgbe};
 use crate::Result;
@@ -7,20 +7,20 @@ use dataset::metrics::{self, Lpips, TileQuality};
 use dataset::tiles::{Rect, TILE, tiles};
 use rayon::prelude::*;
 
-/// One tile of one set.
+/// One tile of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Index of the set.
-    pub set: usize,
+    /// Index of the frame.
+    pub frame: usize,
     /// Page.
     pub page: usize,
     /// The tile's texels.
     pub rect: Rect,
-    /// How the decoded tile compares.
+    /// Quality of the decoded tile.
     pub quality: TileQuality,
     /// PSNR (peak as in `quality.psnr_db`) after the 8-bit four-channel output.
     pub psnr_8bit_db: Option<f64>,
-    /// The PSNR that the bake's own sampling error allows, where the dataset states it.
+    /// The noise ceiling: the PSNR of the bake's own sampling error, if the dataset has it.
     pub noise_ceiling_db: Option<f64>,
     /// RMSE ÷ mean, as [`metrics::relative_error`].
     pub relative_error: f64,
@@ -28,25 +28,25 @@ pub struct Sample {
     pub psnr_log_db: Option<f64>,
     /// LPIPS, where there is a network for it.
     pub lpips: Option<f64>,
-    /// HDR-ꟻLIP, where it is asked for.
+    /// HDR-ꟻLIP, where it is requested.
     pub flip: Option<f64>,
     /// Largest decoded value of a valid texel.
     pub largest: f32,
 }
 
-/// Measures of how like two images look; they take long, and are made where they are asked for.
+/// Slow perceptual metrics, measured on request.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Looks<'a> {
+pub struct SlowMetrics<'a> {
     /// The network that LPIPS is measured by.
     pub lpips: Option<&'a Lpips>,
     /// Whether HDR-ꟻLIP is measured.
     pub flip: bool,
 }
 
-/// A strip of whole tiles of a page of a set.
+/// A strip of whole tiles of a page of a frame.
 pub(super) struct Strip<'a> {
-    /// Index of the set.
-    pub set: usize,
+    /// Index of the frame.
+    pub frame: usize,
     /// Page.
     pub page: usize,
     /// The strip's first row on the page, a multiple of [`TILE`].
@@ -61,12 +61,12 @@ pub(super) struct Strip<'a> {
     pub page_mean: f64,
     /// The page's sampling error as a mean square per tile, where the dataset states it.
     pub noise: Option<&'a [f64]>,
-    /// What is measured of its looks.
-    pub looks: Looks<'a>,
+    /// Slow quality metrics.
+    pub slow_metrics: SlowMetrics<'a>,
 }
 
 impl Strip<'_> {
-    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the set's mean, is 0.
+    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the frame's mean, is 0.
     pub fn samples(&self) -> Result<Vec<Sample>> {
         let rects = tiles(self.mask.width, self.mask.height, TILE);
         let before = self.row / TILE * self.mask.width.div_ceil(TILE);
@@ -81,7 +81,7 @@ impl Strip<'_> {
         let quality = metrics::compare(decoded, reference, mask, rect);
         let lpips = |lpips: &Lpips| lpips.distance(decoded, reference, mask, rect, &quality).transpose();
         Ok(Sample {
-            set: self.set,
+            frame: self.frame,
             page: self.page,
             rect: Rect { y0: rect.y0 + self.row, y1: rect.y1 + self.row, ..rect },
             quality,
@@ -89,8 +89,12 @@ impl Strip<'_> {
             noise_ceiling_db: quality.psnr_db.and(noise.map(|mse| metrics::psnr_db(quality.peak, mse))),
             relative_error: 0.0,
             psnr_log_db: metrics::psnr_log_db(decoded, reference, mask, rect, self.page_mean),
-            lpips: self.looks.lpips.and_then(lpips).transpose()?,
-            flip: self.looks.flip.then(|| metrics::flip(decoded, reference, mask, rect, &quality)).flatten(),
+            lpips: self.slow_metrics.lpips.and_then(lpips).transpose()?,
+            flip: self
+                .slow_metrics
+                .flip
+                .then(|| metrics::flip(decoded, reference, mask, rect, &quality))
+                .flatten(),
             largest: largest(decoded, mask, rect),
         })
     }

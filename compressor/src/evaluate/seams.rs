@@ -1,4 +1,4 @@
-//! Whether tiles show: the error of the step from a texel to its neighbour, across tile borders and inside tiles.
+//! Visibility of tile borders: the error of differences between neighbouring texels, across tile borders and inside tiles.
 
 use crate::model::PAYLOAD;
 use dataset::image::{Image, Mask};

@@ -1,4 +1,4 @@
-//! The sun's direct light between the sets: what a bundle tells of it beside the dataset's visibility as a function of time. No rays.
+//! The sun's direct light between frames: a bundle's compared with the dataset's visibility as a function of time. Traces no rays.
 
 use super::strips::decode;
 use crate::Result;
@@ -10,37 +10,37 @@ use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
 
-/// Moments of a day that are judged, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer moments too large a
+/// Times of a day that are evaluated, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer times too large a
 /// share of them may lie near one.
-const MOMENTS: usize = 40;
-/// Tiles whose light is below this share of the sun's are not judged: next to nothing is lit.
+const TIMES: usize = 40;
+/// Tiles whose light is below this share of the sun's are not evaluated: next to nothing is lit.
 const LIT: f64 = 0.01;
 
-/// PSNR of the sun's direct light over (tile, moment), peak = the tile's brightest at that moment.
+/// PSNR of the sun's direct light over (tile, time), peak = the tile's brightest at that time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadows {
     /// From the mean squared error relative to the peak.
     pub pooled_db: f64,
     /// The mean.
     pub mean_db: f64,
-    /// The mean of the worst 5 % of the pairs, one at least.
+    /// The mean of the worst 5 % of the pairs, at least one.
     pub worst_db: f64,
-    /// Pairs judged.
+    /// Pairs evaluated.
     pub pairs: usize,
 }
 
-/// Judges a bundle whose sun is a stream of its own, on tiles of 128×128 texels. `None` where nothing is lit.
+/// Evaluates a bundle whose sun is a separate stream, on tiles of 128×128 texels. `None` if nothing is lit.
 pub(super) fn shadows(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Option<Shadows>> {
     let path = dataset.sun_path()?.filter(|_| decoder.bundle().header.sun.is_some());
     let Some(path) = path else { return Ok(None) };
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let (first, last) = ((0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up));
     let Some((first, last)) = first.zip(last) else { return Ok(None) };
-    let (rise, set) = (path.hours[first], path.hours[last]);
+    let (rise, frame) = (path.hours[first], path.hours[last]);
     let hours: Vec<f64> =
-        (0..MOMENTS).map(|i| rise + (set - rise) * (i as f64 + 0.5) / MOMENTS as f64).collect();
+        (0..TIMES).map(|i| rise + (frame - rise) * (i as f64 + 0.5) / TIMES as f64).collect();
     let (mut errors, mut decibels) = (Vec::new(), Vec::new());
-    let progress = console.progress("the sun between sets", dataset.config.pages.len() as u64);
+    let progress = console.progress("the sun between frames", dataset.config.pages.len() as u64);
     for page in 0..dataset.config.pages.len() {
         let mask = dataset.mask(page)?;
         let Some(sunlight) = dataset.sunlight(page)? else { return Ok(None) };

@@ -1,4 +1,4 @@
-//! Smoothness in time: how well the change of light from set to set is met, over the day and across switches.
+//! Temporal error: the error of the change of light from frame to frame, over the day and across switches.
 
 use super::strips::{decode, read, strips, valid};
 use crate::Result;
@@ -9,25 +9,25 @@ use dataset::image::Image;
 use dataset::metrics::StepError;
 use dataset::store::Dataset;
 
-/// From one set to the next.
+/// From one frame to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Hour of the first set.
+    /// Hour of the first frame.
     pub from: f64,
-    /// Hour of the second; past midnight that of the first set of the day.
+    /// Hour of the second; past midnight that of the first frame of the day.
     pub to: f64,
     /// True where light groups switch in between.
     pub switch: bool,
-    /// As [`StepError::relative`]: `None` where the light does not change.
+    /// As [`StepError::relative`]: `None` if the light does not change.
     pub error: Option<f64>,
 }
 
-/// All steps of the day, and what they come to.
+/// All steps of the day and their pooled errors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Steps {
-    /// Every set to the one after it; none where there is one set.
+    /// Every frame to the one after it; none where there is one frame.
     pub each: Vec<Step>,
-    /// Error of the steps between sets under the same lamps, all together ([`StepError::pooled`]): that of a bright hour counts for more
+    /// Error of the steps between frames with the same light groups on, all together ([`StepError::pooled`]): that of a bright hour counts for more
     /// than that of a night.
     pub smooth: Option<f64>,
     /// The same of the steps across a switch.
@@ -35,7 +35,7 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Of sets at `hours`, with the light groups that are on.
+    /// Of frames at `hours`, with the light groups that are on.
     pub(crate) fn new(hours: &[f64], groups_on: &[Vec<bool>], errors: &[StepError]) -> Self {
         let n = hours.len();
         let step = |(k, error): (usize, &StepError)| {
@@ -52,22 +52,22 @@ impl Steps {
     }
 }
 
-/// Judges a bundle's steps; the bundle is the dataset's.
+/// Evaluates a bundle's steps; the bundle is the dataset's.
 pub(super) fn steps(dataset: &Dataset, law: &Law, decoder: &Decoder, console: &Console) -> Result<Steps> {
-    let sets = &dataset.config.frames;
-    let n = sets.len();
+    let frames = &dataset.config.frames;
+    let n = frames.len();
     if n < 2 {
         return Ok(Steps::default());
     }
     let mut errors = vec![StepError::default(); n];
-    let progress = console.progress("from set to set", (n * dataset.config.pages.len()) as u64);
+    let progress = console.progress("frame to frame", (n * dataset.config.pages.len()) as u64);
     for page in 0..dataset.config.pages.len() {
         let mask = dataset.mask(page)?;
         for rows in strips(&mask) {
             let load = |k: usize| -> Result<[Image; 2]> {
                 stop_if_interrupted()?;
                 Ok([
-                    decode(decoder, Lights::All, page, sets[k].hour, &rows)?,
+                    decode(decoder, Lights::All, page, frames[k].hour, &rows)?,
                     read(dataset, law, k, page, &rows)?,
                 ])
             };
@@ -83,8 +83,8 @@ pub(super) fn steps(dataset: &Dataset, law: &Law, decoder: &Decoder, console: &C
         }
         progress.advance(n as u64);
     }
-    let hours: Vec<f64> = sets.iter().map(|set| set.hour).collect();
-    let groups_on: Vec<Vec<bool>> = sets.iter().map(|set| set.groups_on.clone()).collect();
+    let hours: Vec<f64> = frames.iter().map(|frame| frame.hour).collect();
+    let groups_on: Vec<Vec<bool>> = frames.iter().map(|frame| frame.groups_on.clone()).collect();
     Ok(Steps::new(&hours, &groups_on, &errors))
 }
 

@@ -2,7 +2,7 @@
 
 use super::LARGE;
 use crate::decode::{Decoder, Lights};
-use crate::law::{Kept, Law};
+use crate::law::{Law, LayerRows};
 use crate::{Result, of_bundle};
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
@@ -31,16 +31,16 @@ pub(crate) fn cut(mask: &Mask, rows: &Range<usize>) -> Mask {
     Mask { width: mask.width, height: rows.len(), valid: valid(mask, rows).to_vec() }
 }
 
-/// Rows of a page of a set: what `law` has of its light.
+/// Rows of a page of a frame: what `law` has of its light.
 pub(crate) fn read(
     dataset: &Dataset,
     law: &Law,
-    set: usize,
+    frame: usize,
     page: usize,
     rows: &Range<usize>,
 ) -> Result<Image> {
     let width = dataset.config.pages[page].width as usize;
-    let (texels, _) = law.rows(dataset, [set, page], [rows.start, rows.end], &mut Kept::new())?;
+    let (texels, _) = law.rows(dataset, [frame, page], [rows.start, rows.end], &mut LayerRows::new())?;
     Ok(Image { width, height: rows.len(), texels })
 }
 

@@ -54,7 +54,7 @@ fn row(name: String, q: &Quality) -> Vec<String> {
     ]
 }
 
-/// The hours of the sets that are marked, neighbours as one range.
+/// The hours of the frames that are marked, neighbours as one range.
 fn ranges(hours: &[f64], marked: &[bool]) -> String {
     let firsts = (0..marked.len()).filter(|&k| marked[k] && (k == 0 || !marked[k - 1]));
     let range = |first: usize| {
@@ -66,7 +66,7 @@ fn ranges(hours: &[f64], marked: &[bool]) -> String {
 }
 
 impl Evaluation {
-    /// The quality table's rows: every set, then all of them.
+    /// The quality table's rows: every frame, then all of them.
     pub fn rows(&self) -> Vec<Vec<String>> {
         let mut rows: Vec<_> = self.by_hour.iter().map(|(hour, q)| row(format!("{hour}"), q)).collect();
         rows.push(row("all".to_owned(), &self.all));
@@ -78,13 +78,13 @@ impl Evaluation {
         aligned(&COLUMNS, &self.rows())
     }
 
-    /// What the table leaves out, in sentences.
+    /// Remarks on what the table does not show, in sentences.
     pub fn remarks(&self) -> Vec<String> {
         let q = &self.all;
         let [of_valid, of_distinct] = self.bits_of_valid;
         let mut remarks = vec![format!(
-            "{:.3} bits per texel and set; {of_valid:.3} per valid texel and set, {of_distinct:.3} where equal sets count once; {} bytes, {:.0} a \
-             tile; {} (tile, set) pairs judged",
+            "{:.3} bits per texel and frame; {of_valid:.3} per valid texel and frame, {of_distinct:.3} where equal frames count once; {} bytes, {:.0} per \
+             tile; {} (tile, frame) pairs evaluated",
             self.bpp,
             self.bytes,
             self.bytes as f64 / self.tiles.max(1) as f64,
@@ -96,11 +96,12 @@ impl Evaluation {
             format!("mean {mean} dB, pooled {pooled} dB, worst 1 % {worst} dB")
         };
         if let Some(sunny) = &self.sunny {
-            remarks.push(format!("over the sets that the sun lights directly: {}", figures(sunny)));
+            remarks.push(format!("over the frames that the sun lights directly: {}", figures(sunny)));
         }
-        if self.sun_is_left_out {
+        if self.sun_is_omitted {
             remarks.push(
-                "the sun's direct light was left out (--without-sun), here and in what the bundle is compared with".to_owned(),
+                "the sun's direct light is omitted (--without-sun), in the bundle and in its reference"
+                    .to_owned(),
             );
         }
         if let Some(baked) = &self.without_sun {
@@ -108,7 +109,7 @@ impl Evaluation {
                 [self.bytes_of_sun, self.bytes_of_shadows].map(|n| n as f64 / self.bytes as f64 * of_valid);
             let moving = match self.bytes_of_shadows {
                 0 => String::new(),
-                _ => format!(" and {shadows:.3} for its shadows to move between its times"),
+                _ => format!(" and {shadows:.3} for moving shadows"),
             };
             remarks.push(format!(
                 "without the sun's direct light, which takes {sun:.3} of these bits{moving}: {}",
@@ -117,21 +118,21 @@ impl Evaluation {
         }
         if q.black > 0 {
             remarks.push(format!(
-                "{} (tile, set) pairs are black and not judged; largest error there {}",
+                "{} (tile, frame) pairs are black and not evaluated; their largest error is {}",
                 q.black, q.black_largest_error
             ));
         }
         if q.constant > 0 {
             let error = cell(q.constant_relative_error, 6);
             remarks.push(format!(
-                "{} (tile, set) pairs are constant in space and judged apart: mean relative error {error}",
+                "{} (tile, frame) pairs are constant in space and evaluated separately: mean relative error {error}",
                 q.constant
             ));
         }
-        if self.distinct_sets < self.by_hour.len() {
+        if self.distinct_frames < self.by_hour.len() {
             remarks.push(format!(
-                "{} of {} sets differ; over these alone the mean is {} dB, pooled {} dB",
-                self.distinct_sets,
+                "{} of {} frames differ; over only these the mean is {} dB, pooled {} dB",
+                self.distinct_frames,
                 self.by_hour.len(),
                 cell(self.distinct.psnr_db, 2),
                 cell(self.distinct.psnr_pooled_db, 2)
@@ -143,8 +144,8 @@ impl Evaluation {
         let noisy = self.samples.iter().filter(noisy).count();
         if noisy > 0 {
             remarks.push(format!(
-                "in {noisy} (tile, set) pairs the bake's own sampling error is larger than the codec's: a better bake, not a better \
-                 codec, would bring them closer to the truth"
+                "in {noisy} (tile, frame) pairs the bake's sampling error is larger than the codec's: bake with more samples rather than \
+                 compressing with more bits"
             ));
         }
         let below =
@@ -158,8 +159,8 @@ impl Evaluation {
             .collect();
         if dark.contains(&true) {
             remarks.push(format!(
-                "in the darkest quarter of {} of {} sets the error is larger than the light, which PSNR does not see ({} h; sets below {VISIBLE_LUX} lux \
-                 in the mean are not looked at)",
+                "in the darkest quarter of {} of {} frames the error exceeds the light, which PSNR does not show ({} h; frames with a mean below {VISIBLE_LUX} lux \
+                 are ignored)",
                 dark.iter().filter(|dark| **dark).count(),
                 self.by_hour.len(),
                 ranges(&hours, &dark)
@@ -167,33 +168,33 @@ impl Evaluation {
         }
         if met.contains(&true) {
             remarks.push(format!(
-                "the PSNR of {} of {} sets is above their noise ceiling: it says how well the bake's noise is met ({} h)",
+                "the PSNR of {} of {} frames is above their noise ceiling ({} h): there it measures how closely the bake's noise is reproduced",
                 met.iter().filter(|met| **met).count(),
                 self.by_hour.len(),
                 ranges(&hours, &met)
             ));
         }
-        if let Some(Between { median_db, worst, linear_median_db, moments }) = self.between {
+        if let Some(Between { median_db, worst, linear_median_db, points }) = self.between {
             let (worst, hour) = worst;
             let decoder = format!(
-                "the decoder has {median_db:.2} dB, pooled, in the median (least {worst:.2} dB at {hour:.2} h)"
+                "median pooled PSNR of the decoder {median_db:.2} dB (lowest {worst:.2} dB, at {hour:.2} h)"
             );
-            let sun = if self.without_sun.is_some() { ", the sun's direct light left out" } else { "" };
+            let sun = if self.without_sun.is_some() { ", without the sun's direct light" } else { "" };
             remarks.push(match linear_median_db {
                 None => format!(
-                    "between sets, at {moments} moments: {decoder} against the dataset's light as its layers go from set to set{sun}"
+                    "between frames, at {points} times: {decoder} against the dataset's light, interpolated by its layers{sun}"
                 ),
                 Some(linear) => format!(
-                    "between sets, at {moments} moments of the withheld bake: {decoder}; light interpolated linearly between the \
-                     uncompressed sets has {linear:.2} dB"
+                    "between frames, at {points} times of the withheld bake: {decoder}; linear interpolation of the \
+                     uncompressed frames: {linear:.2} dB"
                 ),
             });
         }
         if let Some(Shadows { pooled_db, mean_db, worst_db, pairs }) = self.shadows {
             let how = if self.bytes_of_shadows > 0 { "move" } else { "fade" };
             remarks.push(format!(
-                "the sun's direct light between sets, against the dataset's visibility, {pairs} (tile, moment) pairs: pooled {pooled_db:.2} dB, mean \
-                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB: shadows {how} from one time of visibility to the next"
+                "the sun's direct light between frames, against the dataset's visibility, {pairs} (tile, time) pairs: pooled {pooled_db:.2} dB, mean \
+                 {mean_db:.2} dB, worst 5 % {worst_db:.2} dB; shadows {how} between the times of the visibility"
             ));
         }
         if self.steps.smooth.or(self.steps.switch).is_some() {
@@ -201,26 +202,26 @@ impl Evaluation {
                 error.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error))
             };
             remarks.push(format!(
-                "from set to set the change of light is wrong by {} of itself, each change counting as it is large; across switches of lamps by {}",
+                "error of the change of light between consecutive frames, RMS, relative to the change: {}; across switches of light groups: {}",
                 percent(self.steps.smooth),
                 percent(self.steps.switch)
             ));
         }
         if let Some(lpips) = self.all.lpips {
-            remarks.push(format!("LPIPS {lpips:.4} in the mean"));
+            remarks.push(format!("mean LPIPS {lpips:.4}"));
         }
         if let Some(flip) = self.all.flip {
-            remarks.push(format!("HDR-ꟻLIP {flip:.4} in the mean"));
+            remarks.push(format!("mean HDR-ꟻLIP {flip:.4}"));
         }
         if let Some(ratio) = self.seam_ratio {
             remarks.push(format!(
-                "the step from a texel to its neighbour is wrong by {ratio:.3} times as much across tile borders as inside tiles"
+                "the error of differences between neighbouring texels is {ratio:.3} times as large across tile borders as inside tiles"
             ));
         }
         remarks
     }
 
-    /// Every (tile, set) that has a valid texel, black ones too, as comma-separated values.
+    /// Every (tile, frame) that has a valid texel, black ones too, as comma-separated values.
     pub fn csv(&self) -> String {
         let mut out = String::from(
             "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,lpips,flip,relative_error\n",
@@ -228,7 +229,7 @@ impl Evaluation {
         for s in &self.samples {
             let (q, r) = (&s.quality, &s.rect);
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-            let place = format!("{},{},{},{},{},{}", self.by_hour[s.set].0, s.page, r.x0, r.y0, r.x1, r.y1);
+            let place = format!("{},{},{},{},{},{}", self.by_hour[s.frame].0, s.page, r.x0, r.y0, r.x1, r.y1);
             let plain = format!("{},{},{},{},{},{}", q.texels, q.peak, q.range, q.mean, q.constant, q.mse());
             let rest = [
                 q.psnr_db,
@@ -274,7 +275,7 @@ impl Evaluation {
             "psnr_range_db": q.psnr_range_db,
             "psnr_pooled_db": q.psnr_pooled_db,
             "psnr_distinct_db": self.distinct.psnr_db,
-            "sets_distinct": self.distinct_sets,
+            "frames_distinct": self.distinct_frames,
             "psnr_8bit_db": q.psnr_8bit_db,
             "psnr_log_db": q.psnr_log_db,
             "psnr_worst_percent_db": q.psnr_worst_percent_db,
@@ -326,7 +327,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbouring_sets_are_one_range() {
+    fn neighbouring_frames_are_one_range() {
         let hours = [0.0, 1.0, 5.9, 6.0, 23.6];
         assert_eq!(ranges(&hours, &[true, true, false, true, true]), "0–1, 6–23.6");
         assert_eq!(ranges(&hours, &[false, false, true, false, false]), "5.9");

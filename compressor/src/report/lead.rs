@@ -1,4 +1,4 @@
-//! What a report shows first: the scene at four hours, baked and decoded, and in three lines how good, how large, how long, and what next.
+//! A report's summary: the scene at four hours, baked and decoded, and in three lines quality, size, time and the next step.
 
 use crate::Result;
 use crate::compress::Outcome;
@@ -6,7 +6,7 @@ use crate::decode::{Decoder, Lights};
 use crate::evaluate::{Evaluation, Quality, cell, decode, read, reference_law};
 use dataset::console::count;
 use dataset::report::Section;
-use dataset::report::scene::{PICTURE, remark as of_view, shown_sets};
+use dataset::report::scene::{PICTURE, remark as of_view, shown_frames};
 use dataset::store::Dataset;
 use dataset::view::View;
 
@@ -43,7 +43,7 @@ pub fn lead(
     Ok((section, view.is_some()))
 }
 
-/// The scene at some sets, the dataset's light above the bundle's.
+/// The scene at some frames, the dataset's light above the bundle's.
 fn pictures(
     view: &View,
     dataset: &Dataset,
@@ -53,10 +53,10 @@ fn pictures(
 ) -> Result<()> {
     let law = reference_law(decoder);
     let mut stacks = Vec::new();
-    for set in shown_sets(&dataset.config) {
-        let hour = dataset.config.frames[set].hour;
+    for frame in shown_frames(&dataset.config) {
+        let hour = dataset.config.frames[frame].hour;
         let config = &dataset.config;
-        let baked = view.light(config, |page, rows| read(dataset, &law, set, page, &rows))?;
+        let baked = view.light(config, |page, rows| read(dataset, &law, frame, page, &rows))?;
         let decoded = view.light(config, |page, rows| decode(decoder, Lights::All, page, hour, &rows))?;
         let exposure = view.exposure(&baked);
         let pair = [baked, decoded].map(|light| view.to_png(&light, exposure));
@@ -66,14 +66,11 @@ fn pictures(
         stacks.push((format!("{hour} h{quality}"), pair.into()));
     }
     section.row(&stacks);
-    let sun = match evaluation.sun_is_left_out {
-        true => " Both are without the sun's direct light, which was left out of the bundle.",
+    let sun = match evaluation.sun_is_omitted {
+        true => " Both are without the sun's direct light, which the bundle omits.",
         false => "",
     };
-    section.paragraph(&format!(
-        "Above what was baked, below what the bundle decodes to.{sun} {}",
-        of_view(view)
-    ));
+    section.paragraph(&format!("Above: baked. Below: decoded from the bundle.{sun} {}", of_view(view)));
     Ok(())
 }
 
@@ -103,8 +100,8 @@ fn how_good(evaluation: &Evaluation) -> String {
     let [mean, worst] = [all.psnr_db, all.psnr_worst_percent_db].map(|db| cell(db, 1));
     let ceiling = all
         .noise_ceiling_db
-        .map_or(String::new(), |db| format!("; the bake's own sampling error, as a PSNR, is {db:.1} dB"));
-    format!("PSNR {mean} dB on average over tiles and sets, {worst} dB in the worst 1 %{ceiling}.")
+        .map_or(String::new(), |db| format!("; the bake's sampling error, as a PSNR, is {db:.1} dB"));
+    format!("PSNR {mean} dB on average over tiles and frames, {worst} dB in the worst 1 %{ceiling}.")
 }
 
 fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> String {
@@ -112,14 +109,14 @@ fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> S
     let texels: f64 = config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
     let raw = texels * 12.0 * config.frames.len() as f64;
     format!(
-        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and set; {} of CPU time to train, {} to decode {}.",
+        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and frame; {} of CPU time to train, {} to decode {}.",
         bytes(size),
         bytes(raw),
         raw / size,
         evaluation.bpp,
         time(outcome.training_seconds),
         time(evaluation.decode_seconds),
-        count(config.frames.len(), "set")
+        count(config.frames.len(), "frame")
     )
 }
 
@@ -128,9 +125,9 @@ fn advice(all: &Quality, remark: Option<&str>) -> String {
     match (all.psnr_db.zip(all.noise_ceiling_db), remark) {
         (_, Some(remark)) => format!("{remark}."),
         (Some((psnr, ceiling)), _) if psnr > ceiling - CLOSE_DB => {
-            "More samples in the bake: its own error is about as large as that of the bundle, or larger.".to_owned()
+            "Bake with more samples: the bake's sampling error is about as large as the bundle's error, or larger.".to_owned()
         }
-        _ => "To come closer to the bake: --preset final trains longer, --profile M or H hold more; compress sweep tells what each gives."
+        _ => "For a smaller error: --preset final trains longer, --profile M or H store more; compress sweep shows what each gains."
             .to_owned(),
     }
 }
@@ -146,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_times_are_told_in_their_units() {
+    fn sizes_and_times_are_printed_in_their_units() {
         assert_eq!([6.53e5, 1.26e8, 2.5e6, 3.2e9].map(bytes), ["653 kB", "126 MB", "2.5 MB", "3.2 GB"]);
         assert_eq!(
             [0.03, 4.26, 59.7, 205.0, 9000.0].map(time),
@@ -162,13 +159,13 @@ mod tests {
             ..Quality::default()
         };
         for (all, remark, expected) in [
-            (at(46.0, Some(46.2)), None, "More samples in the bake"),
+            (at(46.0, Some(46.2)), None, "Bake with more samples"),
             (at(46.0, Some(60.0)), None, "--preset final"),
             (at(46.0, None), None, "--preset final"),
             (at(46.0, Some(46.2)), Some("--target-psnr 50: missed"), "--target-psnr 50: missed."),
         ] {
-            let told = advice(&all, remark);
-            assert!(told.contains(expected), "{told}");
+            let reported = advice(&all, remark);
+            assert!(reported.contains(expected), "{reported}");
         }
     }
 }

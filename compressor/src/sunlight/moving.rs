@@ -20,7 +20,7 @@ const FEWEST: f32 = 4096.0;
 /// The weight of a gutter texel's error, relative to the valid texel that it repeats.
 const GUTTER_WEIGHT: f32 = 0.25;
 /// Steps of an interval whose light stands for all.
-const LOOKED_AT: [usize; 3] = [2, 6, 10];
+const EXAMINED: [usize; 3] = [2, 6, 10];
 
 /// The dataset's visibility over the tiles that were read last.
 #[derive(Debug)]
@@ -85,18 +85,18 @@ impl Sunlight<'_> {
         search: &Search,
         band: &SunBand,
         column: usize,
-        told: &TileSun,
+        reported: &TileSun,
         seen: &mut Seen,
     ) -> Result<Section> {
-        let size = [told.width, told.height];
+        let size = [reported.width, reported.height];
         let intervals = self.sun.times.len() - 1;
         let place = self.place(band, column, size, seen)?;
-        let mut planes = vec![Vec::new(); told.channels() * intervals];
+        let mut planes = vec![Vec::new(); reported.channels() * intervals];
         for interval in 0..intervals {
-            let blocks = self.interval(band, told, &place, seen, interval);
+            let blocks = self.interval(band, reported, &place, seen, interval);
             for (channel, blocks) in blocks.into_iter().enumerate() {
                 planes[channel * intervals + interval] =
-                    search.blocks(blocks, told.width.div_ceil(2 * SIDE), PRICE);
+                    search.blocks(blocks, reported.width.div_ceil(2 * SIDE), PRICE);
             }
         }
         Ok(encode_shadows(&planes, size))
@@ -107,12 +107,12 @@ impl Sunlight<'_> {
         &self,
         band: &SunBand,
         column: usize,
-        told: &TileSun,
+        reported: &TileSun,
         seen: &mut Seen,
     ) -> Result<Vec<[Option<Brick>; 4]>> {
-        let place = self.place(band, column, [told.width, told.height], seen)?;
+        let place = self.place(band, column, [reported.width, reported.height], seen)?;
         let intervals = 0..self.sun.times.len() - 1;
-        Ok(intervals.flat_map(|i| self.interval(band, told, &place, seen, i).concat()).collect())
+        Ok(intervals.flat_map(|i| self.interval(band, reported, &place, seen, i).concat()).collect())
     }
 
     /// Per stored texel of a tile, the texel of the page whose visibility it has, by its place in the band, and what it counts.
@@ -142,7 +142,7 @@ impl Sunlight<'_> {
     fn interval(
         &self,
         band: &SunBand,
-        told: &TileSun,
+        reported: &TileSun,
         place: &[Option<(usize, f32)>],
         seen: &Seen,
         interval: usize,
@@ -151,9 +151,9 @@ impl Sunlight<'_> {
         let hours: [f64; STEPS - 1] =
             std::array::from_fn(|k| from + (to - from) * (k + 1) as f64 / STEPS as f64);
         let between = hours.map(|hour| Between::new(&seen.visibility.hours, hour));
-        let (width, height, channels) = (told.width, told.height, told.channels());
+        let (width, height, channels) = (reported.width, reported.height, reported.channels());
         // How texels face the sun, at the steps that are looked at.
-        let suns = LOOKED_AT.map(|step| band.path.at(hours[step - 1]).unwrap_or_default());
+        let suns = EXAMINED.map(|step| band.path.at(hours[step - 1]).unwrap_or_default());
         let faces = |i: usize| {
             suns.map(|(direction, _)| {
                 let normal = band.normals[i];
@@ -187,29 +187,29 @@ impl Sunlight<'_> {
                     if most > 0.0 { cosine * cosine * squares } else { 0.0 }
                 })
                 .sum();
-            share * span * light
-                / (LOOKED_AT.len() as f32 * peak * peak * count.max(FEWEST) * channels as f32)
+            share * span * light / (EXAMINED.len() as f32 * peak * peak * count.max(FEWEST) * channels as f32)
         };
         let weights: Vec<f32> = (0..width * height).map(weight).collect();
         let brick = |channel: usize, x0: usize, y0: usize| {
             if x0 >= width || y0 >= height {
                 return None;
             }
-            let mut brick = Brick { told: [0.0; SAMPLES], wanted: [0.0; SAMPLES], weights: [0.0; TEXELS] };
+            let mut brick =
+                Brick { reported: [0.0; SAMPLES], wanted: [0.0; SAMPLES], weights: [0.0; TEXELS] };
             let texels = width * height;
             for i in 0..TEXELS {
                 let texel = (y0 + i / SIDE) * width + x0 + i % SIDE;
                 let level = |time: usize| {
-                    let level = told.levels[(channel * told.times + time) * texels + texel];
+                    let level = reported.levels[(channel * reported.times + time) * texels + texel];
                     f32::from(level.min(TileSun::TOP)) / f32::from(TileSun::TOP)
                 };
                 let [a, b] = [level(interval), level(interval + 1)];
                 let wanted = wanted[channel][texel].as_ref();
                 brick.weights[i] = wanted.map_or(0.0, |_| weights[texel]);
                 for k in 0..STEPS - 1 {
-                    let told = a + (b - a) * (k + 1) as f32 / STEPS as f32;
-                    brick.told[k * TEXELS + i] = told;
-                    brick.wanted[k * TEXELS + i] = wanted.map_or(told, |wanted| wanted[k]);
+                    let reported = a + (b - a) * (k + 1) as f32 / STEPS as f32;
+                    brick.reported[k * TEXELS + i] = reported;
+                    brick.wanted[k * TEXELS + i] = wanted.map_or(reported, |wanted| wanted[k]);
                 }
             }
             Some(brick)

@@ -34,7 +34,7 @@ const GROUP: f32 = 8.0 + 32.0 + 6.0;
 #[derive(Clone, Debug)]
 pub struct Brick {
     /// By step from 1 on, then texel.
-    pub told: [f32; SAMPLES],
+    pub reported: [f32; SAMPLES],
     /// The same.
     pub wanted: [f32; SAMPLES],
     /// What a squared error counts at a texel.
@@ -47,14 +47,14 @@ pub type Costs = Vec<[f32; LEVELS]>;
 impl Brick {
     /// The weighted squared error, the mean over the steps.
     pub fn error(&self) -> f32 {
-        let of = |i: usize| self.weights[i % TEXELS] * (self.told[i] - self.wanted[i]).powi(2);
+        let of = |i: usize| self.weights[i % TEXELS] * (self.reported[i] - self.wanted[i]).powi(2);
         (0..SAMPLES).map(of).sum::<f32>() / (STEPS - 1) as f32
     }
 
     /// Adds the value, in sevenths, of each step and texel.
     pub fn add(&mut self, value: impl Fn(usize, usize) -> i8) {
-        for (i, told) in self.told.iter_mut().enumerate() {
-            *told = (*told + f32::from(value(i / TEXELS + 1, i % TEXELS)) * UNIT).clamp(0.0, 1.0);
+        for (i, reported) in self.reported.iter_mut().enumerate() {
+            *reported = (*reported + f32::from(value(i / TEXELS + 1, i % TEXELS)) * UNIT).clamp(0.0, 1.0);
         }
     }
 
@@ -73,11 +73,11 @@ impl Brick {
     /// What each value would change.
     pub fn costs(&self) -> Costs {
         let of = |i: usize| {
-            let (told, wanted) = (self.told[i], self.wanted[i]);
+            let (reported, wanted) = (self.reported[i], self.wanted[i]);
             let weight = self.weights[i % TEXELS] / (STEPS - 1) as f32;
-            let before = (told - wanted).powi(2);
+            let before = (reported - wanted).powi(2);
             std::array::from_fn(|level| {
-                let after = (told + (level as f32 - 7.0) * UNIT).clamp(0.0, 1.0) - wanted;
+                let after = (reported + (level as f32 - 7.0) * UNIT).clamp(0.0, 1.0) - wanted;
                 weight * (after * after - before)
             })
         };
@@ -240,7 +240,7 @@ impl Search {
     pub fn best(&self, costs: &Costs) -> (usize, usize, f32) {
         let mut candidates = match self.tier.instructions() {
             Instructions::Portable => self.candidates(costs),
-            // SAFETY: the tier was asked for.
+            // SAFETY: the processor was asked for the tier.
             #[cfg(target_arch = "x86_64")]
             _ => unsafe { self.candidates_avx2(costs) },
         };
@@ -356,7 +356,7 @@ impl Search {
             best = (Block::Doubled(word), cost);
         }
         // Of each quarter, words while another may pay, and what the error is with none, one, …
-        let tried = [0, 1, 2, 3].map(|quarter| {
+        let trial_fits = [0, 1, 2, 3].map(|quarter| {
             let (mut words, mut after) = (Vec::new(), vec![errors[quarter]]);
             if let Some(brick) = &mut bricks[quarter] {
                 while words.len() < MOST && after[words.len()] > price * WORD {
@@ -370,7 +370,7 @@ impl Search {
         });
         for (most, bits) in [(1, FEW), (MOST, MANY)] {
             let mut cost = price * bits;
-            let words = tried.each_ref().map(|(words, after)| {
+            let words = trial_fits.each_ref().map(|(words, after)| {
                 let of = |n: usize| after[n] + price * WORD * n as f32;
                 let n = (0..after.len().min(most + 1)).min_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or(0);
                 cost += of(n);
@@ -401,7 +401,7 @@ fn directions(entries: &[[u8; SAMPLES]]) -> (Vec<f32>, Vec<[f32; DIRECTIONS]>) {
     let mut mean = vec![0.0; FEATURES];
     let share = 1.0 / entries.len() as f32;
     entries.iter().for_each(|entry| features(entry).for_each(|feature| mean[feature] += share));
-    // Anything to begin with; a hash of the place.
+    // Anything initially; a hash of the place.
     let start = |feature: usize| {
         std::array::from_fn(|d| {
             let hash = (feature * DIRECTIONS + d + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -460,12 +460,12 @@ mod tests {
                 (0.5 + 0.7 * (a * x + b * y) + (0.4 + c) * (step - 6.0 - 3.0 * a)).clamp(0.0, 1.0)
             };
             let wanted = |i: usize| seen(i % TEXELS, (i / TEXELS + 1) as f32);
-            let told = |i: usize| {
+            let reported = |i: usize| {
                 let [from, to] = [0.0, STEPS as f32].map(|step| (7.0 * seen(i % TEXELS, step)).round() / 7.0);
                 from + (to - from) * (i / TEXELS + 1) as f32 / STEPS as f32
             };
             Brick {
-                told: std::array::from_fn(told),
+                reported: std::array::from_fn(reported),
                 wanted: std::array::from_fn(wanted),
                 weights: std::array::from_fn(|i| 1.0 + (1.7 * (i + n) as f32).sin()),
             }
@@ -518,7 +518,7 @@ mod tests {
         let many = words(1e-6 * error);
         assert!((5..=4 * MOST).contains(&many), "{many}");
         // At a price of nothing none is taken that does harm; where there is nothing to gain, none.
-        let still = Brick { wanted: a.told, ..a.clone() };
+        let still = Brick { wanted: a.reported, ..a.clone() };
         assert_eq!(search.blocks(vec![[Some(still), None, None, None]], 1, 0.0), [Block::Nothing]);
     }
 }

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// What a step leaves of a covariance.
 const MEMORY: f32 = 0.95;
-/// Eigenvectors follow their covariance every so many steps, by one round of orthogonal iteration.
+/// Eigenvectors follow their covariance every this many steps, by one round of orthogonal iteration.
 const EVERY: u32 = 10;
 /// Rounds at the first step, from the axes.
 const FIRST_ROUNDS: usize = 10;
@@ -192,7 +192,7 @@ fn orthonormalise(rows: &mut [f32], size: usize) {
     }
 }
 
-/// The product of a matrix and one of so many columns.
+/// The product of a matrix and one of this many columns.
 #[inline(always)]
 fn product(a: &[f32], b: &[f32], columns: usize) -> Vec<f32> {
     let inner = b.len() / columns;

@@ -2,7 +2,7 @@
 //!
 //! Everything is in units of one 8-bit step. The cost of a block is Σ_q (p_q − f_q)ᵀ M_q (p_q − f_q) over its texels q. Costs are
 //! taken of all 16 texels at once, so what belongs to a texel is stored channel by channel. (Loops where one would write `map`: of larger
-//! closures the compiler makes functions for the least instruction set.)
+//! closures the compiler makes functions for the lowest instruction set.)
 
 #![allow(
     clippy::needless_range_loop,
@@ -19,7 +19,7 @@ type Texels = [f32; 16];
 /// Rounds of indices ↔ endpoints in which a block is fitted.
 const ROUNDS: usize = 6;
 
-/// A mode, and endpoints to begin with.
+/// A mode, and endpoints initially.
 pub type Start = (Mode, [Quad; 2]);
 
 /// What a block is to come near to.
@@ -165,15 +165,15 @@ impl Wanted {
     /// Where to begin in mode 4: of its eight forms the two that look best after two rounds.
     #[inline(always)]
     pub fn fours<V: Lanes>(&self) -> [Start; 2] {
-        let mut tried = [(0.0, (Mode::Six, [[0.0; 4]; 2])); 8];
+        let mut trial_fits = [(0.0, (Mode::Six, [[0.0; 4]; 2])); 8];
         for i in 0..8 {
             // The forms of one channel follow each other.
             let (mode, spread) = (Mode::FOURS[i], self.spread(i / 2));
             let (endpoints, cost) = self.approach::<V>(mode, spread, 2);
-            tried[i] = (cost, (mode, endpoints));
+            trial_fits[i] = (cost, (mode, endpoints));
         }
-        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-        [tried[0].1, tried[1].1]
+        trial_fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        [trial_fits[0].1, trial_fits[1].1]
     }
 
     /// Endpoints for a form of mode 4: the range of the channel alone, the ends of the others' principal axis.

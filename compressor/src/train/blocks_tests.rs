@@ -13,7 +13,7 @@ fn apart(alone: usize) -> Wanted {
 }
 
 #[test]
-fn a_channel_that_stands_apart_has_indices_of_its_own() {
+fn an_independent_channel_has_its_own_indices() {
     for alone in 0..4 {
         let wanted = apart(alone);
         let (six, cost_of_six) = wanted.fit::<Quad>(&[(Mode::Six, principal(&wanted.texels))]);

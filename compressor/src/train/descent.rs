@@ -27,9 +27,9 @@ pub struct Sample {
 pub struct Descent<'a> {
     /// The tile.
     pub problem: &'a Problem,
-    /// Every so many sets are looked at.
+    /// Every this many frames are looked at.
     pub stride: usize,
-    /// Per looked-at moment and stored texel; zero where a texel does not count. Residuals follow the blocks.
+    /// Per looked-at time point and stored texel; zero where a texel does not count. Residuals follow the blocks.
     pub samples: &'a mut [Sample],
     /// F_uvt, slice by slice.
     pub blocks: &'a mut [Block],
@@ -67,15 +67,15 @@ impl Kernel for Descent<'_> {
                 let ends = pair.ends();
                 ends.iter().filter(|(at, _)| *at == slice * across * down).map(|(_, f)| f).sum::<f32>()
             };
-            let looked_at = problem.moments[..problem.sets].iter().step_by(stride);
-            let moments = looked_at.map(|m| of_slice(&m.slices)).enumerate().filter(|(_, f)| *f > 0.0);
-            let moments: Vec<(usize, f32)> = moments.collect();
+            let examined = problem.points[..problem.frames].iter().step_by(stride);
+            let points = examined.map(|m| of_slice(&m.slices)).enumerate().filter(|(_, f)| *f > 0.0);
+            let points: Vec<(usize, f32)> = points.collect();
             for rows in &rows {
                 for columns in &columns {
                     let block =
                         blocks.next().expect("there is a block for all columns and rows of all slices");
                     let reach =
-                        Reach { columns, rows, moments: &moments, width: shape.width, height: shape.height };
+                        Reach { columns, rows, points: &points, width: shape.width, height: shape.height };
                     let form = reach.form(samples);
                     let improved = form.improve::<V>(block, damping);
                     if improved != *block {
@@ -92,8 +92,8 @@ impl Kernel for Descent<'_> {
 struct Reach<'a> {
     columns: &'a Readers,
     rows: &'a Readers,
-    /// Looked-at moments that read the block's slice, with their weights on it.
-    moments: &'a [(usize, f32)],
+    /// Looked-at time points that read the block's slice, with their weights on it.
+    points: &'a [(usize, f32)],
     /// Stored width.
     width: usize,
     /// Stored height.
@@ -101,10 +101,10 @@ struct Reach<'a> {
 }
 
 impl Reach<'_> {
-    /// The first sample of a row of stored texels at a moment.
+    /// The first sample of a row of stored texels at a time point.
     #[inline(always)]
-    fn line(&self, moment: usize, y: usize) -> usize {
-        (moment * self.height + y) * self.width
+    fn line(&self, point: usize, y: usize) -> usize {
+        (point * self.height + y) * self.width
     }
 
     /// The loss as a form of the block's texels.
@@ -113,9 +113,9 @@ impl Reach<'_> {
         let mut form = Form::NONE;
         for (y, on_rows) in self.rows {
             for (x, on_columns) in self.columns {
-                // What all moments have in common is where the sample lies.
+                // What all time points have in common is where the sample lies.
                 let (mut square, mut slope) = ([[0.0; 4]; 4], [0.0; 4]);
-                for &(m, f) in self.moments {
+                for &(m, f) in self.points {
                     let sample = &samples[self.line(m, *y) + x];
                     for c in 0..3 {
                         add_outer(&mut square, f * f, sample.jacobian[c]);
@@ -147,7 +147,7 @@ impl Reach<'_> {
                 for &(q, a) in &texels[..count] {
                     moved = Quad::splat(a).mul_add(from[q].mul_add([-1.0; 4], to[q]), moved);
                 }
-                for &(m, f) in self.moments {
+                for &(m, f) in self.points {
                     let sample = &mut samples[self.line(m, *y) + x];
                     for c in 0..3 {
                         sample.residual[c] += f * dot(sample.jacobian[c], moved);
@@ -181,14 +181,14 @@ mod tests {
     #[test]
     fn the_form_is_the_loss_of_what_the_texels_are_moved_to() {
         let mut random = Random::new(1);
-        // Twelve columns and ten rows of stored texels, of which the block's four columns and rows are read by some; three moments.
+        // Twelve columns and ten rows of stored texels, of which the block's four columns and rows are read by some; three time points.
         let (width, height) = (12, 10);
         let pair = |at: usize, texels: usize| Pair { at: [at, (at + 1).min(texels - 1)], f: 0.3 };
         let columns = readers((0..width).map(|x| pair(x / 2, 6)), [1, 2, 3, 4]);
         let rows = readers((0..height).map(|y| pair(y / 2, 5)), [0, 1, 2, 3]);
         assert_eq!(columns.first(), Some(&(0, [0.3, 0.0, 0.0, 0.0])));
         assert_eq!((columns.len(), rows.len()), (10, 8));
-        let reach = Reach { columns: &columns, rows: &rows, moments: &[(0, 0.25), (2, 1.0)], width, height };
+        let reach = Reach { columns: &columns, rows: &rows, points: &[(0, 0.25), (2, 1.0)], width, height };
         let mut number = || random.uniform(-1.0, 1.0);
         let sample = |_| Sample {
             jacobian: std::array::from_fn(|_| std::array::from_fn(|_| number())),
@@ -204,20 +204,20 @@ mod tests {
             samples.iter().map(|sample| dot(sample.residual, sample.residual)).sum()
         };
         let moved: [Quad; 16] = std::array::from_fn(|q| std::array::from_fn(|c| to[q][c] - from[q][c]));
-        let mut told = 0.0;
+        let mut reported = 0.0;
         for p in 0..16 {
-            told += 2.0 * dot(form.slope[p], moved[p]);
-            (0..16).for_each(|q| told += dot(moved[p], times(&form.matrix[p][q], moved[q])));
+            reported += 2.0 * dot(form.slope[p], moved[p]);
+            (0..16).for_each(|q| reported += dot(moved[p], times(&form.matrix[p][q], moved[q])));
         }
         let changed = loss(&after) - loss(&before);
-        assert!((told - changed).abs() < 1e-4 * loss(&after), "{told} {changed}");
-        // One sample by hand: at moment 2 column 5 lies between texels 2 and 3 and row 4 on texels 2 and 3 of the page, the block's
+        assert!((reported - changed).abs() < 1e-4 * loss(&after), "{reported} {changed}");
+        // One sample by hand: at time point 2 column 5 lies between texels 2 and 3 and row 4 on texels 2 and 3 of the page, the block's
         // columns 1 and 2 and rows 2 and 3.
         let at = (2 * height + 4) * width + 5;
         let weights = [(9, 0.7 * 0.7), (10, 0.7 * 0.3), (13, 0.3 * 0.7), (14, 0.3 * 0.3)];
         let shift: f32 = weights.iter().map(|&(q, a)| a * dot(before[at].jacobian[1], moved[q])).sum();
         assert!((after[at].residual[1] - before[at].residual[1] - shift).abs() < 1e-5);
-        // What reads nothing of it stays: the moment between, the first columns.
+        // What reads nothing of it stays: the time point between, the first columns.
         assert_eq!(after[height * width + 5].residual, before[height * width + 5].residual);
     }
 }

@@ -90,7 +90,7 @@ impl Layout {
     }
 }
 
-/// The first texels of the blocks of maps of so many texels across, row by row; with 4, block by block.
+/// The first texels of the blocks of maps of this many texels across, row by row; with 4, block by block.
 pub fn corners(across: usize) -> impl Iterator<Item = usize> {
     let across = across.max(4);
     (0..).step_by(4 * across).flat_map(move |row| (row..row + across).step_by(4))

@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_changed_is_told_whatever_moved() {
+    fn changes_are_reported_whatever_moved() {
         let block = block(1);
         let from = values(&block);
         let residuals = residuals(2, |q| [q as f32 * 10.0; 4], &from);
@@ -292,8 +292,11 @@ mod tests {
                 std::array::from_fn(|c| from[q][c] + (1.0 - w[c]) * step[c] + w[c] * step[4 + c])
             });
             let [before, after] = [&from, &to].map(|to| loss(&residuals, &from, to));
-            let told = 2.0 * system.energy(&step);
-            assert!((told - (after - before)).abs() < 1e-4 * (before + after), "{told} {before} {after}");
+            let reported = 2.0 * system.energy(&step);
+            assert!(
+                (reported - (after - before)).abs() < 1e-4 * (before + after),
+                "{reported} {before} {after}"
+            );
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Samples read F_uv where it was learned, between the endpoints of its blocks: a step reads a quarter of its texels, so a map of them
 //! would cost more than it saves. F_uvt, whose texels samples share, is read as a map. Of F_ut and F_vt all samples of a chunk read the same
-//! moment: its rows are mixed once a chunk.
+//! time point: its rows are mixed once a chunk.
 
 use super::features::{CENTRE_SLOPE, Layout, centred, two, two_mut};
 #[cfg(doc)]
@@ -12,11 +12,11 @@ use super::problem::{Pair, Problem, Texel};
 use crate::lanes::{Lanes, Longest, Quad, TwoQuads};
 use crate::model::STORED;
 
-/// A chunk of samples, of one moment.
+/// A chunk of samples, of one time point.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
-    /// Index into the problem's moments.
-    pub moment: usize,
+    /// Index into the problem's time points.
+    pub point: usize,
     /// At most [`CHUNK`] texels. Rows of the others are left as they are.
     pub texels: &'a [Texel],
 }
@@ -91,7 +91,7 @@ impl<'a> FeatureGradient<'a> {
 /// A row of F_ut or F_vt between two others: at most half as many texels as are stored, of 2 channels.
 type Row = [f32; STORED];
 
-/// The row of a plane at a moment, centred; zeros without the plane.
+/// The row of a plane at a time point, centred; zeros without the plane.
 #[inline(always)]
 fn mixed(plane: &[f32], across: usize, rows: &Pair) -> Row {
     let mut row = [0.0; STORED];
@@ -128,15 +128,15 @@ pub fn gather<V: Longest>(
     x: &mut Rows<FEATURE_ROW>,
     meanwhile: impl Fn(Texel),
 ) {
-    let moment = &problem.moments[samples.moment];
+    let point = &problem.points[samples.point];
     let has = &problem.shape.contents;
-    let ut = mixed(features.ut, problem.shape.ut, &moment.rows);
-    let vt = mixed(features.vt, problem.shape.vt, &moment.rows);
+    let ut = mixed(features.ut, problem.shape.ut, &point.rows);
+    let vt = mixed(features.vt, problem.shape.vt, &point.rows);
     let between = |row: &Row, pair: &Pair| -> [f32; 2] {
         let [a, b, c, d] = Quad::load(&row[2 * pair.at[0]..]);
         [a + pair.f * (c - a), b + pair.f * (d - b)]
     };
-    let slices = moment.slices.at.map(|at| &features.uvt[at..]);
+    let slices = point.slices.at.map(|at| &features.uvt[at..]);
     for (x, &texel) in x.iter_mut().zip(samples.texels) {
         meanwhile(texel);
         let (column, row) = problem.sites(texel);
@@ -144,8 +144,8 @@ pub fn gather<V: Longest>(
             let (at, [above, below], f) = (column.uvt.at[0], row.uvt.at, row.uvt.f);
             let before = mix::<V>(two(slices[0], at + above), two(slices[0], at + below), f);
             let after = mix::<V>(two(slices[1], at + above), two(slices[1], at + below), f);
-            let pair = V::Eight::splat(moment.slices.f)
-                .mul_add(after, V::Eight::splat(1.0 - moment.slices.f).mul(before));
+            let pair = V::Eight::splat(point.slices.f)
+                .mul_add(after, V::Eight::splat(1.0 - point.slices.f).mul(before));
             pair.mul(V::Eight::ends(column.uvt.f)).folded().store(&mut x[..4]);
         }
         if has.uv {
@@ -170,7 +170,7 @@ pub fn scatter<V: Longest>(
     gradient: &mut FeatureGradient,
     planes_alone: bool,
 ) {
-    let moment = &problem.moments[samples.moment];
+    let point = &problem.points[samples.point];
     let has = &problem.shape.contents;
     let (mut ut, mut vt): (Row, Row) = ([0.0; STORED], [0.0; STORED]);
     let part = |row: &mut Row, pair: &Pair, d: [f32; 2]| {
@@ -196,7 +196,7 @@ pub fn scatter<V: Longest>(
             continue;
         }
         let d = V::Eight::twice(V::Four::load(&d[..4])).mul(V::Eight::ends(column.uvt.f));
-        for (slice, fs) in moment.slices.ends() {
+        for (slice, fs) in point.slices.ends() {
             let slice = &mut gradient.uvt[slice..];
             for (y, fy) in row.uvt.ends() {
                 let to = two_mut(slice, column.uvt.at[0] + y);
@@ -204,8 +204,8 @@ pub fn scatter<V: Longest>(
             }
         }
     }
-    unmix(&ut, problem.shape.ut, &moment.rows, gradient.ut);
-    unmix(&vt, problem.shape.vt, &moment.rows, gradient.vt);
+    unmix(&ut, problem.shape.ut, &point.rows, gradient.ut);
+    unmix(&vt, problem.shape.vt, &point.rows, gradient.vt);
 }
 
 /// ∂e₁ = w g, ∂e₀ = (1 − w) g, ∂w = g · (e₁ − e₀), with g that of the texel before it is centred.

@@ -116,8 +116,8 @@ impl<const H: usize> Kernel for Batch<'_, H> {
         let (mut x, mut dx) = (Rows::new(), Rows::new());
         let mut loss = 0.0;
         for (b, samples) in self.samples.iter().enumerate() {
-            // The targets of all sets do not fit the near caches: they are asked for one by one, for a cache waits for few.
-            let targets = self.problem.targets_at(samples.moment);
+            // The targets of all frames do not fit the near caches: they are requested one by one, for a cache waits for few.
+            let targets = self.problem.targets_at(samples.point);
             let ask = |texel: Texel| prefetch(&targets[texel.index()]);
             gather::<V>(&self.features, self.problem, samples, &mut x, ask);
             if let Some((noise, salt)) = self.noise {
@@ -127,11 +127,11 @@ impl<const H: usize> Kernel for Batch<'_, H> {
                     }
                 }
             }
-            let mut y = self.network.forward::<V>(&x, samples.moment, &mut trace);
-            let moment = &self.problem.moments[samples.moment];
+            let mut y = self.network.forward::<V>(&x, samples.point, &mut trace);
+            let point = &self.problem.points[samples.point];
             let mut sum = [0.0; 4];
             for (y, texel) in y.iter_mut().zip(samples.texels) {
-                let (r, w) = residual(*y, targets[texel.index()], &moment.base, &moment.slope);
+                let (r, w) = residual(*y, targets[texel.index()], &point.base, &point.slope);
                 let weighted = r.mul(w);
                 sum = weighted.mul_add(r, sum);
                 *y = weighted.mul(Quad::splat(self.scale));
@@ -139,7 +139,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
             y[samples.texels.len()..].fill([0.0; 4]);
             loss += f64::from(sum[0] + sum[1] + sum[2]);
             let wanted = (self.scope != Scope::Decoder).then_some(&mut dx);
-            self.network.backward::<V>(&x, samples.moment, &trace, &y, self.of_network, wanted);
+            self.network.backward::<V>(&x, samples.point, &trace, &y, self.of_network, wanted);
             if self.scope != Scope::Decoder {
                 let planes_alone = self.scope == Scope::Planes;
                 scatter::<V>(&self.features, self.problem, samples, &dx, &mut self.of_features, planes_alone);
@@ -149,7 +149,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
     }
 }
 
-/// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is asked for; the
+/// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is requested; the
 /// residual of a y that is not a number stays not a number.
 #[inline(always)]
 pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad) {
@@ -161,7 +161,7 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
     (r, [w[0], w[1], w[2], 0.0])
 }
 
-/// Squared error in linear light, summed over texels and channels, per moment, of the given texels.
+/// Squared error in linear light, summed over texels and channels, per time point, of the given texels.
 pub struct SquaredErrors<'a, const H: usize> {
     /// The tile.
     pub problem: &'a Problem,
@@ -169,8 +169,8 @@ pub struct SquaredErrors<'a, const H: usize> {
     pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
-    /// So many of the problem's moments.
-    pub moments: usize,
+    /// This many of the problem's time points.
+    pub points: usize,
     /// On these texels.
     pub texels: &'a [Texel],
 }
@@ -181,22 +181,22 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
     fn run<V: Longest>(self) -> Vec<f64> {
         let mut trace = Trace::new();
         let mut x = Rows::new();
-        let mut sums = Vec::with_capacity(self.moments);
+        let mut sums = Vec::with_capacity(self.points);
         let coding = self.problem.coding;
-        for (a, moment) in self.problem.moments[..self.moments].iter().enumerate() {
+        for (a, point) in self.problem.points[..self.points].iter().enumerate() {
             let targets = self.problem.targets_at(a);
             let mut sum = 0.0;
             for texels in self.texels.chunks(CHUNK) {
-                let samples = Samples { moment: a, texels };
+                let samples = Samples { point: a, texels };
                 gather::<V>(&self.features, self.problem, &samples, &mut x, |_| ());
-                let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
+                let y = self.network.forward::<V>(&x, samples.point, &mut trace);
                 for (y, texel) in y.iter().zip(texels) {
                     let target = targets[texel.index()];
                     for c in 0..3 {
                         // Not `max`, which would show what is not a number as 0.
                         let shown = if y[c] < 0.0 { 0.0 } else { f64::from(y[c]) };
                         let wanted = f64::from(target[c]);
-                        let error = f64::from(moment.means[c]) * (coding.light(shown) - coding.light(wanted));
+                        let error = f64::from(point.means[c]) * (coding.light(shown) - coding.light(wanted));
                         sum += error * error;
                     }
                 }
@@ -230,11 +230,11 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
         let mut losses = vec![0.0; self.blocks];
         for samples in self.samples {
             gather::<V>(&self.features, self.problem, samples, &mut x, |_| ());
-            let y = self.network.forward::<V>(&x, samples.moment, &mut trace);
-            let moment = &self.problem.moments[samples.moment];
-            let targets = self.problem.targets_at(samples.moment);
+            let y = self.network.forward::<V>(&x, samples.point, &mut trace);
+            let point = &self.problem.points[samples.point];
+            let targets = self.problem.targets_at(samples.point);
             for (y, &texel) in y.iter().zip(samples.texels) {
-                let (r, w) = residual(*y, targets[texel.index()], &moment.base, &moment.slope);
+                let (r, w) = residual(*y, targets[texel.index()], &point.base, &point.slope);
                 let loss = r.mul(r).mul(w);
                 let (column, row) = self.problem.sites(texel);
                 losses[(column.uv + row.uv) / 16] +=
@@ -262,7 +262,7 @@ pub struct Linearise<'a, const H: usize, F> {
     pub features: Features<'a>,
     /// Its decoder.
     pub network: &'a Network<H>,
-    /// The moment and the texels.
+    /// The time point and the texels.
     pub samples: &'a [Samples<'a>],
     /// Called for each chunk in turn.
     pub each: F,
@@ -277,7 +277,7 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
         let mut out = Linearised { y: Rows::new(), jacobian: [Rows::new(); 3] };
         for samples in self.samples {
             gather::<V>(&self.features, self.problem, samples, &mut x, |_| ());
-            out.y = self.network.forward::<V>(&x, samples.moment, &mut trace);
+            out.y = self.network.forward::<V>(&x, samples.point, &mut trace);
             self.network.jacobian::<V>(&trace, &mut out.jacobian);
             (self.each)(samples, &out);
         }
@@ -361,8 +361,8 @@ impl Kernel for Adam<'_> {
         let [b1, b2] = self.beta;
         let [rate, correction] = self.corrected;
         let [low, high] = self.bounds;
-        let moments = self.mean.iter_mut().zip(self.square);
-        for ((p, g), (m, v)) in self.params.iter_mut().zip(self.gradient).zip(moments) {
+        let points = self.mean.iter_mut().zip(self.square);
+        for ((p, g), (m, v)) in self.params.iter_mut().zip(self.gradient).zip(points) {
             let g = std::mem::take(g);
             *m = b1 * *m + (1.0 - b1) * g;
             *v = b2 * *v + (1.0 - b2) * g * g;

@@ -1,15 +1,15 @@
-//! What of a tile's light is known before its maps are chosen: its scales, which sets look alike, which gates switch it.
+//! Survey of a tile's light before its maps are chosen: its scales, which frames look alike, which gates switch it.
 
 use crate::bundle::rounded_means;
 use crate::model::{MOST_GATES, gate};
 use crate::tile::{Coverage, TileSource};
 use crate::time::{Axis, Coding};
 
-/// A set's channel is divided by at least this share of its largest texel, so that no ratio to the mean exceeds 1 / share.
+/// A frame's channel is divided by at least this share of its largest texel, so that no ratio to the mean exceeds 1 / share.
 pub const LEAST_MEAN_OF_PEAK: f64 = 0.01;
-/// A channel is divided by at least this share of the set's strongest channel.
+/// A channel is divided by at least this share of the frame's strongest channel.
 const LEAST_MEAN_OF_CHANNELS: f64 = 0.003;
-/// Sets share a place on the time axis where their outputs (about 1 in the mean) differ by no more than this (RMS): 0.2 % in light.
+/// Frames share a place on the time axis where their outputs (about 1 in the mean) differ by at most this (RMS): 0.2 % in light.
 const ALIKE: f64 = 1e-3;
 /// And in no texel by more than this share of its own output: 2 % of its light, however dim beside the tile's brightest.
 const ALIKE_ANYWHERE: f64 = 0.01;
@@ -21,20 +21,20 @@ pub struct Light {
     pub valid: Vec<usize>,
     /// Gutter texels.
     pub gutter: Vec<usize>,
-    /// Per set: what each channel is divided by, zero where black.
+    /// Per frame: what each channel is divided by, zero where black.
     pub means: Vec<[f32; 3]>,
-    /// Per set: the largest valid value.
+    /// Per frame: the largest valid value.
     pub peaks: Vec<f32>,
     /// The time axis; empty under the paper's coding.
     pub axis: Axis,
-    /// How many sets look different; the number of sets under the paper's coding.
+    /// Number of frames that look different; the number of frames under the paper's coding.
     pub distinct: usize,
     /// The light groups that are gates, ascending.
     pub gates: Vec<u16>,
-    /// Per set: the gates' inputs.
+    /// Per frame: the gates' inputs.
     pub gate_inputs: Vec<Vec<f32>>,
-    /// Gates that there was no room for.
-    pub gates_left_out: usize,
+    /// Gates beyond the format's limit.
+    pub gates_omitted: usize,
 }
 
 impl Light {
@@ -43,16 +43,16 @@ impl Light {
         let of = |coverage| (0..source.coverage.len()).filter(move |&i| source.coverage[i] == coverage);
         let valid: Vec<usize> = of(Coverage::Valid).collect();
         let (means, peaks): (Vec<[f32; 3]>, Vec<_>) =
-            source.sets.iter().map(|light| scales(light, &valid)).unzip();
+            source.frames.iter().map(|light| scales(light, &valid)).unzip();
         // As they are stored, so that what rounding does is trained away.
         let means = rounded_means(&means).unwrap_or(means);
         let (axis, distinct) = match coding {
             Coding::Standard => axis(source, &valid, &means),
-            Coding::Paper => (Axis::default(), source.sets.len()),
+            Coding::Paper => (Axis::default(), source.frames.len()),
         };
         let lit: Vec<usize> = (0..peaks.len()).filter(|&k| peaks[k] > 0.0).collect();
         let mut gates: Vec<usize> = Vec::new();
-        // On one place all sets look alike, whatever is on.
+        // On one place all frames look alike, whatever is on.
         if coding == Coding::Standard && distinct > 1 {
             for (i, candidate) in source.gates.iter().enumerate() {
                 let is_new = |&g: &usize| {
@@ -65,7 +65,7 @@ impl Light {
                 }
             }
         }
-        let gates_left_out = gates.len().saturating_sub(MOST_GATES);
+        let gates_omitted = gates.len().saturating_sub(MOST_GATES);
         gates.truncate(MOST_GATES);
         let inputs = |k: usize| gates.iter().map(|&g| gate(source.gates[g].on[k])).collect();
         Light {
@@ -77,17 +77,17 @@ impl Light {
             peaks,
             axis,
             distinct,
-            gates_left_out,
+            gates_omitted,
         }
     }
 
-    /// Sets that are not black.
+    /// Frames that are not black.
     pub fn lit(&self) -> usize {
         self.peaks.iter().filter(|peak| **peak > 0.0).count()
     }
 }
 
-/// The value each channel of a set is divided by, and the set's largest value. Both over valid texels.
+/// The value each channel of a frame is divided by, and the frame's largest value. Both over valid texels.
 fn scales(light: &[[f32; 3]], valid: &[usize]) -> ([f32; 3], f32) {
     let (mut sum, mut peak) = ([0.0f64; 3], [0.0f64; 3]);
     for &i in valid {
@@ -105,21 +105,21 @@ fn scales(light: &[[f32; 3]], valid: &[usize]) -> ([f32; 3], f32) {
     ([scale(0), scale(1), scale(2)], peak.iter().fold(0.0f64, |a, &b| a.max(b)) as f32)
 }
 
-/// Places from a set to the next at the largest difference of a tile. They go by the difference's root: less even than all alike,
+/// Places from a frame to the next at the largest difference of a tile. They go by the difference's root: less even than all the same,
 /// which spends slices on hours at which little happens, and more than in proportion, which leaves small changes no room.
 const FINEST: f64 = 8.0;
 /// The share of a difference across a switch that counts: gates tell the rest.
 const SWITCHED: f64 = 0.3;
 
-/// The time axis, and how many sets have light and look different. A set has the place of an earlier one
-/// where all since look like that, means apart; the more it differs, the farther it stands. Around midnight likewise. Black sets have
-/// the place before: it is never looked at, as a moment beside a black set has the time of the lit one.
+/// The time axis, and how many frames have light and look different. A frame has the place of an earlier one
+/// where all since look like that, means apart; the more it differs, the farther it stands. Around midnight likewise. Black frames have
+/// the place before: it is never looked at, as a time point beside a black frame has the time of the lit one.
 fn axis(source: &TileSource, valid: &[usize], means: &[[f32; 3]]) -> (Axis, usize) {
     let output = |k: usize, i: usize, c: usize| match means[k][c] {
         0.0 => 0.0,
-        mean => Coding::Standard.output(f64::from(source.sets[k][i][c]) / f64::from(mean)),
+        mean => Coding::Standard.output(f64::from(source.frames[k][i][c]) / f64::from(mean)),
     };
-    // RMS over texels and channels, and whether two sets look alike.
+    // RMS over texels and channels, and whether two frames look alike.
     let compare = |a: usize, b: usize| {
         let (mut sum, mut alike) = (0.0, true);
         for &i in valid {
@@ -137,7 +137,7 @@ fn axis(source: &TileSource, valid: &[usize], means: &[[f32; 3]]) -> (Axis, usiz
         true => SWITCHED,
         false => 1.0,
     };
-    // Runs of sets that look like their first, and how far it is from the run before; the last may continue in the first.
+    // Runs of frames that look like their first, and how far it is from the run before; the last may continue in the first.
     let lit: Vec<usize> = (0..means.len()).filter(|&k| means[k] != [0.0; 3]).collect();
     let mut firsts: Vec<(usize, f64)> = Vec::new();
     for &k in &lit {

@@ -15,13 +15,13 @@ mod form;
 mod descent;
 mod quantise;
 mod phases;
-mod trial;
+mod trial_fit;
 #[cfg(test)]
 mod oracle;
 #[cfg(test)]
 mod tests;
 
-pub use trial::{Trial, gain, trials};
+pub use trial_fit::{TrialFit, gain, trials};
 
 use crate::lanes::Tier;
 use crate::model::{Contents, Profile, Shape, TileParams};
@@ -32,30 +32,30 @@ use light::Light;
 use phases::Attempt;
 use problem::Problem;
 
-/// How long and by which recipe.
+/// Recipe of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recipe {
     /// Steps of the main phase.
     pub iterations: usize,
-    /// How often what is not yet quantised is trained around the blocks; before each time but the first these are chosen anew.
+    /// Passes in which all that is not yet quantised is trained around the blocks; before each pass but the first, blocks are chosen anew.
     pub passes: usize,
     /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂ 0.999, unweighted L2, no
-    /// moments between sets; then 8 bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values, the floors of the
+    /// time points between frames; then 8 bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values, the floors of the
     /// means, the gutter's weight (½ for one texel in five) and what happens on divergence, on which the paper is silent, are those of the main recipe;
     /// the activation is the format's ([`crate::model::gelu`]).
     pub paper: bool,
     /// Seed of this tile's randomness.
     pub seed: u64,
-    /// What the loss weights follow.
+    /// Aim of the loss weights.
     pub aim: Aim,
 }
 
-/// What a training's loss weights follow, in linear light; the paper's recipe follows neither.
+/// Aim of a training's loss weights, in linear light; the paper's recipe has none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aim {
-    /// The mean PSNR of the sets: sets that are good already count as much as others.
+    /// The mean PSNR of the frames: frames that are good already count as much as others.
     MeanPsnr,
-    /// Nearer to the squared error relative to the peak, pooled over the sets: sets count more as they are bad.
+    /// Nearer to the squared error relative to the peak, pooled over the frames: frames count more as they are bad.
     PooledError,
 }
 
@@ -66,45 +66,45 @@ impl Recipe {
     }
 }
 
-/// A moment of the training: for the curve of quality against time.
+/// A point of the curve of quality against training time.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Steps done.
     pub iteration: usize,
     /// CPU seconds since this attempt began.
     pub seconds: f64,
-    /// PSNR of the model as it is then (towards the end quantised), mean over the tile's sets, over some 2000 of its valid texels;
-    /// peak = the set's largest valid value.
+    /// PSNR of the model as it is then (towards the end quantised), mean over the tile's frames, over some 2000 of its valid texels;
+    /// peak = the frame's largest valid value.
     pub psnr_db: f64,
 }
 
-/// What training gives.
+/// Result of a training.
 #[derive(Clone, Debug)]
 pub struct TrainedTile {
     /// Steps of the main phase.
     pub steps: usize,
-    /// CPU seconds of these alone.
+    /// CPU seconds of these steps.
     pub stepping_seconds: f64,
-    /// What the bundle stores; `None` for a tile that has no valid texel or is all black.
+    /// The stored tile; `None` for a tile that has no valid texel or is all black.
     pub params: Option<TileParams>,
-    /// PSNR before quantisation over all valid texels; `None` where no set has one.
+    /// PSNR before quantisation over all valid texels; `None` if no frame has one.
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all features rounded to 8 bits, nothing trained after it.
     pub psnr_8bit_features_db: Option<f64>,
     /// PSNR of what is stored, blocks, planes and decoder rounded, as the trainer computes it.
     pub psnr_db: Option<f64>,
-    /// Its squared error, as [`Trial::error`] counts it.
+    /// Its squared error, as [`TrialFit::error`] counts it.
     pub error: Option<f64>,
     /// Quality against time.
     pub curve: Vec<Point>,
-    /// What was left out and why, and what else is to be said of the training, e.g. "black at 9 of 26 sets".
-    pub left_out: Vec<String>,
+    /// Remarks: what was omitted and why, and others, such as "black in 9 of 26 frames".
+    pub omitted: Vec<String>,
 }
 
 /// The remark on a tile without a valid texel.
 pub(crate) const NO_TEXEL: &str = "no valid texel";
 
-/// How often a training that diverges is tried again at half the rate.
+/// Number of restarts at half the learning rate after a training diverges.
 const RETRIES: i32 = 6;
 
 /// Trains a tile to the maps of a profile, without those that it does not need. Deterministic in (source, recipe) on
@@ -114,16 +114,16 @@ const RETRIES: i32 = 6;
 /// [`Error::Invalid`] where the source's lists have wrong lengths or light that is negative or not finite,
 /// [`Error::Unsupported`] for a hidden width other than 16, 32 or 64, [`Error::Interrupted`].
 pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<TrainedTile> {
-    train_as(source, recipe, |light, left_out| needed(light, profile, recipe, left_out))
+    train_as(source, recipe, |light, omitted| needed(light, profile, recipe, omitted))
 }
 
-/// Trains a tile to contents that [`trials`] tried. Otherwise as [`train`].
+/// Trains a tile to contents that [`trials`] returned. Otherwise as [`train`].
 ///
 /// # Errors
 /// As [`train`].
 pub fn train_chosen(source: &TileSource, contents: &Contents, recipe: &Recipe) -> Result<TrainedTile> {
-    train_as(source, recipe, |_, left_out| {
-        left_out.push(format!("chosen by trial: {contents}"));
+    train_as(source, recipe, |_, omitted| {
+        omitted.push(format!("chosen by trial fits: {contents}"));
         *contents
     })
 }
@@ -147,7 +147,7 @@ pub(crate) fn train_ablated(
     coded: Coded,
     recipe: &Recipe,
 ) -> Result<TrainedTile> {
-    let choose = |light: &Light, left_out: &mut Vec<String>| edit(needed(light, profile, recipe, left_out));
+    let choose = |light: &Light, omitted: &mut Vec<String>| edit(needed(light, profile, recipe, omitted));
     train_coded(source, recipe, coded, choose)
 }
 
@@ -167,14 +167,14 @@ fn train_coded(
 ) -> Result<TrainedTile> {
     check(source)?;
     let light = Light::new(source, recipe.coding());
-    let mut left_out = Vec::new();
-    let black = source.sets.len() - light.lit();
+    let mut omitted = Vec::new();
+    let black = source.frames.len() - light.lit();
     if light.valid.is_empty() {
-        left_out.push(NO_TEXEL.to_owned());
+        omitted.push(NO_TEXEL.to_owned());
     } else if black > 0 {
-        left_out.push(match light.lit() {
-            0 => "black at every set".to_owned(),
-            _ => format!("black at {black} of {} sets", source.sets.len()),
+        omitted.push(match light.lit() {
+            0 => "black in every frame".to_owned(),
+            _ => format!("black in {black} of {} frames", source.frames.len()),
         });
     }
     if light.lit() == 0 {
@@ -187,48 +187,44 @@ fn train_coded(
             psnr_db: None,
             error: None,
             curve: Vec::new(),
-            left_out,
+            omitted,
         });
     }
-    let contents = choose(&light, &mut left_out);
+    let contents = choose(&light, &mut omitted);
     let recipe = &Recipe { iterations: needed_steps(recipe, &light), ..*recipe };
-    let shape = Shape::new(&contents, source.width, source.height, source.sets.len(), recipe.coding());
+    let shape = Shape::new(&contents, source.width, source.height, source.frames.len(), recipe.coding());
     let mut problem = Problem::new(source, &light, shape, recipe.coding());
     problem.coded = coded;
     match contents.hidden {
-        16 => train_width::<16>(&problem, recipe, 1.0, left_out),
-        32 => train_width::<32>(&problem, recipe, 1.0, left_out),
-        64 => train_width::<64>(&problem, recipe, 1.0, left_out),
+        16 => train_width::<16>(&problem, recipe, 1.0, omitted),
+        32 => train_width::<32>(&problem, recipe, 1.0, omitted),
+        64 => train_width::<64>(&problem, recipe, 1.0, omitted),
         other => Err(Error::unsupported("profile", format!("hidden width {other}; expected 16, 32 or 64"))),
     }
 }
 
 /// The profile's maps without what a tile does not need; all of them by the paper's recipe.
-fn needed(light: &Light, profile: &Profile, recipe: &Recipe, left_out: &mut Vec<String>) -> Contents {
+fn needed(light: &Light, profile: &Profile, recipe: &Recipe, omitted: &mut Vec<String>) -> Contents {
     let all = profile.contents(light.distinct, light.gates.len());
     if recipe.paper {
         return all;
     }
-    if light.gates_left_out > 0 {
-        left_out.push(format!(
-            "{} of {} gates",
-            light.gates_left_out,
-            light.gates.len() + light.gates_left_out
-        ));
+    if light.gates_omitted > 0 {
+        omitted.push(format!("{} of {} gates", light.gates_omitted, light.gates.len() + light.gates_omitted));
     }
     if light.distinct > 1 {
         return all;
     }
-    left_out.push("the same at every hour, means apart: F_uv alone".to_owned());
+    omitted.push("the same at every hour except for its mean: F_uv alone".to_owned());
     Contents { uv: true, hidden: all.hidden, ..Contents::NONE }
 }
 
 /// Share of the steps in which a tile of one picture learns all it can.
 const STILL_SHARE: f64 = 0.25;
-/// But so many, if the recipe does.
+/// But this many, if the recipe does.
 const LEAST_STEPS: usize = 1000;
 
-/// The recipe's steps, or fewer for a tile whose sets look alike.
+/// The recipe's steps, or fewer for a tile whose frames look alike.
 fn needed_steps(recipe: &Recipe, light: &Light) -> usize {
     if recipe.paper || light.distinct > 1 {
         return recipe.iterations;
@@ -245,27 +241,27 @@ fn check(source: &TileSource) -> Result<()> {
     if source.width.max(source.height) > crate::model::STORED {
         return wrong(format!("{}×{} texels; expected at most 128×128", source.width, source.height));
     }
-    if source.hours.len() != source.sets.len() {
+    if source.hours.len() != source.frames.len() {
         return wrong(format!(
-            "{} hours; expected one for each of {} sets",
+            "{} hours; expected one for each of {} frames",
             source.hours.len(),
-            source.sets.len()
+            source.frames.len()
         ));
     }
-    if source.sets.is_empty() || source.coverage.len() != texels {
+    if source.frames.is_empty() || source.coverage.len() != texels {
         return wrong(format!(
-            "{} sets and {} coverages; expected at least one set and {texels} coverages",
-            source.sets.len(),
+            "{} frames and {} coverages; expected at least one frame and {texels} coverages",
+            source.frames.len(),
             source.coverage.len()
         ));
     }
-    for (k, set) in source.sets.iter().enumerate() {
-        if set.len() != texels {
-            return wrong(format!("set {k} has {} texels; expected {texels}", set.len()));
+    for (k, frame) in source.frames.iter().enumerate() {
+        if frame.len() != texels {
+            return wrong(format!("frame {k} has {} texels; expected {texels}", frame.len()));
         }
-        if let Some(i) = set.iter().position(|e| !e.iter().all(|c| c.is_finite() && *c >= 0.0)) {
+        if let Some(i) = frame.iter().position(|e| !e.iter().all(|c| c.is_finite() && *c >= 0.0)) {
             let (x, y) = (i % source.width, i / source.width);
-            return wrong(format!("set {k}, texel ({x}, {y}): {:?}; expected finite light ≥ 0", set[i]));
+            return wrong(format!("frame {k}, texel ({x}, {y}): {:?}; expected finite light ≥ 0", frame[i]));
         }
     }
     Ok(())
@@ -276,13 +272,13 @@ fn train_width<const H: usize>(
     problem: &Problem,
     recipe: &Recipe,
     rate: f32,
-    mut left_out: Vec<String>,
+    mut omitted: Vec<String>,
 ) -> Result<TrainedTile> {
     let attempt = |slower: f32, last: bool| {
         Attempt::<H>::new(problem, recipe, rate * slower, Tier::detect()).finish(recipe, last)
     };
-    let trained = restarting(attempt, &mut left_out)?;
-    Ok(TrainedTile { left_out, ..trained })
+    let trained = restarting(attempt, &mut omitted)?;
+    Ok(TrainedTile { omitted, ..trained })
 }
 
 /// What the first attempt gives that does not diverge; each is told its share of the rate, and whether it is the last.
@@ -296,8 +292,8 @@ fn restarting<T>(
             return Ok(finished);
         }
         if retry < RETRIES {
-            remarks.push(format!("training diverged; restarted at 1/{} of the rate", 2 << retry));
+            remarks.push(format!("training diverged; restarted at 1/{} of the learning rate", 2 << retry));
         }
     }
-    Err(Error::invalid("tile", format!("training diverges even at 1/{} of the rate", 1 << RETRIES)))
+    Err(Error::invalid("tile", format!("training diverges even at 1/{} of the learning rate", 1 << RETRIES)))
 }

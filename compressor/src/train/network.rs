@@ -3,12 +3,12 @@
 //! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
 //! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
 
-use super::problem::{Moment, Problem};
+use super::problem::{Problem, TimePoint};
 use crate::lanes::{Lanes, Longest};
 use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use std::ops::Range;
 
-/// Samples that are worked on together; all of a chunk belong to one moment.
+/// Samples that are worked on together; all of a chunk belong to one time point.
 pub const CHUNK: usize = 32;
 
 /// Length of a row of features: V_uvt, V_uv, V_ut, V_vt, zeros. What the tile does not have is zero.
@@ -50,7 +50,7 @@ impl<const N: usize> std::ops::DerefMut for Rows<N> {
 pub struct Network<const H: usize> {
     w1: [[f32; FEATURE_ROW]; H],
     w1_t: [[f32; H]; FEATURES],
-    /// Per moment: b₁ and what γ and the gates add to it.
+    /// Per time point: b₁ and what γ and the gates add to it.
     biases: Vec<[f32; H]>,
     /// Whether the tile has any of the features 0–3, 4–7, 8–11.
     there: [bool; 3],
@@ -67,7 +67,7 @@ pub struct Network<const H: usize> {
 #[repr(C, align(64))]
 pub struct NetworkGradient<const H: usize> {
     w1: [[f32; FEATURE_ROW]; H],
-    /// Per moment.
+    /// Per time point.
     biases: Vec<[f32; H]>,
     w2: [[f32; H]; H],
     b2: [f32; H],
@@ -92,7 +92,7 @@ impl<const H: usize> Trace<H> {
 }
 
 impl<const H: usize> Network<H> {
-    /// From the stored order, W₁ b₁ W₂ b₂ W₃ b₃, and the moments.
+    /// From the stored order, W₁ b₁ W₂ b₂ W₃ b₃, and the time points.
     pub fn new(flat: &[f32], problem: &Problem) -> Self {
         let inputs = problem.shape.inputs();
         let (features, time) = columns(&problem.shape);
@@ -103,14 +103,14 @@ impl<const H: usize> Network<H> {
                 row[at..at + columns.len()].copy_from_slice(&stored[j * inputs..][columns.clone()]);
             }
         }
-        let bias = |moment: &Moment, j: usize| {
+        let bias = |point: &TimePoint, j: usize| {
             let weights = &stored[j * inputs..][time.clone()];
-            b1[j] + weights.iter().zip(&moment.time).map(|(w, x)| w * x).sum::<f32>()
+            b1[j] + weights.iter().zip(&point.time).map(|(w, x)| w * x).sum::<f32>()
         };
         Network {
             w1_t: std::array::from_fn(|i| std::array::from_fn(|j| w1[j][i])),
             w1,
-            biases: problem.moments.iter().map(|m| std::array::from_fn(|j| bias(m, j))).collect(),
+            biases: problem.points.iter().map(|m| std::array::from_fn(|j| bias(m, j))).collect(),
             there: {
                 let [uvt, uv, ut, vt] = &features;
                 [!uvt.is_empty(), !uv.is_empty(), !ut.is_empty() || !vt.is_empty()]
@@ -124,12 +124,12 @@ impl<const H: usize> Network<H> {
         }
     }
 
-    /// y (three channels and a zero) of a chunk of inputs at a moment.
+    /// y (three channels and a zero) of a chunk of inputs at a time point.
     #[inline(always)]
-    pub fn forward<V: Longest>(&self, x: &Rows<FEATURE_ROW>, moment: usize, trace: &mut Trace<H>) -> Rows<4> {
+    pub fn forward<V: Longest>(&self, x: &Rows<FEATURE_ROW>, point: usize, trace: &mut Trace<H>) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
         let Trace { h1, slope1, h2, slope2 } = trace;
-        first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[moment], To::Gelu(h1, slope1));
+        first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[point], To::Gelu(h1, slope1));
         // h₂ = gelu(W₂ h₁ + b₂)
         product::<V, H, H>(h1, &self.w2_t, Some(&self.b2), To::Gelu(h2, slope2));
         // y = W₃ h₂ + b₃
@@ -143,7 +143,7 @@ impl<const H: usize> Network<H> {
     pub fn backward<V: Longest>(
         &self,
         x: &Rows<FEATURE_ROW>,
-        moment: usize,
+        point: usize,
         trace: &Trace<H>,
         dy: &Rows<4>,
         gradient: &mut NetworkGradient<H>,
@@ -160,7 +160,7 @@ impl<const H: usize> Network<H> {
         // d₁ = (W₂ᵀ d₂) ∘ gelu′
         product::<V, H, H>(&d2, &self.w2, None, To::Scaled(&mut d1, &trace.slope1));
         outer::<V, 8, H, FEATURE_ROW>(&d1, x, &mut gradient.w1);
-        column_sums::<V, H>(&d1, &mut gradient.biases[moment]);
+        column_sums::<V, H>(&d1, &mut gradient.biases[point]);
         // dx = W₁ᵀ d₁
         if let Some(dx) = dx {
             product::<V, H, FEATURE_ROW>(&d1, &self.w1, None, To::Rows(dx));
@@ -185,10 +185,10 @@ impl<const H: usize> Network<H> {
 
 impl<const H: usize> NetworkGradient<H> {
     /// Zeros.
-    pub fn new(moments: usize) -> Self {
+    pub fn new(points: usize) -> Self {
         NetworkGradient {
             w1: [[0.0; FEATURE_ROW]; H],
-            biases: vec![[0.0; H]; moments],
+            biases: vec![[0.0; H]; points],
             w2: [[0.0; H]; H],
             b2: [0.0; H],
             w3: [[0.0; H]; 4],
@@ -208,11 +208,11 @@ impl<const H: usize> NetworkGradient<H> {
             for (at, columns) in AT.into_iter().zip(&features) {
                 w1[columns.clone()].copy_from_slice(&row[at..at + columns.len()]);
             }
-            // Inputs of a moment see the gradient of its bias.
+            // Inputs of a time point see the gradient of its bias.
             w1[time.clone()].fill(0.0);
-            for (bias, moment) in self.biases.iter().zip(&problem.moments) {
+            for (bias, point) in self.biases.iter().zip(&problem.points) {
                 *b1 += bias[j];
-                for (w, x) in w1[time.clone()].iter_mut().zip(&moment.time) {
+                for (w, x) in w1[time.clone()].iter_mut().zip(&point.time) {
                     *w += bias[j] * x;
                 }
             }

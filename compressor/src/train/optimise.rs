@@ -96,7 +96,7 @@ impl<const H: usize> Trainer<H> {
             tier,
             network: Network::new(&params[layout.mlp.clone()], &problem),
             of_uvt: map(uvt),
-            of_network: NetworkGradient::new(problem.moments.len()),
+            of_network: NetworkGradient::new(problem.points.len()),
             flat: vec![0.0; params.len()],
             mean: vec![0.0; params.len()],
             square: vec![0.0; params.len()],
@@ -155,7 +155,7 @@ impl<const H: usize> Trainer<H> {
     /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is added to `flat`, which a step leaves zero.
     pub fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
         let salt = self.random.bits();
-        self.of_network = NetworkGradient::new(self.problem.moments.len());
+        self.of_network = NetworkGradient::new(self.problem.points.len());
         let loss = run(
             self.tier,
             Batch {
@@ -239,41 +239,41 @@ impl<const H: usize> Trainer<H> {
         Ok(loss)
     }
 
-    /// Mean squared error in linear light of the first so many moments, over every `stride`-th valid texel.
-    pub fn mean_squared_errors(&self, moments: usize, stride: usize) -> Vec<f64> {
+    /// Mean squared error in linear light of the first this many time points, over every `stride`-th valid texel.
+    pub fn mean_squared_errors(&self, points: usize, stride: usize) -> Vec<f64> {
         let valid = &self.problem.texels[..self.problem.valid];
         let texels: Vec<Texel> = valid.iter().step_by(stride).copied().collect();
         let (problem, features, network) = (&self.problem, self.features(), &self.network);
-        let mut sums = run(self.tier, SquaredErrors { problem, features, network, moments, texels: &texels });
+        let mut sums = run(self.tier, SquaredErrors { problem, features, network, points, texels: &texels });
         sums.iter_mut().for_each(|s| *s /= (3 * texels.len()) as f64);
         sums
     }
 
-    /// Mean over the sets of the PSNR (at most 100 dB) against the set's largest valid value; not finite where any
+    /// Mean over the frames of the PSNR (at most 100 dB) against the frame's largest valid value; not finite where any
     /// output is not.
     pub fn psnr(&self, stride: usize) -> f64 {
-        let errors = self.mean_squared_errors(self.problem.sets, stride);
-        let peaks = self.problem.moments.iter().map(|m| f64::from(m.peak));
+        let errors = self.mean_squared_errors(self.problem.frames, stride);
+        let peaks = self.problem.points.iter().map(|m| f64::from(m.peak));
         peaks.zip(&errors).map(|(peak, mse)| psnr_db(peak, *mse)).sum::<f64>() / errors.len() as f64
     }
 
     /// Weighs the loss so that it follows the PSNR in linear light: to first order E's error is 2 mean·y·δy, its share
-    /// of the set's log-MSE is (mean·y)²/MSE; the weight of a set's texel is the root of that, mostly averaged over the set
+    /// of the frame's log-MSE is (mean·y)²/MSE; the weight of a frame's texel is the root of that, mostly averaged over the frame
     /// ([`EVEN`]), scaled to mean 1, with a floor for the dark. For the pooled error, peak² would stand for MSE; √(peak² MSE) gives
     /// two thirds of the gain and leaves the dark nearly as good.
     pub fn align_weights(&mut self, aim: Aim) {
         let stride = self.problem.coarse_stride();
-        let errors = self.mean_squared_errors(self.problem.moments.len(), stride);
+        let errors = self.mean_squared_errors(self.problem.points.len(), stride);
         let problem = &mut self.problem;
         let (mut total, mut count) = (0.0, 0.0);
         // Mean and median of each channel's targets.
-        let mut targets_of = Vec::with_capacity(problem.moments.len());
-        for (a, (moment, mse)) in problem.moments.iter_mut().zip(errors).enumerate() {
+        let mut targets_of = Vec::with_capacity(problem.points.len());
+        for (a, (point, mse)) in problem.points.iter_mut().zip(errors).enumerate() {
             // 100 dB is as good as it is measured.
-            let root = mse.max(f64::from(moment.peak).powi(2) * 1e-10).sqrt();
+            let root = mse.max(f64::from(point.peak).powi(2) * 1e-10).sqrt();
             let root = match aim {
                 Aim::MeanPsnr => root,
-                Aim::PooledError => (root * f64::from(moment.peak)).sqrt(),
+                Aim::PooledError => (root * f64::from(point.peak)).sqrt(),
             };
             let targets = &problem.targets[a * problem.texels.len()..][..problem.valid];
             let of = [0, 1, 2].map(|c| {
@@ -281,8 +281,8 @@ impl<const H: usize> Trainer<H> {
                 (targets().sum::<f32>() / targets().count() as f32, median(targets()))
             });
             for (c, (mean, _)) in of.iter().enumerate() {
-                moment.slope[c] = (f64::from(moment.means[c]) / root) as f32;
-                total += f64::from(moment.slope[c] * mean);
+                point.slope[c] = (f64::from(point.means[c]) / root) as f32;
+                total += f64::from(point.slope[c] * mean);
                 count += 1.0;
             }
             targets_of.push(of);
@@ -291,14 +291,14 @@ impl<const H: usize> Trainer<H> {
         if !factor.is_finite() {
             return;
         }
-        for (moment, targets) in problem.moments.iter_mut().zip(targets_of) {
+        for (point, targets) in problem.points.iter_mut().zip(targets_of) {
             for (c, (mean, median)) in targets.into_iter().enumerate() {
-                let slope = factor * moment.slope[c];
-                // Of a set that one peak outshines, the rest counts by its relative error.
+                let slope = factor * point.slope[c];
+                // Of a frame that one peak outshines, the rest counts by its relative error.
                 let dark = (TYPICAL / median.max(f32::MIN_POSITIVE)).max(1.0).powi(2);
                 let floor = EVEN * slope * mean + DARK_WEIGHT * dark;
-                moment.base[c] = if moment.means[c] > 0.0 { floor.min(WEIGHT_CAP) } else { 0.0 };
-                moment.slope[c] = (1.0 - EVEN) * slope;
+                point.base[c] = if point.means[c] > 0.0 { floor.min(WEIGHT_CAP) } else { 0.0 };
+                point.slope[c] = (1.0 - EVEN) * slope;
             }
         }
     }
@@ -318,12 +318,12 @@ fn features<'a>(layout: &Layout, params: &'a [f32], maps: &'a Maps, frozen: bool
     }
 }
 
-/// Share of a set's weight that all its texels have alike; the rest goes as they are bright. With 0 the scene `yard` has 0.6 dB more,
+/// Share of a frame's weight that all its texels have alike; the rest goes as they are bright. With 0 the scene `yard` has 0.6 dB more,
 /// and errors in its dark that are 1.9 times those of a loss without weights; with this share 1.02 times.
 const EVEN: f32 = 0.75;
 /// Floor of the aligned loss weight: without one, darkness would count for nothing. Tuned on the yard.
 const DARK_WEIGHT: f32 = 0.1;
-/// Below this median of its targets, a set's channel is mostly dark beside its peak, and the floor rises (the tiles of 10⁶ in NUMERICS).
+/// Below this median of its targets, a frame's channel is mostly dark beside its peak, and the floor rises (the tiles of 10⁶ in NUMERICS).
 const TYPICAL: f32 = 0.1;
 
 /// The lower median; 1 of nothing.
@@ -336,11 +336,11 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// An epoch visits one of so many samples of a moment between sets.
+/// An epoch visits one of this many samples of a time point between frames.
 const BETWEEN_SHARE: usize = 8;
 
-/// Draws batches: every valid texel of a set once an epoch, and of the gutter one in [`GUTTER_SHARE`]. A moment goes through them in one of
-/// a few random orders, from a random place on. Batches go round the moments; the chunks of one go by the slices they read.
+/// Draws batches: every valid texel of a frame once an epoch, and of the gutter one in [`GUTTER_SHARE`]. A time point goes through them in one of
+/// a few random orders, from a random place on. Batches go round the time points; the chunks of one go by the slices they read.
 #[derive(Debug, Default)]
 struct Epochs {
     /// Each has all valid texels and its share of the gutter; then its first ones again, so that a chunk can start at each.
@@ -350,10 +350,10 @@ struct Epochs {
     batch: usize,
 }
 
-/// A moment, and which order its chunk is of and where it starts there.
+/// A time point, and which order its chunk is of and where it starts there.
 #[derive(Clone, Copy, Debug)]
 struct Chunk {
-    moment: usize,
+    point: usize,
     order: usize,
     start: usize,
 }
@@ -367,9 +367,9 @@ impl Epochs {
         let batch = &mut self.chunks[self.used..end];
         self.used = end;
         // Chunks that read the same slices of F_uvt one after another: they stay in the near cache.
-        batch.sort_by_key(|chunk| (problem.moments[chunk.moment].slices.at, chunk.moment, chunk.start));
-        let samples = |&Chunk { moment, order, start }: &Chunk| Samples {
-            moment,
+        batch.sort_by_key(|chunk| (problem.points[chunk.point].slices.at, chunk.point, chunk.start));
+        let samples = |&Chunk { point, order, start }: &Chunk| Samples {
+            point,
             texels: &self.orders[order][start..][..CHUNK],
         };
         batch.iter().map(samples).collect()
@@ -385,17 +385,17 @@ impl Epochs {
             (0..CHUNK).for_each(|i| order.push(order[i]));
         }
         let lengths = self.orders.each_ref().map(|order| order.len() - CHUNK);
-        let first = |moment| {
+        let first = |point| {
             let order = random.below(GUTTER_SHARE);
-            Chunk { moment, order, start: random.below(lengths[order]) }
+            Chunk { point, order, start: random.below(lengths[order]) }
         };
-        let mut turn: Vec<Chunk> = (0..problem.moments.len()).map(first).collect();
+        let mut turn: Vec<Chunk> = (0..problem.points.len()).map(first).collect();
         self.chunks.clear();
         // The first order has the most gutter.
         for round in 0..lengths[0].div_ceil(CHUNK) {
             random.shuffle(&mut turn);
             let of_round = |first: &&Chunk| {
-                first.moment < problem.sets || (round + first.moment).is_multiple_of(BETWEEN_SHARE)
+                first.point < problem.frames || (round + first.point).is_multiple_of(BETWEEN_SHARE)
             };
             let chunk = |first: &Chunk| Chunk {
                 start: (first.start + round * CHUNK) % lengths[first.order],

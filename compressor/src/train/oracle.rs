@@ -13,7 +13,7 @@ pub(super) struct Oracle<'a> {
     hours: &'a [f64],
     coding: Coding,
     axis: Axis,
-    /// Per set: the states of the light groups that are gates.
+    /// Per frame: the states of the light groups that are gates.
     gates: Vec<Vec<bool>>,
     uv: Vec<[f64; 4]>,
     uvt: Vec<[f64; 4]>,
@@ -167,12 +167,12 @@ impl<'a> Oracle<'a> {
         [input[0], input[1], input[2]]
     }
 
-    /// Mean PSNR over the sets that have a peak, valid texels only.
+    /// Mean PSNR over the frames that have a peak, valid texels only.
     pub(super) fn psnr(&self, source: &TileSource, means: &[[f32; 3]]) -> f64 {
         let (mut total, mut count) = (0.0, 0.0);
-        for (k, set) in source.sets.iter().enumerate() {
-            let valid: Vec<_> = (0..set.len()).filter(|&i| source.coverage[i] == Coverage::Valid).collect();
-            let peak = valid.iter().flat_map(|&i| set[i]).fold(0.0f32, f32::max);
+        for (k, frame) in source.frames.iter().enumerate() {
+            let valid: Vec<_> = (0..frame.len()).filter(|&i| source.coverage[i] == Coverage::Valid).collect();
+            let peak = valid.iter().flat_map(|&i| frame[i]).fold(0.0f32, f32::max);
             if peak == 0.0 {
                 assert_eq!(means[k], [0.0; 3]);
                 continue;
@@ -183,7 +183,7 @@ impl<'a> Oracle<'a> {
                 for c in 0..3 {
                     let power = if self.coding == Coding::Paper { 2.2 } else { 2.0 };
                     sum +=
-                        (f64::from(means[k][c]) * y[c].max(0.0).powf(power) - f64::from(set[i][c])).powi(2);
+                        (f64::from(means[k][c]) * y[c].max(0.0).powf(power) - f64::from(frame[i][c])).powi(2);
                 }
             }
             let mse = sum / (3 * valid.len()) as f64;
@@ -194,8 +194,8 @@ impl<'a> Oracle<'a> {
     }
 }
 
-/// Per set: the states of some light groups.
+/// Per frame: the states of some light groups.
 fn states(source: &TileSource, groups: &[u16]) -> Vec<Vec<bool>> {
     let of = |group: &u16| source.gates.iter().find(|gate| gate.group == *group).unwrap();
-    (0..source.sets.len()).map(|k| groups.iter().map(|g| of(g).on[k]).collect()).collect()
+    (0..source.frames.len()).map(|k| groups.iter().map(|g| of(g).on[k]).collect()).collect()
 }

@@ -30,8 +30,8 @@ const PAPER_RATE: f32 = 1e-3;
 const PAPER_BETA2: f32 = 0.999;
 /// Steps of the decoder alone in the paper's recipe, which does not say how many.
 const PAPER_FINE_TUNING: usize = 300;
-/// A main phase that ends so far below its best point has diverged, though all its numbers are finite. Points above
-/// [`GOOD_DB`] count as that, for a tile with a bright peak may have any PSNR up there: what ends at 34 dB or more never has.
+/// A main phase that ends this far below its best point (in dB) has diverged, even if all its numbers are finite. Points above
+/// [`GOOD_DB`] count as [`GOOD_DB`], because a tile with a bright peak may have any PSNR up there: a phase that ends at 34 dB or more never has.
 const LOST_DB: f64 = 6.0;
 /// See [`LOST_DB`].
 const GOOD_DB: f64 = 40.0;
@@ -86,7 +86,7 @@ impl<const H: usize> Attempt<H> {
     }
 
     /// All phases; `None` if the training diverged (only if it came to no number, where it is the `last` attempt). The
-    /// result's `left_out` is empty.
+    /// result's `omitted` is empty.
     pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
         let trained = match self.trainer.problem.coded {
@@ -102,8 +102,8 @@ impl<const H: usize> Attempt<H> {
         Ok(self.stored(&blocks, psnr, recipe.iterations))
     }
 
-    /// The main phase alone: the squared error of the float model relative to each set's peak, mean over channels, summed
-    /// over valid texels and sets; `None` if the training diverged.
+    /// The main phase alone: the squared error of the float model relative to each frame's peak, mean over channels, summed
+    /// over valid texels and frames; `None` if the training diverged.
     pub fn trial(mut self, recipe: &Recipe) -> Result<Option<f64>> {
         let rates = |i| RATES.map(|rate| rate * schedule(i, recipe.iterations, WARM_UP, LAST_RATE));
         match self.main_phase(recipe.iterations, &ALIGNMENTS, rates) {
@@ -115,12 +115,12 @@ impl<const H: usize> Attempt<H> {
         Ok(Some(self.error(stride)).filter(|error| error.is_finite()))
     }
 
-    /// Squared error relative to each set's peak, mean over channels, summed over sets and valid texels; of these, one in `stride` is asked.
+    /// Squared error relative to each frame's peak, mean over channels, summed over frames and valid texels; of these, one in `stride` is asked.
     fn error(&mut self, stride: usize) -> f64 {
-        let sets = self.trainer.problem.sets;
-        let errors = self.trainer.mean_squared_errors(sets, stride);
+        let frames = self.trainer.problem.frames;
+        let errors = self.trainer.mean_squared_errors(frames, stride);
         let problem = &self.trainer.problem;
-        let peaks = problem.moments.iter().map(|moment| f64::from(moment.peak).powi(2));
+        let peaks = problem.points.iter().map(|point| f64::from(point.peak).powi(2));
         errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>() * problem.valid as f64
     }
 
@@ -148,7 +148,7 @@ impl<const H: usize> Attempt<H> {
             psnr_8bit_features_db: Some(of_8bit),
             psnr_db: Some(psnr),
             curve: self.curve,
-            left_out: Vec::new(),
+            omitted: Vec::new(),
         })
     }
 
@@ -231,7 +231,7 @@ impl<const H: usize> Attempt<H> {
         if psnr < best.min(GOOD_DB) - LOST_DB && !self.last { Err(Stop::Diverged) } else { Ok(psnr) }
     }
 
-    /// Trains on around what is quantised already: so many steps, at a rate that rises and falls to 0.
+    /// Continues training around what is already quantised: this many steps, at a rate that rises and falls to 0.
     fn refit(&mut self, scope: Scope, (steps, rate, warm_up): (usize, f32, usize)) -> Result<(), Stop> {
         self.steps(scope, steps, |i| rate * schedule(i, steps, warm_up, 0.0))
     }
@@ -272,7 +272,7 @@ mod tests {
             height: 8,
             hours: vec![0.0, 12.0],
             // Blue is black: an output that is not a number would pass for it if it were shown as 0.
-            sets: vec![vec![[1.0, 0.5, 0.0]; 64]; 2],
+            frames: vec![vec![[1.0, 0.5, 0.0]; 64]; 2],
             coverage: vec![Coverage::Valid; 64],
             gates: vec![],
             neighbours: [false; 4],
@@ -291,7 +291,7 @@ mod tests {
                 attempt.trainer.refresh();
                 assert!(!attempt.trainer.psnr(1).is_finite());
                 let texels = attempt.trainer.problem.texels[..3].to_vec();
-                let samples = [Samples { moment: 0, texels: &texels }];
+                let samples = [Samples { point: 0, texels: &texels }];
                 assert!(!attempt.trainer.differentiate(&samples, false, Scope::Decoder).is_finite());
             }
             attempt.stored(&blocks, psnr, recipe.iterations)

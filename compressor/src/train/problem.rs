@@ -8,7 +8,7 @@ use crate::model::{BORDER, Knot, STORED, Shape};
 use crate::tile::{Coverage, TileSource};
 use crate::time::{self, Axis, Coding};
 
-/// An epoch of training visits one of so many gutter texels.
+/// An epoch of training visits one of this many gutter texels.
 pub const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; most valid ones have 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
@@ -69,10 +69,10 @@ fn touched(pair: &Pair) -> impl Iterator<Item = usize> {
     pair.ends().into_iter().filter(|(_, f)| *f > 0.0).map(|(at, _)| at)
 }
 
-/// A moment that is trained on: a set, or between two.
+/// A time point that is trained on: a frame, or between two.
 #[derive(Clone, Debug)]
-pub struct Moment {
-    /// Index of the set, or of the one before.
+pub struct TimePoint {
+    /// Index of the frame, or of the one before.
     #[cfg(test)]
     pub index: usize,
     /// First texels of the two slices of F_uvt.
@@ -83,7 +83,7 @@ pub struct Moment {
     pub time: Vec<f32>,
     /// Scale of each channel: E = mean · y^p; 0 for a black channel.
     pub means: [f32; 3],
-    /// Largest valid value of the set.
+    /// Largest valid value of the frame.
     pub peak: f32,
     /// Loss weight of a channel: `base + slope · target`, at most [`super::kernel::WEIGHT_CAP`].
     pub base: Quad,
@@ -131,19 +131,19 @@ pub struct Problem {
     pub columns: Vec<Site>,
     /// Per stored row.
     pub rows: Vec<Site>,
-    /// The sets that are not black; then moments between neighbours among them, where decoders interpolate.
-    pub moments: Vec<Moment>,
-    /// How many of the moments are sets.
-    pub sets: usize,
+    /// The frames that are not black; then time points between neighbours among them, where decoders interpolate.
+    pub points: Vec<TimePoint>,
+    /// How many of the time points are frames.
+    pub frames: usize,
     /// Valid texels, then gutter texels.
     pub texels: Vec<Texel>,
     /// How many of them are valid.
     pub valid: usize,
     /// Of each: whether it is valid, and beside a valid one of another tile, or its copy; none in the paper's recipe.
     pub edges: Vec<bool>,
-    /// Per moment and texel: (E/mean)^(1/p) of three channels, and its loss weight when an epoch visits it.
+    /// Per time point and texel: (E/mean)^(1/p) of three channels, and its loss weight when an epoch visits it.
     pub targets: Vec<Quad>,
-    /// Means of all sets, zero where black.
+    /// Means of all frames, zero where black.
     pub knots: Vec<Knot>,
     /// The time axis.
     pub axis: Axis,
@@ -154,7 +154,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Prepares a tile. The problem has no moments or no valid texels where there is nothing to train.
+    /// Prepares a tile. The problem has no time points or no valid texels where there is nothing to train.
     pub fn new(source: &TileSource, light: &Light, shape: Shape, coding: Coding) -> Self {
         let valid = light.valid.len();
         let all: Vec<usize> = light.valid.iter().chain(&light.gutter).copied().collect();
@@ -167,17 +167,17 @@ impl Problem {
         let edges: Vec<bool> =
             all.iter().map(|&i| coding == Coding::Standard && at_border(source, i)).collect();
         let taus = coding.taus(&source.hours, &light.axis);
-        let spans: Vec<Span> = (0..source.sets.len())
-            .filter(|&set| light.peaks[set] > 0.0)
-            .map(|set| Span { from: set, to: set, fraction: 0.0, share: 0.0 })
+        let spans: Vec<Span> = (0..source.frames.len())
+            .filter(|&frame| light.peaks[frame] > 0.0)
+            .map(|frame| Span { from: frame, to: frame, fraction: 0.0, share: 0.0 })
             .collect();
-        let sets = spans.len();
+        let frames = spans.len();
         let spans: Vec<Span> = spans.into_iter().chain(between(source, light, &taus, &shape)).collect();
-        let moments: Vec<Moment> =
-            spans.iter().map(|span| moment(span, &taus, light, coding, &shape)).collect();
-        let mut targets = Vec::with_capacity(moments.len() * all.len());
-        for (span, moment) in spans.iter().zip(&moments) {
-            let (from, to) = (&source.sets[span.from], &source.sets[span.to]);
+        let points: Vec<TimePoint> =
+            spans.iter().map(|span| point(span, &taus, light, coding, &shape)).collect();
+        let mut targets = Vec::with_capacity(points.len() * all.len());
+        for (span, point) in spans.iter().zip(&points) {
+            let (from, to) = (&source.frames[span.from], &source.frames[span.to]);
             targets.extend(all.iter().enumerate().map(|(j, &i)| {
                 let weight = match j < valid {
                     true if edges[j] => EDGE_WEIGHT,
@@ -185,7 +185,7 @@ impl Problem {
                     false => GUTTER_WEIGHT * GUTTER_SHARE as f32,
                 };
                 // A gutter texel may outshine all valid ones; it is only there to filter with.
-                let target = |c: usize| match moment.means[c] {
+                let target = |c: usize| match point.means[c] {
                     0.0 => 0.0,
                     mean => {
                         let ratio = span.mix(from[i][c], to[i][c]) / f64::from(mean);
@@ -206,8 +206,8 @@ impl Problem {
                     site(y, shape.height, shape.uvt[1], shape.vt, uv, shape.uvt[0])
                 })
                 .collect(),
-            moments,
-            sets,
+            points,
+            frames,
             texels,
             valid,
             edges,
@@ -233,7 +233,7 @@ impl Problem {
         let mut read_uv = vec![false; uv];
         // Texels of a slice.
         let mut read_uvt = vec![false; self.shape.uvt[0] * self.shape.uvt[1]];
-        let slices: Vec<usize> = self.moments.iter().flat_map(|moment| touched(&moment.slices)).collect();
+        let slices: Vec<usize> = self.points.iter().flat_map(|point| touched(&point.slices)).collect();
         for texel in &self.texels {
             let (column, row) = self.sites(*texel);
             if uv > 0 {
@@ -262,13 +262,13 @@ impl Problem {
         (&self.columns[texel.x()], &self.rows[texel.y()])
     }
 
-    /// The targets of a moment, by the texels' places.
+    /// The targets of a time point, by the texels' places.
     #[inline(always)]
-    pub fn targets_at(&self, moment: usize) -> &[Quad] {
-        &self.targets[moment * self.texels.len()..][..self.texels.len()]
+    pub fn targets_at(&self, point: usize) -> &[Quad] {
+        &self.targets[point * self.texels.len()..][..self.texels.len()]
     }
 
-    /// Every so many valid texels are some 2000: enough to judge a training by.
+    /// Every this many valid texels are some 2000: enough to judge a training by.
     pub fn coarse_stride(&self) -> usize {
         self.valid.div_ceil(2048)
     }
@@ -303,29 +303,29 @@ fn at_border(source: &TileSource, texel: usize) -> bool {
             || below && pair((x, copy - 1), (x, copy)))
 }
 
-/// A moment by the sets around it; at a set both are that one.
+/// A time point by the frames around it; at a frame both are that one.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     from: usize,
     to: usize,
     /// How far it is from the one to the other in time.
     fraction: f64,
-    /// The same on the time axis: the share of the light that is the second set's ([`time::fraction_of_share`]).
+    /// The same on the time axis: the share of the light that is the second frame's ([`time::fraction_of_share`]).
     share: f64,
 }
 
 impl Span {
-    /// Linearly from one set's value to the other's.
+    /// Linearly from one frame's value to the other's.
     fn mix(&self, from: f32, to: f32) -> f64 {
         (1.0 - self.fraction) * f64::from(from) + self.fraction * f64::from(to)
     }
 }
 
-/// Moments between neighbouring sets that do not look alike and show the same gates, where decoders may interpolate: at a third and
-/// two thirds of the way on the time axis, and more where rows or slices would be left that no moment reads.
+/// Time points between neighbouring frames that do not look alike and show the same gates, where decoders may interpolate: at a third and
+/// two thirds of the way on the time axis, and more where rows or slices would be left that no time point reads.
 fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> Vec<Span> {
-    let n = source.sets.len();
-    // The paper's recipe knows sets alone.
+    let n = source.frames.len();
+    // The paper's recipe knows frames alone.
     if n < 2 || !shape.axis {
         return Vec::new();
     }
@@ -339,7 +339,7 @@ fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> V
             true => ((apart * finest).ceil() as usize).saturating_sub(1).max(2),
             false => 0,
         };
-        let [a, b] = [from, to].map(|set| time::brightness(&light.means[set]));
+        let [a, b] = [from, to].map(|frame| time::brightness(&light.means[frame]));
         (1..=count).map(move |i| {
             let share = i as f64 / (count + 1) as f64;
             Span { from, to, fraction: time::fraction_of_share(share, a, b), share }
@@ -348,7 +348,7 @@ fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> V
     (0..n).flat_map(span).collect()
 }
 
-fn moment(span: &Span, taus: &[f64], light: &Light, coding: Coding, shape: &Shape) -> Moment {
+fn point(span: &Span, taus: &[f64], light: &Light, coding: Coding, shape: &Shape) -> TimePoint {
     let Span { from, to, share, .. } = *span;
     let tau = taus[from] + share * (taus[to] - taus[from]).rem_euclid(1.0);
     let slice = shape.uvt[0] * shape.uvt[1];
@@ -361,7 +361,7 @@ fn moment(span: &Span, taus: &[f64], light: &Light, coding: Coding, shape: &Shap
     if shape.contents.gates > 0 {
         time.extend(&light.gate_inputs[from]);
     }
-    Moment {
+    TimePoint {
         #[cfg(test)]
         index: from,
         slices: Pair { at: slices.at.map(|i| i * slice), f: slices.f },

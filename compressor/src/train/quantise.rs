@@ -30,7 +30,7 @@ use std::ops::Range;
 const STEP: f32 = CENTRE_SLOPE / 255.0;
 /// Share of the mean metric that is added to every texel's.
 const DAMPING: f32 = 0.003;
-/// F_uvt looks at no more sets than about this many (evenly spread): its memory is 64 bytes a texel and set.
+/// F_uvt looks at no more frames than about this many (evenly spread): its memory is 64 bytes a texel and frame.
 const MOST_SETS: usize = 64;
 
 /// The blocks of both maps.
@@ -156,28 +156,28 @@ impl<const H: usize> Trainer<H> {
         endpoints.iter().map(|e| [0, 4].map(|k| std::array::from_fn(|c| 255.0 * e[k + c]))).collect()
     }
 
-    /// Every texel of every `stride`-th set, in blocks.
+    /// Every texel of every `stride`-th frame, in blocks.
     fn all_samples(&self, stride: usize) -> Vec<Samples<'_>> {
-        let blocks = |moment| self.problem.texels.chunks(CHUNK).map(move |texels| Samples { moment, texels });
-        (0..self.problem.sets).step_by(stride).flat_map(blocks).collect()
+        let blocks = |point| self.problem.texels.chunks(CHUNK).map(move |texels| Samples { point, texels });
+        (0..self.problem.frames).step_by(stride).flat_map(blocks).collect()
     }
 
     fn set_stride(&self) -> usize {
-        self.problem.sets.div_ceil(MOST_SETS)
+        self.problem.frames.div_ceil(MOST_SETS)
     }
 
-    /// Calls `each(moment, texel, ∂y/∂x per channel, r, w)` for all samples.
+    /// Calls `each(time point, texel, ∂y/∂x per channel, r, w)` for all samples.
     fn linearise(&self, stride: usize, mut each: impl FnMut(usize, Texel, [&[f32; 16]; 3], Quad, Quad)) {
         let samples = self.all_samples(stride);
         let problem = &self.problem;
         let block = |samples: &Samples, out: &Linearised| {
-            let moment = &problem.moments[samples.moment];
-            let targets = problem.targets_at(samples.moment);
+            let point = &problem.points[samples.point];
+            let targets = problem.targets_at(samples.point);
             for (s, &texel) in samples.texels.iter().enumerate() {
                 let target = targets[texel.index()];
-                let (r, w) = residual(out.y[s], target, &moment.base, &moment.slope);
+                let (r, w) = residual(out.y[s], target, &point.base, &point.slope);
                 let jacobian = [&out.jacobian[0][s], &out.jacobian[1][s], &out.jacobian[2][s]];
-                each(samples.moment, texel, jacobian, r, w.mul(Quad::splat(problem.weight_in_blocks(texel))));
+                each(samples.point, texel, jacobian, r, w.mul(Quad::splat(problem.weight_in_blocks(texel))));
             }
         };
         let (features, network) = (self.features(), &self.network);
@@ -198,7 +198,7 @@ impl<const H: usize> Trainer<H> {
                 let j = jacobian[c];
                 add_outer(&mut form, w[c] * STEP * STEP, [j[0], j[1], j[2], j[3]]);
             }
-            let slices = &problem.moments[a].slices;
+            let slices = &problem.points[a].slices;
             for (slice, fs) in slices.ends() {
                 for (y, fy) in row.uvt.ends() {
                     for (x, fx) in column.uvt.ends() {
@@ -296,7 +296,7 @@ impl<const H: usize> Trainer<H> {
         let problem = &self.problem;
         let stride = self.set_stride();
         let (width, height) = (problem.shape.width, problem.shape.height);
-        let kept = problem.sets.div_ceil(stride);
+        let kept = problem.frames.div_ceil(stride);
         let mut samples = vec![Sample::default(); kept * width * height];
         self.linearise(stride, |a, texel, jacobian, r, w| {
             let at = (a / stride * height + texel.y()) * width + texel.x();
@@ -330,7 +330,7 @@ fn damp(metric: &mut [Matrix], share: f32) {
     }
 }
 
-/// Writes blocks' texels into a map of so many texels across.
+/// Writes blocks' texels into a map of this many texels across.
 fn show(blocks: &[Block], across: usize, map: &mut [Quad]) {
     for (block, corner) in blocks.iter().zip(corners(across)) {
         for (i, texel) in block.texels().iter().enumerate() {

@@ -27,7 +27,7 @@ fn recipe(iterations: usize) -> Recipe {
 fn tile(
     width: usize,
     height: usize,
-    sets: usize,
+    frames: usize,
     light: impl Fn(usize, usize, usize) -> [f32; 3],
 ) -> TileSource {
     let at = |k: usize| (0..width * height).map(|i| light(k, i % width, i / width)).collect();
@@ -35,22 +35,22 @@ fn tile(
         width,
         height,
         // Uneven, as around a switch.
-        hours: (0..sets).map(|k| 24.0 * ((k as f64 + 0.25) / sets as f64).powf(1.1)).collect(),
-        sets: (0..sets).map(at).collect(),
+        hours: (0..frames).map(|k| 24.0 * ((k as f64 + 0.25) / frames as f64).powf(1.1)).collect(),
+        frames: (0..frames).map(at).collect(),
         coverage: vec![Coverage::Valid; width * height],
         gates: vec![],
         neighbours: [true; 4],
     }
 }
 
-/// A shadow edge that moves with the set under a soft gradient, and a lamp that is on at the first and last quarter.
-fn moving_shadow(width: usize, height: usize, sets: usize) -> TileSource {
-    tile(width, height, sets, |k, x, y| {
-        let day = (std::f32::consts::PI * (k as f32 + 0.5) / sets as f32).sin();
+/// A shadow edge that moves with the frame under a soft gradient, and a lamp that is on at the first and last quarter.
+fn moving_shadow(width: usize, height: usize, frames: usize) -> TileSource {
+    tile(width, height, frames, |k, x, y| {
+        let day = (std::f32::consts::PI * (k as f32 + 0.5) / frames as f32).sin();
         let (u, v) = (x as f32 / width as f32, y as f32 / height as f32);
-        let edge = k as f32 / sets as f32 - 0.3 * v;
+        let edge = k as f32 / frames as f32 - 0.3 * v;
         let sun = day * ((u - edge) * 8.0).clamp(0.0, 1.0);
-        let lamp = if 4 * k < sets || 4 * k >= 3 * sets {
+        let lamp = if 4 * k < frames || 4 * k >= 3 * frames {
             0.05 / ((u - 0.4).powi(2) + (v - 0.6).powi(2) + 0.1)
         } else {
             0.0
@@ -71,29 +71,29 @@ fn trainer_of<const H: usize>(
     coding: Coding,
     tier: Tier,
 ) -> Trainer<H> {
-    let shape = Shape::new(contents, source.width, source.height, source.sets.len(), coding);
+    let shape = Shape::new(contents, source.width, source.height, source.frames.len(), coding);
     Trainer::new(Problem::new(source, &Light::new(source, coding), shape, coding), 5, true, tier)
 }
 
-/// Random texels for every set.
+/// Random texels for every frame.
 fn random_texels(problem: &Problem) -> Vec<[Texel; CHUNK]> {
     let mut random = Random::new(11);
     let mut texel = || problem.texels[random.below(problem.texels.len())];
-    (0..problem.sets).map(|_| std::array::from_fn(|_| texel())).collect()
+    (0..problem.frames).map(|_| std::array::from_fn(|_| texel())).collect()
 }
 
-/// A block of them at every set, every other not full.
+/// A block of them at every frame, every other not full.
 fn random_samples(texels: &[[Texel; CHUNK]]) -> Vec<Samples<'_>> {
-    let block = |moment: usize| Samples { moment, texels: &texels[moment][..CHUNK - 5 * (moment % 2)] };
+    let block = |point: usize| Samples { point, texels: &texels[point][..CHUNK - 5 * (point % 2)] };
     (0..texels.len()).map(block).collect()
 }
 
 /// A moving shadow whose lamp is a gate, as is a second one.
-fn switched(width: usize, height: usize, sets: usize) -> TileSource {
-    let lamp = (0..sets).map(|k| 4 * k < sets || 4 * k >= 3 * sets).collect();
-    let odd = (0..sets).map(|k| k % 2 == 1).collect();
+fn switched(width: usize, height: usize, frames: usize) -> TileSource {
+    let lamp = (0..frames).map(|k| 4 * k < frames || 4 * k >= 3 * frames).collect();
+    let odd = (0..frames).map(|k| k % 2 == 1).collect();
     let gates = vec![Gate { group: 1, on: lamp }, Gate { group: 4, on: odd }];
-    TileSource { gates, ..moving_shadow(width, height, sets) }
+    TileSource { gates, ..moving_shadow(width, height, frames) }
 }
 
 /// Compares the gradient with finite differences; `change` chooses from all that the profile has.
@@ -121,13 +121,12 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
         let oracle = Oracle::of_params(&problem.shape, &source, coding, &trainer.layout, params);
         let mut sum = 0.0;
         for block in &samples {
-            let moment = &problem.moments[block.moment];
+            let point = &problem.points[block.point];
             for texel in block.texels {
-                let target = problem.targets_at(block.moment)[texel.index()];
-                let y = oracle.y(moment.index, texel.x(), texel.y());
+                let target = problem.targets_at(block.point)[texel.index()];
+                let y = oracle.y(point.index, texel.x(), texel.y());
                 for c in 0..3 {
-                    let weight =
-                        f64::from(moment.base[c]) + f64::from(moment.slope[c]) * f64::from(target[c]);
+                    let weight = f64::from(point.base[c]) + f64::from(point.slope[c]) * f64::from(target[c]);
                     let wanted = f64::from(target[c]);
                     let r = if wanted > 0.0 { y[c] - wanted } else { y[c].max(0.0) };
                     sum += weight.min(20.0) * f64::from(target[3]) * r * r;
@@ -169,7 +168,7 @@ fn gradients_are_those_of_finite_differences() {
 }
 
 #[test]
-fn gradients_are_right_whatever_is_left_out() {
+fn gradients_are_right_whatever_is_omitted() {
     gradients_match::<16>(&M, Coding::Standard, |c| (c.uvt, c.slices, c.gamma) = (0, 0, false));
     gradients_match::<16>(&M, Coding::Standard, |c| (c.uv, c.vt, c.gates) = (false, false, 0));
     gradients_match::<16>(&M, Coding::Standard, |c| (c.ut, c.vt, c.rows, c.slices) = (false, false, 0, 1));
@@ -177,10 +176,10 @@ fn gradients_are_right_whatever_is_left_out() {
 
 #[test]
 fn a_switch_is_a_gate_and_gains() {
-    // A lamp that blinks every second set: time alone, with fewer rows than sets, hardly tells when it is on.
+    // A lamp that blinks every second frame: time alone, with fewer rows than frames, hardly tells when it is on.
     let mut source = switched(48, 48, 40);
-    for (k, set) in source.sets.iter_mut().enumerate().filter(|(k, _)| k % 2 == 1) {
-        for (i, texel) in set.iter_mut().enumerate() {
+    for (k, frame) in source.frames.iter_mut().enumerate().filter(|(k, _)| k % 2 == 1) {
+        for (i, texel) in frame.iter_mut().enumerate() {
             let (x, y) = ((i % 48) as f32 / 48.0, (i / 48) as f32 / 48.0);
             let lamp = (0.2 + 0.01 * k as f32) / ((x - 0.7).powi(2) + (y - 0.3).powi(2) + 0.05);
             *texel = [texel[0] + lamp, texel[1] + 0.7 * lamp, texel[2] + 0.3 * lamp];
@@ -198,10 +197,10 @@ fn a_switch_is_a_gate_and_gains() {
 }
 
 #[test]
-fn sets_that_look_alike_share_a_place_and_equal_switches_a_gate() {
+fn frames_that_look_alike_share_a_place_and_equal_switches_a_gate() {
     let look = |k: usize| [0, 0, 1, 2, 2, 3, 0, 0][k];
     let mut source = tile(16, 16, 8, |k, x, _| [(1 + k) as f32 * (1.0 + (look(k) * x) as f32); 3]);
-    source.sets[4] = source.sets[4].iter().map(|_| [0.0; 3]).collect();
+    source.frames[4] = source.frames[4].iter().map(|_| [0.0; 3]).collect();
     let lamp: Vec<bool> = (0..8).map(|k| k < 3).collect();
     // Its own, its inverse, the same but where it is black, always on where there is light, another.
     let mut black = lamp.clone();
@@ -232,19 +231,19 @@ fn sets_that_look_alike_share_a_place_and_equal_switches_a_gate() {
 fn a_tile_that_never_changes_is_one_map() {
     let source = switched(64, 64, 26);
     let still = |k: usize, x: usize, y: usize| {
-        let [r, g, b] = source.sets[3][y * 64 + x];
+        let [r, g, b] = source.frames[3][y * 64 + x];
         let day = 0.1 + k as f32;
         [day * r, day * g, 2.0 * day * b]
     };
     let still = TileSource { gates: source.gates.clone(), ..tile(64, 64, 26, still) };
     let trained = train(&still, &M, &recipe(1500)).unwrap();
-    assert_eq!(trained.left_out, ["the same at every hour, means apart: F_uv alone"]);
+    assert_eq!(trained.omitted, ["the same at every hour except for its mean: F_uv alone"]);
     let stored = trained.params.unwrap();
     assert_eq!((stored.f_uvt.len(), stored.f_ut.len(), stored.f_vt.len(), stored.gates.len()), (0, 0, 0, 0));
     assert_eq!((stored.axis.length, &stored.axis.places[..]), (1, &[0; 26][..]));
     let psnr = Oracle::of_stored(&stored, &still, Coding::Standard).psnr(&still, &means_of(&stored));
     assert!((48.0..70.0).contains(&psnr), "{psnr}");
-    // A full tile of 26 sets.
+    // A full tile of 26 frames.
     let shape = Shape::new(&stored.shape.contents, 128, 128, 26, Coding::Standard);
     let bpp = crate::bundle::full_len(&shape) as f64 * 8.0 / (128.0 * 128.0 * 26.0);
     assert!(bpp < 0.33, "{bpp}");
@@ -371,19 +370,19 @@ fn other_profiles_train() {
 }
 
 #[test]
-fn black_sets_and_tiles_are_left_out() {
+fn black_frames_and_tiles_are_omitted() {
     let half = tile(16, 16, 6, |k, x, _| if k < 2 { [0.0; 3] } else { [0.1 + x as f32; 3] });
     let trained = train(&half, &M, &recipe(50)).unwrap();
-    let same = "the same at every hour, means apart: F_uv alone";
-    assert_eq!(trained.left_out, ["black at 2 of 6 sets", same]);
+    let same = "the same at every hour except for its mean: F_uv alone";
+    assert_eq!(trained.omitted, ["black at 2 of 6 sets", same]);
     assert_eq!(means_of(&trained.params.unwrap())[..2], [[0.0; 3]; 2]);
     let black = tile(16, 16, 3, |_, _, _| [0.0; 3]);
     let mut outside = tile(16, 16, 3, |_, _, _| [1.0; 3]);
     outside.coverage.fill(Coverage::Gutter);
-    for (source, why) in [(black, "black at every set"), (outside, "no valid texel")] {
+    for (source, why) in [(black, "black in every frame"), (outside, "no valid texel")] {
         let trained = train(&source, &M, &recipe(50)).unwrap();
         assert!(trained.params.is_none() && trained.psnr_db.is_none());
-        assert_eq!(trained.left_out, [why]);
+        assert_eq!(trained.omitted, [why]);
     }
 }
 
@@ -407,7 +406,7 @@ fn a_few_texels_store_only_the_blocks_that_they_read() {
 }
 
 #[test]
-fn texels_beside_another_tile_count_more() {
+fn texels_next_to_another_tile_count_more() {
     let mut source = moving_shadow(128, 128, 2);
     // No valid texel above the left half.
     source.coverage[..64].fill(Coverage::Gutter);
@@ -440,7 +439,7 @@ fn bad_light_is_refused_by_place() {
         let source =
             tile(16, 16, 3, |k, x, y| if (k, x, y) == (1, 5, 7) { [1.0, bad, 1.0] } else { [1.0; 3] });
         let message = train(&source, &M, &recipe(10)).unwrap_err().to_string();
-        assert!(message.contains("set 1") && message.contains("(5, 7)"), "{message}");
+        assert!(message.contains("frame 1") && message.contains("(5, 7)"), "{message}");
     }
 }
 
@@ -485,14 +484,14 @@ fn training_that_diverges_is_restarted_at_a_smaller_rate_and_says_so() {
     let light = Light::new(&source, Coding::Standard);
     let shape = Shape::new(&M.contents(light.distinct, light.gates.len()), 32, 32, 8, Coding::Standard);
     let problem = Problem::new(&source, &light, shape, Coding::Standard);
-    let told = |rate| train_width::<16>(&problem, &recipe(300), rate, vec!["before".to_owned()]);
-    assert!(told(1e10).unwrap_err().to_string().contains("diverges"));
-    let poor = told(1e4).unwrap();
+    let reported = |rate| train_width::<16>(&problem, &recipe(300), rate, vec!["before".to_owned()]);
+    assert!(reported(1e10).unwrap_err().to_string().contains("diverges"));
+    let poor = reported(1e4).unwrap();
     assert!(
-        poor.left_out.len() > 1 && poor.left_out[..2] == ["before".to_owned(), of(2)],
+        poor.omitted.len() > 1 && poor.omitted[..2] == ["before".to_owned(), of(2)],
         "{:?}",
-        poor.left_out
+        poor.omitted
     );
     assert!(poor.psnr_db.unwrap().is_finite() && poor.params.unwrap().mlp.iter().all(|w| w.is_finite()));
-    assert_eq!(told(1.0).unwrap().left_out, ["before"]);
+    assert_eq!(reported(1.0).unwrap().omitted, ["before"]);
 }

@@ -1,4 +1,4 @@
-//! What belongs to a bundle: the scene's geometry and cameras, and the dataset that it was made from.
+//! Finds what belongs to a bundle: the scene's geometry and cameras, and the dataset that it was made from.
 
 use super::{WANTED, glb};
 use crate::bundle::{Bundle, Header};
@@ -12,14 +12,14 @@ use ndgi::sun::Shadows;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What to look at, beyond what is found.
+/// Options that override what is found.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The bundle, instead of the dataset's own.
     pub bundle: Option<PathBuf>,
     /// The geometry, instead of that of the dataset or the one beside the bundle.
     pub scene: Option<PathBuf>,
-    /// Leave the dataset's lightmaps out.
+    /// Omit the dataset's lightmaps.
     pub no_reference: bool,
 }
 
@@ -34,8 +34,8 @@ pub struct Source {
     pub scene_name: String,
     /// The cameras of the scene that was baked.
     pub cameras: Vec<Camera>,
-    /// Why a dataset at hand is no reference.
-    pub left_out: Option<String>,
+    /// Why the dataset is not used as a reference.
+    pub omitted: Option<String>,
     /// Why the geometry that was named may be that of another scene.
     pub doubts: Vec<String>,
     header: Header,
@@ -72,14 +72,16 @@ impl Source {
             ));
         }
         let opened = Bundle::open(&bundle).map_err(of_bundle)?;
-        // All tiles are read, for what is damaged to be told: the page looks at no checksum.
+        // Read all tiles so that damage is reported: the page verifies no checksums.
         opened.header.places().try_for_each(|place| opened.tile(place).map(drop)).map_err(of_bundle)?;
         let needs_words = opened.index.iter().any(|entry| entry.shadows.length > 0);
         let header = opened.header;
         let other = dataset.as_ref().and_then(|dataset| difference(&header, &dataset.config));
         let how = match (is_folder, &options.scene) {
             (true, _) => Some(format!("`compress {}` makes one of this dataset", folder.display())),
-            (false, None) => Some("--scene names the geometry of a bundle beside another dataset".to_owned()),
+            (false, None) => {
+                Some("for a bundle of another dataset, name its geometry with --scene".to_owned())
+            }
             (false, Some(_)) => None,
         };
         if let Some((what, how)) = other.as_ref().zip(how) {
@@ -95,14 +97,14 @@ impl Source {
             doubts = doubts_of(path, &header, &placed);
         }
         let cameras = dataset.iter().flat_map(|dataset| Camera::of_manifest(&dataset.config)).collect();
-        let (reference, left_out) = match other {
+        let (reference, omitted) = match other {
             Some(_) if !options.no_reference => {
-                (None, Some("the dataset beside the bundle is of another scene".to_owned()))
+                (None, Some("the dataset in the bundle's folder is of another scene".to_owned()))
             }
             _ => reference_of(dataset, &header, options.no_reference),
         };
         let scene_name = header.scene.clone();
-        Ok(Source { bundle, scene, scene_name, cameras, left_out, doubts, header, reference, needs_words })
+        Ok(Source { bundle, scene, scene_name, cameras, omitted, doubts, header, reference, needs_words })
     }
 
     /// The bundle's file name.
@@ -115,45 +117,45 @@ impl Source {
         self.bundle.with_extension("view.html")
     }
 
-    /// Number of sets of the reference, 0 where there is none.
-    pub fn sets(&self) -> usize {
+    /// Number of frames of the reference, 0 where there is none.
+    pub fn frames(&self) -> usize {
         self.reference.as_ref().map_or(0, |dataset| dataset.config.frames.len())
     }
 
-    /// The hour of a set of the reference.
+    /// The hour of a frame of the reference.
     ///
     /// # Panics
-    /// If there is no such set.
-    pub fn hour(&self, set: usize) -> f64 {
-        self.reference.as_ref().expect("a set of a reference").config.frames[set].hour
+    /// If there is no such frame.
+    pub fn hour(&self, frame: usize) -> f64 {
+        self.reference.as_ref().expect("a set of a reference").config.frames[frame].hour
     }
 
-    /// The sets that fit in a number of bytes, ascending: those nearest to the wanted hours come first.
+    /// The frames that fit in a number of bytes, ascending: those nearest to the wanted hours come first.
     pub(super) fn sets_within(&self, bytes: u64) -> Vec<usize> {
         let each =
             self.header.pages.iter().map(|page| 4 * page.width as u64 * page.height as u64).sum::<u64>();
-        let count = (bytes / each.max(1)).min(self.sets() as u64) as usize;
-        let mut sets: Vec<usize> = Vec::new();
+        let count = (bytes / each.max(1)).min(self.frames() as u64) as usize;
+        let mut frames: Vec<usize> = Vec::new();
         for wanted in WANTED {
-            let away = |set: &usize| {
-                let gap = (self.hour(*set) - wanted).abs();
+            let away = |frame: &usize| {
+                let gap = (self.hour(*frame) - wanted).abs();
                 gap.min(24.0 - gap)
             };
-            let left = (0..self.sets()).filter(|set| !sets.contains(set));
-            sets.extend(left.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| sets.len() < count));
+            let left = (0..self.frames()).filter(|frame| !frames.contains(frame));
+            frames.extend(left.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| frames.len() < count));
         }
-        sets.sort_unstable();
-        sets
+        frames.sort_unstable();
+        frames
     }
 
-    /// The names of all data, with the references of these sets.
-    pub(super) fn names(&self, sets: &[usize]) -> Vec<String> {
+    /// The names of all data, with the references of these frames.
+    pub(super) fn names(&self, frames: &[usize]) -> Vec<String> {
         let mut names = vec!["bundle".to_owned()];
         names.extend(self.scene.is_some().then(|| "scene".to_owned()));
         names.extend(self.needs_words.then(|| "words".to_owned()));
         for page in 0..self.header.pages.len() {
-            names.extend((!sets.is_empty()).then(|| format!("mask-{page}")));
-            names.extend(sets.iter().map(|set| format!("reference-{set}-{page}")));
+            names.extend((!frames.is_empty()).then(|| format!("mask-{page}")));
+            names.extend(frames.iter().map(|frame| format!("reference-{frame}-{page}")));
         }
         names
     }
@@ -193,7 +195,9 @@ impl Source {
         match (self.parse(name), &self.reference) {
             (Some(Data::Words), _) => Ok(Shadows::codebook().to_vec()),
             (Some(Data::Mask(page)), Some(dataset)) => Ok(bits(&dataset.mask(page)?.valid)),
-            (Some(Data::Reference(set, page)), Some(dataset)) => Ok(packed(&dataset.map(set, page)?.texels)),
+            (Some(Data::Reference(frame, page)), Some(dataset)) => {
+                Ok(packed(&dataset.map(frame, page)?.texels))
+            }
             _ => Err(Error::invalid(name, "no such data")),
         }
     }
@@ -206,8 +210,8 @@ impl Source {
         match (kind, &numbers[..]) {
             ("words", []) => Some(Data::Words),
             ("mask", &[page]) if page < pages => Some(Data::Mask(page)),
-            ("reference", &[set, page]) if set < self.sets() && page < pages => {
-                Some(Data::Reference(set, page))
+            ("reference", &[frame, page]) if frame < self.frames() && page < pages => {
+                Some(Data::Reference(frame, page))
             }
             _ => None,
         }
@@ -240,7 +244,7 @@ fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Resu
 fn difference(header: &Header, config: &Config) -> Option<String> {
     let (found, expected) = (&header.scene, &config.scene);
     if found != expected {
-        return Some(format!("is a bundle of the scene {found:?}; expected one of {expected:?}"));
+        return Some(format!("is a bundle of scene {found:?}; expected one of {expected:?}"));
     }
     let text = |sizes: Vec<(usize, usize)>| {
         let of = |(width, height): &(usize, usize)| format!("{width} × {height}");
@@ -259,20 +263,20 @@ fn doubts_of(path: &Path, header: &Header, placed: &[u64]) -> Vec<String> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let dataset = Dataset::open_manifest(folder).ok();
     if let Some(what) = dataset.and_then(|dataset| difference(header, &dataset.config)) {
-        doubt(format!("it lies in a dataset of which the bundle is none, for that {what}"));
+        doubt(format!("it belongs to a dataset that the bundle was not made from: the bundle {what}"));
     }
     let pages = header.pages.len() as u64;
     match placed.iter().max() {
-        None => doubt("no mesh has a place on a lightmap (extras lightmapPage)".to_owned()),
+        None => doubt("no mesh has a chart placement on a page (extras lightmapPage)".to_owned()),
         Some(&page) if page >= pages => {
-            doubt(format!("it has meshes on page {page}; the bundle's {pages} are numbered from 0"));
+            doubt(format!("it has meshes on page {page}, but the bundle has {pages}, numbered from 0"));
         }
         Some(_) => {}
     }
     doubts
 }
 
-/// The dataset as a reference, or why it is none.
+/// The dataset as a reference, or why it cannot be one.
 fn reference_of(
     dataset: Option<Dataset>,
     header: &Header,

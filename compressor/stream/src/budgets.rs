@@ -54,7 +54,7 @@ impl Budgets {
         }
         if self.features < self.slots {
             return Err(Error::Invalid(format!(
-                "a budget of {} features for {} slots; expected at least as many",
+                "a budget of {} features for {} slots; expected at least one per slot",
                 self.features, self.slots
             )));
         }

@@ -1,15 +1,15 @@
-//! What can go wrong.
+//! Errors of this crate.
 
 use std::fmt;
 
-/// What can go wrong.
+/// An error of this crate.
 #[derive(Debug)]
 pub enum Error {
-    /// A bundle is damaged or unreadable, or does not hold what was asked for.
+    /// A bundle is damaged or unreadable, or lacks what was requested.
     Bundle(ndgi::Error),
-    /// The bundles are not levels of one scene, or nothing can be shown under the budgets.
+    /// The bundles are not levels of one scene, or the budgets are too small to show anything.
     Invalid(String),
-    /// The device cannot do what was asked for.
+    /// The device does not support the request.
     Device(String),
 }
 

@@ -13,7 +13,7 @@ pub use watch::Files;
 
 use crate::{Answer, Budgets, Commands, Completion, Decode, Load, Pyramid, Read, Result, Seen, Stream, Tile};
 use ndgi::decode::Lights;
-use ndgi_gpu::{Moment, Options, Output, Pool, SlotRequest, Sunlight, Target};
+use ndgi_gpu::{DecodeParams, Options, Output, Pool, SlotRequest, Sunlight, Target};
 use read::Waiting;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -75,7 +75,7 @@ pub struct Runtime {
     sunlight: BTreeMap<Tile, Sunlight>,
     asked: BTreeMap<u64, Read>,
     done: Vec<Completion>,
-    told: Option<Vec<Seen>>,
+    reported: Option<Vec<Seen>>,
     maps: wgpu::TextureView,
     sun: wgpu::TextureView,
     /// Number of slots in a row of the textures.
@@ -121,7 +121,7 @@ impl Runtime {
             sunlight: BTreeMap::new(),
             asked: BTreeMap::new(),
             done: Vec::new(),
-            told: None,
+            reported: None,
             maps,
             sun,
             across,
@@ -145,7 +145,7 @@ impl Runtime {
     ) -> Result<Report> {
         let now = self.stream.pyramid().at(hour)?;
         let arrived = self.feedback.arrived(device, self.stream.pyramid().tiles());
-        let seen = self.told.take().or(arrived);
+        let seen = self.reported.take().or(arrived);
         self.collect();
         let done = std::mem::take(&mut self.done);
         let mut report =
@@ -174,9 +174,9 @@ impl Runtime {
         Ok(report)
     }
 
-    /// Sets the tiles that the view needs, in place of the next frame's feedback: for views that know them, for instance after a jump.
+    /// Frames the tiles that the view needs, in place of the next frame's feedback: for views that know them, for instance after a jump.
     pub fn see(&mut self, seen: Vec<Seen>) {
-        self.told = Some(seen);
+        self.reported = Some(seen);
     }
 
     /// Takes up completed reads.
@@ -230,7 +230,7 @@ impl Runtime {
         if load.features {
             let level = self.stream.pyramid().spot(load.tile).map_or(0, |spot| spot.level);
             let none =
-                || ndgi_gpu::Error::Invalid(format!("a reader brought no features of {:?}", load.tile));
+                || ndgi_gpu::Error::Invalid(format!("a reader returned no features of {:?}", load.tile));
             let features = waiting.features.as_ref().ok_or_else(none)?;
             self.pool.load(queue, load.place, level, features)?;
             bytes += features.bytes();
@@ -263,8 +263,8 @@ impl Runtime {
                 continue;
             }
             let target = Target { view, output: Output::Rgba16Float };
-            let moment = Moment { hour, lights, exposure };
-            bytes += self.pool.decode(encoder, &requests, target, &moment)?.bytes;
+            let params = DecodeParams { hour, lights, exposure };
+            bytes += self.pool.decode(encoder, &requests, target, &params)?.bytes;
         }
         Ok(bytes)
     }
@@ -304,7 +304,7 @@ impl Runtime {
         self.sunlight.clear();
         self.asked.clear();
         self.done.clear();
-        self.told = None;
+        self.reported = None;
         Ok(())
     }
 

@@ -45,7 +45,7 @@ pub enum Answer {
     Failed {
         /// Whether another try would fail too.
         is_lasting: bool,
-        /// Why, in words.
+        /// Why, as text.
         what: String,
     },
 }
@@ -110,7 +110,7 @@ pub enum Entry {
 pub struct Failure {
     /// The tile.
     pub tile: Tile,
-    /// Why, in words.
+    /// Why, as text.
     pub what: String,
 }
 
@@ -192,7 +192,7 @@ struct State {
     /// How often the device had no room for its features.
     refused: u32,
     /// Whether it was reported that it cannot be read.
-    told: bool,
+    reported: bool,
 }
 
 /// Decides what is read, loaded, decoded and shown. See [`Stream::step`].
@@ -313,7 +313,7 @@ impl Stream {
     /// Reports that a [`Load`] of the last step could not be carried out: for want of room on the device, or `why`. The tile is read again later, and
     /// one tile that is not wanted is unloaded at once to make room. `commands` receives what has to be unloaded and dropped.
     pub fn refuse(&mut self, tile: Tile, why: Option<String>, commands: &mut Commands) {
-        if let Some(what) = why.filter(|_| !std::mem::replace(&mut self.state_mut(tile).told, true)) {
+        if let Some(what) = why.filter(|_| !std::mem::replace(&mut self.state_mut(tile).reported, true)) {
             commands.failures.push(Failure { tile, what });
         }
         self.free_place(tile, commands);
@@ -349,7 +349,7 @@ impl Stream {
         self.table[tile.0 as usize]
     }
 
-    /// The wanted tiles, no more than there are slots, and their pixels.
+    /// The wanted tiles, at most there are slots, and their pixels.
     pub fn wanted(&self) -> impl Iterator<Item = Seen> + '_ {
         self.wanted.iter().map(|(tile, pixels)| Seen { tile: *tile, pixels: *pixels })
     }

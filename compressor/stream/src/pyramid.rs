@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use ndgi::Bundle;
 use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, Knot};
-use ndgi::time::Moment;
+use ndgi::time::TimePoint;
 use std::sync::Arc;
 
 /// Most levels: an entry of the page table has four bits for one.
@@ -73,8 +73,8 @@ pub struct Now {
 
 #[derive(Clone, Debug)]
 struct OfLevel {
-    moment: Moment,
-    /// The times of visibility before and after the hour, and the sun's irradiance; `None` where it is down.
+    point: TimePoint,
+    /// The times of visibility before and after the hour, and the sun's irradiance; `None` if it is down.
     sun: Option<([usize; 2], [f32; 3])>,
 }
 
@@ -103,7 +103,7 @@ impl Pyramid {
                     Some(page) => {
                         let [is, should] = [&header.pages[page], &expected[page]];
                         format!(
-                            "page {page} of {} × {} texels; expected {} × {}: each level halves the one before, rounded up",
+                            "page {page} of {} × {} texels; expected {} × {} (half the level before, rounded up)",
                             is.width, is.height, should.width, should.height
                         )
                     }
@@ -114,14 +114,16 @@ impl Pyramid {
             let lamps =
                 |bundle: &Bundle| (bundle.header.groups.clone(), bundle.header.timeline.intervals.clone());
             if lamps(bundle) != lamps(finest) {
-                return Err(Error::Invalid(format!("level {level} has other light groups than level 0")));
+                return Err(Error::Invalid(format!(
+                    "the light groups of level {level} differ from those of level 0"
+                )));
             }
             levels.push(Level::new(bundle, tiles.len() as u32)?);
             for (entry, place) in bundle.index.iter().zip(header.places()) {
                 let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
                 if contents.is_some() && bundle.knots(place)?.is_empty() {
                     return Err(Error::Invalid(format!(
-                        "level {level} is a bundle of version 3, which tells no means of tiles; compress its dataset again"
+                        "level {level} is a bundle of version 3, which does not store the tiles' means; compress its dataset again"
                     )));
                 }
                 tiles.push(Facts {
@@ -160,7 +162,7 @@ impl Pyramid {
         Tile(level.first + level.pages[page])
     }
 
-    /// The tile at a level and place; `None` where there is none.
+    /// The tile at a level and place; `None` if there is none.
     pub fn tile(&self, Spot { level, place }: Spot) -> Option<Tile> {
         let grid = self.levels.get(level)?.bundle.header.pages.get(place.page)?;
         let inside = place.column < grid.columns() && place.row < grid.rows();
@@ -224,7 +226,7 @@ impl Pyramid {
         let of_level = |level: &Level| {
             let at = level.bundle.at(hour)?;
             let sun = at.sun().map(|sun| (sun.times, sun.irradiance));
-            Ok(OfLevel { moment: *at.moment(), sun })
+            Ok(OfLevel { point: *at.point(), sun })
         };
         let levels = self.levels.iter().map(of_level).collect::<Result<_>>()?;
         let hour = ndgi::time::fold_hour(hour);
@@ -233,40 +235,40 @@ impl Pyramid {
 
     /// The mean light of a tile's maps as red, green and blue, without the sun's stream.
     pub fn mean(&self, tile: Tile, now: &Now) -> [f32; 3] {
-        let (_, moment, knots) = self.knots(tile, now);
-        let [a, b] = moment.knots.map(|knot| knots.get(knot).map_or([0.0; 3], |knot| knot.mean));
+        let (_, point, knots) = self.knots(tile, now);
+        let [a, b] = point.knots.map(|knot| knots.get(knot).map_or([0.0; 3], |knot| knot.mean));
         std::array::from_fn(|c| {
-            (f64::from(a[c]) * (1.0 - moment.fraction) + f64::from(b[c]) * moment.fraction) as f32
+            (f64::from(a[c]) * (1.0 - point.fraction) + f64::from(b[c]) * point.fraction) as f32
         })
     }
 
-    fn knots<'a>(&'a self, tile: Tile, now: &'a Now) -> (usize, &'a Moment, &'a [Knot]) {
+    fn knots<'a>(&'a self, tile: Tile, now: &'a Now) -> (usize, &'a TimePoint, &'a [Knot]) {
         let level = self.level_of(tile);
         let of = &self.levels[level];
-        (level, &now.levels[level].moment, of.bundle.knots_at((tile.0 - of.first) as usize))
+        (level, &now.levels[level].point, of.bundle.knots_at((tile.0 - of.first) as usize))
     }
 
     fn level_of(&self, tile: Tile) -> usize {
         self.levels.partition_point(|level| level.first <= tile.0) - 1
     }
 
-    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None` where the sun is down.
+    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None` if the sun is down.
     pub(crate) fn sun(&self, tile: Tile, now: &Now) -> Option<([usize; 2], [f32; 3])> {
         now.levels[self.level_of(tile)].sun
     }
 
     /// How far a tile's mean has travelled from the first knot to an hour, and in a whole day.
     pub(crate) fn travelled(&self, tile: Tile, now: &Now) -> [f32; 2] {
-        let (level, moment, _) = self.knots(tile, now);
+        let (level, point, _) = self.knots(tile, now);
         let level = &self.levels[level];
         if level.knots == 0 {
             return [0.0; 2];
         }
         let of_tile = &level.travelled[(tile.0 - level.first) as usize * (level.knots + 1)..][..=level.knots];
         let whole = of_tile[level.knots];
-        let [from, to] = moment.knots.map(|knot| of_tile[knot]);
+        let [from, to] = point.knots.map(|knot| of_tile[knot]);
         let to = if to < from { to + whole } else { to };
-        [from + (to - from) * moment.fraction as f32, whole]
+        [from + (to - from) * point.fraction as f32, whole]
     }
 }
 

@@ -330,7 +330,7 @@ impl ReadAt for Rotting {
 }
 
 #[test]
-fn a_tile_that_is_damaged_while_streaming_is_told_once_and_the_rest_goes_on() {
+fn a_tile_damaged_while_streaming_is_reported_once_and_the_rest_continues() {
     let Some(gpu) = device() else { return };
     let sound = common::pyramid();
     let damaged = common::lit(&sound).find(|tile| common::changes(&sound, *tile)).unwrap();
@@ -426,7 +426,7 @@ impl Reader for Muddled {
 }
 
 #[test]
-fn a_reader_that_keeps_no_promise_is_told_of_and_the_frames_go_on() {
+fn a_reader_that_breaks_its_contract_is_reported_and_frames_continue() {
     let Some(gpu) = device() else { return };
     let pyramid = common::pyramid();
     let seen = all(&pyramid);
@@ -442,6 +442,6 @@ fn a_reader_that_keeps_no_promise_is_told_of_and_the_frames_go_on() {
     let mut tiles: Vec<Tile> = failures.iter().map(|failure| failure.tile).collect();
     tiles.sort();
     assert!(tiles.is_sorted_by(|a, b| a < b), "each is told once: {failures:?}");
-    assert!(failures[0].what.contains("brought no features"), "{}", failures[0].what);
+    assert!(failures[0].what.contains("returned no features"), "{}", failures[0].what);
     probe.expect_exact(7.4 + 0.01 * 59.0);
 }

@@ -171,7 +171,7 @@ fn under_a_clock_that_runs_no_tile_is_left_behind() {
 }
 
 #[test]
-fn a_damaged_tile_is_told_once_and_what_covers_it_is_shown() {
+fn a_damaged_tile_is_reported_once_and_its_parent_is_shown() {
     let pyramid = pyramid();
     let mut stream = Stream::new(Arc::clone(&pyramid), tight()).unwrap();
     let damaged = common::lit(&pyramid).next().unwrap();
@@ -179,15 +179,15 @@ fn a_damaged_tile_is_told_once_and_what_covers_it_is_shown() {
     disk.damaged = Some(damaged);
     let seen = [Seen { tile: damaged, pixels: 100 }];
     let mut random = Random(3);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for step in 0..100 {
         let answers = disk.answers(step, &mut random);
         let commands = stream.step(Some(&seen), &answers, 8.3).unwrap();
         disk.start(step, &commands, &mut random);
-        told.extend(commands.failures);
+        reported.extend(commands.failures);
     }
-    assert_eq!(told.len(), 1);
-    assert_eq!((told[0].tile, told[0].what.as_str()), (damaged, "damaged"));
+    assert_eq!(reported.len(), 1);
+    assert_eq!((reported[0].tile, reported[0].what.as_str()), (damaged, "damaged"));
     assert!(matches!(stream.entry(damaged), Entry::Slot { level: 1.., .. }), "{:?}", stream.entry(damaged));
 }
 
@@ -358,7 +358,7 @@ fn a_tile_that_finds_no_room_is_given_that_of_one_that_is_not_wanted() {
 }
 
 #[test]
-fn lamps_that_are_switched_while_a_bundle_is_replaced_are_not_shown_as_they_were() {
+fn groups_switched_while_a_bundle_is_replaced_are_shown_in_their_new_state() {
     let pyramid = pyramid();
     let budgets = tight();
     let mut stream = Stream::new(Arc::clone(&pyramid), budgets.clone()).unwrap();
@@ -405,7 +405,7 @@ fn while_a_view_moves_what_it_shows_is_still_decoded_again() {
 }
 
 #[test]
-fn more_levels_than_entries_of_the_page_table_can_tell_are_refused() {
+fn more_levels_than_page_table_entries_can_encode_are_refused() {
     let small = common::of_pages(&[[1, 1]], 1);
     let levels = |count: usize| Pyramid::new(vec![Arc::clone(small.bundle(0)); count]);
     assert!(levels(16).is_ok());

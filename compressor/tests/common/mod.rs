@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Sets around the switches of lamps that are on 18:00–06:00.
+/// Frames around the switches of lamps that are on 18:00–06:00.
 pub const HOURS: [f64; 6] = [0.0, 5.9, 6.0, 12.0, 18.0, 18.1];
 
 /// One page of a scene to write.
@@ -158,14 +158,14 @@ pub fn image(path: &Path) -> Image {
 pub fn difference(decoder: &Decoder, hour: f64, found: &Image) -> f64 {
     let expected = decoder.decode_page(0, hour).unwrap();
     assert_eq!((found.width, found.height), (expected.width, expected.height));
-    let moment = decoder.bundle().header.timeline.at(hour);
+    let point = decoder.bundle().header.timeline.at(hour);
     let mut worst = 0.0f64;
     for row in 0..expected.height.div_ceil(PAYLOAD) {
         for column in 0..expected.width.div_ceil(PAYLOAD) {
             let tile = decoder.tile(Place { page: 0, column, row }).unwrap();
             let mean = |c: usize| {
-                let share = moment.fraction as f32;
-                let [a, b] = moment.knots;
+                let share = point.fraction as f32;
+                let [a, b] = point.knots;
                 tile.as_ref().map_or(0.0, |t| (1.0 - share) * t.knots[a].mean[c] + share * t.knots[b].mean[c])
             };
             for y in row * PAYLOAD..((row + 1) * PAYLOAD).min(expected.height) {

@@ -1,5 +1,5 @@
 //! A case: a page of given light through `compress`, and back from its bundle. Whatever the case, the bundle is whole and any
-//! moment of the day decodes to finite light.
+//! time of the day decodes to finite light.
 
 use compressor::compress::{Options, Outcome, compress};
 use compressor::decode::Decoder;
@@ -11,7 +11,7 @@ use dataset::image::{Image, Mask};
 use dataset::store::{Dataset, Writer};
 use std::path::Path;
 
-/// Light of set k at (x, y).
+/// Light of frame k at (x, y).
 type Light<'a> = Box<dyn Fn(usize, usize, usize) -> [f32; 3] + 'a>;
 
 /// One page over a day.
@@ -33,24 +33,24 @@ pub struct Result {
     pub decoder: Decoder,
     pub evaluation: Evaluation,
     pub mask: Mask,
-    /// Per set.
+    /// Per frame.
     pub references: Vec<Image>,
-    /// Per set, at its hour.
+    /// Per frame, at its hour.
     pub decoded: Vec<compressor::decode::Image>,
 }
 
 impl<'a> Case<'a> {
-    /// `sets` even hours, everything valid, no lamp.
+    /// `frames` even hours, everything valid, no lamp.
     pub fn new(
         width: usize,
         height: usize,
-        sets: usize,
+        frames: usize,
         light: impl Fn(usize, usize, usize) -> [f32; 3] + 'a,
     ) -> Self {
         Case {
             width,
             height,
-            hours: (0..sets).map(|k| 24.0 * k as f64 / sets as f64).collect(),
+            hours: (0..frames).map(|k| 24.0 * k as f64 / frames as f64).collect(),
             lamp: Vec::new(),
             valid: Box::new(|_, _| true),
             light: Box::new(light),
@@ -59,7 +59,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// The sets, and when the lamp is on.
+    /// The frames, and when the lamp is on.
     pub fn hours(self, hours: &[f64], lamp: &[[f64; 2]]) -> Self {
         Case { hours: hours.to_vec(), lamp: lamp.to_vec(), ..self }
     }
@@ -148,7 +148,7 @@ impl<'a> Case<'a> {
 }
 
 impl Result {
-    /// Decoded and reference of the valid texels of a set that `wanted` names.
+    /// Decoded and reference of the valid texels of a frame that `wanted` names.
     fn pairs(&self, k: usize, wanted: impl Fn(usize, usize) -> bool) -> Vec<([f32; 3], [f32; 3])> {
         let width = self.mask.width;
         let of = |i: &usize| self.mask.valid[*i] && wanted(i % width, i / width);
@@ -158,7 +158,7 @@ impl Result {
         pairs.collect()
     }
 
-    /// Root of the mean squared error over the mean, of the named valid texels of a set.
+    /// Root of the mean squared error over the mean, of the named valid texels of a frame.
     pub fn relative_error(&self, k: usize, wanted: impl Fn(usize, usize) -> bool) -> f64 {
         let (mut squares, mut sum) = (0.0, 0.0);
         let pairs = self.pairs(k, wanted);
@@ -171,12 +171,12 @@ impl Result {
         (squares / (3 * pairs.len()) as f64).sqrt() / (sum / (3 * pairs.len()) as f64)
     }
 
-    /// The largest of all sets.
+    /// The largest of all frames.
     pub fn worst_relative_error(&self) -> f64 {
         (0..self.decoded.len()).map(|k| self.relative_error(k, |_, _| true)).fold(0.0, f64::max)
     }
 
-    /// Smallest PSNR of a set, over all valid texels.
+    /// Smallest PSNR of a frame, over all valid texels.
     pub fn least_psnr_db(&self) -> f64 {
         let psnr = |k: usize| {
             let pairs = self.pairs(k, |_, _| true);
@@ -190,8 +190,8 @@ impl Result {
         (0..self.decoded.len()).map(psnr).fold(f64::INFINITY, f64::min)
     }
 
-    /// What training left out, without the numbers of tiles.
-    pub fn left_out(&self) -> Vec<&str> {
-        self.outcome.left_out.iter().map(|(what, _)| what.as_str()).collect()
+    /// What training omitted, without the numbers of tiles.
+    pub fn omitted(&self) -> Vec<&str> {
+        self.outcome.omitted.iter().map(|(what, _)| what.as_str()).collect()
     }
 }

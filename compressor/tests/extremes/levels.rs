@@ -7,7 +7,7 @@ fn texture(x: usize, y: usize) -> f32 {
     1.0 + 0.25 * ((x as f32 * 0.31).sin() + (y as f32 * 0.23).cos())
 }
 
-/// A number in [0, 1) of set, place and channel: SplitMix64 of them in turn.
+/// A number in [0, 1) of frame, place and channel: SplitMix64 of them in turn.
 fn noise(k: usize, x: usize, y: usize, c: usize) -> f32 {
     let bits = [k, x, y, c].into_iter().fold(1u64, |state, n| {
         let z = (state ^ n as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -18,15 +18,15 @@ fn noise(k: usize, x: usize, y: usize, c: usize) -> f32 {
     (bits >> 40) as f32 / (1 << 24) as f32
 }
 
-/// Said of a tile whose sets differ in their means alone.
-const STATIC: &str = "the same at every hour, means apart: F_uv alone";
+/// Said of a tile whose frames differ in their means alone.
+const STATIC: &str = "the same at every hour except for its mean: F_uv alone";
 
 #[test]
-fn a_black_tile_beside_a_lit_one_stays_black_and_takes_no_payload() {
+fn a_black_tile_next_to_a_lit_one_stays_black_and_takes_no_payload() {
     let lit = |x: usize| x >= 130;
     let result = Case::new(200, 40, 4, |_, x, y| if lit(x) { [texture(x, y); 3] } else { [0.0; 3] }).run();
     assert_eq!((result.outcome.tiles, result.outcome.empty), (2, 1));
-    assert_eq!(result.left_out(), ["black at every set", STATIC]);
+    assert_eq!(result.omitted(), ["black in every frame", STATIC]);
     for image in &result.decoded {
         assert!((0..40).all(|y| (0..126).all(|x| image.texels[y * 200 + x] == [0.0; 3])));
     }
@@ -39,7 +39,7 @@ fn black_hours_are_exactly_black() {
     let day = |k: usize| (3..9).contains(&k);
     let result =
         Case::new(48, 48, 12, |k, x, y| if day(k) { [texture(x, y), 0.5, 0.2] } else { [0.0; 3] }).run();
-    assert_eq!(result.left_out(), ["black at 6 of 12 sets", STATIC]);
+    assert_eq!(result.omitted(), ["black at 6 of 12 sets", STATIC]);
     for k in (0..12).filter(|&k| !day(k)) {
         assert!(result.decoded[k].texels.iter().all(|t| *t == [0.0; 3]), "{k}");
     }
@@ -64,7 +64,7 @@ fn a_channel_that_is_always_zero_stays_zero() {
 }
 
 #[test]
-fn a_peak_of_a_million_at_one_set_leaves_the_rest_of_its_tile_visible() {
+fn a_peak_of_a_million_in_one_frame_leaves_the_rest_of_its_tile_visible() {
     let spike = |k: usize, x: usize, y: usize| (k, x, y) == (2, 20, 21);
     let light = |k: usize, x: usize, y: usize| if spike(k, x, y) { [1e6; 3] } else { [texture(x, y); 3] };
     let result = Case::new(48, 48, 6, light).run();
@@ -76,11 +76,11 @@ fn a_peak_of_a_million_at_one_set_leaves_the_rest_of_its_tile_visible() {
     assert!(dim < 0.5 && others.fold(0.0, f64::max) < 0.03, "{rest:?}");
     // The PSNR would be as good were the rest ten thousand times too bright.
     assert!(judged.psnr_db.unwrap() > 80.0 && judged.psnr_log_db.unwrap() > 36.0, "{judged:?}");
-    assert_eq!(result.left_out(), [""; 0]);
+    assert_eq!(result.omitted(), [""; 0]);
 }
 
 #[test]
-fn a_peak_of_a_million_at_every_set_leaves_the_rest_of_its_tile_visible() {
+fn a_peak_of_a_million_in_every_frame_leaves_the_rest_of_its_tile_visible() {
     let spike = |x: usize, y: usize| (x, y) == (20, 21);
     let light = |_, x: usize, y: usize| if spike(x, y) { [1e6; 3] } else { [texture(x, y); 3] };
     let result = Case::new(48, 48, 6, light).run();
@@ -90,7 +90,7 @@ fn a_peak_of_a_million_at_every_set_leaves_the_rest_of_its_tile_visible() {
     assert!(peaks.iter().all(|peak| (peak / 1e6 - 1.0).abs() < 0.01), "{peaks:?}");
     assert!(rest.iter().all(|error| *error < 0.5), "{rest:?}");
     assert!(judged.psnr_db.unwrap() > 80.0 && judged.psnr_log_db.unwrap() > 36.0, "{judged:?}");
-    assert_eq!(result.left_out(), [STATIC]);
+    assert_eq!(result.omitted(), [STATIC]);
 }
 
 #[test]

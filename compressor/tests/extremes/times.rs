@@ -1,4 +1,4 @@
-//! When: switches, few and many sets, uneven hours.
+//! When: switches, few and many frames, uneven hours.
 
 use crate::case::Case;
 
@@ -39,7 +39,7 @@ fn a_lamp_that_blinks_within_six_minutes_is_on_and_off_to_the_instant() {
     let error = result.worst_relative_error();
     assert!(error < 0.02, "{error}");
     let page = |hour| result.decoder.decode_page(0, hour).unwrap();
-    // Any instant of a blink is that blink's set.
+    // Any instant of a blink is that blink's frame.
     for i in 0..6 {
         for share in [0.1, 0.4, 0.9] {
             let found = page(12.0 + (f64::from(i) + share) / 60.0);
@@ -51,16 +51,16 @@ fn a_lamp_that_blinks_within_six_minutes_is_on_and_off_to_the_instant() {
 }
 
 #[test]
-fn one_two_and_240_sets_are_met() {
-    for (sets, bound) in [(1, 50.0), (2, 43.0), (240, 42.0)] {
+fn one_two_and_240_frames_are_reproduced() {
+    for (frames, bound) in [(1, 50.0), (2, 43.0), (240, 42.0)] {
         let light = |k: usize, x: usize, y: usize| {
-            let phase = std::f32::consts::TAU * k as f32 / sets as f32;
+            let phase = std::f32::consts::TAU * k as f32 / frames as f32;
             let sun = 1.0 / (1.0 + (-(x as f32 - 24.0 - 12.0 * phase.cos()) * 0.5).exp());
             [0.2 + sun, 0.2 + 0.9 * sun * lamp(x, y), 0.3]
         };
-        let result = Case::new(48, 48, sets, light).run();
+        let result = Case::new(48, 48, frames, light).run();
         let psnr = result.least_psnr_db();
-        assert!(psnr > bound && psnr < bound + 25.0, "{sets} sets: {psnr} dB");
+        assert!(psnr > bound && psnr < bound + 25.0, "{frames} frames: {psnr} dB");
     }
 }
 
@@ -81,7 +81,7 @@ fn hours_seconds_and_half_days_apart_are_met() {
 }
 
 #[test]
-fn a_slit_of_one_texel_that_moves_is_at_every_set_where_it_belongs() {
+fn a_moving_slit_of_one_texel_is_in_its_place_in_every_frame() {
     let slit = |k: usize| 5 + 7 * k;
     let result = Case::new(126, 126, 12, |k, x, _| [if x == slit(k) { 1.0 } else { 0.1 }; 3]).run();
     for (k, image) in result.decoded.iter().enumerate() {
@@ -94,7 +94,7 @@ fn a_slit_of_one_texel_that_moves_is_at_every_set_where_it_belongs() {
 }
 
 #[test]
-fn a_small_spot_at_one_set_is_there_and_then_alone() {
+fn a_small_spot_in_one_frame_is_only_there_and_then() {
     // 9 of 15876 texels: 0.7 % of the light's root mean square.
     let spot = |x: usize, y: usize| (60..63).contains(&x) && (70..73).contains(&y);
     let light = |k: usize, x: usize, y: usize| [if k == 6 && spot(x, y) { 0.8 } else { 0.5 }; 3];
@@ -130,7 +130,7 @@ fn at_dawn_after_a_black_night_only_the_dawn_shines() {
 }
 
 #[test]
-fn between_sets_far_apart_light_stays_between_theirs() {
+fn between_frames_far_apart_light_stays_between_theirs() {
     // At one hour in the day everything is another; the rest hardly changes.
     let light = |k: usize, x: usize, y: usize| {
         let there = if k == 12 { lamp(47 - x, 47 - y) } else { lamp(x, y) };

@@ -1,9 +1,9 @@
-//! What the manifest of a dataset of half the resolution says of the dataset that it was made from.
+//! The manifest key of a halved dataset that names its source.
 
 use super::Config;
 use serde::{Deserialize, Serialize};
 
-/// Where a dataset of `dataset halve` comes from: the key `halved` of [`Config::settings`].
+/// The source of a dataset made by `dataset halve`: the key `halved` of [`Config::settings`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Halved {
     /// How often the resolution was halved since: the level, from 1.
@@ -18,12 +18,12 @@ pub struct Halved {
 const KEY: &str = "halved";
 
 impl Config {
-    /// Where a halved dataset comes from; `None` for one of full resolution.
+    /// The source of a halved dataset; `None` at full resolution.
     pub fn halved(&self) -> Option<Halved> {
         serde_json::from_value(self.settings.get(KEY)?.clone()).ok()
     }
 
-    /// What a dataset says that is made from this one by halving it.
+    /// The key of a dataset that is made by halving this one.
     pub(crate) fn halved_again(&self) -> Halved {
         match self.halved() {
             Some(before) => Halved { times: before.times.saturating_add(1), ..before },
@@ -31,7 +31,7 @@ impl Config {
         }
     }
 
-    /// Notes in the settings where the dataset comes from. Settings that are no object stand under the key `settings` then.
+    /// Adds the source to the settings. Settings that are not an object are moved to the key `settings`.
     pub(crate) fn set_halved(&mut self, halved: &Halved) {
         if !self.settings.is_object() {
             self.settings = serde_json::json!({ "settings": self.settings });

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub enum Baked {
     /// All of it.
     All,
-    /// What surfaces reflect of it; the direct light is left to the reader.
+    /// Only indirect light; the reader draws the direct light.
     Indirect,
     /// Nothing.
     None,
@@ -34,7 +34,7 @@ pub struct Daylight {
     pub baked: Baked,
 }
 
-/// A light, or a kind of lights, that layers hold apart.
+/// A light, or a kind of lights, with its own layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Light {
@@ -64,11 +64,11 @@ impl Light {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Part {
-    /// What arrives straight from the light.
+    /// Direct light.
     Direct,
-    /// What surfaces reflect of it.
+    /// Indirect light.
     Indirect,
-    /// All that the lightmaps hold of it, in one.
+    /// Both in one.
     All,
 }
 
@@ -96,19 +96,19 @@ pub struct Layer {
     pub part: Part,
     /// `files[frame][page]`; of a light group, whose light does not depend on the hour, `files[0][page]`. `None` is black.
     pub files: Vec<Vec<Option<FileRef>>>,
-    /// How its light goes between two frames: a [`crate::curve::Curve`]. Without one it goes linearly. Light groups have none.
+    /// Interpolation between two frames: a [`crate::curve::Curve`]; linear without one. Light groups have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<FileRef>,
 }
 
 impl Layer {
-    /// The image of a frame on a page; `None` where it is black.
+    /// The image of a frame on a page; `None` if it is black.
     pub fn file(&self, frame: usize, page: usize) -> Option<&FileRef> {
         let row = if self.light == Light::Group { 0 } else { frame };
         self.files.get(row)?.get(page)?.as_ref()
     }
 
-    /// Whether it is what arrives straight from the sun, which the sun's visibility tells at any time.
+    /// True for direct light of the sun, which the sun's visibility gives at any time.
     pub fn is_direct_sun(&self) -> bool {
         (self.light, self.part) == (Light::Sun, Part::Direct)
     }

@@ -131,7 +131,7 @@ impl Config1 {
         }
     }
 
-    /// The layer of a light that the maps name; `None` where none does.
+    /// The layer of a light that the maps name; `None` if none does.
     fn shares(&self, light: Light, of: fn(&Map) -> &Option<FileRef>) -> Option<Layer> {
         let row = |set: &Set| set.maps.iter().map(|map| of(map).clone()).collect();
         let files: Vec<Vec<Option<FileRef>>> = self.sets.iter().map(row).collect();

@@ -1,6 +1,6 @@
-//! Incoming light becomes a dataset.
+//! Converts incoming lightmaps to a dataset.
 
-use super::incoming::{Incoming, IncomingPage, IncomingSet, Light};
+use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light};
 use super::raw::block_rows;
 use crate::config::{
     Baked, Config, Daylight, FORMAT, Frame, Layer, Light as Lights, Page, Part, Source, VERSION,
@@ -15,8 +15,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Rows of light that are read in all: what [`convert`] tells the progress.
 pub(super) fn work(incoming: &Incoming) -> u64 {
-    let images = |set: &IncomingSet| 1 + 2 * set.shares.iter().flatten().count() as u64;
-    incoming.pages.iter().map(|p| p.height as u64 * p.sets.iter().map(images).sum::<u64>()).sum()
+    let images = |frame: &IncomingFrame| 1 + 2 * frame.shares.iter().flatten().count() as u64;
+    incoming.pages.iter().map(|p| p.height as u64 * p.frames.iter().map(images).sum::<u64>()).sum()
 }
 
 /// Writes a dataset into an empty folder; gives its manifest.
@@ -33,7 +33,7 @@ pub(super) fn convert(
     let on = |hour: f64| groups.iter().map(|group| group.is_on(hour) == Some(true)).collect();
     let frame = |&hour: &f64| Frame { hour, groups_on: on(hour), relative_error: None, maps: Vec::new() };
     let mut frames: Vec<Frame> = incoming.hours.iter().map(frame).collect();
-    let has_shares = incoming.pages.iter().flat_map(|page| &page.sets).any(|set| set.shares.is_some());
+    let has_shares = incoming.pages.iter().flat_map(|page| &page.frames).any(|frame| frame.shares.is_some());
     let mut layers: Vec<Layer> = match has_shares {
         true => [Lights::Sun, Lights::Sky, Lights::Lamps].map(|light| share(light, frames.len())).into(),
         false => Vec::new(),
@@ -43,18 +43,18 @@ pub(super) fn convert(
         let mask = page.mask()?;
         if !mask.valid.contains(&true) {
             console.warn(format!(
-                "no texel of page {index} is valid: is its mask the right one, and not inverted?"
+                "no texel of page {index} is valid; check that its mask is the right one and not inverted"
             ));
         }
         let png = writer.add(&format!("mask{index}"), "png", &mask.to_png())?;
         pages.push(Page::atlas(page.width as u32, page.height as u32, png));
-        let stage = |set: &IncomingSet| {
+        let stage = |frame: &IncomingFrame| {
             let job = Job { writer: &writer, page, mask: &mask, replaced: &replaced, progress };
-            job.stage(set)
+            job.stage(frame)
         };
-        let staged: Vec<Result<StagedSet>> = page.sets.par_iter().map(stage).collect();
+        let staged: Vec<Result<StagedFrame>> = page.frames.par_iter().map(stage).collect();
         for (number, (frame, staged)) in frames.iter_mut().zip(staged).enumerate() {
-            let StagedSet { whole, shares } = staged?;
+            let StagedFrame { whole, shares } = staged?;
             let hour = frame.hour;
             let mut adopt =
                 |kind: &str, staged| writer.adopt(staged, &format!("{kind}{index}-{hour:.4}"), "exr");
@@ -66,8 +66,8 @@ pub(super) fn convert(
         }
     }
     let layout = incoming.layout;
-    let told = incoming.config.as_ref();
-    let told = told.map(|bytes| writer.add("source", "json", bytes)).transpose()?;
+    let reported = incoming.config.as_ref();
+    let reported = reported.map(|bytes| writer.add("source", "json", bytes)).transpose()?;
     let config = Config {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -87,7 +87,7 @@ pub(super) fn convert(
         geometry: None,
         instances: Vec::new(),
         settings: serde_json::json!({}),
-        source: Some(Source { layout, config: told, replaced_values: replaced.into_inner() }),
+        source: Some(Source { layout, config: reported, replaced_values: replaced.into_inner() }),
         sun_path: None,
         visibility: None,
         transfer: None,
@@ -119,7 +119,7 @@ fn digest(pages: &[Page], frames: &[Frame], layers: &[Layer]) -> String {
 }
 
 /// The files of a lightmap at one hour; black shares are none.
-struct StagedSet {
+struct StagedFrame {
     whole: Staged,
     shares: [Option<Staged>; 3],
 }
@@ -134,15 +134,15 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn stage(&self, set: &IncomingSet) -> Result<StagedSet> {
+    fn stage(&self, frame: &IncomingFrame) -> Result<StagedFrame> {
         let mut shares = [None, None, None];
-        if let Some(sources) = &set.shares {
-            self.expect_sum(&set.whole, sources)?;
+        if let Some(sources) = &frame.shares {
+            self.expect_sum(&frame.whole, sources)?;
             for (share, source) in shares.iter_mut().zip(sources) {
                 *share = Some(self.image(source)?).filter(|(_, black)| !black).map(|(staged, _)| staged);
             }
         }
-        Ok(StagedSet { whole: self.image(&set.whole)?.0, shares })
+        Ok(StagedFrame { whole: self.image(&frame.whole)?.0, shares })
     }
 
     /// Writes an image; tells also whether it is black to the bit.
@@ -215,8 +215,8 @@ impl Job<'_> {
                     let (x, y) = (i % width, y0 + i / width);
                     let place = format!("{}, texel ({x}, {y})", whole.path(y).display());
                     let what = format!(
-                        "{texel:?}; its shares sum to {sum:?}: expected the same to 1/1024 (without the folders of shares, \
-                         lightmaps are imported alone)"
+                        "{texel:?}; its shares sum to {sum:?}; expected equality within 1/1024 (remove the folders of shares \
+                         to import only the lightmaps)"
                     );
                     return Err(Error::invalid(place, what));
                 }

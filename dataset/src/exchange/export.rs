@@ -1,4 +1,4 @@
-//! From a dataset to a layout.
+//! Exports a dataset to a layout.
 
 use super::layouts::{kept, lightmaps_of, parse};
 use super::plan::{Lightmap, Parts, Planned};
@@ -14,65 +14,67 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// What was exported.
+/// Result of an export.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
-    /// Hours of the sets that were written.
+    /// Hours of the frames that were written.
     pub hours: Vec<f64>,
-    /// What of the dataset the layout does not hold, and why.
-    pub left_out: Vec<String>,
+    /// Parts of the dataset that the layout cannot store, and why.
+    pub omitted: Vec<String>,
     /// Files written.
     pub files: usize,
-    /// Their length.
+    /// Total bytes.
     pub bytes: u64,
 }
 
-/// Writes a dataset in a layout to the new folder `out`, which appears when it is whole. A set that was imported from the same
+/// Writes a dataset in a layout to the new folder `out`, which appears when it is complete. A dataset that was imported from the same
 /// layout gets its old names and configuration back.
 ///
 /// # Errors
-/// `Unsupported` where the layout cannot hold the set at all; `Invalid` for a dataset that breaks a rule. Then nothing is left
+/// `Unsupported` if the layout cannot store any of the dataset; `Invalid` for an invalid dataset. Then nothing is left
 /// behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
     if layout == Layout::Exr {
-        return Err(Error::unsupported(out.display(), "EXR files are a layout to import from alone"));
+        return Err(Error::unsupported(
+            out.display(),
+            "EXR files can only be imported; expected --layout hprc1 or hprc2",
+        ));
     }
-    dataset.expect_moments()?;
+    dataset.expect_day()?;
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
-    let (hours, mut left_out, (config, planned)) = match kept(dataset, Some(layout))? {
+    let (hours, mut omitted, (config, planned)) = match kept(dataset, Some(layout))? {
         Some(own) => (dataset.config.frames.iter().map(|frame| frame.hour).collect(), Vec::new(), own),
         None => {
-            let (hours, mut left_out) = hours(dataset, layout)?;
+            let (hours, mut omitted) = hours(dataset, layout)?;
             let plan = plan(dataset, layout, &hours)?;
             if !dataset.config.groups.is_empty() {
-                left_out
-                    .push("light groups, their names and hours: the layout has no place for them".to_owned());
+                omitted.push("names and hours of light groups: the layout cannot store them".to_owned());
             }
-            (hours, left_out, plan)
+            (hours, omitted, plan)
         }
     };
     let layered = !dataset.config.layers.is_empty();
     if layout == Layout::Hprc1 && !layered {
-        left_out.push(format!("{}: the set has no layers", layout1::SHARES.join(", ")));
+        omitted.push(format!("{}: the dataset has no layers", layout1::SHARES.join(", ")));
     }
     if layout == Layout::Hprc2 && layered {
-        left_out.push("layers of sun, sky and lamps: the layout has no place for them".to_owned());
+        omitted.push("layers of sun, sky and light groups: the layout cannot store them".to_owned());
     }
     let set = &dataset.config;
     for (what, is_there) in [
         ("geometry", set.geometry.is_some()),
-        ("places of instances", !set.instances.is_empty()),
+        ("chart placements of instances", !set.instances.is_empty()),
         ("noise", set.noise.is_some()),
         ("the sun's path", set.sun_path.is_some()),
         ("the sun's visibility", set.visibility.is_some()),
     ] {
         if is_there {
-            left_out.push(format!("{what}: the layout has no place for it"));
+            omitted.push(format!("{what}: the layout cannot store it"));
         }
     }
 
-    let images = planned.iter().flat_map(|p| p.moments.iter().map(|_| u64::from(p.lightmap.height)));
+    let images = planned.iter().flat_map(|p| p.frames.iter().map(|_| u64::from(p.lightmap.height)));
     let kinds = if layout == Layout::Hprc1 && layered { 4 } else { 1 };
     let progress = console.progress("exporting", kinds * images.sum::<u64>());
     check_contents(dataset, &hours, layout)?;
@@ -81,14 +83,14 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) 
     let mut named = BTreeSet::new();
     for (page, mut planned) in planned.into_iter().enumerate() {
         planned.masks.retain(|parts| named.insert(parts.clone()));
-        planned.moments.retain(|moment| named.insert(moment.whole.clone()));
+        planned.frames.retain(|planned_frame| named.insert(planned_frame.whole.clone()));
         written.extend(write_page(dataset, page, &planned, root, layered, &progress)?);
     }
     write_atomically(&root.join(MANIFEST), &config)?;
     written.push(config.len() as u64);
     drop(progress);
     folder.finish()?;
-    Ok(Exported { hours, left_out, files: written.len(), bytes: written.iter().sum() })
+    Ok(Exported { hours, omitted, files: written.len(), bytes: written.iter().sum() })
 }
 
 /// The hours that the layout takes, and why not the others.
@@ -99,7 +101,10 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         Layout::Hprc1 => {
             let missing: Vec<f64> = layout1::hours().filter(|hour| !all.contains(hour)).collect();
             if !missing.is_empty() {
-                let what = format!("no frame at {} h; the layout holds all 24 hours", list(&missing));
+                let what = format!(
+                    "no frame at {} h; the layout needs all 24 whole hours: export to hprc2, or bake with --hours 0..24",
+                    list(&missing)
+                );
                 return Err(Error::unsupported(dataset.root.display(), what));
             }
             all.iter().partition(|&&hour| layout1::hours().any(|whole| whole == hour))
@@ -107,16 +112,17 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
     };
     if taken.is_empty() {
-        let what = format!("no frame at a whole hour; frames at {} h have no time key", list(&others));
+        let what =
+            format!("only frames between whole hours, at {} h; the layout needs whole hours", list(&others));
         return Err(Error::unsupported(dataset.root.display(), what));
     }
     let reason = match layout {
-        Layout::Hprc1 => "the layout holds whole hours",
-        _ => "the layout holds whole hours, 5.9 and 18.1",
+        Layout::Hprc1 => "the layout stores only whole hours",
+        _ => "the layout stores only whole hours, 5.9 and 18.1",
     };
-    let told = (!others.is_empty())
+    let reported = (!others.is_empty())
         .then(|| format!("{} at {} h: {reason}", count(others.len(), "frame"), list(&others)));
-    Ok((taken, told.into_iter().collect()))
+    Ok((taken, reported.into_iter().collect()))
 }
 
 /// The configuration to write, and the files it speaks of.
@@ -178,14 +184,15 @@ fn write_page(
         written.push(raw::write(&place(parts)?, size, rows)?);
     }
     drop(mask);
-    let moments: Vec<Result<Vec<u64>>> = planned
-        .moments
+    let frames: Vec<Result<Vec<u64>>> = planned
+        .frames
         .par_iter()
-        .map(|moment| {
-            let frame = dataset.config.frames.iter().position(|frame| frame.hour == moment.hour);
+        .map(|planned_frame| {
+            let frame = dataset.config.frames.iter().position(|frame| frame.hour == planned_frame.hour);
             let frame = frame.expect("hours were taken from the frames");
-            let mut kinds = vec![(&moment.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
-            if let Some([sun, sky, local]) = moment.shares.as_ref().filter(|_| layered) {
+            let mut kinds =
+                vec![(&planned_frame.whole, vec![vec![&dataset.config.frames[frame].maps[page]]])];
+            if let Some([sun, sky, local]) = planned_frame.shares.as_ref().filter(|_| layered) {
                 let of = |light| vec![dataset.config.files_of(light, None, frame, page)];
                 let lamps = dataset.config.files_of_local(frame, page);
                 kinds.extend([(sun, of(Light::Sun)), (sky, of(Light::Sky)), (local, lamps)]);
@@ -201,7 +208,7 @@ fn write_page(
             Ok(lengths)
         })
         .collect();
-    for lengths in moments {
+    for lengths in frames {
         written.extend(lengths?);
     }
     Ok(written)

@@ -1,6 +1,6 @@
-//! EXR files, one per hour: found by a pattern of their names, or told by a table.
+//! EXR files, one per hour: found by a pattern of their names, or listed in a TOML file.
 
-use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
+use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
 use crate::config::{Baked, Group, Layout};
 use crate::image::find_channels;
 use crate::{Error, Result};
@@ -11,7 +11,7 @@ use toml::Spanned;
 
 /// What stands for the hour in a pattern.
 const HOUR: &str = "{hour}";
-/// The unit of light that nobody told.
+/// The unit of light without `unit`.
 pub(super) const UNKNOWN_UNIT: &str = "unknown";
 
 /// The files of `folder` whose names match a pattern such as `light_{hour}.exr`, where the hour is 6, 06 or 5.9; 24 is 0. Gives
@@ -42,7 +42,7 @@ pub(super) fn by_pattern(
             Some(hour) if hour <= 24.0 => found.push((hour % 24.0, name)),
             Some(hour) => {
                 let what =
-                    format!("hour {hour}; expected 0 to 24 (a table can give other names their hours)");
+                    format!("hour {hour}; expected 0 to 24 (for other names, give the hours in a TOML file)");
                 return Err(Error::invalid(folder.join(name).display(), what));
             }
             None if name.to_ascii_lowercase().ends_with(".exr") => others.push(name),
@@ -54,7 +54,10 @@ pub(super) fn by_pattern(
         return Err(wrong(format!("no file in {} matches", folder.display())));
     }
     if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        return Err(wrong(format!("{} and {} are both for {} h", pair[0].1, pair[1].1, pair[0].0)));
+        return Err(wrong(format!(
+            "{} and {} both name {} h; expected one file per hour",
+            pair[0].1, pair[1].1, pair[0].0
+        )));
     }
     let mask = mask.map(|mask| MaskFile::Picture(mask.to_owned()));
     others.retain(|name| !matches!(&mask, Some(MaskFile::Picture(path)) if path.ends_with(name)));
@@ -84,7 +87,7 @@ struct Table {
     layer: Option<String>,
     #[serde(default)]
     page: Vec<TablePage>,
-    set: Vec<TableSet>,
+    set: Vec<TableFrame>,
     #[serde(default)]
     group: Vec<TableGroup>,
 }
@@ -97,7 +100,7 @@ struct TablePage {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct TableSet {
+struct TableFrame {
     hour: Spanned<f64>,
     files: Vec<PathBuf>,
 }
@@ -122,7 +125,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut sets = table.set;
     sets.sort_by(|a, b| a.hour.as_ref().total_cmp(b.hour.as_ref()));
-    let Some(first) = sets.first() else { return Err(wrong(None, "no [[set]]")) };
+    let Some(first) = sets.first() else { return Err(wrong(None, "no [[set]]; expected one per hour")) };
     let pages_told = if table.page.is_empty() { first.files.len() } else { table.page.len() };
     for set in &sets {
         let (hour, span) = (set.hour.as_ref(), Some(set.hour.span()));
@@ -137,7 +140,8 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         }
     }
     if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour.as_ref() == pair[1].hour.as_ref()) {
-        let what = format!("hour {} is there twice", pair[1].hour.as_ref());
+        let what =
+            format!("hour {} occurs twice; expected one file or [[set]] per hour", pair[1].hour.as_ref());
         return Err(wrong(Some(pair[1].hour.span()), &what));
     }
     let mut groups = Vec::with_capacity(table.group.len());
@@ -164,7 +168,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     })
 }
 
-/// Pages of the size of their first file; `sets[set][page]` are the files.
+/// Pages of the size of their first file; `frames[frame][page]` are the files.
 fn pages(
     sets: Vec<Vec<PathBuf>>,
     masks: Vec<Option<MaskFile>>,
@@ -188,10 +192,10 @@ fn pages(
                 );
                 return Err(Error::invalid(path.display(), what));
             }
-            own.push(IncomingSet { whole: Light::Exr(path, channels), shares: None });
+            own.push(IncomingFrame { whole: Light::Exr(path, channels), shares: None });
         }
         let (width, height) = size.map_or((0, 0), |(_, size)| size);
-        Ok(IncomingPage { width, height, masks: mask.into_iter().collect(), sets: own })
+        Ok(IncomingPage { width, height, masks: mask.into_iter().collect(), frames: own })
     };
     masks.into_iter().enumerate().map(page).collect()
 }

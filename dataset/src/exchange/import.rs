@@ -1,7 +1,7 @@
-//! From a layout to a dataset.
+//! Imports a layout as a dataset.
 
 use super::convert::{convert, work};
-use super::incoming::{Incoming, IncomingPage, IncomingSet, Light, MaskFile};
+use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
 use super::layouts::{parse, read_config};
 use super::plan::{Parts, Planned};
 use super::raw::{LIGHT_BYTES, Raw};
@@ -13,7 +13,7 @@ use crate::store::{MANIFEST, is_component};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// What is imported.
+/// The source of an import.
 #[derive(Clone, Debug)]
 pub enum Origin {
     /// A folder in the layout `hprc1` or `hprc2`.
@@ -37,7 +37,7 @@ pub enum Origin {
 /// its manifest.
 ///
 /// # Errors
-/// For everything about the origin that is not as it should be; then nothing is left behind.
+/// For any fault of the source; then nothing is left behind.
 pub fn import(origin: &Origin, out: &Path, console: &Console) -> Result<Config> {
     let scene = out.file_name().and_then(|name| name.to_str()).filter(|name| is_component(name));
     let scene = scene.ok_or_else(|| Error::invalid(out.display(), "expected the name of a new folder"))?;
@@ -69,7 +69,7 @@ fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
     let there: Vec<&str> = layout1::SHARES.into_iter().filter(|share| root.join(share).exists()).collect();
     if layout == Layout::Hprc1 && !matches!(there.len(), 0 | 3) {
         let what = format!(
-            "there is {} alone; expected {} or none of them",
+            "only {} exists; expected {}, or none of them",
             there.join(", "),
             layout1::SHARES.join(", ")
         );
@@ -78,7 +78,7 @@ fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
     let mut pages = Vec::new();
     let mut hours = Vec::new();
     parse(layout, &place, &bytes, |planned| {
-        hours = planned.moments.iter().map(|moment| moment.hour).collect();
+        hours = planned.frames.iter().map(|planned_frame| planned_frame.hour).collect();
         pages.push(find(&root, planned, !there.is_empty())?);
         Ok(())
     })?;
@@ -117,18 +117,18 @@ fn find(root: &Path, planned: Planned, with_shares: bool) -> Result<IncomingPage
         masks.extend(raw(parts, 1)?.map(MaskFile::Raw));
     }
     let mut sets = Vec::new();
-    for moment in planned.moments {
-        let whole = raw(moment.whole, LIGHT_BYTES)?;
+    for planned_frame in planned.frames {
+        let whole = raw(planned_frame.whole, LIGHT_BYTES)?;
         let mut shares = Vec::new();
-        for parts in moment.shares.into_iter().flatten().filter(|_| with_shares) {
+        for parts in planned_frame.shares.into_iter().flatten().filter(|_| with_shares) {
             shares.extend(raw(parts, LIGHT_BYTES)?.map(Light::Raw));
         }
         sets.extend(
-            whole.map(|whole| IncomingSet { whole: Light::Raw(whole), shares: shares.try_into().ok() }),
+            whole.map(|whole| IncomingFrame { whole: Light::Raw(whole), shares: shares.try_into().ok() }),
         );
     }
     if missing.is_empty() {
-        return Ok(IncomingPage { width, height, masks, sets });
+        return Ok(IncomingPage { width, height, masks, frames: sets });
     }
     let names: Vec<String> = missing.iter().take(30).map(|path| path.display().to_string()).collect();
     let more = missing.len() - names.len();

@@ -1,4 +1,4 @@
-//! What is to be imported, whatever it is read from.
+//! Lightmaps to import, from any source.
 
 use super::raw::Raw;
 use crate::config::{Group, Layout};
@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use ::image::{ImageError, ImageReader};
 use std::path::{Path, PathBuf};
 
-/// A set of lightmaps elsewhere, its files found and their sizes checked.
+/// A dataset of lightmaps elsewhere, its files found and their sizes checked.
 pub(super) struct Incoming {
     pub layout: Layout,
     /// The bytes of the layout's configuration.
@@ -27,11 +27,11 @@ pub(super) struct IncomingPage {
     /// All are to agree; without any, every texel is valid.
     pub masks: Vec<MaskFile>,
     /// One per hour.
-    pub sets: Vec<IncomingSet>,
+    pub frames: Vec<IncomingFrame>,
 }
 
 /// A lightmap at one hour.
-pub(super) struct IncomingSet {
+pub(super) struct IncomingFrame {
     pub whole: Light,
     /// The shares of sun, sky and lamps.
     pub shares: Option<[Light; 3]>,
@@ -90,11 +90,11 @@ impl IncomingPage {
                     Some(i) => {
                         let (x, y) = (i % width, y0 + i / width);
                         let place = format!("{}, texel ({x}, {y})", file.path(y).display());
-                        let told = |valid: bool| if valid { "valid" } else { "not valid" };
+                        let reported = |valid: bool| if valid { "valid" } else { "not valid" };
                         let what = format!(
-                            "{}; {} in {}: expected one mask for all hours",
-                            told(rows[i]),
-                            told(own[i]),
+                            "{}, but {} in {}; expected the same mask at all hours",
+                            reported(rows[i]),
+                            reported(own[i]),
                             first_file.path(y).display()
                         );
                         Err(Error::invalid(place, what))

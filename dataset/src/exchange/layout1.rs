@@ -1,10 +1,10 @@
 //! The layout `hprc1`: folders by light type, times 1 to 24.
 //!
 //! `config.json` holds `lightmap_count` and `lightmap_list` of `id`, `resolution` {`width`, `height`} and `parts`. The light
-//! stands in `Original/` and, where it is kept apart, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
+//! stands in `Original/` and, where it is stored separately, in `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in
 //! `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of a dataset. Lightmaps are cut by height into `parts` equal files.
 
-use super::plan::{Lightmap, Moment, Parts, Planned, Resolution, expect_count, to_json};
+use super::plan::{Lightmap, Parts, Planned, PlannedFrame, Resolution, expect_count, to_json};
 use crate::store::json_error;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ pub(super) fn parse(place: &Path, bytes: &[u8]) -> Result<impl Iterator<Item = R
 fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
     let Entry { id, resolution: Resolution { width, height }, parts } = *entry;
     if !(1..=MAX_PARTS).contains(&parts) || !height.is_multiple_of(parts) {
-        let expected = format!("expected 1 to {MAX_PARTS} that divide the height, {height}");
+        let expected = format!("expected a divisor of the height, {height}, from 1 to {MAX_PARTS}");
         let what = format!("lightmap {id}: {parts} parts; {expected}");
         return Err(Error::invalid(place.display(), what));
     }
@@ -67,14 +67,14 @@ fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
         (0..parts).map(|part| PathBuf::from(folder).join(name(part))).collect()
     };
     let light = |folder: &str, hour: f64| files(folder, "lightmapRawData", time(hour));
-    let moments = hours().map(|hour| Moment {
+    let frames = hours().map(|hour| PlannedFrame {
         hour,
         whole: light(WHOLE, hour),
         shares: Some(SHARES.map(|folder| light(folder, hour))),
     });
     Ok(Planned {
         lightmap: Lightmap { id, level: None, width, height },
-        moments: moments.collect(),
+        frames: frames.collect(),
         masks: vec![files(MASK, "lightmapCoverage", 1)],
     })
 }
@@ -90,7 +90,7 @@ pub(super) fn compose(lightmaps: &[Lightmap]) -> Vec<u8> {
     to_json(&Config { lightmap_count: lightmap_list.len() as u64, lightmap_list })
 }
 
-/// The fewest equal parts of at most so many bytes; one where no number will do.
+/// The fewest equal parts of at most this many bytes; one where no number will do.
 fn parts(lightmap: &Lightmap, most: u64) -> u32 {
     let bytes = u64::from(lightmap.width) * u64::from(lightmap.height) * super::raw::LIGHT_BYTES as u64;
     let divides = |parts: &u32| lightmap.height.is_multiple_of(*parts);

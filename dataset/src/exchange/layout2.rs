@@ -4,7 +4,7 @@
 //! and `masks`, from time keys to names in `Data/`. A time key is the hour × 100: `"0"` to `"2300"`, and `"590"` and `"1810"` on the
 //! lit side of a switch at 6 and 18 h.
 
-use super::plan::{Lightmap, Moment, Planned, Resolution, expect_count, to_json};
+use super::plan::{Lightmap, Planned, PlannedFrame, Resolution, expect_count, to_json};
 use crate::store::{is_component, json_error};
 use crate::{Error, Result};
 use serde::de::{MapAccess, Visitor};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// The folder of all files but the configuration.
 pub(super) const DATA: &str = "Data";
-/// Time keys of the sets beside the switches.
+/// Time keys of the frames beside the switches.
 const EXTRAS: [u32; 2] = [590, 1810];
 
 #[derive(Serialize, Deserialize)]
@@ -59,7 +59,7 @@ impl<'de> Deserialize<'de> for Names {
                 let mut known = BTreeSet::new();
                 while let Some((key, name)) = map.next_entry::<String, String>()? {
                     if !known.insert(key.clone()) {
-                        return Err(serde::de::Error::custom(format!("time key {key:?} is there twice")));
+                        return Err(serde::de::Error::custom(format!("time key {key:?} occurs twice")));
                     }
                     names.push((key, name));
                 }
@@ -85,7 +85,7 @@ pub(super) fn key(hour: f64) -> Option<u32> {
     (exact && key < 2400 && (key.is_multiple_of(100) || EXTRAS.contains(&key))).then_some(key)
 }
 
-/// Whether sets at these hours show the switches of the layout's lamps.
+/// Whether frames at these hours show the switches of the layout's lamps.
 pub(super) fn shows_switches(hours: &[f64]) -> bool {
     EXTRAS.iter().all(|&extra| hours.iter().any(|&hour| key(hour) == Some(extra)))
 }
@@ -122,16 +122,16 @@ fn planned(place: &Path, entry: Entry) -> Result<Planned> {
     let light = read("lightmaps", &lightmaps)?;
     let masks = read("masks", &masks)?;
     if let Some((hour, _)) = masks.iter().find(|(hour, _)| light.iter().all(|(lit, _)| lit != hour)) {
-        return Err(wrong(format!("masks has {hour} h; lightmaps has not")));
+        return Err(wrong(format!("masks has {hour} h, which lightmaps lacks; expected the same hours")));
     }
     // One file often serves all times.
     let mut masks: Vec<PathBuf> = masks.into_iter().map(|(_, path)| path).collect();
     masks.sort();
     masks.dedup();
-    let moment = |(hour, path)| Moment { hour, whole: vec![path], shares: None };
+    let planned_frame = |(hour, path)| PlannedFrame { hour, whole: vec![path], shares: None };
     Ok(Planned {
         lightmap: Lightmap { id, level: Some(level), width, height },
-        moments: light.into_iter().map(moment).collect(),
+        frames: light.into_iter().map(planned_frame).collect(),
         masks: masks.into_iter().map(|path| vec![path]).collect(),
     })
 }

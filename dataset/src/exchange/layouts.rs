@@ -1,4 +1,4 @@
-//! Reads the configuration of either layout, and that which an imported set keeps.
+//! Reads the configuration of either layout, and that which an imported dataset keeps.
 
 use super::plan::{Lightmap, Planned};
 use super::{layout1, layout2};
@@ -33,7 +33,7 @@ pub(super) fn parse(
         let planned = planned?;
         let Lightmap { id, width, height, .. } = planned.lightmap;
         if !ids.insert(id) {
-            return wrong(format!("lightmap {id} is there twice; expected ids that differ"));
+            return wrong(format!("lightmap {id} occurs twice; expected distinct ids"));
         }
         let side = 1..=MAX_SIDE as u32;
         if !side.contains(&width) || !side.contains(&height) {
@@ -57,20 +57,18 @@ pub(super) fn parse(
 pub(super) fn read_config(path: &Path) -> Result<Vec<u8>> {
     let refused = |what: String| Err(Error::invalid(path.display(), what));
     if !path.metadata().map_err(Error::io(path))?.is_file() {
-        return refused("no plain file; expected a configuration".to_owned());
+        return refused("not a regular file; expected a configuration file".to_owned());
     }
     let mut bytes = Vec::new();
     let mut file = std::fs::File::open(path).map_err(Error::io(path))?.take(MAX_CONFIG_BYTES + 1);
     file.read_to_end(&mut bytes).map_err(Error::io(path))?;
     if bytes.len() as u64 > MAX_CONFIG_BYTES {
-        return refused(format!(
-            "longer than {MAX_CONFIG_BYTES} bytes; expected a configuration of at most that"
-        ));
+        return refused(format!("more than {MAX_CONFIG_BYTES} bytes; expected a smaller configuration file"));
     }
     Ok(bytes)
 }
 
-/// The files of the layout that a set was imported from, if it was of this layout.
+/// The files of the layout that a dataset was imported from, if it was of this layout.
 pub(super) fn kept(dataset: &Dataset, wanted: Option<Layout>) -> Result<Option<(Vec<u8>, Vec<Planned>)>> {
     let Some(Source { layout, config: Some(file), .. }) = &dataset.config.source else { return Ok(None) };
     if wanted.is_some_and(|wanted| wanted != *layout) {
@@ -101,7 +99,7 @@ pub(super) fn kept(dataset: &Dataset, wanted: Option<Layout>) -> Result<Option<(
     Ok(Some((bytes, all)))
 }
 
-/// What the layout that a set was imported from calls its pages; `None` for a set from elsewhere.
+/// What the layout that a dataset was imported from calls its pages; `None` for a dataset from elsewhere.
 ///
 /// # Errors
 /// As for a layout's configuration that is read.

@@ -1,7 +1,7 @@
-//! Sets in the layouts that others read and write: import and export.
+//! Import and export of datasets in the layouts of other tools.
 //!
-//! Two layouts of raw float32 files ([`layout1`], [`layout2`]) both ways, and EXR files per hour in. What is foreign becomes
-//! a dataset like a baked one, with [`crate::config::Source`] to tell where it comes from.
+//! Two layouts of raw float32 files ([`layout1`], [`layout2`]) both ways, and EXR files per hour in. An imported dataset becomes
+//! a dataset like a baked one, with [`crate::config::Source`] as its origin.
 
 mod raw;
 mod plan;

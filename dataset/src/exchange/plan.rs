@@ -1,4 +1,4 @@
-//! What a layout's configuration tells: which file holds what. Both import and export go by it.
+//! The files of a layout by its configuration, for import and export.
 
 use crate::console::count;
 use crate::{Error, Result};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// A lightmap as a layout describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lightmap {
-    /// Its number, unique in the set.
+    /// Its number, unique in the dataset.
     pub id: i64,
     /// The level that it is of, where the layout tells.
     pub level: Option<String>,
@@ -26,20 +26,20 @@ pub(super) type Parts = Vec<PathBuf>;
 pub(super) struct Planned {
     pub lightmap: Lightmap,
     /// By ascending hour.
-    pub moments: Vec<Moment>,
+    pub frames: Vec<PlannedFrame>,
     /// At least one; all are to agree.
     pub masks: Vec<Parts>,
 }
 
 impl Planned {
     pub fn hours(&self) -> Vec<f64> {
-        self.moments.iter().map(|moment| moment.hour).collect()
+        self.frames.iter().map(|planned_frame| planned_frame.hour).collect()
     }
 }
 
-/// A lightmap's files of one moment.
+/// A lightmap's files of one time.
 #[derive(Clone, Debug)]
-pub(super) struct Moment {
+pub(super) struct PlannedFrame {
     pub hour: f64,
     pub whole: Parts,
     /// The shares of sun, sky and lamps, in layouts that have them.
@@ -61,7 +61,7 @@ pub(super) fn expect_count(place: &Path, lightmap_count: u64, listed: usize) -> 
     }
     let found = count(listed, "lightmap");
     let what = format!(
-        "lightmap_count is {lightmap_count}, lightmap_list has {found}; expected as many, and one at least"
+        "lightmap_count is {lightmap_count}, but lightmap_list has {found} entries; expected equal numbers ≥ 1"
     );
     Err(Error::invalid(place.display(), what))
 }

@@ -31,7 +31,7 @@ pub(super) struct Raw {
 }
 
 impl Raw {
-    /// Checks that the files hold just so many texels, which is all that the size of what is read later depends on.
+    /// Checks that the files hold just this many texels, which is all that the size of what is read later depends on.
     pub fn open(parts: Vec<PathBuf>, (width, height): (usize, usize), texel_bytes: usize) -> Result<Self> {
         let rows = height / parts.len();
         let expected = (width * texel_bytes) as u64 * rows as u64;

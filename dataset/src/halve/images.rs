@@ -21,7 +21,7 @@ pub(super) struct Job<'a> {
     pub progress: &'a Progress,
 }
 
-/// Whether frames are the sums of halved layers. Those of an imported set are so only about, and are halved themselves.
+/// Whether frames are the sums of halved layers. Those of an imported dataset are so only about, and are halved themselves.
 fn are_sums(config: &Config) -> bool {
     !config.layers.is_empty() && config.source.is_none()
 }

@@ -26,7 +26,7 @@ const GLB: &str = "scene.glb";
 /// Writes the dataset of half the resolution to the new folder `out`, which appears when it is whole. Gives its manifest.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that breaks a rule, or where something stands at `out`.
+/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or where something stands at `out`.
 /// Then nothing is left behind.
 pub fn halve(dataset: &Dataset, out: &Path, console: &Console) -> Result<Config> {
     expect_day(dataset)?;
@@ -47,11 +47,11 @@ pub fn halved_inputs(config: &Config) -> String {
     blake3::hash(all.as_bytes()).to_hex().to_string()
 }
 
-/// The functions of a transfer go with the bake of a scene's day by its `inputs`, which no halved set has.
+/// The functions of a transfer go with the bake of a scene's day by its `inputs`, which no halved dataset has.
 fn expect_day(dataset: &Dataset) -> Result<()> {
     let Some(transfer) = &dataset.config.transfer else { return Ok(()) };
     let what = format!(
-        "holds the transfer of {:?}, which goes with a dataset of full resolution; expected a dataset of a day",
+        "is the transfer of {:?}, which exists only at full resolution; expected a dataset of a day",
         transfer.scene
     );
     Err(Error::unsupported(dataset.root.display(), what))
@@ -146,14 +146,14 @@ pub fn extent(config: &Config) -> (usize, u64) {
     (distinct.len(), distinct.iter().map(|(_, bytes)| bytes).sum())
 }
 
-/// The halved dataset in a folder, whole or not believed: that of just this source, with all its files.
+/// The halved dataset in a folder, complete and made from this very source.
 ///
 /// # Errors
-/// What [`Dataset::open`] says of it; [`Error::Invalid`] for one of another source.
+/// As [`Dataset::open`]; [`Error::Invalid`] for one made from another source.
 pub fn open(root: &Path, source: &Config) -> Result<Dataset> {
     let dataset = Dataset::open(root)?;
     if dataset.config.inputs != halved_inputs(source) {
-        let what = "is not half of that dataset as it is now; expected what `dataset halve` made of it";
+        let what = "was not made from the present state of that dataset; run `dataset halve` again";
         return Err(Error::invalid(root.join(MANIFEST).display(), what));
     }
     Ok(dataset)

@@ -1,4 +1,4 @@
-//! Where instances lie on pages of half the size.
+//! Chart placements on pages of half the size.
 //!
 //! Texel position p of a page is p ÷ 2 of its half. Where a side is odd, its half ends beyond it, and page coordinates shrink.
 
@@ -39,7 +39,7 @@ pub(super) fn moved_geometry<'a>(bytes: &'a [u8], config: &Config) -> Result<Cow
     if (0..config.pages.len()).all(is_even) {
         return Ok(Cow::Borrowed(bytes));
     }
-    let mut glb = Glb::from_slice(bytes).map_err(|e| format!("is no GLB file: {e}"))?;
+    let mut glb = Glb::from_slice(bytes).map_err(|e| format!("is not a GLB file: {e}"))?;
     let mut root: Value =
         serde_json::from_slice(&glb.json).map_err(|e| format!("its JSON is damaged: {e}"))?;
     // (Indexing by a key that is not there would add it.)
@@ -55,5 +55,5 @@ pub(super) fn moved_geometry<'a>(bytes: &'a [u8], config: &Config) -> Result<Cow
         }
     }
     glb.json = Cow::Owned(root.to_string().into_bytes());
-    Ok(Cow::Owned(glb.to_vec().map_err(|e| format!("cannot be written again: {e}"))?))
+    Ok(Cow::Owned(glb.to_vec().map_err(|e| format!("cannot be written: {e}"))?))
 }

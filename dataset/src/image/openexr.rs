@@ -159,7 +159,7 @@ fn rows_of(path: &Path, reader: Reader, names: &Channels, y0: usize, y1: usize) 
     // Every row must have come, once.
     match samples_in_row.iter().position(|&samples| samples != 3 * width) {
         Some(row) => {
-            Err(Error::invalid(path.display(), format!("row {} is missing or there twice", y0 + row)))
+            Err(Error::invalid(path.display(), format!("row {} is missing or occurs twice", y0 + row)))
         }
         None => Ok(texels),
     }
@@ -179,7 +179,7 @@ fn open_rgb(path: &Path) -> Result<Reader> {
     let header = &reader.headers()[0];
     let compression = header.compression;
     if header.channels.list.iter().any(|channel| !compression.is_lossless_for(channel.sample_type)) {
-        let what = format!("{compression}; expected a lossless one: none, RLE, ZIP or PIZ");
+        let what = format!("{compression}; expected lossless compression: none, RLE, ZIP or PIZ");
         return Err(Error::unsupported(path.display(), what));
     }
     Ok(reader)
@@ -213,20 +213,20 @@ pub(crate) fn find_channels(path: &Path, layer: Option<&str>) -> Result<(Channel
     layers.dedup();
     let candidates: Vec<(&String, Channels)> =
         layers.iter().filter_map(|layer| Some((layer, of_layer(layer)?))).collect();
-    let told = |what: &str| format!("channels {}; {what}", all.join(", "));
+    let reported = |what: &str| format!("channels {}; {what}", all.join(", "));
     let found = match (layer, &*candidates) {
         (Some(layer), _) => {
-            of_layer(layer).ok_or_else(|| told(&format!("expected R, G, B of the layer {layer:?}")))
+            of_layer(layer).ok_or_else(|| reported(&format!("expected R, G, B of the layer {layer:?}")))
         }
         (None, []) => match &*all {
             [only] => Ok(Channels([(); 3].map(|()| only.clone()))),
-            _ => Err(told("expected R, G, B")),
+            _ => Err(reported("expected R, G, B")),
         },
         (None, [(_, channels)]) => Ok(channels.clone()),
         // Channels without a layer are the image itself.
         (None, several) => match several.iter().find(|(layer, _)| layer.is_empty()) {
             Some((_, channels)) => Ok(channels.clone()),
-            None => Err(told("expected R, G, B of one layer: say which")),
+            None => Err(reported("expected R, G, B of one layer; choose it with --layer")),
         },
     };
     let channels = found.map_err(|what| Error::unsupported(path.display(), what))?;

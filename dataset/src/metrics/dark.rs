@@ -1,4 +1,4 @@
-//! What an error looks like in the dark, which a PSNR, whose peak is the brightest texel, hardly sees.
+//! Metrics of errors in the dark, to which a PSNR (peak = the brightest texel) is insensitive.
 
 use super::{RELATIVE_FLOOR, psnr_db, relative_error};
 use crate::image::{Image, Mask};
@@ -6,7 +6,7 @@ use crate::tiles::Rect;
 
 /// The PSNR of `ln(1 + E/ε)` of a tile, joint over RGB, capped like any; ε is [`RELATIVE_FLOOR`] · `page_mean`, the peak that
 /// of the tile's largest valid value. Equal ratios weigh the same at all brightnesses far above ε. `page_mean` is that of
-/// the page's valid values in this set. `None` for a tile that is all zero or has no valid texel.
+/// the page's valid values in this frame. `None` for a tile that is all zero or has no valid texel.
 pub fn psnr_log_db(
     decoded: &Image,
     reference: &Image,
@@ -33,7 +33,7 @@ pub fn psnr_log_db(
     (peak > 0.0).then(|| psnr_db(peak, squared_error / (3 * texels) as f64))
 }
 
-/// The valid texels of one set, gathered page by page.
+/// The valid texels of one frame, gathered page by page.
 #[derive(Debug, Default)]
 pub struct Brightnesses {
     /// Reference value and squared error of a texel, both means over RGB.
@@ -51,10 +51,10 @@ impl Brightnesses {
         }));
     }
 
-    /// The [`relative_error`] over the set's darkest quarter: the texels no brighter than its lower quartile.
-    /// `set_mean` is that of all valid values; `None` where it is 0, or without texels.
-    pub fn dark_relative_error(mut self, set_mean: f64) -> Option<f64> {
-        if self.texels.is_empty() || set_mean == 0.0 {
+    /// The [`relative_error`] over the frame's darkest quarter: the texels no brighter than its lower quartile.
+    /// `frame_mean` is that of all valid values; `None` if it is 0, or without texels.
+    pub fn dark_relative_error(mut self, frame_mean: f64) -> Option<f64> {
+        if self.texels.is_empty() || frame_mean == 0.0 {
             return None;
         }
         let quarter = (self.texels.len() - 1) / 4;
@@ -66,6 +66,6 @@ impl Brightnesses {
         let n = self.texels.len() as f64;
         let (sum, squared) =
             self.texels.iter().fold((0.0, 0.0), |(s, e), (b, error)| (s + f64::from(*b), e + error));
-        Some(relative_error(squared / n, sum / n, set_mean))
+        Some(relative_error(squared / n, sum / n, frame_mean))
     }
 }

@@ -1,4 +1,4 @@
-//! HDR-ꟻLIP of one tile: how unlike two images look to someone who flips between them, at any exposure.
+//! HDR-ꟻLIP of one tile: the difference seen when flipping between two images, at any exposure.
 //!
 //! Andersson et al. 2020, "ꟻLIP: A Difference Evaluator for Alternating Images", for one exposure; Andersson et al. 2021, "Visualizing
 //! Errors in Rendered High Dynamic Range Images", for the exposures: per texel the largest error over those between the one at which
@@ -62,7 +62,7 @@ fn times(matrix: [[f64; 3]; 3], [a, b, c]: [f32; 3]) -> [f32; 3] {
     matrix.map(|row| row[0] as f32 * a + row[1] as f32 * b + row[2] as f32 * c)
 }
 
-/// The error of a decoded tile whose `quality` is known, 0 to 1, mean over valid texels; `None` where that has no SSIM. What is not
+/// The error of a decoded tile whose `quality` is known, 0 to 1, mean over valid texels; `None` if that has no SSIM. What is not
 /// valid is black in both. Exposures are those of valid texels that have light, so that a tile of which more than half is black has
 /// some.
 pub fn flip(
@@ -139,7 +139,7 @@ struct Seen {
 struct Filter(Vec<f32>);
 
 impl Filter {
-    /// Of so many texels to either side.
+    /// Of this many texels to either side.
     fn new(radius: usize, weight: impl Fn(f64) -> f64) -> Self {
         Filter((0..=2 * radius).map(|i| weight(i as f64 - radius as f64) as f32).collect())
     }

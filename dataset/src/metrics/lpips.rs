@@ -25,17 +25,17 @@ const VALUES: usize = 3 * TILE * TILE;
 /// What a network may give for equal images, which are at distance 0.
 const ZERO: f64 = 1e-6;
 
-/// A network that tells how unlike two tiles look.
+/// A network that measures the perceptual distance of two tiles.
 #[derive(Debug)]
 pub struct Lpips {
     network: Network,
 }
 
 impl Lpips {
-    /// Reads the network and tries it.
+    /// Reads the network and checks its output on test images.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] in builds without the feature; [`Error::Io`]; [`Error::Invalid`] where the file is no such network.
+    /// [`Error::Unsupported`] in builds without the feature; [`Error::Io`]; [`Error::Invalid`] if the file is not such a network.
     pub fn load(path: &Path) -> Result<Self> {
         let lpips = Lpips { network: Network::load(path)? };
         let plain = |value: f32| vec![value; VALUES];
@@ -52,7 +52,7 @@ impl Lpips {
         Ok(lpips)
     }
 
-    /// The distance of a decoded tile from its reference, whose `quality` is known; `None` where that has no SSIM. Light is told in the
+    /// The distance of a decoded tile from its reference, whose `quality` is known; `None` if that has no SSIM. Light is told in the
     /// tile's own range, linear; what is not valid is black in both, and so is what a small tile lacks of 128×128.
     ///
     /// # Errors

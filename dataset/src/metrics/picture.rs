@@ -1,4 +1,4 @@
-//! What a picture of 8 bits a channel measures against another: how alike two renderings look on a screen.
+//! Compares two pictures of 8 bits a channel: how similar two renderings look on a screen.
 
 use super::{flip, psnr_db, ssim};
 use crate::image::{Image, Mask};
@@ -8,7 +8,7 @@ use crate::tone;
 /// The largest code, which is the peak of the PSNR and the range of the SSIM.
 const WHITE: f64 = 255.0;
 
-/// How alike two pictures are, over the pixels that are judged.
+/// How alike two pictures are, over the pixels that are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureQuality {
     /// Of the sRGB codes, peak 255, joint over the channels, capped at [`super::PSNR_CAP_DB`].
@@ -19,8 +19,8 @@ pub struct PictureQuality {
     pub flip: f64,
 }
 
-/// Compares two pictures of sRGB codes, red, green and blue of each pixel row by row. Pixels off `judged` count for nothing, and are
-/// black in both. `None` where no pixel is judged.
+/// Compares two pictures of sRGB codes, red, green and blue of each pixel row by row. Pixels off `evaluated` count for nothing, and are
+/// black in both. `None` if no pixel is evaluated.
 ///
 /// # Panics
 /// If the lists are not of the mask's size.
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_seen_where_pixels_are_judged() {
+    fn errors_count_where_pixels_are_evaluated() {
         let (width, height) = (24, 16);
         let reference: Vec<u8> = (0..3 * width * height).map(|i| (i * 37 % 200) as u8).collect();
         let judged = Mask { width, height, valid: (0..width * height).map(|i| i % width < 12).collect() };
@@ -72,7 +72,7 @@ mod tests {
         let found = compare_pictures(&brighter, &reference, &judged).unwrap();
         assert!((found.psnr_db - 28.131).abs() < 1e-3, "{found:?}");
         assert!((0.9..1.0).contains(&found.ssim) && (0.01..0.3).contains(&found.flip), "{found:?}");
-        // Off the judged pixels nothing counts.
+        // Off the evaluated pixels nothing counts.
         let mut elsewhere = reference.clone();
         (0..height).for_each(|y| elsewhere[3 * (y * width + 20)] ^= 255);
         assert_eq!(compare_pictures(&elsewhere, &reference, &judged).unwrap(), exact);

@@ -75,7 +75,7 @@ pub(super) fn gaussian() -> [f64; 11] {
     weights.map(|weight| weight / sum)
 }
 
-/// 7×7 texels that count alike.
+/// A 7×7 box window.
 pub(super) fn uniform() -> [f64; 7] {
     [1.0 / 7.0; 7]
 }
@@ -92,7 +92,7 @@ struct Blur<const TAPS: usize> {
 }
 
 impl<const TAPS: usize> Blur<TAPS> {
-    /// Half the window, its middle left out.
+    /// Half the window, its middle omitted.
     const RADIUS: usize = TAPS / 2;
 
     fn new(window: [f64; TAPS], width: usize, height: usize) -> Self {

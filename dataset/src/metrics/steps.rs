@@ -1,21 +1,21 @@
-//! How well the change of light between two sets is met: what a viewer sees as flicker, or as a lamp that lags.
+//! Temporal error: the error of the change of light between two frames, seen as flicker or as a lamp that lags.
 
 use super::{RELATIVE_FLOOR, relative_error};
 
-/// The change of light over valid texels from one set to another, gathered image by image.
+/// The change of light over valid texels from one frame to another, gathered image by image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepError {
     /// Sum over values of the squared error of the decoded change.
     squared_error: f64,
     /// Sum of the squared change.
     squared_change: f64,
-    /// Sum of the light, the mean of both sets.
+    /// Sum of the light, the mean of both frames.
     light: f64,
     values: usize,
 }
 
 impl StepError {
-    /// Adds texels of both sets, the earlier one first.
+    /// Adds texels of both frames, the earlier one first.
     pub fn add(&mut self, decoded: [&[[f32; 3]]; 2], reference: [&[[f32; 3]]; 2], valid: &[bool]) {
         for i in (0..valid.len()).filter(|&i| valid[i]) {
             for c in 0..3 {
@@ -29,7 +29,7 @@ impl StepError {
         }
     }
 
-    /// Of several steps together: RMS error of the change ÷ its RMS, so that each counts as its light changes. `None` where none of them
+    /// Of several steps together: RMS error of the change ÷ its RMS, so that each counts as its light changes. `None` if none of them
     /// changes.
     pub fn pooled<'a>(steps: impl Iterator<Item = &'a StepError>) -> Option<f64> {
         let of = steps.filter(|step| step.relative().is_some());

@@ -67,7 +67,7 @@ fn pack_into(out: &Path, sink: impl Write, members: &[Member], progress: &Progre
         };
         let mut header = tar::Header::new_ustar();
         header.set_path(&member.path).map_err(|error| {
-            Error::unsupported(&member.path, format!("{error}: a name that archives have no place for"))
+            Error::unsupported(&member.path, format!("{error}; tar archives cannot store this name"))
         })?;
         header.set_entry_type(tar::EntryType::Regular);
         header.set_mode(0o644);
@@ -88,7 +88,10 @@ fn pack_into(out: &Path, sink: impl Write, members: &[Member], progress: &Progre
         };
         let changed = packed.bytes != bytes || known.is_some_and(|known| known.blake3 != packed.blake3);
         if changed {
-            return Err(Error::invalid(place.display(), "the content changed while it was packed"));
+            return Err(Error::invalid(
+                place.display(),
+                "the file changed while it was packed; run the command again",
+            ));
         }
         files.push(packed);
     }
@@ -163,7 +166,7 @@ fn entries(
         let wrong = |what: String| Error::invalid(format!("{}, entry {name:?}", path.display()), what);
         let kind = entry.header().entry_type();
         if kind != tar::EntryType::Regular {
-            return Err(wrong(format!("of the kind {kind:?}; expected plain files alone")));
+            return Err(wrong(format!("entry type {kind:?}; expected only regular files")));
         }
         if !name.split('/').all(is_component) {
             return Err(wrong("leads out of the folder; expected a path inside it".into()));
@@ -201,7 +204,7 @@ fn entries(
         let read = rest.read(&mut buffer).map_err(damaged)?;
         padding += read as u64;
         if buffer[..read].iter().any(|&byte| byte != 0) || padding > MAX_PADDING {
-            return Err(Error::invalid(path.display(), "data behind the end of the archive"));
+            return Err(Error::invalid(path.display(), "data after the end of the archive"));
         }
         if read == 0 {
             break;

@@ -1,4 +1,4 @@
-//! What a bundle of `compress` says of the light it was made from, and no more of it: its first bytes (compressor/FORMAT.md, section 1).
+//! Reads from a bundle's first bytes which light it was made from (compressor/FORMAT.md, section 1).
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -14,22 +14,22 @@ const MOST_TEXT: u64 = 1 << 20;
 /// An error if a bundle says that it was made from other light than that of this digest, and that it is no coarser level of it; bundles that
 /// say nothing of it pass.
 pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
-    let torn = |error| Error::invalid(bundle.display(), format!("not a whole bundle: {error}"));
+    let torn = |error| Error::invalid(bundle.display(), format!("not a complete bundle: {error}"));
     let mut file = File::open(bundle).map_err(Error::io(bundle))?;
     let mut start = [0; 24];
     file.read_exact(&mut start).map_err(torn)?;
     if start[..8] != MAGIC {
-        return Err(Error::invalid(bundle.display(), "not a bundle: it does not begin as one"));
+        return Err(Error::invalid(bundle.display(), "not a bundle: its first bytes are not a bundle's"));
     }
     let version = u32::from_le_bytes([start[8], start[9], start[10], start[11]]);
     let Some((_, texts)) = TEXTS.iter().find(|(known, _)| *known == version) else {
         let what = format!("a bundle of version {version}; expected {} or {}", TEXTS[0].0, TEXTS[1].0);
         return Err(Error::unsupported(bundle.display(), what));
     };
-    let told = u64::from_le_bytes(std::array::from_fn(|i| start[16 + i]));
+    let reported = u64::from_le_bytes(std::array::from_fn(|i| start[16 + i]));
     let length = file.metadata().map_err(Error::io(bundle))?.len();
-    if told != length {
-        let what = format!("not a whole bundle: {length} bytes; expected {told}");
+    if reported != length {
+        let what = format!("not a complete bundle: {length} bytes; expected {reported}");
         return Err(Error::invalid(bundle.display(), what));
     }
     file.seek(SeekFrom::Start(*texts as u64)).map_err(torn)?;
@@ -39,7 +39,7 @@ pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
     match info["inputs"].as_str() {
         Some(inputs) if inputs != digest && info["level_of"] != digest => Err(Error::invalid(
             bundle.display(),
-            "made from other light than the set it goes with; expected one that `compress` made of this set",
+            "made from different light than the dataset's; run `compress` on this dataset again",
         )),
         _ => Ok(()),
     }

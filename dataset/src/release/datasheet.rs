@@ -1,36 +1,36 @@
-//! The datasheet of a scene: what the data are, how they were made, how far they can be relied on.
+//! The datasheet of a scene: content, method and known limits.
 
 use super::{Archive, LAYERS, READER, SUMS};
 use crate::config::Config;
 use crate::console::count;
 use std::fmt::Write;
 
-/// What the datasheet tells beside the manifest: names and lengths of the files.
+/// The datasheet's content besides the manifest: names and lengths of the files.
 pub(super) struct Files<'a> {
     pub archives: &'a [(Archive, u64)],
     pub bundles: &'a [(String, u64)],
     pub previews: &'a [String],
-    /// What the layouts of exchange leave out.
-    pub left_out: &'a [String],
-    /// Whether the set is given away under CC0.
+    /// What the layouts of exchange omit.
+    pub omitted: &'a [String],
+    /// True if the dataset is released under CC0.
     pub cc0: bool,
 }
 
 /// The datasheet as Markdown.
 pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     let mut text = format!("# {}\n\n", plain(&config.scene));
-    let (sets, pages) = (count(config.frames.len(), "set"), count(config.pages.len(), "page"));
+    let (frames, pages) = (count(config.frames.len(), "frame"), count(config.pages.len(), "page"));
     let _ = match &config.transfer {
         None => writeln!(
             text,
-            "A temporal lightmap set: the light that arrives at the surfaces of one scene, {sets} of lightmaps over one day, \
+            "A dataset of temporal lightmaps: the light that arrives at the surfaces of one scene, {frames} over one day, \
              {pages}, as float32 images.\n"
         ),
         Some(transfer) => writeln!(
             text,
-            "The transfer of the scene {}: the light that arrives at its surfaces under spherical harmonics as the sky, {sets} of \
-             lightmaps, {pages}, as float32 images. Their hours are no times of day: `transfer` in `config.json` says which part of \
-             which function each set is, and of how much of each the scene's daylight is made.\n",
+            "The transfer of the scene {}: the light that arrives at its surfaces under spherical harmonics as the sky, {frames}, \
+             {pages}, as float32 images. Their hours are not times of day: `transfer` in `config.json` says which part of \
+             which function each frame is, and with which coefficients they add up to the scene's daylight.\n",
             plain(&transfer.scene)
         ),
     };
@@ -38,11 +38,11 @@ pub(super) fn datasheet(config: &Config, files: &Files) -> String {
         let _ = writeln!(text, "![{}]({})", plain(name), link(name));
     }
     text.push_str(
-        "\nPictures are tone-mapped, each hour at an exposure of its own; grey texels lie on no surface.\n",
+        "\nPictures are tone-mapped, each hour with its own exposure; grey texels lie on no surface.\n",
     );
     contents(&mut text, config, files);
     how_made(&mut text, config);
-    sets_table(&mut text, config);
+    frames_table(&mut text, config);
     limits(&mut text, config);
     text.push_str("\n## Licence\n\n");
     text.push_str(match (files.cc0, &config.source) {
@@ -50,8 +50,8 @@ pub(super) fn datasheet(config: &Config, files: &Files) -> String {
             "CC0 1.0: to the extent possible under law, all rights are waived \
              (https://creativecommons.org/publicdomain/zero/1.0/).\n"
         }
-        (false, None) => "Not stated: ask whoever released it.\n",
-        (false, Some(_)) => "That of the set which was imported; this release gives no other.\n",
+        (false, None) => "Not stated; ask the publisher.\n",
+        (false, Some(_)) => "That of the imported dataset; this release grants no other.\n",
     });
     text
 }
@@ -64,13 +64,13 @@ fn contents(text: &mut String, config: &Config, files: &Files) {
         (config.visibility.is_some(), ", the sun's visibility as a function of time"),
     ];
     let more: String = more.into_iter().filter(|(there, _)| *there).map(|(_, what)| what).collect();
-    let sets = format!("config.json, masks, the lightmaps of all sets{more}");
+    let frames = format!("config.json, masks, the lightmaps of all frames{more}");
     for (archive, bytes) in files.archives {
         let what = match &*archive.holds {
-            "sets" => &*sets,
+            "sets" => &*frames,
             "sun" => "the sun's share of each lightmap",
             "sky" => "the sky's share of each lightmap",
-            "lamps" => "the light of the lamps, group by group",
+            "lamps" => "the light of each light group",
             _ => "the lightmaps in a layout of raw files",
         };
         let unpacked: u64 = archive.files.iter().map(|file| file.bytes).sum();
@@ -79,26 +79,26 @@ fn contents(text: &mut String, config: &Config, files: &Files) {
     for (name, bytes) in files.bundles {
         let _ = writeln!(
             text,
-            "| {} | compressed lightmaps (NDGI), as found beside the set | {} | |",
+            "| {} | compressed lightmaps (NDGI), from the dataset's folder | {} | |",
             plain(name),
             mb(*bytes)
         );
     }
-    for what in files.left_out {
-        let _ = writeln!(text, "\nLeft out of {}", plain(what));
+    for what in files.omitted {
+        let _ = writeln!(text, "\nOmitted from {}", plain(what));
     }
     let layered =
         files.archives.iter().any(|(archive, _)| ["sun", "sky", "lamps"].contains(&&*archive.holds));
     let _ = writeln!(
         text,
-        "\n`sha256sum -c --ignore-missing {SUMS}` checks what was downloaded; `zstd -dc FILE | tar -x` or `tar --zstd -xf FILE` \
-         unpacks an archive. The sets' archive is usable alone, by `{READER}` (Python with numpy and OpenEXR) for one."
+        "\n`sha256sum -c --ignore-missing {SUMS}` verifies the downloaded files; `zstd -dc FILE | tar -x` or `tar --zstd -xf FILE` \
+         unpacks an archive. The archive of lightmaps can be used alone, for example with `{READER}` (Python with numpy and OpenEXR)."
     );
     if layered {
         let _ = writeln!(
             text,
-            "The other layers unpack into the same folder. Its `config.json` names the sets alone, `{LAYERS}` also the layers: \
-             once all of them are there, it takes the place of `config.json`."
+            "The archives of layers unpack into the same folder. `config.json` lists only the lightmaps, `{LAYERS}` also the layers: \
+             once all are unpacked, replace `config.json` with it."
         );
     }
 }
@@ -116,7 +116,7 @@ fn how_made(text: &mut String, config: &Config) {
         ),
         Some(source) => writeln!(
             text,
-            "Imported from the layout {} by {}. Unit: {}. {} outside the masks were no light and are 0.",
+            "Imported from the layout {} by {}. Unit: {}. {} outside the masks were negative or not finite and are 0.",
             source.layout.name(),
             plain(&config.generator),
             plain(&config.unit),
@@ -130,7 +130,7 @@ fn how_made(text: &mut String, config: &Config) {
     for group in &config.groups {
         let on: Vec<String> = group.on.iter().map(|[from, to]| format!("{from} to {to} h")).collect();
         let on = if on.is_empty() { "never on".to_owned() } else { format!("on {}", on.join(", ")) };
-        let _ = writeln!(text, "- lamps “{}”: {on}", plain(&group.name));
+        let _ = writeln!(text, "- light group “{}”: {on}", plain(&group.name));
     }
     if config.settings.as_object().is_some_and(|settings| !settings.is_empty())
         && let Ok(settings) = serde_json::to_string_pretty(&config.settings)
@@ -139,18 +139,18 @@ fn how_made(text: &mut String, config: &Config) {
     }
 }
 
-fn sets_table(text: &mut String, config: &Config) {
+fn frames_table(text: &mut String, config: &Config) {
     text.push_str("\n## Estimated error by the hour\n\n");
     text.push_str(
-        "The standard error of the sampling, root mean square over surfaces, ÷ their mean light. By tile it stands in the file that \
-         `noise` of `config.json` names.\n\n| hour | lamps on | error, % |\n|---|---|---|\n",
+        "The standard error of sampling, root mean square over surfaces, ÷ their mean light. Errors by tile are in the file that \
+         `noise` of `config.json` names.\n\n| hour | light groups on | error, % |\n|---|---|---|\n",
     );
-    for set in &config.frames {
-        let on = config.groups.iter().zip(&set.groups_on).filter(|(_, on)| **on);
+    for frame in &config.frames {
+        let on = config.groups.iter().zip(&frame.groups_on).filter(|(_, on)| **on);
         let on: Vec<String> = on.map(|(group, _)| plain(&group.name)).collect();
         let error =
-            set.relative_error.map_or("not known".to_owned(), |error| format!("{:.2}", 100.0 * error));
-        let _ = writeln!(text, "| {} | {} | {error} |", set.hour, on.join(", "));
+            frame.relative_error.map_or("not known".to_owned(), |error| format!("{:.2}", 100.0 * error));
+        let _ = writeln!(text, "| {} | {} | {error} |", frame.hour, on.join(", "));
     }
 }
 
@@ -158,16 +158,16 @@ fn limits(text: &mut String, config: &Config) {
     text.push_str("\n## Known limits\n\n");
     if config.source.is_none() {
         text.push_str(
-            "- The error above is that of sampling alone. What the method itself gets wrong (light is cached in texels and patches \
-             unless the settings say `path`) is not in it, and thin shadows that all trial samples missed are not either.\n\
-             - Surfaces are diffuse; a texel holds irradiance, no directions.\n\
+            "- The error above is only that of sampling. It includes neither the bias of the method (light is cached in texels and patches \
+             unless the settings say `path`) nor thin shadows that all pilot samples missed.\n\
+             - Surfaces are diffuse; a texel stores irradiance without direction.\n\
              - One day at one place; no weather.\n",
         );
     }
     text.push_str(
-        "- Texels outside the masks are copies of their neighbours, or whatever their writer left there; leave them out of metrics.\n\
-         - Between two sets whole lightmaps may be interpolated only where the same lamps are on. Layers say how their light goes between sets.\n\
-         - A bundle is as good as its compressor made it, and was not compared with this set.\n",
+        "- Texels outside the masks are copies of their neighbours or undefined; exclude them from metrics.\n\
+         - Interpolate lightmaps between two frames only where the same light groups are on. Layers say how their light changes between frames.\n\
+         - The quality of a bundle was not measured against this dataset.\n",
     );
 }
 

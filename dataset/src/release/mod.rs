@@ -1,5 +1,5 @@
-//! Datasets as they are handed to others: a folder of archives, bundles, pictures and datasheets, with checksums. Once in place, it
-//! is whole; nothing of it depends on the day, the machine or the number of threads.
+//! Releases of datasets: a folder of archives, bundles, pictures and datasheets, with checksums. Once in place, it
+//! is complete; its bytes do not depend on the day, the machine or the number of threads.
 
 mod sums;
 mod archive;

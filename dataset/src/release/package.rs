@@ -1,4 +1,4 @@
-//! From datasets to a release folder.
+//! Packages datasets into a release folder.
 
 use super::archive::{Content, Member, pack};
 use super::bundle::expect_light;
@@ -18,20 +18,20 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Hours of the pictures; the sets nearest to them …
+/// Hours of the pictures; the frames nearest to them …
 const PREVIEW_HOURS: [f64; 4] = [0.0, 6.0, 12.0, 18.1];
 /// … and not farther than this.
 const PREVIEW_REACH: f64 = 0.5;
 /// Largest side of a picture.
 const PREVIEW_SIDE: usize = 1024;
 
-/// What was packaged.
+/// Result of packaging.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packaged {
     /// Names of the scenes.
     pub scenes: Vec<String>,
-    /// What the layouts of exchange have no place for.
-    pub left_out: Vec<String>,
+    /// What the layouts of exchange cannot store.
+    pub omitted: Vec<String>,
     /// Files in the release folder.
     pub files: usize,
     /// Their length.
@@ -39,7 +39,7 @@ pub struct Packaged {
 }
 
 /// Packages datasets, and what lies beside them, into the new folder `out`, which appears when it is whole. Each is checked first. `cc0`: the
-/// datasheets say that the sets are given away under CC0.
+/// datasheets say that the datasets are given away under CC0.
 ///
 /// # Errors
 /// For a dataset with a fault, and for all that goes wrong on the way; then nothing is left behind.
@@ -63,7 +63,10 @@ pub fn release(
             return Err(Error::unsupported(path.display(), what));
         }
         if !names.insert(scene.clone()) {
-            return Err(Error::invalid(path.display(), format!("scene {scene:?} is there twice")));
+            return Err(Error::invalid(
+                path.display(),
+                format!("scene {scene:?} occurs twice; expected distinct scene names"),
+            ));
         }
         datasets.push(dataset);
     }
@@ -84,7 +87,7 @@ pub fn release(
 
     let reader = include_bytes!("../../python/read_dataset.py");
     write_atomically(&root.join(READER), reader)?;
-    let left_out = scenes.iter().flat_map(|(_, left_out)| left_out.clone()).collect();
+    let omitted = scenes.iter().flat_map(|(_, omitted)| omitted.clone()).collect();
     let manifest = Manifest {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -96,7 +99,7 @@ pub fn release(
     stop_if_interrupted()?;
     folder.finish()?;
     let files = bytes.len();
-    Ok(Packaged { scenes: names.into_iter().collect(), left_out, files, bytes: bytes.iter().sum() })
+    Ok(Packaged { scenes: names.into_iter().collect(), omitted, files, bytes: bytes.iter().sum() })
 }
 
 /// The first fault of any, as an error.
@@ -119,7 +122,7 @@ struct Plan {
     archives: Vec<(String, Vec<Member>)>,
     /// Folders of exported layouts, to be removed once they are packed.
     exported: Vec<PathBuf>,
-    left_out: Vec<String>,
+    omitted: Vec<String>,
 }
 
 impl Plan {
@@ -134,8 +137,8 @@ impl Plan {
             let mut members = Vec::new();
             if holds == "sets" {
                 match without_layers(config) {
-                    Some(sets) => {
-                        members.push(memory(store::MANIFEST, json(&place, &sets)?));
+                    Some(frames) => {
+                        members.push(memory(store::MANIFEST, json(&place, &frames)?));
                         members.push(memory(LAYERS, own.clone()));
                     }
                     None => members.push(memory(store::MANIFEST, own.clone())),
@@ -147,22 +150,22 @@ impl Plan {
             }));
             archives.push((holds.to_owned(), members));
         }
-        let (mut exported, mut left_out) = (Vec::new(), Vec::new());
+        let (mut exported, mut omitted) = (Vec::new(), Vec::new());
         for &layout in layouts {
             let name = format!("{scene}-{}", layout.name());
             let folder = root.join(format!("{name}.export"));
-            let told = export(dataset, layout, &folder, console)?.left_out;
-            left_out.extend(told.into_iter().map(|what| format!("{name}: {what}")));
+            let reported = export(dataset, layout, &folder, console)?.omitted;
+            omitted.extend(reported.into_iter().map(|what| format!("{name}: {what}")));
             let mut files = Vec::new();
             list(&folder, &name, &mut files)?;
             files.sort_by(|a, b| a.path.cmp(&b.path));
             archives.push((layout.name().to_owned(), files));
             exported.push(folder);
         }
-        Ok(Plan { archives, exported, left_out })
+        Ok(Plan { archives, exported, omitted })
     }
 
-    /// Writes the scene's files; gives its entry of the manifest, and what was left out.
+    /// Writes the scene's files; gives its entry of the manifest, and what was omitted.
     fn fill(
         self,
         dataset: &Dataset,
@@ -183,17 +186,17 @@ impl Plan {
         self.exported.iter().try_for_each(|folder| remove_folder(folder))?;
         let bundles = copy_bundles(dataset, root)?;
         let mut previews = Vec::new();
-        for set in preview_sets(dataset) {
-            for (page, png) in pictures(dataset, set, PREVIEW_SIDE)?.iter().enumerate() {
+        for frame in preview_frames(dataset) {
+            for (page, png) in pictures(dataset, frame, PREVIEW_SIDE)?.iter().enumerate() {
                 let page = if config.pages.len() > 1 { format!("-page{page}") } else { String::new() };
-                let name = format!("{scene}-{}h{page}.png", config.frames[set].hour);
+                let name = format!("{scene}-{}h{page}.png", config.frames[frame].hour);
                 expect_free(root, &name)?;
                 write_atomically(&root.join(&name), png)?;
                 previews.push(name);
             }
         }
-        let (archives_of, left_out) = (&archives, &self.left_out);
-        let files = Files { archives: archives_of, bundles: &bundles, previews: &previews, left_out, cc0 };
+        let (archives_of, omitted) = (&archives, &self.omitted);
+        let files = Files { archives: archives_of, bundles: &bundles, previews: &previews, omitted, cc0 };
         let name = format!("{scene}.md");
         expect_free(root, &name)?;
         write_atomically(&root.join(&name), datasheet(config, &files).as_bytes())?;
@@ -204,7 +207,7 @@ impl Plan {
             bundles: bundles.into_iter().map(|(name, _)| name).collect(),
             previews,
         };
-        Ok((entry, self.left_out))
+        Ok((entry, self.omitted))
     }
 }
 
@@ -221,15 +224,15 @@ fn list(folder: &Path, prefix: &str, files: &mut Vec<Member>) -> Result<()> {
     Ok(())
 }
 
-/// The sets that pictures are made of, ascending; one at least.
-fn preview_sets(dataset: &Dataset) -> BTreeSet<usize> {
-    let sets = &dataset.config.frames;
-    let away = |set: usize, hour: f64| {
-        let straight = (sets[set].hour - hour).abs();
+/// The frames that pictures are made of, ascending; at least one.
+fn preview_frames(dataset: &Dataset) -> BTreeSet<usize> {
+    let frames = &dataset.config.frames;
+    let away = |frame: usize, hour: f64| {
+        let straight = (frames[frame].hour - hour).abs();
         straight.min(24.0 - straight)
     };
     let nearest = PREVIEW_HOURS.iter().filter_map(|&hour| {
-        let nearest = (0..sets.len()).min_by(|&a, &b| away(a, hour).total_cmp(&away(b, hour)))?;
+        let nearest = (0..frames.len()).min_by(|&a, &b| away(a, hour).total_cmp(&away(b, hour)))?;
         (away(nearest, hour) <= PREVIEW_REACH).then_some(nearest)
     });
     let nearest: BTreeSet<usize> = nearest.collect();
@@ -255,8 +258,7 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
         let own = ["-", "."].iter().any(|next| name.starts_with(&format!("{scene}{next}")));
         let name = if own { name.to_owned() } else { format!("{scene}-{name}") };
         if let Some(other) = found.insert(name.clone(), path.clone()) {
-            let what =
-                format!("would be {name} in the release, and so would {}; rename one", other.display());
+            let what = format!("would be {name} in the release, as would {}; rename one", other.display());
             return Err(Error::invalid(path.display(), what));
         }
     }
@@ -288,7 +290,9 @@ fn write_sums(root: &Path, console: &Console) -> Result<Vec<u64>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(root).map_err(Error::io(root))? {
         let name = entry.map_err(Error::io(root))?.file_name();
-        names.push(name.into_string().map_err(|name| Error::invalid(name.display(), "not a name in UTF-8"))?);
+        names.push(
+            name.into_string().map_err(|name| Error::invalid(name.display(), "the name is not UTF-8"))?,
+        );
     }
     names.sort();
     let lengths = names.iter().map(|name| length(&root.join(name))).collect::<Result<Vec<u64>>>()?;

@@ -1,9 +1,9 @@
-//! What of a dataset goes into which archive: the sets with all that is needed to use them, and each layer of light apart.
+//! What of a dataset goes into which archive: the lightmaps with all that is needed to use them, and each layer of light separately.
 
 use crate::config::{Config, FileRef, Light, SunVisibility};
 use std::collections::BTreeSet;
 
-/// The dataset's own manifest, beside that of the sets alone: it names the layers, too.
+/// The dataset's full manifest, which also names the layers; `config.json` of the release names only the lightmaps.
 pub const LAYERS: &str = "layers.json";
 
 /// The archives that a dataset is split into, without empty ones. A file that several need is in the first of them.
@@ -33,7 +33,7 @@ pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
     distinct.into_iter().filter(|(_, files)| !files.is_empty()).collect()
 }
 
-/// The manifest of the sets alone, of a dataset that has layers.
+/// The manifest of only the lightmaps, for a dataset that has layers.
 pub(super) fn without_layers(config: &Config) -> Option<Config> {
     (!config.layers.is_empty()).then(|| Config { layers: Vec::new(), ..config.clone() })
 }

@@ -62,10 +62,13 @@ pub(super) fn parse(place: &Path, text: &str) -> Result<BTreeMap<String, String>
             .filter(|(sum, _)| sum.len() == 64 && sum.bytes().all(|digit| digit.is_ascii_hexdigit()))
             .ok_or_else(|| Error::invalid(place(), "expected 64 hexadecimal digits, two spaces, a name"))?;
         if !is_component(name) {
-            return Err(Error::invalid(place(), format!("{name:?}; expected the name of a file beside it")));
+            return Err(Error::invalid(
+                place(),
+                format!("{name:?}; expected the name of a file in the same folder"),
+            ));
         }
         if sums.insert(name.to_owned(), sum.to_ascii_lowercase()).is_some() {
-            return Err(Error::invalid(place(), format!("{name:?} is there twice")));
+            return Err(Error::invalid(place(), format!("{name:?} occurs twice")));
         }
     }
     Ok(sums)

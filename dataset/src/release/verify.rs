@@ -1,4 +1,4 @@
-//! A look at every byte of a release, without unpacking it to the disk and without trust in what it says.
+//! Verifies every byte of a release without unpacking it to disk and without trusting it.
 
 use super::archive::{Examined, examine};
 use super::bundle::expect_light;
@@ -14,10 +14,10 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-/// What [`verify`] found.
+/// Result of [`verify`].
 #[derive(Debug, Default)]
 pub struct Verified {
-    /// All that is not as the release says.
+    /// Every difference from what the release says.
     pub faults: Vec<Error>,
     /// Names of the scenes.
     pub scenes: Vec<String>,
@@ -54,7 +54,7 @@ pub fn verify(folder: &Path, console: &Console) -> Result<Verified> {
     for name in listed.keys() {
         match fs::symlink_metadata(folder.join(name)) {
             Ok(metadata) if metadata.is_file() => _ = lengths.insert(&**name, metadata.len()),
-            Ok(_) => faults.push(Error::invalid(folder.join(name).display(), "not a plain file")),
+            Ok(_) => faults.push(Error::invalid(folder.join(name).display(), "not a regular file")),
             Err(error) => faults.push(Error::io(&folder.join(name))(error)),
         }
     }
@@ -113,13 +113,13 @@ fn look(
 /// A text file; larger ones than a release has are not read.
 fn text(path: &Path) -> Result<Vec<u8>> {
     if !path.metadata().map_err(Error::io(path))?.is_file() {
-        return Err(Error::invalid(path.display(), "not a plain file"));
+        return Err(Error::invalid(path.display(), "not a regular file"));
     }
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(Error::io(path))?;
     file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut bytes).map_err(Error::io(path))?;
     match bytes.len() as u64 > MAX_TEXT_BYTES {
-        true => Err(Error::unsupported(path.display(), format!("longer than {MAX_TEXT_BYTES} bytes"))),
+        true => Err(Error::unsupported(path.display(), format!("more than {MAX_TEXT_BYTES} bytes"))),
         false => Ok(bytes),
     }
 }
@@ -147,7 +147,7 @@ fn unlisted(folder: &Path, scenes: &[Scene], listed: &BTreeMap<String, String>) 
     let named = named.map(String::as_str).chain([MANIFEST]);
     let unlisted = named.filter(|name| !listed.contains_key(*name));
     unlisted
-        .map(|name| Error::invalid(folder.join(SUMS).display(), format!("{name:?} is not in it")))
+        .map(|name| Error::invalid(folder.join(SUMS).display(), format!("it does not list {name:?}")))
         .collect()
 }
 
@@ -168,7 +168,7 @@ fn incomplete(folder: &Path, scene: &Scene, kept: &BTreeMap<String, Vec<u8>>) ->
         let path = format!("{}/{name}", scene.scene);
         let Some(bytes) = kept.get(&path) else {
             if name == store::MANIFEST {
-                faults.push(Error::invalid(folder.display(), format!("no archive holds {path}")));
+                faults.push(Error::invalid(folder.display(), format!("no archive contains {path}")));
             }
             continue;
         };

@@ -34,7 +34,7 @@ pub struct Plot {
     /// Logarithmic vertical axis.
     pub log_y: bool,
     /// The lines: name and points. Points that are not finite (or beyond 10³⁰), or not positive on a logarithmic axis (or
-    /// below 10⁻³⁰), are left out.
+    /// below 10⁻³⁰), are omitted.
     pub lines: Vec<(String, Vec<(f64, f64)>)>,
 }
 
@@ -142,7 +142,7 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> std::ops::Range<f64> {
     low - room..high + room
 }
 
-/// The corner of the drawing where a legend of so many lines hides the fewest points.
+/// The corner of the drawing where a legend of this many lines hides the fewest points.
 fn emptiest_corner(pixels: impl Iterator<Item = (i32, i32)>, lines: usize) -> SeriesLabelPosition {
     use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
     let corners = [UpperRight, UpperLeft, LowerRight, LowerLeft];
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_points_are_left_out() {
+    fn hostile_points_are_omitted() {
         let hostile = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (0.0, 0.0), (-1.0, 2.0), (3.0, 3.0)];
         for log in [false, true] {
             for lines in [vec![], vec![(String::new(), vec![])], vec![("a".into(), hostile.to_vec())]] {

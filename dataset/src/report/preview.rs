@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Largest side of a picture in the section, in pixels; half of it where there are many pages.
 const PREVIEW_SIDE: usize = 256;
-/// A set gets another exposure than brighter ones once its own is this many times theirs.
+/// A frame gets another exposure than brighter ones once its own is this many times theirs.
 const MUCH_DARKER: f32 = 6.0;
 /// Colour of texels on no surface.
 const INVALID: [u8; 3] = [44, 46, 52];
@@ -48,19 +48,19 @@ pub fn mask_png(mask: &Mask, max_side: usize) -> Vec<u8> {
     encode_png(&grey, image.width, image.height, image::ExtendedColorType::L8)
 }
 
-/// The section every report opens with: what the set is, its masks, and a preview of every hour.
+/// The first section of every report: a table of the dataset, its masks, and a preview of every hour.
 pub fn section(dataset: &Dataset) -> Result<Section> {
     let config = &dataset.config;
     let mut section = Section::new(&format!("Lightmaps of {}", config.scene));
     let masks: Vec<Mask> = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<_>>()?;
     section.table(&[], &summary(config, &masks));
 
-    // Every set of every page, reduced; (set, page) in this order.
+    // Every frame of every page, reduced; (frame, page) in this order.
     let side = if config.pages.len() > 2 { PREVIEW_SIDE / 2 } else { PREVIEW_SIDE };
     let pairs: Vec<(usize, usize)> = (0..config.frames.len())
-        .flat_map(|set| (0..config.pages.len()).map(move |page| (set, page)))
+        .flat_map(|frame| (0..config.pages.len()).map(move |page| (frame, page)))
         .collect();
-    let reduced = pairs.par_iter().map(|&(set, page)| reduce(dataset, &masks[page], set, page, side));
+    let reduced = pairs.par_iter().map(|&(frame, page)| reduce(dataset, &masks[page], frame, page, side));
     let reduced: Vec<(Image, Mask)> = reduced.collect::<Result<_>>()?;
 
     section.subheading(if masks.len() == 1 { "Mask" } else { "Masks" });
@@ -73,34 +73,33 @@ pub fn section(dataset: &Dataset) -> Result<Section> {
     let of_set = |pages: &[(Image, Mask)]| pages.iter().filter_map(own).min_by(f32::total_cmp);
     let groups = group_by_exposure(&reduced.chunks(masks.len().max(1)).map(of_set).collect::<Vec<_>>());
     if groups.len() > 1 {
-        section.paragraph(
-            "Pictures under one heading share an exposure and can be compared with each other; ×N: N times that of the brightest.",
-        );
+        section
+            .paragraph("Pictures under one heading share an exposure; ×N is N times that of the brightest.");
     }
     let brightest = groups.first().map_or(1.0, |(exposure, _)| *exposure);
-    for (i, (exposure, sets)) in groups.iter().enumerate() {
+    for (i, (exposure, frames)) in groups.iter().enumerate() {
         section.subheading(&match (i, exposure.is_finite()) {
-            (_, false) => "Sets without light".to_owned(),
+            (_, false) => "Frames without light".to_owned(),
             (0, _) if groups.len() == 1 => "By hour, at one exposure".to_owned(),
-            (0, _) => "By hour, the brightest sets".to_owned(),
-            _ => format!("Darker sets, exposure ×{}", short(f64::from(*exposure) / f64::from(brightest))),
+            (0, _) => "By hour, the brightest frames".to_owned(),
+            _ => format!("Darker frames, exposure ×{}", short(f64::from(*exposure) / f64::from(brightest))),
         });
         let exposure = if exposure.is_finite() { *exposure } else { 1.0 };
-        let indices: Vec<usize> = (0..pairs.len()).filter(|&i| sets.contains(&pairs[i].0)).collect();
+        let indices: Vec<usize> = (0..pairs.len()).filter(|&i| frames.contains(&pairs[i].0)).collect();
         let pictures = indices.par_iter().map(|&i| {
-            let ((set, page), (image, mask)) = (pairs[i], &reduced[i]);
-            (caption(config, set, page), encode(image, mask, exposure))
+            let ((frame, page), (image, mask)) = (pairs[i], &reduced[i]);
+            (caption(config, frame, page), encode(image, mask, exposure))
         });
         section.pictures(&pictures.collect::<Vec<_>>());
     }
     Ok(section)
 }
 
-/// A set's pages as sRGB PNGs at most `max_side` texels on a side, under one exposure.
-pub(crate) fn pictures(dataset: &Dataset, set: usize, max_side: usize) -> Result<Vec<Vec<u8>>> {
+/// A frame's pages as sRGB PNGs at most `max_side` texels on a side, under one exposure.
+pub(crate) fn pictures(dataset: &Dataset, frame: usize, max_side: usize) -> Result<Vec<Vec<u8>>> {
     let pages = 0..dataset.config.pages.len();
     let reduced =
-        pages.into_par_iter().map(|page| reduce(dataset, &dataset.mask(page)?, set, page, max_side));
+        pages.into_par_iter().map(|page| reduce(dataset, &dataset.mask(page)?, frame, page, max_side));
     let reduced: Vec<(Image, Mask)> = reduced.collect::<Result<_>>()?;
     let lit = reduced.iter().filter(|(image, _)| is_lit(image));
     let exposure = lit.map(|(image, mask)| exposure(image, mask)).min_by(f32::total_cmp).unwrap_or(1.0);
@@ -111,24 +110,26 @@ fn is_lit(image: &Image) -> bool {
     image.texels.iter().any(|texel| luminance(*texel) > 0.0)
 }
 
-/// Sets of like brightness, the brightest first: the exposure of each group's brightest, and which sets are in it, ascending. Those
+/// Frames of like brightness, the brightest first: the exposure of each group's brightest, and which frames are in it, ascending. Those
 /// without light come last, at an infinite exposure.
 fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
-    let mut sets: Vec<(f32, usize)> =
-        own.iter().enumerate().map(|(set, own)| (own.unwrap_or(f32::INFINITY), set)).collect();
-    sets.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut frames: Vec<(f32, usize)> =
+        own.iter().enumerate().map(|(frame, own)| (own.unwrap_or(f32::INFINITY), frame)).collect();
+    frames.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut groups: Vec<(f32, Vec<usize>)> = Vec::new();
-    for (exposure, set) in sets {
+    for (exposure, frame) in frames {
         match groups.last_mut() {
-            Some((first, sets)) if exposure < MUCH_DARKER * *first || !first.is_finite() => sets.push(set),
-            _ => groups.push((exposure, vec![set])),
+            Some((first, frames)) if exposure < MUCH_DARKER * *first || !first.is_finite() => {
+                frames.push(frame)
+            }
+            _ => groups.push((exposure, vec![frame])),
         }
     }
-    groups.iter_mut().for_each(|(_, sets)| sets.sort_unstable());
+    groups.iter_mut().for_each(|(_, frames)| frames.sort_unstable());
     groups
 }
 
-/// What the set is, as rows of a table.
+/// The dataset's properties, as rows of a table.
 fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
     let row = |name: &str, value: String| vec![name.to_owned(), value];
     let mut rows = vec![row("Scene", config.scene.clone()), row("Written by", config.generator.clone())];
@@ -137,7 +138,7 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
         let text = format!("{}×{} texels, {share:.1} % on surfaces", mask.width, mask.height);
         rows.push(row(&page_name(config, page), text));
     }
-    let hours: Vec<String> = config.frames.iter().map(|set| hour(set.hour)).collect();
+    let hours: Vec<String> = config.frames.iter().map(|frame| hour(frame.hour)).collect();
     rows.push(row("Frames", format!("{}: {} h", config.frames.len(), hours.join(", "))));
     for group in &config.groups {
         let on = group.on.iter().map(|[from, to]| match (*from, *to) {
@@ -153,10 +154,10 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
         Some(source) => row("Imported from the layout", source.layout.name().to_owned()),
     });
     rows.push(row("Unit", config.unit.clone()));
-    let errors = config.frames.iter().filter_map(|set| Some((set.relative_error?, set.hour)));
+    let errors = config.frames.iter().filter_map(|frame| Some((frame.relative_error?, frame.hour)));
     if let Some((error, at)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         rows.push(row(
-            "Estimated error of a set",
+            "Estimated error of a frame",
             format!(
                 "at most {:.2} % (at {} h): the sampling's standard error, root mean square over the page, ÷ the page's mean light",
                 100.0 * error,
@@ -172,8 +173,8 @@ fn page_name(config: &Config, page: usize) -> String {
 }
 
 /// Such as `18.1 h · porch, garden on`.
-fn caption(config: &Config, set: usize, page: usize) -> String {
-    let Frame { hour: at, groups_on, .. } = &config.frames[set];
+fn caption(config: &Config, frame: usize, page: usize) -> String {
+    let Frame { hour: at, groups_on, .. } = &config.frames[frame];
     let on = config.groups.iter().zip(groups_on).filter(|(_, on)| **on).map(|(group, _)| &*group.name);
     let on: Vec<&str> = on.collect();
     let mut caption = format!("{} h", hour(*at));
@@ -202,7 +203,7 @@ fn short(value: f64) -> String {
 }
 
 /// A map of the dataset at most `side` texels on a side, read a few rows at a time.
-fn reduce(dataset: &Dataset, mask: &Mask, set: usize, page: usize, side: usize) -> Result<(Image, Mask)> {
+fn reduce(dataset: &Dataset, mask: &Mask, frame: usize, page: usize, side: usize) -> Result<(Image, Mask)> {
     /// Rows that are held in memory at once.
     const ROWS: usize = 256;
     let mut reduction = Reduction::new(mask.width, mask.height, side);
@@ -210,7 +211,7 @@ fn reduce(dataset: &Dataset, mask: &Mask, set: usize, page: usize, side: usize) 
         let y1 = (y0 + ROWS).min(mask.height);
         let valid = &mask.valid[y0 * mask.width..y1 * mask.width];
         match valid.contains(&true) {
-            true => reduction.add_rows(&dataset.map_rows(set, page, y0, y1)?, valid),
+            true => reduction.add_rows(&dataset.map_rows(frame, page, y0, y1)?, valid),
             false => reduction.skip_rows(y1 - y0),
         }
     }
@@ -334,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn sets_of_like_brightness_share_an_exposure() {
+    fn frames_of_like_brightness_share_an_exposure() {
         let day = [Some(1000.0), Some(2.0), Some(1.0), Some(5.9), None, Some(6.0), Some(900.0), None];
         let groups = group_by_exposure(&day);
         let expected =

@@ -1,4 +1,4 @@
-//! The scene at a few hours, as a report shows it first.
+//! Pictures of the scene at a few hours, at the top of a report.
 
 use super::Section;
 use crate::Result;
@@ -7,36 +7,36 @@ use crate::image::Image;
 use crate::store::Dataset;
 use crate::view::View;
 
-/// Hours whose nearest sets are shown: morning, noon, right after an evening switch, midnight.
+/// Hours whose nearest frames are shown: morning, noon, right after an evening switch, midnight.
 const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];
 /// Width and height of a picture in pixels.
 pub const PICTURE: [usize; 2] = [480, 270];
 
-/// The sets to show, each once.
-pub fn shown_sets(config: &Config) -> Vec<usize> {
-    let sets = &config.frames;
+/// The frames to show, each once.
+pub fn shown_frames(config: &Config) -> Vec<usize> {
+    let frames = &config.frames;
     let mut shown: Vec<usize> = Vec::new();
     for wanted in SHOWN_HOURS {
         let distance = |k: &usize| {
-            let d = (sets[*k].hour - wanted).abs();
+            let d = (frames[*k].hour - wanted).abs();
             d.min(24.0 - d)
         };
-        let nearest = (0..sets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let nearest = (0..frames.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         shown.extend(nearest.filter(|k| !shown.contains(k)));
     }
     shown
 }
 
-/// What to say of the pictures of a view: whose they are, and what they leave out.
+/// The caption of a view's pictures: the camera, and what they omit.
 pub fn remark(view: &View) -> String {
     let with_texels = view.with_texels();
     let plain = match with_texels.iter().all(|share| *share == 1.0) {
         true => "",
         false => {
-            " What has no texels is lit evenly, without shadows; panes, the glow of lamps and the look of the sky are left out."
+            " Surfaces without texels are lit evenly, without shadows; panes, glowing lamps and the sky's appearance are omitted."
         }
     };
-    format!("From the camera “{}”, each hour at its own exposure.{plain}", view.camera.name)
+    format!("From the camera “{}”, each hour with its own exposure.{plain}", view.camera.name)
 }
 
 /// The scene in a dataset's light. `None` without a geometry file, and for the transfer of a scene, which is not the light of a day. If the geometry file is
@@ -58,16 +58,16 @@ pub fn section(dataset: &Dataset) -> Result<Option<Section>> {
         }
     };
     let config = &dataset.config;
-    let picture = |set: usize| {
+    let picture = |frame: usize| {
         let light = view.light(config, |page, rows| {
             let width = config.pages[page].width as usize;
-            let texels = dataset.map_rows(set, page, rows.start, rows.end)?;
+            let texels = dataset.map_rows(frame, page, rows.start, rows.end)?;
             Ok(Image { width, height: rows.len(), texels })
         })?;
         let png = view.to_png(&light, view.exposure(&light));
-        Ok((format!("{} h", config.frames[set].hour), vec![png]))
+        Ok((format!("{} h", config.frames[frame].hour), vec![png]))
     };
-    let pictures: Vec<_> = shown_sets(config).into_iter().map(picture).collect::<Result<_>>()?;
+    let pictures: Vec<_> = shown_frames(config).into_iter().map(picture).collect::<Result<_>>()?;
     section.row(&pictures).paragraph(&remark(&view));
     Ok(Some(section))
 }

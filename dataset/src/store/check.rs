@@ -10,7 +10,7 @@ use std::path::Path;
 
 mod layers;
 
-/// Everything in a manifest that breaks a rule, in itself; `manifest` names it in errors.
+/// Everything in a manifest that is invalid, in itself; `manifest` names it in errors.
 pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
     let mut found = Vec::new();
     let mut wrong = |what: String| found.push(Error::invalid(manifest.display(), what));
@@ -71,7 +71,7 @@ fn groups(config: &Config, wrong: &mut impl FnMut(String)) {
     for group in &config.groups {
         let name = &group.name;
         if name.is_empty() || !names.insert(name) {
-            wrong(format!("group {name:?}: the name is empty or there twice"));
+            wrong(format!("group {name:?}: the name is empty or occurs twice"));
         }
         group.faults_of_schedule().for_each(&mut *wrong);
     }
@@ -112,7 +112,7 @@ fn visibility(config: &Config, wrong: &mut impl FnMut(String)) {
     }
     let Some(visibility) = &config.visibility else { return };
     if config.sun_path.is_none() {
-        wrong("visibility: expected a sun_path beside it".into());
+        wrong("visibility without sun_path; expected both or neither".into());
     }
     if !(visibility.minutes.is_finite() && visibility.minutes > 0.0) {
         wrong(format!("visibility: minutes is {}; expected a number above 0", visibility.minutes));
@@ -139,7 +139,7 @@ fn transfer(config: &Config, wrong: &mut impl FnMut(String)) {
     for part in &transfer.parts {
         let (function, sign) = (part.function, if part.negative { "negative" } else { "positive" });
         if !seen.insert((function, part.negative)) {
-            wrong(format!("transfer: the {sign} part of function {function} is there twice"));
+            wrong(format!("transfer: the {sign} part of function {function} occurs twice"));
         }
     }
     let functions: BTreeSet<u32> = seen.iter().map(|(function, _)| *function).collect();
@@ -147,7 +147,7 @@ fn transfer(config: &Config, wrong: &mut impl FnMut(String)) {
         wrong(format!("transfer: no part of function {missing}; expected functions from 0 on"));
     }
     if transfer.light.is_empty() {
-        wrong("transfer: light of no moment".into());
+        wrong("transfer: light has no entries; expected at least one".into());
     }
     let mut previous = f64::NEG_INFINITY;
     for light in &transfer.light {
@@ -164,7 +164,9 @@ fn transfer(config: &Config, wrong: &mut impl FnMut(String)) {
             ));
         }
         if let Some(value) = light.coefficients.iter().flatten().find(|value| !value.is_finite()) {
-            wrong(format!("transfer: light at hour {hour} has a coefficient {value}; expected finite ones"));
+            wrong(format!(
+                "transfer: light at hour {hour} has a coefficient {value}; expected a finite number"
+            ));
         }
     }
 }

@@ -72,7 +72,7 @@ impl Dataset {
         let normals = self.normals(normals, page)?;
         let within = |hour: &f64| path.at(*hour).is_some();
         if let Some(hour) = visibility.hours.iter().find(|hour| !within(hour)) {
-            let what = format!("the time {hour} h: expected those of the sun's path alone");
+            let what = format!("time {hour} h; expected a time of the sun's path");
             return Err(Error::invalid(self.path(&files.files[page]).display(), what));
         }
         Ok(Some(Sunlight { path, visibility, normals }))
@@ -99,7 +99,7 @@ impl Dataset {
         &self.config.pages[page]
     }
 
-    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths left out, which are known to be wrong.
+    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths omitted, which are known to be wrong.
     pub(super) fn verify_sunlight(&self, is_broken: impl Fn(&FileRef) -> bool) -> Vec<Error> {
         let files = self.config.visibility.iter().flat_map(|visibility| visibility.references());
         if files.chain(&self.config.sun_path).any(is_broken) {

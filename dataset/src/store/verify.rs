@@ -23,12 +23,12 @@ const SWITCH_REACH: f64 = 0.1;
 /// What [`Dataset::verify`] found.
 #[derive(Debug, Default)]
 pub struct Verification {
-    /// Everything that breaks a rule of the format, in the manifest's order.
+    /// Everything that is invalid of the format, in the manifest's order.
     pub faults: Vec<Error>,
     /// What breaks none, and yet costs quality.
     pub warnings: Vec<String>,
     /// Valid texels of each page that are black in every frame: no fault in itself (no light may reach them), but many
-    /// of them speak of texels inside geometry. `None` where a lightmap could not be read.
+    /// of them speak of texels inside geometry. `None` if a lightmap could not be read.
     pub dead_texels: Vec<Option<usize>>,
 }
 
@@ -49,7 +49,7 @@ impl Dataset {
 
     /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the curves of layers, the sun's path and visibility, that images are finite and not
     /// negative, that frames show the lamps as the schedules have them, and where layers are kept that each lightmap is
-    /// (sun + sky) + local: bit for bit, about so in imported sets.
+    /// (sun + sky) + local: bit for bit, about so in imported datasets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
         let (faults, broken) = self.verify_files(&step);
         let mut broken: BTreeSet<String> = broken;
@@ -122,7 +122,7 @@ impl Dataset {
     pub fn verify_files(&self, step: impl Fn() + Sync) -> (Vec<Error>, BTreeSet<String>) {
         let distinct = self.distinct_files();
         let checked = distinct.par_iter().map(|file| {
-            // A path that leads elsewhere is the manifest's fault, told by who read it.
+            // A path that leads elsewhere is the manifest's fault and reported when that is read.
             let result = if check::is_inside(file) { self.check_content(file) } else { Ok(()) };
             step();
             result
@@ -179,14 +179,14 @@ impl Dataset {
         faults
     }
 
-    /// What killed writers left beside the set, or what writers that run now are about to replace.
+    /// What killed writers left beside the dataset, or what writers that run now are about to replace.
     fn leftovers(&self) -> Vec<String> {
         let mut left = Vec::new();
         for folder in [self.root.clone(), self.root.join(super::DATA)] {
-            // (A folder that cannot be listed is told by who opens its files.)
+            // (A folder that cannot be listed is reported when its files are opened.)
             for path in crate::files::temporaries(&folder).unwrap_or_default() {
                 left.push(format!(
-                    "{}: a temporary file; if nothing writes here now, a writer was killed, and the file can be removed",
+                    "{}: a temporary file; if no process is writing here, a killed process left it and it can be removed",
                     path.display()
                 ));
             }
@@ -218,8 +218,8 @@ impl Dataset {
                 for on in [before, after].into_iter().flatten().filter(|&on| !shown(at, on)) {
                     let (name, state) = (&group.name, if on { "on" } else { "off" });
                     unseen.push(format!(
-                        "group {name:?} switches at {at} h; no frame within {SWITCH_REACH} h shows it {state}, so that light \
-                         near the switch is that of a frame farther away"
+                        "group {name:?} switches at {at} h, but no frame within {SWITCH_REACH} h has it {state}, so light \
+                         near the switch is taken from a frame farther away"
                     ));
                 }
             }

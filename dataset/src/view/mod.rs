@@ -2,7 +2,7 @@
 //!
 //! A depth buffer over the dataset's own geometry file, which is all that a reader of datasets has; `bake preview` traces rays in the
 //! scene. Surfaces with texels show the same light in both. What has no texels is lit evenly, by the median light of what has some in view. Panes
-//! are left out, nothing glows, and the sky is one colour.
+//! are omitted, nothing glows, and the sky is one colour.
 //!
 //! `lens`: cameras; `texture`, `model`: the geometry file; `raster`: the depth buffer; `lookout`: a camera where none is known;
 //! `picture`: samples and their light.

@@ -146,7 +146,7 @@ impl Model {
 /// Reads a geometry file.
 ///
 /// # Errors
-/// [`Error::Invalid`] with whatever breaks a rule in it, as `dataset check` tells it; [`Error::Unsupported`] for more than can be drawn.
+/// [`Error::Invalid`] with whatever is invalid in it, as `dataset check` tells it; [`Error::Unsupported`] for more than can be drawn.
 pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> {
     if let Some(fault) = geometry::faults(path, bytes, config).into_iter().next() {
         return Err(fault);
@@ -179,7 +179,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> 
     let model = reader.model;
     let triangles: usize = model.parts.iter().map(|part| model.shapes[part.shape].triangles.len()).sum();
     if triangles > MOST_TRIANGLES {
-        let what = format!("{triangles} triangles; at most {MOST_TRIANGLES} are drawn");
+        let what = format!("{triangles} triangles; expected at most {MOST_TRIANGLES}");
         return Err(Error::unsupported(path.display(), what));
     }
     Ok(model)

@@ -56,7 +56,7 @@ impl View {
     /// without a geometry file, or where nothing in it has texels.
     ///
     /// # Errors
-    /// A geometry file or mask that cannot be read, or breaks a rule.
+    /// A geometry file or mask that cannot be read, or is invalid.
     pub fn of(dataset: &Dataset, size: [usize; 2]) -> Result<Option<View>> {
         let Some(model) = read(dataset)? else { return Ok(None) };
         let seen_by = |camera| View::seen_by(camera, &model, &dataset.config, size);

@@ -76,7 +76,7 @@ pub fn write2(root: &Path) -> Vec<Lightmap> {
     lightmaps
 }
 
-/// Gives the light of a lightmap's folder at a time, so many texels.
+/// Gives the light of a lightmap's folder at a time, this many texels.
 pub type Light1 = fn(i64, &str, u32, usize) -> Vec<[f32; 3]>;
 
 /// Writes lightmaps in layout 1: id, size, parts. The first texel of each is not valid.

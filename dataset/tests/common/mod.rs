@@ -1,4 +1,4 @@
-//! Small sets and pseudo-random content for the tests.
+//! Small datasets and pseudo-random content for the tests.
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use dataset::Result;
@@ -13,7 +13,7 @@ use std::process::Command;
 
 pub mod layouts;
 
-/// A Python that has numpy and OpenEXR: that of `NDGI_PYTHON`, which must work, or else `python3`; `None` where that lacks them.
+/// A Python that has numpy and OpenEXR: that of `NDGI_PYTHON`, which must work, or else `python3`; `None` if that lacks them.
 pub fn python() -> Option<String> {
     let named = std::env::var("NDGI_PYTHON").ok();
     let python = named.clone().unwrap_or("python3".to_owned());

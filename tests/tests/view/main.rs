@@ -142,14 +142,14 @@ fn no_other_scene_is_taken_for_it(root: &Path) {
     for refused in [beside, named] {
         let error = refused.unwrap_err().to_string();
         assert!(
-            error.contains("is a bundle of the scene") && error.contains("expected one of \"court\""),
+            error.contains("is a bundle of scene") && error.contains("expected one of \"court\""),
             "{error}"
         );
     }
     let scene = Some(root.join("scene.glb"));
     let source = open(&other, view::Options { scene, ..view::Options::default() }).unwrap();
-    assert!(source.doubts[0].contains("a dataset of which the bundle is none"), "{:?}", source.doubts);
-    assert!(source.cameras.is_empty() && source.sets() == 0 && source.left_out.is_some());
+    assert!(source.doubts[0].contains("a dataset that the bundle was not made from"), "{:?}", source.doubts);
+    assert!(source.cameras.is_empty() && source.frames() == 0 && source.omitted.is_some());
     std::fs::remove_file(other).unwrap();
 }
 
@@ -240,7 +240,7 @@ fn works(browser: &str, html: &str, root: &Path, bundle: &Path) {
     let says = |key: &str, what: &str| assert!(found[key].as_str().unwrap().contains(what), "{found:#}");
     says("texel", "PSNR");
     says("facts", "no texels");
-    says("facts", &format!(" {bits:.3} bits per texel and set"));
+    says("facts", &format!(" {bits:.3} bits per texel and frame"));
     assert_eq!(found["gl_error"], 0, "{found:#}");
 }
 

@@ -4,7 +4,7 @@ use ndgi::Bundle;
 use ndgi::at::At;
 use ndgi::decode::{Inputs, Lights};
 use ndgi::grid::Place;
-use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Pipelines};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Pipelines};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 
@@ -53,10 +53,10 @@ impl Gpu {
         Decoder::new(&self.device, &self.queue, Bundle::from_bytes(bytes.to_vec()).unwrap(), options).unwrap()
     }
 
-    /// A page's bytes at a moment.
-    pub fn decode(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> Vec<u8> {
+    /// A page's bytes at a time.
+    pub fn decode(&self, decoder: &mut Decoder, page: &mut Page, params: &DecodeParams) -> Vec<u8> {
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        decoder.decode_page(&mut encoder, page, moment).unwrap();
+        decoder.decode_page(&mut encoder, page, params).unwrap();
         self.queue.submit([encoder.finish()]);
         self.read(&page.texture)
     }
@@ -87,8 +87,8 @@ impl Gpu {
         bytes.chunks(stride as usize).flat_map(|row| row[..(width * texel) as usize].to_vec()).collect()
     }
 
-    pub fn floats(&self, decoder: &mut Decoder, page: &mut Page, moment: &Moment) -> Vec<[f32; 3]> {
-        floats_of(&self.decode(decoder, page, moment))
+    pub fn floats(&self, decoder: &mut Decoder, page: &mut Page, params: &DecodeParams) -> Vec<[f32; 3]> {
+        floats_of(&self.decode(decoder, page, params))
     }
 
     /// A texture that tiles can be decoded to and that can be read.
@@ -119,14 +119,14 @@ pub fn floats_of(bytes: &[u8]) -> Vec<[f32; 3]> {
 pub type Expected = ([f32; 3], [f32; 3]);
 
 /// The same page by the CPU.
-pub fn by_cpu(bundle: &Bundle, page: usize, moment: &Moment) -> Vec<Expected> {
+pub fn by_cpu(bundle: &Bundle, page: usize, params: &DecodeParams) -> Vec<Expected> {
     let grid = bundle.header.pages[page];
     let mut out = vec![([0.0; 3], [0.0; 3]); grid.width * grid.height];
-    let at = bundle.at(moment.hour).unwrap().only(moment.lights);
+    let at = bundle.at(params.hour).unwrap().only(params.lights);
     for place in grid.places(page) {
         let corner = [place.column, place.row].map(|i| i * ndgi::model::PAYLOAD);
         let width = grid.payload(place.column, place.row).0;
-        for (i, texel) in tile_by_cpu(&at, bundle, place, moment).into_iter().enumerate() {
+        for (i, texel) in tile_by_cpu(&at, bundle, place, params).into_iter().enumerate() {
             out[(corner[1] + i / width) * grid.width + corner[0] + i % width] = texel;
         }
     }
@@ -134,12 +134,12 @@ pub fn by_cpu(bundle: &Bundle, page: usize, moment: &Moment) -> Vec<Expected> {
 }
 
 /// A tile's own texels by the CPU.
-pub fn tile_by_cpu(at: &At, bundle: &Bundle, place: Place, moment: &Moment) -> Vec<Expected> {
+pub fn tile_by_cpu(at: &At, bundle: &Bundle, place: Place, params: &DecodeParams) -> Vec<Expected> {
     let tile = at.tile(place).unwrap();
     let mut texels = vec![[0.0; 3]; tile.width() * tile.height()];
     tile.decode_into(&mut texels);
-    let params = bundle.tile(place).unwrap().filter(|_| moment.lights != Lights::Sun);
-    let means = params.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.moment()).means);
+    let stored = bundle.tile(place).unwrap().filter(|_| params.lights != Lights::Sun);
+    let means = stored.map(|tile| Inputs::at(&tile, &bundle.header.timeline, at.point()).means);
     let of_sun = at.sun_of(place).unwrap().and(at.sun()).map(|sun| sun.irradiance);
     let mean = [0, 1, 2].map(|c| means.unwrap_or_default()[c].max(of_sun.unwrap_or_default()[c]));
     texels.into_iter().map(|texel| (texel, mean)).collect()

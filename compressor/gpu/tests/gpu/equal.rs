@@ -7,7 +7,7 @@ use ndgi::decode::Lights;
 use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, PROFILES};
 use ndgi::testing;
-use ndgi_gpu::{Decoder, Moment, Options, Output, Page, Precision, Request, Target};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Precision, Request, Target};
 
 /// PSNR of a page against another, by its largest value.
 fn psnr(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
@@ -40,9 +40,9 @@ fn pages_are_those_of_the_cpu() {
             for (hour, lights) in
                 HOURS.iter().flat_map(|hour| lights.iter().map(move |lights| (hour, lights)))
             {
-                let moment = Moment { lights: *lights, ..Moment::at(*hour) };
-                let found = gpu.floats(&mut decoder, &mut texture, &moment);
-                let worst = worst(&found, &by_cpu(decoder.bundle(), page, &moment));
+                let params = DecodeParams { lights: *lights, ..DecodeParams::at(*hour) };
+                let found = gpu.floats(&mut decoder, &mut texture, &params);
+                let worst = worst(&found, &by_cpu(decoder.bundle(), page, &params));
                 assert!(worst <= 5e-5, "{name}, page {page}, {hour} h, {lights:?}: {worst:.1e}");
                 largest = largest.max(worst);
             }
@@ -65,7 +65,7 @@ fn half_precision_is_close_and_not_used_where_it_does_not_fit() {
         for hour in [0.0, 6.7, 12.0] {
             let [of_single, of_half] = decoders.each_mut().map(|decoder| {
                 let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
-                gpu.floats(decoder, &mut texture, &Moment::at(hour))
+                gpu.floats(decoder, &mut texture, &DecodeParams::at(hour))
             });
             let psnr = psnr(&of_half, &of_single);
             println!("{name}, {hour} h: {psnr:.1} dB");
@@ -85,7 +85,7 @@ fn half_precision_is_close_and_not_used_where_it_does_not_fit() {
     let [of_single, of_half] = [Precision::Single, Precision::Half].map(|precision| {
         let mut decoder = gpu.decoder(&bytes, Options { precision, ..Options::default() });
         let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
-        gpu.floats(&mut decoder, &mut texture, &Moment::at(6.0))
+        gpu.floats(&mut decoder, &mut texture, &DecodeParams::at(6.0))
     });
     assert!(of_half == of_single && of_single.iter().flatten().any(|e| *e > 1e6));
 }
@@ -97,7 +97,7 @@ fn blocks_unpacked_by_the_cpu_are_those_of_hardware() {
         let [a, b] = [false, true].map(|unpacks| {
             let mut decoder = gpu.decoder(&bytes, Options { unpacks, ..Options::default() });
             let mut texture = decoder.page(0, Output::Rgba32Float).unwrap();
-            gpu.floats(&mut decoder, &mut texture, &Moment::at(9.3))
+            gpu.floats(&mut decoder, &mut texture, &DecodeParams::at(9.3))
         });
         let largest = a.iter().flatten().fold(0.0f32, |a, b| a.max(*b));
         assert!(largest > 0.0);
@@ -116,11 +116,11 @@ fn outputs_are_rounded_as_the_cpu_rounds_them() {
     let (mut differ, mut black, mut bytes) = (0, 0, 0);
     // By day; and at night, when tiles that have the sun alone are black.
     for hour in [9.3, 20.0] {
-        let moment = Moment { exposure, ..Moment::at(hour) };
+        let params = DecodeParams { exposure, ..DecodeParams::at(hour) };
         let mut page = decoder.page(0, Output::Rgba16Float).unwrap();
-        let halves = gpu.decode(&mut decoder, &mut page, &moment);
+        let halves = gpu.decode(&mut decoder, &mut page, &params);
         let mut page = decoder.page(0, Output::Rgba8Unorm).unwrap();
-        let eighths = gpu.decode(&mut decoder, &mut page, &moment);
+        let eighths = gpu.decode(&mut decoder, &mut page, &params);
         bytes += eighths.len();
         let at = decoder.bundle().at(hour).unwrap();
         for place in decoder.bundle().header.places() {
@@ -155,7 +155,9 @@ fn black_tiles_are_not_dispatched_and_leave_nothing_stale() {
     let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
     let mut work = |page: &mut Page, hour, lights| {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let work = decoder.decode_page(&mut encoder, page, &Moment { lights, ..Moment::at(hour) }).unwrap();
+        let work = decoder
+            .decode_page(&mut encoder, page, &DecodeParams { lights, ..DecodeParams::at(hour) })
+            .unwrap();
         gpu.queue.submit([encoder.finish()]);
         work
     };
@@ -170,7 +172,7 @@ fn black_tiles_are_not_dispatched_and_leave_nothing_stale() {
     let found = gpu.read(&page.texture);
     let expected = {
         let mut fresh = decoder.page(0, Output::Rgba32Float).unwrap();
-        gpu.decode(&mut decoder, &mut fresh, &Moment::at(20.0))
+        gpu.decode(&mut decoder, &mut fresh, &DecodeParams::at(20.0))
     };
     assert!(found == expected);
 }
@@ -181,9 +183,9 @@ fn what_was_not_uploaded_is_uploaded_by_the_next_call() {
     let mut decoder = gpu.decoder(&testing::sunny_bundle(), Options::default());
     let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
     let is_right = |decoder: &mut Decoder, page: &mut Page, hour| {
-        let moment = Moment::at(hour);
-        let found = gpu.floats(decoder, page, &moment);
-        let worst = worst(&found, &by_cpu(decoder.bundle(), 0, &moment));
+        let params = DecodeParams::at(hour);
+        let found = gpu.floats(decoder, page, &params);
+        let worst = worst(&found, &by_cpu(decoder.bundle(), 0, &params));
         assert!(worst <= 5e-5, "{hour} h: {worst:.1e}");
     };
     is_right(&mut decoder, &mut page, 6.7);
@@ -193,13 +195,13 @@ fn what_was_not_uploaded_is_uploaded_by_the_next_call() {
     requests.push(request(Place { page: 3, column: 0, row: 0 }));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let target = Target { view: page.view(), output: Output::Rgba32Float };
-    assert!(decoder.decode(&mut encoder, &requests, target, &Moment::at(8.1)).is_err());
+    assert!(decoder.decode(&mut encoder, &requests, target, &DecodeParams::at(8.1)).is_err());
     gpu.queue.submit([encoder.finish()]);
     is_right(&mut decoder, &mut page, 8.1);
     // An encoder is dropped: with new visibility, and with tiles that had light and are black.
     for (dropped, next) in [(11.0, 11.0), (20.0, 20.0), (8.1, 20.0), (8.1, 8.1)] {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        decoder.decode_page(&mut encoder, &mut page, &Moment::at(dropped)).unwrap();
+        decoder.decode_page(&mut encoder, &mut page, &DecodeParams::at(dropped)).unwrap();
         drop(encoder);
         decoder.forget();
         is_right(&mut decoder, &mut page, next);
@@ -228,7 +230,7 @@ fn tall_tiles_do_not_read_a_row_of_the_map_too_many() {
         let target = Target { view: &texture.create_view(&Default::default()), output: Output::Rgba32Float };
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let request = Request { place, to: [0, 0], with_border: true };
-        decoder.decode(&mut encoder, &[request], target, &Moment::at(6.0)).unwrap();
+        decoder.decode(&mut encoder, &[request], target, &DecodeParams::at(6.0)).unwrap();
         gpu.queue.submit([encoder.finish()]);
         let found = floats_of(&gpu.read(&texture));
         // All stored texels: the last column, a border, reads the end of the array.
@@ -256,8 +258,8 @@ fn tiles_come_where_they_are_asked_for_with_their_border() {
     let request = |to, with_border| Request { place, to, with_border };
     let requests = [request([5, 7], true), request([150, 7], false)];
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let moment = Moment::at(9.3);
-    decoder.decode(&mut encoder, &requests, target, &moment).unwrap();
+    let params = DecodeParams::at(9.3);
+    decoder.decode(&mut encoder, &requests, target, &params).unwrap();
     gpu.queue.submit([encoder.finish()]);
     let bytes = gpu.read(&texture);
     let texel = |x: usize, y: usize| &bytes[16 * (y * 300 + x)..][..16];
@@ -274,11 +276,11 @@ fn tiles_come_where_they_are_asked_for_with_their_border() {
     // What makes no sense is refused.
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     for (hour, exposure) in [(f64::NAN, 1.0), (6.0, f32::NAN), (6.0, -1.0)] {
-        let moment = Moment { exposure, ..Moment::at(hour) };
-        assert!(decoder.decode(&mut encoder, &requests, target, &moment).is_err());
+        let params = DecodeParams { exposure, ..DecodeParams::at(hour) };
+        assert!(decoder.decode(&mut encoder, &requests, target, &params).is_err());
     }
     let nowhere = Request { place: Place { page: 3, ..place }, to: [0, 0], with_border: false };
-    assert!(decoder.decode(&mut encoder, &[nowhere], target, &moment).is_err());
+    assert!(decoder.decode(&mut encoder, &[nowhere], target, &params).is_err());
     assert!(decoder.page(7, Output::Rgba8Unorm).is_err());
 }
 
@@ -305,7 +307,7 @@ fn changed_bundles_are_errors_or_light() {
         match Decoder::new(&gpu.device, &gpu.queue, bundle, options.clone()) {
             Ok(mut decoder) => {
                 let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
-                let found = gpu.floats(&mut decoder, &mut page, &Moment::at(9.3));
+                let found = gpu.floats(&mut decoder, &mut page, &DecodeParams::at(9.3));
                 assert!(found.iter().flatten().all(|e| e.is_finite() && *e >= 0.0));
             }
             Err(_) => refused += 1,
@@ -332,13 +334,13 @@ fn nothing_and_the_smallest_are_decoded_too() {
     for (bytes, tiles) in [(one, 1), (black, 0)] {
         let mut decoder = gpu.decoder(&bytes, Options::default());
         let mut page = decoder.page(0, Output::Rgba32Float).unwrap();
-        let found = gpu.floats(&mut decoder, &mut page, &Moment::at(5.0));
-        let expected = by_cpu(decoder.bundle(), 0, &Moment::at(5.0));
+        let found = gpu.floats(&mut decoder, &mut page, &DecodeParams::at(5.0));
+        let expected = by_cpu(decoder.bundle(), 0, &DecodeParams::at(5.0));
         assert!(worst(&found, &expected) <= 5e-5);
         assert_eq!(found.iter().flatten().any(|e| *e > 0.0), tiles > 0);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let target = Target { view: page.view(), output: Output::Rgba32Float };
-        let work = decoder.decode(&mut encoder, &[], target, &Moment::at(5.0)).unwrap();
+        let work = decoder.decode(&mut encoder, &[], target, &DecodeParams::at(5.0)).unwrap();
         assert_eq!((work.tiles, work.bytes), (0, 0));
         assert_eq!(decoder.clear(&mut encoder, &[], target).unwrap().bytes, 0);
         gpu.queue.submit([encoder.finish()]);

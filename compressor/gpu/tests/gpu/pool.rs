@@ -9,7 +9,7 @@ use ndgi::model::{BORDER, STORED};
 use ndgi::sun::{Coder, Shadows, TileSun};
 use ndgi::testing::{self, Random};
 use ndgi_gpu::{
-    Error, Features, Interval, Moment, Options, Output, Pool, Request, SlotRequest, Target, Work,
+    DecodeParams, Error, Features, Interval, Options, Output, Pool, Request, SlotRequest, Target, Work,
 };
 use std::sync::Arc;
 
@@ -62,7 +62,7 @@ impl Bench {
     }
 
     /// Decodes slots, and gives the whole texture.
-    fn decode(&mut self, slots: &[u32], moment: &Moment) -> (Work<SlotRequest>, Vec<[f32; 4]>) {
+    fn decode(&mut self, slots: &[u32], params: &DecodeParams) -> (Work<SlotRequest>, Vec<[f32; 4]>) {
         let request = |slot: &u32| SlotRequest {
             slot: *slot,
             to: [(slot * STORED as u32) as i32, 0],
@@ -72,7 +72,7 @@ impl Bench {
         let view = self.texture.create_view(&Default::default());
         let target = Target { view: &view, output: Output::Rgba32Float };
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let work = self.pool.decode(&mut encoder, &requests, target, moment).unwrap();
+        let work = self.pool.decode(&mut encoder, &requests, target, params).unwrap();
         self.gpu.queue.submit([encoder.finish()]);
         let bytes = self.gpu.read(&self.texture);
         let float = |four: &[u8]| f32::from_le_bytes(four.try_into().unwrap());
@@ -95,12 +95,18 @@ impl Bench {
     }
 
     /// That a slot's tile is what the CPU decodes.
-    fn is_right(&self, texture: &[[f32; 4]], slot: u32, (bundle, place): (usize, Place), moment: &Moment) {
+    fn is_right(
+        &self,
+        texture: &[[f32; 4]],
+        slot: u32,
+        (bundle, place): (usize, Place),
+        params: &DecodeParams,
+    ) {
         let found = self.texels(texture, slot, bundle, place);
         let of = &self.pool.bundles()[bundle];
-        let at = of.at(moment.hour).unwrap().only(moment.lights);
-        let worst = worst(&found, &tile_by_cpu(&at, of, place, moment));
-        assert!(worst <= 5e-5, "{place:?} of bundle {bundle} in slot {slot}, {moment:?}: {worst:.1e}");
+        let at = of.at(params.hour).unwrap().only(params.lights);
+        let worst = worst(&found, &tile_by_cpu(&at, of, place, params));
+        assert!(worst <= 5e-5, "{place:?} of bundle {bundle} in slot {slot}, {params:?}: {worst:.1e}");
     }
 }
 
@@ -130,7 +136,7 @@ fn tiles_that_come_and_go_are_those_of_the_cpu() {
         for round in 0..60 {
             let hour = HOURS[random.below(HOURS.len())];
             let lights = [Lights::All, Lights::All, Lights::Baked, Lights::Sun][random.below(4)];
-            let moment = Moment { lights, ..Moment::at(hour) };
+            let params = DecodeParams { lights, ..DecodeParams::at(hour) };
             for _ in 0..1 + random.below(3) {
                 let slot = random.below(5);
                 if random.below(6) == 0 {
@@ -145,7 +151,7 @@ fn tiles_that_come_and_go_are_those_of_the_cpu() {
                 bench.load(slot as u32, bundle, place, around(&bundles[bundle], hour)).unwrap();
                 held[slot] = Some((bundle, place));
             }
-            // Those that stayed go on to the moment's interval.
+            // Those that stayed go on to the time's interval.
             let filled: Vec<u32> = (0..5).filter(|slot| held[*slot as usize].is_some()).collect();
             for slot in &filled {
                 let (bundle, place) = held[*slot as usize].unwrap();
@@ -157,10 +163,10 @@ fn tiles_that_come_and_go_are_those_of_the_cpu() {
                     bench.pool.set_interval(&gpu.queue, *slot, &interval).unwrap();
                 }
             }
-            let (work, texture) = bench.decode(&filled, &moment);
+            let (work, texture) = bench.decode(&filled, &params);
             assert_eq!(work.tiles + work.black.len(), filled.len());
             for slot in &filled {
-                bench.is_right(&texture, *slot, held[*slot as usize].unwrap(), &moment);
+                bench.is_right(&texture, *slot, held[*slot as usize].unwrap(), &params);
             }
             black += work.black.len();
             networks += work.networks;
@@ -172,16 +178,16 @@ fn tiles_that_come_and_go_are_those_of_the_cpu() {
 }
 
 /// A tile's light where visibility is held at one of its times: maps, and visibility · cosine · irradiance.
-fn held_at(bundle: &Bundle, place: Place, moment: &Moment, time: usize) -> Vec<Expected> {
-    let at = bundle.at(moment.hour).unwrap();
+fn held_at(bundle: &Bundle, place: Place, params: &DecodeParams, time: usize) -> Vec<Expected> {
+    let at = bundle.at(params.hour).unwrap();
     let mut out = tile_by_cpu(
         &at.clone().only(Lights::Baked),
         bundle,
         place,
-        &Moment { lights: Lights::Baked, ..*moment },
+        &DecodeParams { lights: Lights::Baked, ..*params },
     );
     let (sun, tile) = (bundle.header.sun.as_ref().unwrap(), bundle.sun(place).unwrap().unwrap());
-    let (direction, irradiance) = sun.path.at(moment.hour).unwrap();
+    let (direction, irradiance) = sun.path.at(params.hour).unwrap();
     let seen = tile.visibility(sun, sun.times[time]);
     let width = bundle.header.pages[0].payload(place.column, place.row).0;
     for (i, (texel, mean)) in out.iter_mut().enumerate() {
@@ -196,7 +202,7 @@ fn held_at(bundle: &Bundle, place: Place, moment: &Moment, time: usize) -> Vec<E
 }
 
 #[test]
-fn an_interval_that_is_not_the_moments_is_held_at_its_nearer_end() {
+fn an_interval_of_another_time_is_held_at_its_nearer_end() {
     let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
     let bundle = opened(testing::sunny_bundle());
     let mut bench = Bench::new(gpu, &[Arc::clone(&bundle)], 2, false);
@@ -216,23 +222,23 @@ fn an_interval_that_is_not_the_moments_is_held_at_its_nearer_end() {
         assert!(features.has_sun() && features.has_maps() == (place != self::place(0, 0)));
         let sunlight = features.sunlight();
         for (times, hour, time) in cases {
-            let moment = Moment::at(hour);
+            let params = DecodeParams::at(hour);
             bench.pool.load(&gpu.queue, 1, 0, &features).unwrap();
             let interval = sunlight.interval(&bundle, times).unwrap();
             assert_eq!((interval.times(), interval.place()), (times, place));
             bench.pool.set_interval(&gpu.queue, 1, &interval).unwrap();
-            let (work, texture) = bench.decode(&[1], &moment);
+            let (work, texture) = bench.decode(&[1], &params);
             assert_eq!((work.tiles, work.black.len()), (1, 0));
             let found = bench.texels(&texture, 1, 0, place);
-            let worst = worst(&found, &held_at(&bundle, place, &moment, time));
+            let worst = worst(&found, &held_at(&bundle, place, &params, time));
             assert!(worst <= 5e-5, "{place:?}, {times:?} at {hour} h: {worst:.1e}");
         }
         // Within the interval it moves; without one there is no sun, and by night none either.
         bench.load(1, 0, place, Some([1, 2])).unwrap();
-        let (_, texture) = bench.decode(&[1], &Moment::at(8.2));
-        bench.is_right(&texture, 1, (0, place), &Moment::at(8.2));
+        let (_, texture) = bench.decode(&[1], &DecodeParams::at(8.2));
+        bench.is_right(&texture, 1, (0, place), &DecodeParams::at(8.2));
         bench.load(1, 0, place, None).unwrap();
-        let (work, texture) = bench.decode(&[1], &Moment::at(8.2));
+        let (work, texture) = bench.decode(&[1], &DecodeParams::at(8.2));
         bench.is_right_baked(&texture, place);
         assert_eq!(work.black.len(), usize::from(!features.has_maps()));
     }
@@ -245,10 +251,10 @@ impl Bench {
     /// That slot 1 has a tile without the sun at 8.2 h.
     fn is_right_baked(&self, texture: &[[f32; 4]], place: Place) {
         let bundle = &self.pool.bundles()[0];
-        let moment = Moment { lights: Lights::Baked, ..Moment::at(8.2) };
+        let params = DecodeParams { lights: Lights::Baked, ..DecodeParams::at(8.2) };
         let at = bundle.at(8.2).unwrap().only(Lights::Baked);
         let found = self.texels(texture, 1, 0, place);
-        assert!(worst(&found, &tile_by_cpu(&at, bundle, place, &moment)) <= 5e-5);
+        assert!(worst(&found, &tile_by_cpu(&at, bundle, place, &params)) <= 5e-5);
     }
 }
 
@@ -258,7 +264,7 @@ fn a_pool_without_room_says_so_and_goes_on() {
     let bundle = opened(testing::sunny_bundle());
     let mut bench = Bench::new(gpu, &[Arc::clone(&bundle)], 6, false);
     // There is room for all six tiles, but not twice for the one that is largest, of three channels.
-    let (large, small, moment) = (place(1, 0), place(2, 1), Moment::at(9.3));
+    let (large, small, params) = (place(1, 0), place(2, 1), DecodeParams::at(9.3));
     bench.load(0, 0, large, Some([2, 3])).unwrap();
     bench.load(1, 0, small, Some([2, 3])).unwrap();
     for _ in 0..3 {
@@ -269,18 +275,18 @@ fn a_pool_without_room_says_so_and_goes_on() {
         let view = bench.texture.create_view(&Default::default());
         let target = Target { view: &view, output: Output::Rgba32Float };
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let refused = bench.pool.decode(&mut encoder, &[request], target, &moment);
+        let refused = bench.pool.decode(&mut encoder, &[request], target, &params);
         assert!(matches!(refused, Err(Error::Invalid(_))) && bench.pool.interval_of(1).is_none());
-        let (_, texture) = bench.decode(&[0], &moment);
-        bench.is_right(&texture, 0, (0, large), &moment);
+        let (_, texture) = bench.decode(&[0], &params);
+        bench.is_right(&texture, 0, (0, large), &params);
     }
     // Small ones still have room, and where the large one was there is room for it.
     bench.load(2, 0, small, Some([2, 3])).unwrap();
     bench.pool.unload(0);
     bench.load(1, 0, large, Some([2, 3])).unwrap();
-    let (_, texture) = bench.decode(&[1, 2], &moment);
-    bench.is_right(&texture, 1, (0, large), &moment);
-    bench.is_right(&texture, 2, (0, small), &moment);
+    let (_, texture) = bench.decode(&[1, 2], &params);
+    bench.is_right(&texture, 1, (0, large), &params);
+    bench.is_right(&texture, 2, (0, small), &params);
     // Emptied, it has all its room again: every tile, in any order.
     let places: Vec<Place> = bundle.header.places().collect();
     for round in 0..6 {
@@ -288,8 +294,8 @@ fn a_pool_without_room_says_so_and_goes_on() {
         for i in 0..6 {
             bench.load(i as u32, 0, places[(i * 5 + round) % 6], Some([2, 3])).unwrap();
         }
-        let (_, texture) = bench.decode(&[0, 1, 2, 3, 4, 5], &moment);
-        (0..6).for_each(|i| bench.is_right(&texture, i as u32, (0, places[(i * 5 + round) % 6]), &moment));
+        let (_, texture) = bench.decode(&[0, 1, 2, 3, 4, 5], &params);
+        (0..6).for_each(|i| bench.is_right(&texture, i as u32, (0, places[(i * 5 + round) % 6]), &params));
     }
 }
 
@@ -320,17 +326,17 @@ fn buffers_grow_and_keep_what_they_have() {
     let bundle = Arc::new(rough_bundle());
     let places: Vec<Place> = bundle.header.places().collect();
     let mut bench = Bench::new(gpu, &[Arc::clone(&bundle)], places.len() as u32, false);
-    let (moment, mut bytes, mut grown) = (Moment::at(9.3), bench.pool.bytes(), 0);
+    let (params, mut bytes, mut grown) = (DecodeParams::at(9.3), bench.pool.bytes(), 0);
     for (slot, place) in (0..).zip(&places) {
         bench.load(slot, 0, *place, Some([2, 3])).unwrap();
         if bench.pool.bytes() > bytes {
             (bytes, grown) = (bench.pool.bytes(), grown + 1);
             let filled: Vec<u32> = (0..=slot).collect();
-            let (work, texture) = bench.decode(&filled, &moment);
+            let (work, texture) = bench.decode(&filled, &params);
             assert_eq!(work.tiles, filled.len());
             filled
                 .iter()
-                .for_each(|slot| bench.is_right(&texture, *slot, (0, places[*slot as usize]), &moment));
+                .for_each(|slot| bench.is_right(&texture, *slot, (0, places[*slot as usize]), &params));
         }
     }
     assert!((1..4).contains(&grown), "{grown}");
@@ -353,11 +359,11 @@ fn damaged_tiles_and_wrong_use_leave_the_pool_as_it_was() {
     let bundles = [damaged, opened(testing::sunny_bundle())];
     let mut bench = Bench::new(gpu, &bundles, 3, false);
     let places: Vec<Place> = header.places().collect();
-    let moment = Moment::at(9.3);
+    let params = DecodeParams::at(9.3);
     bench.load(0, 0, places[1], Some([2, 3])).unwrap();
     let is_right = |bench: &mut Bench| {
-        let (_, texture) = bench.decode(&[0], &moment);
-        bench.is_right(&texture, 0, (0, places[1]), &moment);
+        let (_, texture) = bench.decode(&[0], &params);
+        bench.is_right(&texture, 0, (0, places[1]), &params);
     };
     is_right(&mut bench);
     assert!(matches!(bench.read(0, places[3]), Err(Error::Bundle(_))));
@@ -404,7 +410,12 @@ fn damaged_tiles_and_wrong_use_leave_the_pool_as_it_was() {
         assert!(
             bench
                 .pool
-                .decode(&mut encoder, &[request], target, &Moment { exposure, ..Moment::at(hour) })
+                .decode(
+                    &mut encoder,
+                    &[request],
+                    target,
+                    &DecodeParams { exposure, ..DecodeParams::at(hour) }
+                )
                 .is_err()
         );
     }
@@ -431,25 +442,25 @@ fn black_tiles_are_written_black() {
         (Lights::All, 20.0, vec![0, 2]),
         (Lights::Sun, 20.0, vec![0, 1, 2]),
     ] {
-        let moment = Moment { lights, ..Moment::at(hour) };
-        let (work, texture) = bench.decode(&[0, 1, 2], &moment);
-        assert_eq!(blacks(&work), expected, "{moment:?}");
+        let params = DecodeParams { lights, ..DecodeParams::at(hour) };
+        let (work, texture) = bench.decode(&[0, 1, 2], &params);
+        assert_eq!(blacks(&work), expected, "{params:?}");
         assert_eq!(work.tiles, 3 - expected.len());
         for slot in 0..3 {
-            bench.is_right(&texture, slot, of[slot as usize], &moment);
+            bench.is_right(&texture, slot, of[slot as usize], &params);
         }
     }
     // Places become black without a slot, too.
     let view = bench.texture.create_view(&Default::default());
     let target = Target { view: &view, output: Output::Rgba32Float };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let (_, texture) = bench.decode(&[0], &Moment::at(9.3));
+    let (_, texture) = bench.decode(&[0], &DecodeParams::at(9.3));
     assert!(bench.texels(&texture, 0, 0, place(0, 0)).iter().flatten().any(|e| *e > 0.0));
     let request = Request { place: place(0, 0), to: [0, 0], with_border: false };
     bench.pool.clear(&mut encoder, 0, &[request], target).unwrap();
     assert!(bench.pool.clear(&mut encoder, 2, &[request], target).is_err());
     gpu.queue.submit([encoder.finish()]);
-    let (_, texture) = bench.decode(&[], &Moment::at(9.3));
+    let (_, texture) = bench.decode(&[], &DecodeParams::at(9.3));
     assert!(bench.texels(&texture, 0, 0, place(0, 0)).iter().flatten().all(|e| *e == 0.0));
 }
 
@@ -475,7 +486,7 @@ fn changed_tiles_are_errors_or_light() {
             .filter(|(slot, place)| bench.load(*slot, 0, *place, Some([2, 3])).is_ok())
             .map(|(slot, _)| slot)
             .collect();
-        let (_, texture) = bench.decode(&filled, &Moment::at(9.3));
+        let (_, texture) = bench.decode(&filled, &DecodeParams::at(9.3));
         assert!(texture.iter().flatten().all(|e| e.is_finite() && *e >= 0.0));
         refused += 6 - filled.len();
         shown += filled.len();

@@ -83,7 +83,7 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     if length as u64 > MAX_HEADER {
         return Err(Error::invalid(
             "bundle header",
-            format!("{length} bytes; at most {MAX_HEADER} are possible"),
+            format!("{length} bytes; expected at most {MAX_HEADER}"),
         ));
     }
     // The fixed part comes last: lengths, then the checksum over everything but itself.
@@ -140,7 +140,9 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     let expected = u64::from_le_bytes(cursor.array("checksum")?);
     let found = checksum(&[&bytes[..24], &bytes[FIXED..]]);
     if found != expected {
-        return Err(wrong(format!("header checksum {found:016x}; the file says {expected:016x}")));
+        return Err(wrong(format!(
+            "header checksum {found:016x}, but the file says {expected:016x}: the file is damaged"
+        )));
     }
     let [stored, border] = [cursor.u32("stored side")? as usize, cursor.u32("border")? as usize];
     if (stored, border) != (STORED, BORDER) {
@@ -154,8 +156,8 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         1 => Coding::Paper,
         other => return Err(Error::unsupported(name, format!("coding {other}; this program reads 0 and 1"))),
     };
-    let sets = cursor.count("sets", 8)?;
-    let between = if is_old { 0 } else { cursor.count("hours between sets", 8)? };
+    let frames = cursor.count("frames", 8)?;
+    let between = if is_old { 0 } else { cursor.count("hours between frames", 8)? };
     let pages = cursor.count("pages", 8)?;
     let groups = cursor.count("groups", 8)?;
     let (mut streams, mut path, mut visible, mut sum) = (1, 0, 0, 0);
@@ -181,9 +183,10 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         let (width, height) = (cursor.u32("page width")? as usize, cursor.u32("page height")? as usize);
         grids.push(Grid { width, height });
     }
-    let (hours, between) = (cursor.doubles(sets, "hours")?, cursor.doubles(between, "hours between sets")?);
+    let (hours, between) =
+        (cursor.doubles(frames, "hours")?, cursor.doubles(between, "hours between frames")?);
     let mut timeline = Timeline { hours, between, intervals: Vec::new(), states: Vec::new(), coding };
-    timeline.states.resize(sets, Vec::new());
+    timeline.states.resize(frames, Vec::new());
     let mut names = Vec::new();
     for _ in 0..groups {
         names.push(cursor.text("group name")?);
@@ -213,7 +216,10 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         sun = Some(Sun { path: SunPath { hours, direction, irradiance }, times, tables });
     }
     if sun.is_some() != kinds_of_streams.contains(&SUN) {
-        return Err(wrong("a stream of the sun without its path, or a path without a stream".to_owned()));
+        return Err(wrong(
+            "a stream of the sun without its path, or a path without a stream; expected both or neither"
+                .to_owned(),
+        ));
     }
     let shadows = kinds_of_streams.contains(&SHADOWS);
     let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun, shadows };
@@ -289,7 +295,7 @@ fn decode_index(
             end += u64::from(length);
         }
         if entry.shadows.length > 0 && entry.sun.length == 0 {
-            return Err(wrong("moving shadows of a tile that sees nothing of the sun".to_owned()));
+            return Err(wrong("moving shadows of a tile without direct light of the sun".to_owned()));
         }
         index.push(entry);
     }
@@ -333,7 +339,7 @@ fn check(header: &Header) -> Result<(), String> {
     let time = &header.timeline;
     if header.pages.is_empty() || time.hours.is_empty() {
         return Err(format!(
-            "{} pages and {} sets; expected at least one",
+            "{} pages and {} frames; expected at least one of each",
             header.pages.len(),
             time.hours.len()
         ));
@@ -353,19 +359,19 @@ fn check(header: &Header) -> Result<(), String> {
         return Err("an on-interval outside [0, 24]".to_owned());
     }
     if header.kinds.len() != header.pages.len() {
-        return Err("pages and kinds that differ in number".to_owned());
+        return Err("different numbers of pages and of their kinds".to_owned());
     }
     if let Some(sun) = &header.sun {
         sun.check()?;
     }
     if header.shadows && header.sun.is_none() {
-        return Err("shadows that move without a sun".to_owned());
+        return Err("moving shadows without a sun".to_owned());
     }
     let shaped = time.intervals.len() == header.groups.len()
         && time.states.len() == time.hours.len()
         && time.states.iter().all(|state| state.len() == header.groups.len());
     if !shaped {
-        return Err("groups, intervals and states that differ in number".to_owned());
+        return Err("different numbers of groups, intervals and states".to_owned());
     }
     time.check_between()
 }
@@ -381,7 +387,10 @@ impl<'a> Cursor<'a> {
     fn take(&mut self, n: usize, what: &str) -> Result<&'a [u8]> {
         let part = self.bytes[self.at..].get(..n).ok_or_else(|| {
             let left = self.bytes.len() - self.at;
-            Error::invalid(self.name, format!("byte {}: {n} bytes of {what} expected, {left} left", self.at))
+            Error::invalid(
+                self.name,
+                format!("byte {}: expected {n} bytes of {what}, but only {left} remain", self.at),
+            )
         })?;
         self.at += n;
         Ok(part)
@@ -403,7 +412,7 @@ impl<'a> Cursor<'a> {
         if n <= left / each {
             return Ok(());
         }
-        Err(Error::invalid(self.name, format!("byte {}: {n} {what} announced, {left} bytes left", self.at)))
+        Err(Error::invalid(self.name, format!("byte {}: {n} {what}, but only {left} bytes remain", self.at)))
     }
 
     fn count(&mut self, what: &str, each: usize) -> Result<usize> {

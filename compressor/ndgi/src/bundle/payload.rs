@@ -6,16 +6,16 @@ use crate::half::F16;
 use crate::model::{Contents, Knot, Shape, TileParams};
 use crate::time::Axis;
 
-/// A part of a tile as the file holds it.
+/// A section of a tile, encoded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Section {
-    /// What its stream says of it in the index; of NDGI, [`Contents::word`], and which maps leave out grey blocks.
+    /// Its word in the index; for features, [`Contents::word`] and which maps omit grey blocks.
     pub word: u32,
-    /// The bytes, a multiple of 16; none where there is nothing to say.
+    /// The bytes, a multiple of 16; empty if the tile has no such section.
     pub bytes: Vec<u8>,
 }
 
-/// A tile as the file holds it. The default is one that is black at all times.
+/// A tile, encoded. The default is black at all times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Payload {
     /// Its features and decoder.
@@ -36,15 +36,15 @@ impl Payload {
     }
 }
 
-/// The block that a map may leave out: [`bc7::GREY`].
+/// The block that a map may omit: [`bc7::GREY`].
 const GREY: [u8; 16] = [0x40, 0x20, 0x10, 0x08, 0x04, 0x02, 0x81, 0x40, 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// The word's bit that says that F_uv (map 0) or F_uvt (map 1) leaves out its grey blocks.
+/// The word's bit that says that F_uv (map 0) or F_uvt (map 1) omits its grey blocks.
 fn sparse(map: usize) -> u32 {
     1 << (30 + map)
 }
 
-/// Whether a map leaves out its grey blocks: where they take more than the bit field.
+/// True if a map omits its grey blocks: when they take more bytes than the bit field.
 fn pays(blocks: usize, there: usize) -> bool {
     16 * (blocks - there) > field_len(blocks)
 }
@@ -57,15 +57,15 @@ fn field_len(blocks: usize) -> usize {
 /// Length of all but the blocks of the maps.
 fn rest_len(shape: &Shape) -> usize {
     let [_, _, ut, vt] = shape.counts();
-    let axis = if shape.axis { 2 + 2 * shape.sets } else { 0 };
+    let axis = if shape.axis { 2 + 2 * shape.frames } else { 0 };
     axis + 2 * shape.contents.gates + 2 * (ut + vt) + 2 * shape.mlp_len()
 }
 
 /// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps; those of version 3 have the
-/// means of the sets among them.
+/// means of the frames among them.
 pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2] {
     let [uv, uvt, ..] = shape.counts();
-    let means = if has_means { 12 * shape.sets } else { 0 };
+    let means = if has_means { 12 * shape.frames } else { 0 };
     let (mut least, mut largest) = (rest_len(shape) + means, rest_len(shape) + means);
     for (map, blocks) in [uv, uvt].into_iter().enumerate() {
         if word & sparse(map) == 0 {
@@ -79,12 +79,12 @@ pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2
     [least, largest].map(|length| length.next_multiple_of(ALIGN))
 }
 
-/// Length of a section in bytes of which no block is left out, a multiple of 16.
+/// Length of a section in bytes of which no block is omitted, a multiple of 16.
 pub fn full_len(shape: &Shape) -> usize {
     len_bounds(shape, 0, false)[1]
 }
 
-/// Length of a section in bytes with so many blocks of F_uv and F_uvt that are not grey.
+/// Length of a section in bytes with this many blocks of F_uv and F_uvt that are not grey.
 pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
     let [uv, uvt, ..] = shape.counts();
     let map = |(all, there): (usize, usize)| match pays(all, there) {
@@ -95,15 +95,15 @@ pub fn blocks_len(shape: &Shape, blocks: [usize; 2]) -> usize {
     (maps + rest_len(shape)).next_multiple_of(ALIGN)
 }
 
-/// A tile without a sun as bytes. Grey blocks are left out where that pays.
+/// A tile without a sun as bytes. Grey blocks are omitted where that pays.
 ///
 /// # Errors
-/// What is wrong with the parameters: lengths that differ from the shape's, or values that the format forbids.
+/// A message for invalid parameters: lengths that differ from the shape's, or values that the format forbids.
 pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     let shape = &tile.shape;
     tile.check_lengths()?;
     check(tile)?;
-    let mut word = shape.contents.word().ok_or("contents that no word has")?;
+    let mut word = shape.contents.word().ok_or("contents without a word")?;
     let mut bytes = Vec::with_capacity(full_len(shape));
     for (map, blocks) in [&tile.f_uv, &tile.f_uvt].into_iter().enumerate() {
         let there = |block: &&[u8; 16]| **block != GREY;
@@ -130,11 +130,11 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
 }
 
 /// A tile from its section of features, the word of its index line, the shape that its contents give, the number of light groups, and
-/// how bright it is at the knots; `None` where its bytes are of version 3, which tell of the sets' means.
+/// how bright it is at the knots; `None` if its bytes are of version 3, which tell of the frames' means.
 ///
 /// # Errors
 /// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are there or not as the word does
-/// not say, a time axis that steps back, gates that do not ascend or are no groups, a weight or mean that is not finite, a negative mean,
+/// not say, a time axis that steps back, gates that are not ascending or are no groups, a weight or mean that is not finite, a negative mean,
 /// padding that is not zero.
 pub(super) fn decode_section(
     bytes: &[u8],
@@ -147,7 +147,7 @@ pub(super) fn decode_section(
     let mut take = |n: usize, what: &str| {
         let parts = rest.split_at_checked(n);
         let (part, tail) =
-            parts.ok_or_else(|| format!("{n} bytes of {what} expected, {} left", rest.len()))?;
+            parts.ok_or_else(|| format!("expected {n} bytes of {what}, but only {} remain", rest.len()))?;
         rest = tail;
         Ok::<_, String>(part)
     };
@@ -158,7 +158,7 @@ pub(super) fn decode_section(
         if word & sparse(map) == 0 {
             *blocks = take(16 * count, name)?.as_chunks::<16>().0.to_vec();
             if pays(count, blocks.iter().filter(|block| **block != GREY).count()) {
-                return Err(format!("{name} holds grey blocks that should be left out"));
+                return Err(format!("{name} stores grey blocks that must be omitted"));
             }
             continue;
         }
@@ -166,14 +166,14 @@ pub(super) fn decode_section(
         let bit = |i: usize| field[i / 8] >> (i % 8) & 1 == 1;
         let there = (0..count).filter(|&i| bit(i)).count();
         if !pays(count, there) || (count..8 * field.len()).any(bit) {
-            return Err(format!("{name} leaves out too few blocks, or one that it does not have"));
+            return Err(format!("{name} omits too few blocks, or one that it does not have"));
         }
         for i in 0..count {
             let mut block = GREY;
             if bit(i) {
                 block.copy_from_slice(take(16, name)?);
                 if block == GREY {
-                    return Err(format!("block {i} of {name} is grey and should be left out"));
+                    return Err(format!("block {i} of {name} is grey and must be omitted"));
                 }
             }
             blocks.push(block);
@@ -183,7 +183,7 @@ pub(super) fn decode_section(
     let knots = match knots {
         Some(knots) => knots,
         None => {
-            let means = take(12 * shape.sets, "means")?.as_chunks::<12>().0;
+            let means = take(12 * shape.frames, "means")?.as_chunks::<12>().0;
             let mean = |of: &[u8; 12], c: usize| f32::from_le_bytes(std::array::from_fn(|i| of[4 * c + i]));
             means.iter().map(|of| Knot { mean: [0, 1, 2].map(|c| mean(of, c)), ..Knot::default() }).collect()
         }
@@ -194,7 +194,7 @@ pub(super) fn decode_section(
     let mut axis = Axis::default();
     if shape.axis {
         axis.length = shorts(take(2, "time axis")?)[0];
-        axis.places = shorts(take(2 * shape.sets, "time axis")?);
+        axis.places = shorts(take(2 * shape.frames, "time axis")?);
     }
     let gates = shorts(take(2 * shape.contents.gates, "gates")?);
     let texels = |part: &[u8]| part.as_chunks::<2>().0.to_vec();
@@ -229,12 +229,12 @@ fn check(tile: &TileParams) -> Result<(), String> {
     }
     tile.axis.check()?;
     if !tile.gates.is_sorted_by(|a, b| a < b) {
-        return Err("gates that do not ascend".to_owned());
+        return Err("gates that are not ascending".to_owned());
     }
     Ok(())
 }
 
-/// The contents that a word stands for, where they are those of a bundle with so many groups and this coding.
+/// The contents that a word stands for, where they are those of a bundle with this many groups and this coding.
 pub(super) fn contents(word: u32, groups: usize, axis: bool) -> Option<Contents> {
     let contents = Contents::of_word(word)?;
     let sparse_without_map =

@@ -1,7 +1,7 @@
 //! The resident block: what is known of every tile without reading it, how bright it is at each knot.
 //!
 //! A tile's line is its scale, a power of two as an f32, four zero bytes, and eight bytes a knot: the mean of red, green and blue as f16 in
-//! units of the scale, the peak in steps of a fifth of an octave, the share of the second set in 255ths.
+//! units of the scale, the peak in steps of a fifth of an octave, the share of the second frame in 255ths.
 
 use crate::half::F16;
 use crate::model::Knot;

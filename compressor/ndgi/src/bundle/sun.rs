@@ -1,12 +1,12 @@
-//! What a tile sees of the sun: read, and decoded at all times of visibility or at two.
+//! Reads a tile's visibility of the sun and decodes it at all times of visibility or at two.
 
 use super::{Bundle, Entry, Section};
 use crate::grid::Place;
 use crate::sun::{Shadows, SunDecoder, TileSun};
 use crate::{Error, Result};
 
-/// A tile's sections of the sun as they lie in the bundle, a few kilobytes: for those who go from one time of visibility to the next without reading
-/// again. Checksums were compared when they were read.
+/// A tile's encoded sections of the sun, a few kilobytes: for stepping from one time of visibility to the next without reading
+/// the bundle again. Checksums were verified when they were read.
 ///
 /// ```
 /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -28,7 +28,7 @@ pub struct SunSections {
     /// Number of times of visibility.
     times: usize,
     sun: Section,
-    /// Empty where shadows do not move, or were not asked for.
+    /// Empty where shadows do not move, or were not requested.
     shadows: Section,
 }
 
@@ -43,11 +43,11 @@ impl SunSections {
         self.sun.bytes.len() + self.shadows.bytes.len()
     }
 
-    /// What the tile sees at two neighbouring times, as [`SunAt::times`](crate::at::SunAt::times) gives them, and how shadows move between; at one
-    /// where they are the same. What is wrong at other times is not found. `bundle` is the one that it was read from.
+    /// The tile's visibility at two neighbouring times, as [`SunAt::times`](crate::at::SunAt::times) gives them, with moving shadows between; at one time
+    /// if both are equal. Errors at other times are not found. `bundle` must be the one it was read from.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for times that there are not, or a damaged tile.
+    /// [`Error::Invalid`] for times that the bundle does not have, or a damaged tile.
     pub fn at(&self, bundle: &Bundle, times: [usize; 2]) -> Result<TileSun> {
         let [first, last] = times;
         if last >= self.times || first > last || last - first > 1 {
@@ -57,7 +57,7 @@ impl SunSections {
         bundle.unpack(self, Some(&times[..if first == last { 1 } else { 2 }]))
     }
 
-    /// Bytes of moving shadows in the interval that has most of them, as [`Shadows::most_bytes`], without their being decoded.
+    /// Bytes of moving shadows in the interval that has most of them, as [`Shadows::most_bytes`], without decoding them.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a damaged section.
@@ -72,7 +72,7 @@ impl SunSections {
 }
 
 impl Bundle {
-    /// Reads and checks what one tile sees of the sun; `None` where that is nothing, or no stream of its own.
+    /// Reads and decodes one tile's visibility of the sun; `None` if it sees nothing of the sun, or the sun is not a separate stream.
     ///
     /// # Errors
     /// As [`Bundle::tile`].
@@ -80,7 +80,7 @@ impl Bundle {
         self.sun_at(place, None)
     }
 
-    /// Reads a tile's sections of the sun, without decoding them; `None` where it sees nothing of it, or that is no stream of its own.
+    /// Reads a tile's sections of the sun without decoding them; `None` if it sees nothing of the sun, or the sun is not a separate stream.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have, or a checksum that differs; [`Error::Io`].
@@ -88,7 +88,7 @@ impl Bundle {
         self.read_sun(place, true)
     }
 
-    /// Bytes of a tile's streams of the sun at one moment, at most, in a compact layout: levels of two times in 3 bits, normals as stored, and the
+    /// Largest number of bytes of memory for a tile's streams of the sun at one time, in a compact layout: levels of two times in 3 bits, normals as stored, and the
     /// moving shadows between. `ndgi-gpu` needs more. (All other times stay on disk, or as they are stored.)
     ///
     /// # Errors
@@ -103,7 +103,7 @@ impl Bundle {
         Ok((held + tile.shadows.most_bytes(tile.channels())) as u64)
     }
 
-    /// What a tile sees of the sun at some of the times of [`Sun::times`](crate::sun::Sun::times) alone.
+    /// A tile's visibility of the sun at only some of the times of [`Sun::times`](crate::sun::Sun::times).
     pub(crate) fn sun_at(&self, place: Place, times: Option<&[usize]>) -> Result<Option<TileSun>> {
         // They move between two times, or between all.
         let sections = self.read_sun(place, times.is_none_or(|times| times.len() == 2))?;
@@ -128,7 +128,7 @@ impl Bundle {
         Ok(Some(sections))
     }
 
-    /// Decodes sections at some times alone, or at all.
+    /// Decodes sections at some times, or at all.
     fn unpack(&self, sections: &SunSections, times: Option<&[usize]>) -> Result<TileSun> {
         let SunSections { place, size, sun: Section { word, bytes }, shadows, .. } = sections;
         let wrong = |what| Error::invalid(self.name_of(*place), what);

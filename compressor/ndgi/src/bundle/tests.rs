@@ -70,7 +70,7 @@ fn payloads_are_aligned_and_one_of_full_size_takes_the_paper_s_bits() {
     let (_, _, bytes) = testing::bundle();
     let bundle = Bundle::from_bytes(bytes).unwrap();
     assert!(bundle.index.iter().all(|entry| entry.ndgi.offset % 16 == 0));
-    // Profile M, 26 sets, 128²: 0.68 bits per texel and set in the paper.
+    // Profile M, 26 frames, 128²: 0.68 bits per texel and frame in the paper.
     let contents = crate::model::PROFILES[1].contents(26, 0);
     let shape = Shape::new(&contents, 128, 128, 26, Coding::Standard);
     let bpp = full_len(&shape) as f64 * 8.0 / (128.0 * 128.0 * 26.0);
@@ -149,7 +149,7 @@ fn hostile_headers_with_a_right_checksum_never_panic() {
 #[test]
 fn each_count_and_offset_is_checked() {
     let (_, payloads, bytes) = testing::bundle();
-    // Fixed positions of FORMAT.md: length, sets, pages, groups, streams, times, zero, scene length; the offset of the last index line,
+    // Fixed positions of FORMAT.md: length, frames, pages, groups, streams, times, zero, scene length; the offset of the last index line,
     // found by its length and word.
     let Section { word, bytes: last } = &payloads.last().unwrap().ndgi;
     let line = [(last.len() as u32).to_le_bytes(), word.to_le_bytes()].concat();
@@ -208,7 +208,7 @@ fn payloads_with_forbidden_values_are_refused() {
     let end = bytes.len() - 1;
     let patches = [
         (0, vec![0], "mode"),
-        (0, grey_blocks, "grey blocks that should be left out"),
+        (0, grey_blocks, "grey blocks that must be omitted"),
         (axis_at, vec![1], "time axis"),
         (axis_at + 2, vec![1], "time axis"),
         (gates_at, vec![2], "group 2"),
@@ -222,7 +222,7 @@ fn payloads_with_forbidden_values_are_refused() {
     }
     assert_eq!(read(&bytes, word, shape, &good).unwrap(), good);
 
-    // A map whose grey blocks are left out, or not as the word says.
+    // A map whose grey blocks are omitted, or not as the word says.
     let place = Place { page: 1, column: 0, row: 0 };
     let sparse = testing::tile_of(&header, 2, place).unwrap();
     let Section { word: sparse_word, bytes } = encode_payload(&sparse).unwrap().ndgi;

@@ -17,10 +17,10 @@ use crate::time::Coding;
 /// Rows of texels are padded to a multiple of this, which every vector length divides.
 pub(super) const LANES: usize = 16;
 
-/// What of a tile depends on the moment, folded. Feature values are in 255ths; the weights of the first layer are scaled accordingly.
+/// What of a tile depends on the time, folded. Feature values are in 255ths; the weights of the first layer are scaled accordingly.
 #[derive(Clone, Debug)]
 pub(super) struct Fold {
-    /// F_uvt at the moment, in rows of `slice_width` texels.
+    /// F_uvt at the time, in rows of `slice_width` texels.
     pub slice: Vec<[f32; 4]>,
     pub slice_width: usize,
     /// Per column of texels: the two columns of F_uvt around it, and the second's share.
@@ -38,7 +38,7 @@ pub(super) struct Fold {
     pub means: [f32; 3],
 }
 
-/// A tile at one moment, ready to be decoded.
+/// A tile at one time, ready to be decoded.
 pub(super) struct Folded<'a> {
     /// Stored size in texels.
     width: usize,
@@ -80,7 +80,7 @@ pub(super) fn decode(tier: Tier, tile: &Folded, out: &mut [[f32; 3]]) {
         16 => dispatch::<16>(tier, tile, out),
         32 => dispatch::<32>(tier, tile, out),
         64 => dispatch::<64>(tier, tile, out),
-        other => unreachable!("profiles have hidden layers of 16, 32 or 64, not {other}"),
+        other => unreachable!("hidden layer of {other} units; expected 16, 32 or 64"),
     }
 }
 

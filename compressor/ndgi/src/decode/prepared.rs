@@ -1,13 +1,13 @@
-//! A tile at one moment, ready to be asked for texels: what depends on the time alone is folded once.
+//! A tile at one time, ready for sampling: what depends on time alone is computed once.
 
 use super::kernel::{self, Fold};
 use super::{TileDecoder, irradiance, means_at};
 use crate::Result;
 use crate::lanes::Tier;
 use crate::model::{Shape, TileParams, gelu};
-use crate::time::{Coding, Moment, Timeline};
+use crate::time::{Coding, TimePoint, Timeline};
 
-/// What a tile's maps hold at one moment.
+/// What a tile's maps hold at one time.
 #[derive(Clone, Debug)]
 pub(crate) struct Prepared {
     tier: Tier,
@@ -27,14 +27,14 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Of a tile; `None` where it is black at the moment.
-    pub fn new(tile: &TileParams, timeline: &Timeline, moment: &Moment) -> Result<Option<Self>> {
-        let means = means_at(tile, moment);
+    /// Of a tile; `None` if it is black at the time.
+    pub fn new(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> Result<Option<Self>> {
+        let means = means_at(tile, point);
         if means == [0.0; 3] {
             return Ok(None);
         }
         let decoder = TileDecoder::new(tile, timeline)?;
-        let fold = decoder.fold(moment, means);
+        let fold = decoder.fold(point, means);
         let (shape, hidden) = (tile.shape, tile.shape.hidden);
         let by_input = |weights: &[[f32; 4]], inputs: usize| -> Vec<f32> {
             (0..inputs).flat_map(|c| weights.iter().map(move |of_unit| of_unit[c])).collect()

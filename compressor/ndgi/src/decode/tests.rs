@@ -23,8 +23,8 @@ fn assert_close(fast: [f32; 3], oracle: [f32; 3], mean: [f32; 3], what: &str) {
 }
 
 /// Contents with and without each map, and all of them under the paper's coding.
-fn kinds(profile: Profile, sets: usize) -> Vec<(Contents, Coding)> {
-    let all = profile.contents(sets, 2);
+fn kinds(profile: Profile, frames: usize) -> Vec<(Contents, Coding)> {
+    let all = profile.contents(frames, 2);
     let none = Contents { hidden: all.hidden, ..Contents::NONE };
     let rows = all.rows.max(2);
     let standard = [
@@ -45,31 +45,31 @@ fn kinds(profile: Profile, sets: usize) -> Vec<(Contents, Coding)> {
 fn every_tier_gives_what_the_formulae_give() {
     let mut checked = 0;
     for (i, profile) in PROFILES.iter().enumerate() {
-        for (width, height, sets) in [(128, 128, 26), (12, 100, 3), (4, 4, 1), (36, 8, 7)] {
-            for (kind, coding) in kinds(*profile, sets) {
-                let shape = Shape::new(&kind, width, height, sets, coding);
+        for (width, height, frames) in [(128, 128, 26), (12, 100, 3), (4, 4, 1), (36, 8, 7)] {
+            for (kind, coding) in kinds(*profile, frames) {
+                let shape = Shape::new(&kind, width, height, frames, coding);
                 let tile = testing::tile(shape, 100 + i as u64);
-                let hours = (0..sets).map(|k| k as f64 * 24.0 / sets as f64).collect();
-                let states = (0..sets).map(|k| vec![k % 3 == 0, k % 2 == 0, true]).collect();
+                let hours = (0..frames).map(|k| k as f64 * 24.0 / frames as f64).collect();
+                let states = (0..frames).map(|k| vec![k % 3 == 0, k % 2 == 0, true]).collect();
                 let timeline =
                     Timeline { hours, between: vec![], intervals: vec![vec![]; 3], states, coding };
                 for hour in [0.0, 7.77, 23.9] {
-                    let moment = timeline.at(hour);
-                    let means = means_at(&tile, &moment);
-                    let prepared = Prepared::new(&tile, &timeline, &moment).unwrap().unwrap();
+                    let point = timeline.at(hour);
+                    let means = means_at(&tile, &point);
+                    let prepared = Prepared::new(&tile, &timeline, &point).unwrap().unwrap();
                     for at in (0..width * height).step_by(89) {
                         let (x, y) = (at % width, at / width);
-                        let oracle = texel(&tile, &timeline, &moment, x, y);
+                        let oracle = texel(&tile, &timeline, &point, x, y);
                         let what = format!("{kind}, {coding:?} prepared {hour} h, texel {at}");
                         assert_close(prepared.texel(x, y), oracle, means, &what);
                     }
                     for tier in Tier::available() {
                         let decoded =
-                            TileDecoder::new(&tile, &timeline).unwrap().with_tier(tier).decode_tile(&moment);
+                            TileDecoder::new(&tile, &timeline).unwrap().with_tier(tier).decode_tile(&point);
                         assert_eq!(decoded.len(), width * height);
                         for (at, fast) in decoded.iter().enumerate().step_by(if width > 100 { 97 } else { 1 })
                         {
-                            let oracle = texel(&tile, &timeline, &moment, at % width, at / width);
+                            let oracle = texel(&tile, &timeline, &point, at % width, at / width);
                             assert_close(
                                 *fast,
                                 oracle,
@@ -112,7 +112,7 @@ fn a_tile_of_the_wrong_size_is_refused() {
         ("hidden: 17", |t| t.shape.hidden = 17),
         ("width: 0", |t| t.shape.width = 0),
         ("height: 6", |t| t.shape.height = 6),
-        ("sets: 0", |t| t.shape.sets = 0),
+        ("sets: 0", |t| t.shape.frames = 0),
         ("width: 18446744073709551615", |t| t.shape.width = usize::MAX),
         ("rows: 0", |t| t.shape.rows = 0),
     ];
@@ -162,10 +162,10 @@ fn extreme_weights_and_means_stay_finite() {
                 coding,
             };
             for hour in [0.0, 3.0] {
-                let moment = timeline.at(hour);
+                let point = timeline.at(hour);
                 let oracle: Vec<_> =
-                    (0..128).map(|i| texel(&tile, &timeline, &moment, i % 16, i / 16)).collect();
-                let fast = TileDecoder::new(&tile, &timeline).unwrap().decode_tile(&moment);
+                    (0..128).map(|i| texel(&tile, &timeline, &point, i % 16, i / 16)).collect();
+                let fast = TileDecoder::new(&tile, &timeline).unwrap().decode_tile(&point);
                 for value in oracle.iter().chain(&fast).flatten() {
                     assert!(value.is_finite() && *value >= 0.0, "{value}");
                 }
@@ -213,8 +213,8 @@ fn filtering_stays_inside_one_tile_and_is_linear_between_its_texels() {
     let Grid { width, height } = header.pages[0];
     // Between the last texel of the first tile and the first of the second, the first tile's own border is read.
     let tile = decoder.tile(Place { page: 0, column: 0, row: 0 }).unwrap().unwrap();
-    let moment = header.timeline.at(0.0);
-    let stored = |x, y| texel(&tile, &header.timeline, &moment, x, y);
+    let point = header.timeline.at(0.0);
+    let stored = |x, y| texel(&tile, &header.timeline, &point, x, y);
     let (a, b) = (stored(BORDER + PAYLOAD - 1, BORDER), stored(BORDER + PAYLOAD, BORDER));
     let sample = decoder
         .sample(0, (PAYLOAD as f64 + 0.25 - 0.5 + 0.5) / width as f64, 0.5 / height as f64, 0.0)

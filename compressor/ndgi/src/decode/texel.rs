@@ -3,14 +3,14 @@
 use super::{clamped, irradiance, lerp, means_at, periodic, tau_at};
 use crate::bc7;
 use crate::model::{TileParams, gelu};
-use crate::time::{Moment, Timeline};
+use crate::time::{TimePoint, Timeline};
 
-/// Irradiance of the stored texel (x, y), which must lie inside the tile, at a moment of the bundle's timeline.
+/// Irradiance of the stored texel (x, y), which must lie inside the tile, at a time of the bundle's timeline.
 /// Blocks of modes of BC7 that no bundle holds count as zero.
-pub fn texel(tile: &TileParams, timeline: &Timeline, moment: &Moment, x: usize, y: usize) -> [f32; 3] {
+pub fn texel(tile: &TileParams, timeline: &Timeline, point: &TimePoint, x: usize, y: usize) -> [f32; 3] {
     let (shape, has) = (&tile.shape, &tile.shape.contents);
     let (u, v) = ((x as f32 + 0.5) / shape.width as f32, (y as f32 + 0.5) / shape.height as f32);
-    let tau = tau_at(tile, timeline, moment);
+    let tau = tau_at(tile, timeline, point);
     let c = |f: f32| 3.0 * (f - 0.5);
     // x = [c(V_uvt), c(V_uv), c(V_ut), c(V_vt), γ(τ), gates], of those that the tile has.
     let mut input: Vec<f32> = Vec::with_capacity(shape.inputs());
@@ -45,7 +45,7 @@ pub fn texel(tile: &TileParams, timeline: &Timeline, moment: &Moment, x: usize, 
     if has.gamma {
         input.extend(timeline.coding.gamma(tau));
     }
-    input.extend(tile.gate_inputs(&timeline.states[moment.a]));
+    input.extend(tile.gate_inputs(&timeline.states[point.a]));
     debug_assert_eq!(input.len(), shape.inputs());
     // Three layers.
     let mut weights = tile.mlp.iter().map(|w| w.to_f32());
@@ -59,7 +59,7 @@ pub fn texel(tile: &TileParams, timeline: &Timeline, moment: &Moment, x: usize, 
     let h1: Vec<f32> = layer(&input, shape.hidden).into_iter().map(gelu).collect();
     let h2: Vec<f32> = layer(&h1, shape.hidden).into_iter().map(gelu).collect();
     let y = layer(&h2, 3);
-    let means = means_at(tile, moment);
+    let means = means_at(tile, point);
     std::array::from_fn(|c| irradiance(y[c], means[c], timeline.coding))
 }
 

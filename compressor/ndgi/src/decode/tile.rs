@@ -1,17 +1,17 @@
-//! A tile unpacked for decoding whole: what depends on the time alone is folded once per moment.
+//! A tile unpacked for decoding whole: what depends on the time alone is folded once per time.
 
 use super::kernel::{self, Fold, Folded, LANES};
 use super::{clamped, lerp, means_at, periodic, tau_at};
 use crate::bc7;
 use crate::lanes::Tier;
 use crate::model::TileParams;
-use crate::time::{Moment, Timeline};
+use crate::time::{TimePoint, Timeline};
 use crate::{Error, Result};
 
 /// `c(q/255) = SCALE q − 3/2`.
 const SCALE: f32 = 3.0 / 255.0;
 
-/// A tile with F_uv unpacked; of F_uvt only the two slices around a moment are unpacked when they are needed.
+/// A tile with F_uv unpacked; of F_uvt only the two slices around a time are unpacked when they are needed.
 #[derive(Clone, Debug)]
 pub struct TileDecoder<'a> {
     tile: TileParams,
@@ -48,24 +48,24 @@ impl<'a> TileDecoder<'a> {
         TileDecoder { tier, ..self }
     }
 
-    /// Irradiance of all stored texels, row by row, at a moment of the bundle's timeline, whose sets are the tile's.
-    pub fn decode_tile(&self, moment: &Moment) -> Vec<[f32; 3]> {
+    /// Irradiance of all stored texels, row by row, at a time of the bundle's timeline, whose frames are the tile's.
+    pub fn decode_tile(&self, point: &TimePoint) -> Vec<[f32; 3]> {
         let mut out = vec![[0.0; 3]; self.tile.shape.width * self.tile.shape.height];
-        self.decode_into(moment, &mut out);
+        self.decode_into(point, &mut out);
         out
     }
 
-    /// The same, into memory that is there already.
+    /// The same, into memory that already exists.
     ///
     /// # Panics
     /// Unless it holds as many texels as the tile.
-    pub fn decode_into(&self, moment: &Moment, out: &mut [[f32; 3]]) {
+    pub fn decode_into(&self, point: &TimePoint, out: &mut [[f32; 3]]) {
         assert_eq!(out.len(), self.tile.shape.width * self.tile.shape.height, "texels of the tile");
-        let means = means_at(&self.tile, moment);
+        let means = means_at(&self.tile, point);
         if means == [0.0; 3] {
             out.fill([0.0; 3]);
         } else {
-            let fold = self.fold(moment, means);
+            let fold = self.fold(point, means);
             let folded =
                 Folded::new(&self.tile.shape, &fold, self.timeline.coding, self.padded, &self.uv, &self.mlp);
             kernel::decode(self.tier, &folded, out);
@@ -73,7 +73,7 @@ impl<'a> TileDecoder<'a> {
     }
 
     /// Blends the maps in time and folds what depends on the row or the time alone into the first layer's bias.
-    pub(super) fn fold(&self, moment: &Moment, means: [f32; 3]) -> Fold {
+    pub(super) fn fold(&self, point: &TimePoint, means: [f32; 3]) -> Fold {
         let (shape, hidden, padded) = (&self.tile.shape, self.tile.shape.hidden, self.padded);
         let (has, inputs) = (&shape.contents, shape.inputs());
         let [w1, b1, ..] = shape.split_mlp(&self.mlp);
@@ -82,7 +82,7 @@ impl<'a> TileDecoder<'a> {
         let weight = |j: usize, columns: &std::ops::Range<usize>, i: usize| {
             if i < columns.len() { w1[j * inputs + columns.start + i] } else { 0.0 }
         };
-        let tau = tau_at(&self.tile, self.timeline, moment);
+        let tau = tau_at(&self.tile, self.timeline, point);
         let coordinate = |x: usize, n: usize| (x as f32 + 0.5) / n as f32;
 
         // F_uvt: one slice at τ. F_ut: one row at τ, along u to every column. Without F_uvt its slice is one texel of 0.
@@ -101,7 +101,7 @@ impl<'a> TileDecoder<'a> {
 
         // b₁, γ, the gates, and the −3/2 of every feature; by row, F_vt.
         let of_gamma = self.timeline.coding.gamma(tau);
-        let of_gates: Vec<f32> = self.tile.gate_inputs(&self.timeline.states[moment.a]).collect();
+        let of_gates: Vec<f32> = self.tile.gate_inputs(&self.timeline.states[point.a]).collect();
         let bias: Vec<f32> = (0..hidden)
             .map(|j| {
                 let centre: f32 = w1[j * inputs..][..vt.end].iter().sum();

@@ -17,7 +17,7 @@ const UNIT: f32 = 32767.0;
 /// How far a normal may be from what is told: a degree; from that of its palette: half of one.
 const NEAR: f32 = 0.0175;
 const ALIKE: f32 = 0.0087;
-/// A normal that so many blocks have is worth its place in the palette.
+/// A normal that this many blocks have is worth its place in the palette.
 const WORTH: usize = 3;
 
 /// Whether nothing is known of a normal, or it does not matter.
@@ -92,11 +92,11 @@ pub(super) fn encode(normals: &[[f32; 3]], width: usize) -> (usize, Vec<u8>) {
             }
             continue;
         }
-        let (kind, told) = several(&of);
+        let (kind, reported) = several(&of);
         table.push(kind);
-        own.extend(told);
+        own.extend(reported);
     }
-    // Runs: so many blocks as above, then so many of one kind.
+    // Runs: this many blocks as above, then this many of one kind.
     let mut at = 0;
     while at < blocks {
         let is_above = |block: &usize| *block >= across && table[*block] == table[*block - across];
@@ -128,11 +128,11 @@ fn several(of: &[[f32; 3]; 16]) -> (u8, Vec<u8>) {
         let farthest = (0..known.len()).max_by(|&x, &y| near(x).total_cmp(&near(y))).unwrap_or_default();
         chosen.push(farthest);
     }
-    for (kind, told, bits) in OWN {
-        if bits == 0 || told > chosen.len() && told > 2 && chosen.len() < known.len() {
+    for (kind, reported, bits) in OWN {
+        if bits == 0 || reported > chosen.len() && reported > 2 && chosen.len() < known.len() {
             continue;
         }
-        let ends: Vec<[u8; 2]> = (0..told).map(|i| coded[chosen[i.min(chosen.len() - 1)]]).collect();
+        let ends: Vec<[u8; 2]> = (0..reported).map(|i| coded[chosen[i.min(chosen.len() - 1)]]).collect();
         let tones = tones(kind, &ends);
         let far = |tone: usize, normal: &[f32; 3]| distance(tones[tone], unit(*normal));
         let nearest = |normal: &[f32; 3]| {
@@ -149,14 +149,14 @@ fn several(of: &[[f32; 3]; 16]) -> (u8, Vec<u8>) {
 }
 
 /// The normals that texels of a block may have.
-fn tones(kind: u8, told: &[[u8; 2]]) -> Vec<[f32; 3]> {
+fn tones(kind: u8, reported: &[[u8; 2]]) -> Vec<[f32; 3]> {
     match kind {
-        BETWEEN => (0..4).map(|step| between([told[0], told[1]], step, 4)).collect(),
-        _ => told.iter().map(|two| from_octahedral(*two)).collect(),
+        BETWEEN => (0..4).map(|step| between([reported[0], reported[1]], step, 4)).collect(),
+        _ => reported.iter().map(|two| from_octahedral(*two)).collect(),
     }
 }
 
-/// The normal so many steps from the first end to the second, the last of which is that.
+/// The normal this many steps from the first end to the second, the last of which is that.
 fn between(ends: [[u8; 2]; 2], step: usize, steps: usize) -> [f32; 3] {
     let [a, b] = ends.map(from_octahedral);
     let part = step as f32 / (steps - 1) as f32;
@@ -173,7 +173,7 @@ pub(super) fn decode(
     [width, height]: [usize; 2],
 ) -> Result<(Vec<[f32; 3]>, &[u8]), String> {
     let mut take = |n: usize| {
-        let (part, rest) = bytes.split_at_checked(n).ok_or("normals that are cut short")?;
+        let (part, rest) = bytes.split_at_checked(n).ok_or("normals are cut short")?;
         bytes = rest;
         Ok::<_, String>(part)
     };
@@ -198,7 +198,7 @@ pub(super) fn decode(
             || table.len() + same + run > blocks
             || same > 0 && table.len() < across
         {
-            return Err("runs of normals that do not fit".to_owned());
+            return Err("runs of normals that exceed the tile".to_owned());
         }
         for _ in 0..same {
             table.push(table[table.len() - across]);
@@ -207,15 +207,15 @@ pub(super) fn decode(
     }
     let mut normals = vec![[0.0; 3]; width * height];
     for (block, kind) in table.into_iter().enumerate() {
-        let Some(&(_, told, bits)) = OWN.iter().find(|(own, ..)| *own == kind) else {
+        let Some(&(_, reported, bits)) = OWN.iter().find(|(own, ..)| *own == kind) else {
             texels(block, width).for_each(|texel| normals[texel] = palette[usize::from(kind)]);
             continue;
         };
-        let tones = tones(kind, take(2 * told)?.as_chunks::<2>().0);
+        let tones = tones(kind, take(2 * reported)?.as_chunks::<2>().0);
         let choice = take(2 * bits)?.iter().rev().fold(0u64, |word, byte| word << 8 | u64::from(*byte));
         for (i, texel) in texels(block, width).enumerate() {
             let tone = match bits {
-                0 => i.min(told - 1),
+                0 => i.min(reported - 1),
                 _ => (choice >> (bits * i)) as usize & ((1 << bits) - 1),
             };
             normals[texel] = tones[tone];

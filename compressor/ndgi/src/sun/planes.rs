@@ -190,7 +190,7 @@ impl Decoder {
             }
         }
         if !reader.is_at_end() || [state, state_of_pattern] != [0; 2] {
-            return Err("levels of the sun that do not end as they should".to_owned());
+            return Err("levels of the sun that do not end at their end mark".to_owned());
         }
         out.extend(plane.cropped(size));
         Ok(())

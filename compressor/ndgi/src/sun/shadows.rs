@@ -158,7 +158,7 @@ fn encode_group(blocks: [&Block; 16]) -> Vec<u8> {
 
 /// What a section says of one block.
 #[derive(Clone, Copy, Debug, Default)]
-struct Told<'a> {
+struct Coded<'a> {
     is_doubled: bool,
     /// Words on each 4×4, or one in all.
     counts: [u8; 4],
@@ -166,7 +166,7 @@ struct Told<'a> {
     words: &'a [u8],
 }
 
-impl Told<'_> {
+impl Coded<'_> {
     /// The words on a 4×4 of the block, in order.
     fn on(&self, quarter: usize) -> impl Iterator<Item = Word> {
         let (skip, count) = match self.is_doubled {
@@ -179,16 +179,16 @@ impl Told<'_> {
 }
 
 /// The 16 blocks of a group that has some bytes.
-fn group(bytes: &[u8]) -> Result<[Told<'_>; 16], String> {
-    let cut = || "a group of moving shadows that is cut short".to_owned();
+fn group(bytes: &[u8]) -> Result<[Coded<'_>; 16], String> {
+    let cut = || "a group of moving shadows is cut short".to_owned();
     let (modes, rest) = bytes.split_first_chunk::<4>().ok_or_else(cut)?;
     let modes = u32::from_le_bytes(*modes);
     let mode = |i: usize| modes >> (2 * i) & 3;
     let count: usize = (0..16).map(|i| [0, 0, 1, 2][mode(i) as usize]).sum();
     let (nibbles, mut words) = rest.split_at_checked(count.div_ceil(4) * 2).ok_or_else(cut)?;
     let nibble = |i: usize| nibbles[i / 2] >> (i % 2 * 4) & 15;
-    let (mut told, mut at) = ([Told::default(); 16], 0);
-    for (i, told) in told.iter_mut().enumerate() {
+    let (mut reported, mut at) = ([Coded::default(); 16], 0);
+    for (i, reported) in reported.iter_mut().enumerate() {
         let counts = match mode(i) {
             0 => continue,
             1 => [1, 0, 0, 0],
@@ -198,16 +198,16 @@ fn group(bytes: &[u8]) -> Result<[Told<'_>; 16], String> {
         at += [0, 0, 1, 2][mode(i) as usize];
         let of = 2 * counts.iter().map(|n| usize::from(*n)).sum::<usize>();
         let (own, tail) = words.split_at_checked(of).ok_or_else(cut)?;
-        *told = Told { is_doubled: mode(i) == 1, counts, words: own };
+        *reported = Coded { is_doubled: mode(i) == 1, counts, words: own };
         words = tail;
     }
     if !words.is_empty() {
-        return Err(format!("{} bytes too many in a group of moving shadows", words.len()));
+        return Err(format!("a group of moving shadows is {} bytes too long", words.len()));
     }
     if modes == 0 || (at..2 * nibbles.len()).any(|i| nibble(i) != 0) {
-        return Err("a group of moving shadows that is empty, or filled up with other than zeros".to_owned());
+        return Err("a group of moving shadows is empty, or padded with other bytes than zeros".to_owned());
     }
-    Ok(told)
+    Ok(reported)
 }
 
 /// The groups of a plane that have some bytes, with their numbers.
@@ -215,9 +215,8 @@ fn groups(plane: &[u8], count: usize) -> impl Iterator<Item = Result<(usize, &[u
     let sizes = if plane.is_empty() { &[] } else { plane.get(..count).unwrap_or(plane) };
     let mut rest = plane.get(count.next_multiple_of(2)..).unwrap_or_default();
     sizes.iter().enumerate().filter(|(_, size)| **size > 0).map(move |(i, size)| {
-        let (group, tail) = rest
-            .split_at_checked(2 * usize::from(*size))
-            .ok_or("groups of moving shadows that are cut short")?;
+        let (group, tail) =
+            rest.split_at_checked(2 * usize::from(*size)).ok_or("groups of moving shadows are cut short")?;
         rest = tail;
         Ok((i, group))
     })
@@ -226,7 +225,7 @@ fn groups(plane: &[u8], count: usize) -> impl Iterator<Item = Result<(usize, &[u
 /// The planes of a section, by channel and interval, and what follows them.
 fn planes_of(bytes: &[u8], count: usize) -> Result<(Vec<&[u8]>, &[u8]), String> {
     let (ends, data) =
-        bytes.split_at_checked(4 * count).ok_or("ends of the planes of moving shadows that are cut short")?;
+        bytes.split_at_checked(4 * count).ok_or("plane ends of moving shadows are cut short")?;
     let (mut planes, mut from) = (Vec::with_capacity(count), 0usize);
     for (plane, end) in ends.as_chunks::<4>().0.iter().enumerate() {
         let end = usize::try_from(u64::from(u32::from_le_bytes(*end)) * 2).unwrap_or(usize::MAX);
@@ -305,7 +304,7 @@ impl Shadows {
             let count = across_down[0] * across_down[1];
             let mut length = if bytes.is_empty() { 0 } else { count.next_multiple_of(2) };
             if bytes.get(count..length).is_some_and(|filling| filling.iter().any(|byte| *byte != 0)) {
-                return Err("a plane of moving shadows that is filled up with other than a zero".to_owned());
+                return Err("a plane of moving shadows is padded with a byte other than zero".to_owned());
             }
             for part in groups(bytes, count) {
                 let (_, bytes) = part?;
@@ -333,13 +332,13 @@ impl Shadows {
         let Some(plane) = self.plane(channels, channel, interval) else { return Vec::new() };
         let mut found = Vec::new();
         for (number, bytes) in groups(plane, across * down).flatten() {
-            for (i, told) in group(bytes).unwrap_or_default().iter().enumerate() {
+            for (i, reported) in group(bytes).unwrap_or_default().iter().enumerate() {
                 let [x, y] = [number % across * 4 + i % 4, number / across * 4 + i / 4];
-                let block = match told.is_doubled {
-                    true => told.on(0).next().map_or(Block::Nothing, Block::Doubled),
-                    false => Block::Words(std::array::from_fn(|quarter| told.on(quarter).collect())),
+                let block = match reported.is_doubled {
+                    true => reported.on(0).next().map_or(Block::Nothing, Block::Doubled),
+                    false => Block::Words(std::array::from_fn(|quarter| reported.on(quarter).collect())),
                 };
-                if !told.words.is_empty() && x < wide && y < high {
+                if !reported.words.is_empty() && x < wide && y < high {
                     found.push((y * wide + x, block));
                 }
             }
@@ -384,11 +383,11 @@ impl Shadows {
         let [across, down] = self.groups;
         let wanted = y / GROUP * across + x / GROUP;
         let (_, bytes) = groups(plane, across * down).flatten().find(|(i, _)| *i == wanted)?;
-        let told = group(bytes).ok()?[y % GROUP / BLOCK * 4 + x % GROUP / BLOCK];
+        let reported = group(bytes).ok()?[y % GROUP / BLOCK * 4 + x % GROUP / BLOCK];
         let [x, y] = [x % BLOCK, y % BLOCK];
-        let mut words = told.on(y / SIDE * 2 + x / SIDE).peekable();
+        let mut words = reported.on(y / SIDE * 2 + x / SIDE).peekable();
         words.peek()?;
-        let i = if told.is_doubled { y / 2 * SIDE + x / 2 } else { y % SIDE * SIDE + x % SIDE };
+        let i = if reported.is_doubled { y / 2 * SIDE + x / 2 } else { y % SIDE * SIDE + x % SIDE };
         let values = words.map(|word| [0, 1].map(|k| word.values(at.before + k)[i]));
         Some(moved(ends, at, values))
     }
@@ -407,11 +406,11 @@ impl Shadows {
         let [across, down] = self.groups;
         for (number, bytes) in groups(plane, across * down).flatten() {
             let [left, top] = [number % across * GROUP, number / across * GROUP];
-            for (i, told) in group(bytes).unwrap_or_default().iter().enumerate() {
+            for (i, reported) in group(bytes).unwrap_or_default().iter().enumerate() {
                 for quarter in 0..4 {
                     let mut values = [[[0i8; 2]; SIDE * SIDE]; MOST];
                     let mut count = 0;
-                    for (word, values) in told.on(quarter).zip(&mut values) {
+                    for (word, values) in reported.on(quarter).zip(&mut values) {
                         let steps = [0, 1].map(|k| word.values(at.before + k));
                         (0..SIDE * SIDE).for_each(|i| values[i] = [steps[0][i], steps[1][i]]);
                         count += 1;
@@ -422,7 +421,7 @@ impl Shadows {
                         continue;
                     }
                     for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
-                        let i = match told.is_doubled {
+                        let i = match reported.is_doubled {
                             true => (quarter / 2 * SIDE + y) / 2 * SIDE + (quarter % 2 * SIDE + x) / 2,
                             false => y * SIDE + x,
                         };

@@ -64,7 +64,7 @@ impl Tables {
 
     /// Tables from the bytes of a header, which are all theirs.
     pub(crate) fn decode(bytes: &[u8]) -> Result<Self, String> {
-        let short = || "tables of the sun's levels that are cut short".to_owned();
+        let short = || "tables of the sun's levels are cut short".to_owned();
         let (palette, rest) = bytes.split_at_checked(2 * PALETTE).ok_or_else(short)?;
         let (modes, mut rest) = rest.split_at_checked(MODES * MODE_CONTEXTS).ok_or_else(short)?;
         let palette: Vec<u16> =
@@ -78,7 +78,7 @@ impl Tables {
                 let symbol = next + take(&mut rest).ok_or_else(short)?;
                 let frequency = take(&mut rest).ok_or_else(short)?;
                 let place = frequencies.get_mut(symbol).filter(|_| frequency > 0);
-                *place.ok_or("a symbol of the sun's levels that there is not")? = frequency as u16;
+                *place.ok_or("an invalid symbol of the sun's levels")? = frequency as u16;
                 next = symbol + 1;
             }
             patterns.push(frequencies);
@@ -93,7 +93,7 @@ impl Tables {
         if whole {
             Ok(Tables { palette, modes, patterns })
         } else {
-            Err("tables of the sun's levels that do not add up".to_owned())
+            Err("tables of the sun's levels whose frequencies do not add up".to_owned())
         }
     }
 }

@@ -10,7 +10,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// What tiles have, with their number and bytes: the largest share of the bundle first.
+/// Tiles by their configuration, with number and bytes; the largest share of the bundle first.
 fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
     let mut kinds: BTreeMap<String, (usize, u64)> = BTreeMap::new();
     for entry in bundle.index.iter().filter(|entry| entry.ndgi.length > 0) {
@@ -27,7 +27,7 @@ fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
 pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let bundle = open(&path)?;
     let header = &bundle.header;
-    // All tiles are read, for what is damaged to be told.
+    // Read all tiles, so that damage is reported.
     header.places().try_for_each(|place| bundle.tile(place).map(drop)).map_err(of_bundle)?;
     let held = header
         .places()
@@ -44,7 +44,7 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
         .collect();
     let texels: f64 = header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
     let bpp = bundle.bytes as f64 * 8.0 / (texels * header.timeline.hours.len() as f64);
-    // What the writer noted about itself is shown as it stands where it is no JSON.
+    // The writer's notes are shown verbatim where they are not JSON.
     let written = serde_json::from_str(&header.info).unwrap_or_else(|_| json!(header.info));
     let object = json!({
         "scene": header.scene, "profile": written["profile"], "pages": pages, "hours": header.timeline.hours, "groups": groups,
@@ -63,18 +63,18 @@ pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// Bytes of header and index: what is neither a tile's nor resident.
+/// Bytes of header and index: all that is neither a tile's nor resident.
 fn bytes_around(bundle: &Bundle) -> u64 {
     bundle.bytes - bundle.bytes_resident - bundle.index.iter().map(|entry| entry.bytes()).sum::<u64>()
 }
 
-/// An hour as a clock shows it.
+/// An hour as hh:mm.
 fn clock(hour: f64) -> String {
     let minutes = (hour * 60.0).round() as u64;
     format!("{:02}:{:02}", minutes / 60, minutes % 60)
 }
 
-/// What a bundle says of itself, for people, fit for a terminal.
+/// A bundle's contents as (label, text) lines without control characters.
 fn in_words(
     bundle: &Bundle,
     written: &serde_json::Value,
@@ -90,10 +90,10 @@ fn in_words(
     let level = written["level"].as_u64().filter(|level| (1..32).contains(level));
     lines.extend(level.map(|level| {
         let (side, of) = (1u64 << level, "texels of full resolution");
-        ("level", format!("{level}: a texel is the mean of {side} × {side} {of}; texel position p there is p / {side} here"))
+        ("level", format!("{level}: a texel is the mean of {side} × {side} {of}; texel position p at full resolution is p / {side} here"))
     }));
     let (first, last) = (hours.first().copied().unwrap_or(0.0), hours.last().copied().unwrap_or(0.0));
-    lines.push(("sets", format!("{}, from {} to {}", hours.len(), clock(first), clock(last))));
+    lines.push(("frames", format!("{}, from {} to {}", hours.len(), clock(first), clock(last))));
     for (name, on) in header.groups.iter().zip(&header.timeline.intervals) {
         let spans: Vec<String> =
             on.iter().map(|[from, to]| format!("{}–{}", clock(*from), clock(*to))).collect();
@@ -103,8 +103,8 @@ fn in_words(
         ));
     }
     let [around, resident] = [bytes_around(bundle), bundle.bytes_resident];
-    let parts = format!("of these {around} header and index, {resident} what stays resident of all tiles");
-    lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and set; {parts}", bundle.bytes)));
+    let parts = format!("of these {around} header and index, {resident} resident data of all tiles");
+    lines.push(("size", format!("{} bytes, {bpp:.3} bits per texel and frame; {parts}", bundle.bytes)));
     let empty = bundle.index.iter().filter(|entry| entry.bytes() == 0).count();
     lines.push(("tiles", format!("{}, {empty} of them empty", bundle.index.len())));
     let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
@@ -119,22 +119,22 @@ fn in_words(
         let times = format!("{} times from {} to {}", sun.times.len(), clock(first), clock(last));
         let moving: u64 = bundle.index.iter().map(|entry| u64::from(entry.shadows.length)).sum();
         let moving = match header.shadows {
-            true => format!(", {moving} for shadows to move between them"),
+            true => format!(", {moving} of moving shadows"),
             false => String::new(),
         };
         let bytes = of_sun.iter().sum::<u64>();
         lines.push((
             "sun",
             format!(
-                "{times}, {} tiles: {bytes} bytes{moving}; at one moment {held} bytes of them in a compact layout",
+                "{times}, {} tiles: {bytes} bytes{moving}; at one time {held} bytes in memory in a compact layout",
                 of_sun.len()
             ),
         ));
     }
     if written["sun"] == "left out" {
-        lines.push(("sun", "left out (--without-sun)".to_owned()));
+        lines.push(("sun", "omitted (--without-sun)".to_owned()));
     } else if written["sun"] == "apart" && header.sun.is_none() {
-        lines.push(("sun", "lights nothing directly at any set".to_owned()));
+        lines.push(("sun", "lights nothing directly in any frame".to_owned()));
     }
     if written.is_object() {
         let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {
@@ -160,12 +160,12 @@ mod tests {
     fn no_name_of_a_bundle_steers_the_terminal() {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let mut bundle = open(&root.join("../tests/fuzz/corpus/bundle/lamps.ndgi")).unwrap();
-        bundle.header.scene = "yard\u{1b}[2J\nsets".to_owned();
+        bundle.header.scene = "yard\u{1b}[2J\nframes".to_owned();
         bundle.header.groups.iter_mut().for_each(|name| *name = "\u{9b}31mporch\u{7}".to_owned());
         let written = json!({ "generator": "\u{1b}]0;title\u{7}", "profile": "\u{1b}c", "iterations": "\u{9b}", "seed": 1 });
         let lines = in_words(&bundle, &written, 1.0, 0);
         assert!(lines.iter().all(|(_, text)| !text.contains(char::is_control)), "{lines:?}");
-        assert_eq!(lines[0], ("scene", "yard\\u{1b}[2J\\nsets".to_owned()));
+        assert_eq!(lines[0], ("scene", "yard\\u{1b}[2J\\nframes".to_owned()));
         let groups = lines.iter().filter(|(name, _)| *name == "group");
         assert!(groups.clone().count() > 0);
         assert!(groups.into_iter().all(|(_, text)| text.starts_with("\\u{9b}31mporch\\u{7}, ")), "{lines:?}");

@@ -5,12 +5,12 @@ mod info;
 mod shards;
 mod view;
 
-use args::{Command, Compare, Compress, LightName, LooksArgs, Sweep};
+use args::{Command, Compare, Compress, LightName, SlowMetricsArgs, Sweep};
 use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_of};
 use compressor::decode::{Decoder, Lights};
-use compressor::evaluate::{Looks, Measures, evaluate, expect_match};
+use compressor::evaluate::{Measures, SlowMetrics, evaluate, expect_match};
 use compressor::law::WIDEST;
 use compressor::levels;
 use compressor::run::{compress_and_judge, print};
@@ -41,8 +41,8 @@ fn main() -> ExitCode {
             };
             decode(bundle, hour, out, page, lights, &console)
         }
-        Some(Command::Evaluate { dataset, bundle, withheld, looks, csv }) => {
-            judge(dataset, bundle, withheld, looks, csv, &console)
+        Some(Command::Evaluate { dataset, bundle, withheld, slow_metrics, csv }) => {
+            judge(dataset, bundle, withheld, slow_metrics, csv, &console)
         }
         Some(Command::Sweep(args)) => run_sweep(args, &console),
         Some(Command::Compare(args)) => run_compare(args, &console),
@@ -98,7 +98,7 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
     let coarser = args.levels.then(|| levels::levels(&root, &options, bundle, console)).transpose()?;
     for stale in levels::stale(&dataset, bundle) {
         console.warn(format!(
-            "{}: a level of other light than this dataset's; run `compress --levels`, or delete it",
+            "{}: this coarser level was made from different light than the dataset's; run `compress --levels` or delete it",
             stale.display()
         ));
     }
@@ -126,7 +126,7 @@ fn judge(
     root: PathBuf,
     bundle: Option<PathBuf>,
     withheld: Option<PathBuf>,
-    looks: LooksArgs,
+    slow_metrics: SlowMetricsArgs,
     csv: Option<PathBuf>,
     console: &Console,
 ) -> Result<()> {
@@ -138,17 +138,17 @@ fn judge(
     let matches = light_of(&decoder.bundle().header) == Some(dataset.config.digest_of_light());
     let (of, scene) = (&decoder.bundle().header.scene, &dataset.config.scene);
     if of != scene {
-        console.warn(format!("the bundle is of the scene {of:?}, the dataset of {scene:?}: what follows tells how alike they are"));
+        console.warn(format!("the bundle is of scene {of:?}, the dataset of scene {scene:?}: the numbers below compare two different scenes"));
     } else if !matches {
         console.warn("the bundle was compressed from a different bake; run `compress` again");
     }
     let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
-    let lpips = looks.lpips.map(|path| Lpips::load(&path)).transpose()?;
-    let looks = Looks { lpips: lpips.as_ref(), flip: looks.flip };
-    let measures = Measures { withheld: withheld.as_ref(), looks };
+    let lpips = slow_metrics.lpips.map(|path| Lpips::load(&path)).transpose()?;
+    let slow_metrics = SlowMetrics { lpips: lpips.as_ref(), flip: slow_metrics.flip };
+    let measures = Measures { withheld: withheld.as_ref(), slow_metrics };
     let evaluation = evaluate(&dataset, &decoder, measures, console)?;
     if withheld.is_some() && evaluation.between.is_none() {
-        console.warn("--withheld: none of its hours lies between sets that the bundle interpolates; nothing to judge there");
+        console.warn("--withheld: none of its hours lies between frames that the bundle interpolates, so nothing was evaluated there; give a bake at other hours");
     }
     print(&evaluation, console);
     if let Some(path) = csv {
@@ -204,9 +204,9 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
         seed: args.seed,
     };
     let transfer = args.transfer.as_deref().map(Dataset::open).transpose()?;
-    let lpips = args.looks.lpips.map(|path| Lpips::load(&path)).transpose()?;
-    let looks = Looks { lpips: lpips.as_ref(), flip: args.looks.flip };
-    let comparison = compare::compare(&dataset, transfer.as_ref(), looks, &options, console)?;
+    let lpips = args.slow_metrics.lpips.map(|path| Lpips::load(&path)).transpose()?;
+    let slow_metrics = SlowMetrics { lpips: lpips.as_ref(), flip: args.slow_metrics.flip };
+    let comparison = compare::compare(&dataset, transfer.as_ref(), slow_metrics, &options, console)?;
     comparison.table().iter().for_each(|line| console.print(line));
     if let Some(path) = args.csv {
         write_atomically(&path, comparison.csv().as_bytes())?;
@@ -228,7 +228,7 @@ fn run_compare(args: Compare, console: &Console) -> Result<()> {
     console.result(&object)
 }
 
-/// The same without what was named before.
+/// The values without repetitions, in order of first appearance.
 fn distinct<T: PartialEq>(named: Vec<T>) -> Vec<T> {
     let mut distinct = Vec::with_capacity(named.len());
     for value in named {
@@ -239,10 +239,13 @@ fn distinct<T: PartialEq>(named: Vec<T>) -> Vec<T> {
     distinct
 }
 
-/// Opens a bundle; says how to come by one where there is none.
+/// Opens a bundle; if it does not exist, the error says how to make one.
 fn open(path: &Path) -> Result<Bundle> {
     if path.is_dir() {
-        return Err(Error::invalid(path.display(), "a folder; expected a bundle, a file that ends in .ndgi"));
+        return Err(Error::invalid(
+            path.display(),
+            "is a folder; expected a bundle, a file that ends in .ndgi",
+        ));
     }
     if !path.exists() {
         return Err(Error::invalid(path.display(), "no such bundle; `compress <dataset>` writes one"));
@@ -263,18 +266,18 @@ fn decode(
     let decoder = Decoder::new(open(&bundle)?);
     let header = &decoder.bundle().header;
     if matches!(lights, Lights::Sun) && header.sun.is_none() {
-        let what = "has no stream of the sun's direct light: it was left out, is in the maps, or there is none; expected --light all";
+        let what = "has no separate stream of the sun's direct light (it was omitted, is part of the other light, or the scene has none); use --light all";
         return Err(Error::invalid(bundle.display(), what));
     }
     let timeline = &header.timeline;
-    let moment = timeline.at(hour);
-    let (from, to) = (timeline.hours[moment.a], timeline.hours[moment.b]);
+    let point = timeline.at(hour);
+    let (from, to) = (timeline.hours[point.a], timeline.hours[point.b]);
     if from != to && (to - from).rem_euclid(24.0) > WIDEST {
-        console.warn(format!("{hour} h is far from all sets, between those of {from} h and {to} h: light is a mix of theirs there, without the sun's own"));
+        console.warn(format!("{hour} h lies in a wide gap between the frames of {from} h and {to} h: the image is interpolated from these, without the sun's direct light at {hour} h; bake more hours for a better one"));
     }
     if !timeline.shows(hour) {
-        let set = timeline.hours[moment.a];
-        console.warn(format!("no set has the lamps as they are at {hour} h: this is the light of {set} h"));
+        let frame = timeline.hours[point.a];
+        console.warn(format!("no frame has the light groups that are on at {hour} h: the image shows the light of {frame} h; bake an hour with these groups on"));
     }
     let ndgi::decode::Image { width, height, texels } =
         decoder.decode_page_of(lights, page, hour).map_err(of_bundle)?;

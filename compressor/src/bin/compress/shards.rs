@@ -8,19 +8,19 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Trains a shard, and says what comes next.
+/// Trains a shard and prints the next step.
 pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) -> Result<()> {
     let start = Instant::now();
     let done = train_shard(root, options, shard, console)?;
     let (stage, note) = match &done {
         Sharded::UpToDate(bundle) => {
-            console.say(format!("{} is up to date (--force trains it again)", bundle.display()));
+            console.say(format!("{} is up to date (--force retrains it)", bundle.display()));
             ("up to date", None)
         }
-        Sharded::Tried(note) => {
+        Sharded::TrialFits(note) => {
             let tiles = count(note.tiles, "tile");
             console.say(format!(
-                "shard {shard}: trial fits of {tiles} are done; next, when all shards are: --merge, which chooses, and the shards again"
+                "shard {shard}: trial fits of {tiles} are done; once all shards are, run --merge to choose configurations, then the shards again"
             ));
             ("trials", Some(note))
         }
@@ -28,10 +28,9 @@ pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) ->
             let tiles = count(note.tiles, "tile");
             let resumed = match note.resumed {
                 0 => String::new(),
-                n => format!(", {n} of them by an earlier run"),
+                n => format!(", {n} of them reused from an earlier run"),
             };
-            console
-                .say(format!("shard {shard}: {tiles} trained{resumed}; next, when all shards are: --merge"));
+            console.say(format!("shard {shard}: {tiles} trained{resumed}; once all shards are, run --merge"));
             ("training", Some(note))
         }
     };
@@ -46,7 +45,7 @@ pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) ->
     }))
 }
 
-/// Prints how far the shards of a dataset's bundle are.
+/// Prints the progress of the shards of a dataset's bundle.
 pub fn status(root: &Path, out: Option<PathBuf>, console: &Console) -> Result<()> {
     let bundle = match out {
         Some(out) => out,
@@ -55,8 +54,8 @@ pub fn status(root: &Path, out: Option<PathBuf>, console: &Console) -> Result<()
     let status = of_shards(&bundle);
     let line = match &status {
         Some(status) => status.line(),
-        None if bundle.exists() => "no shard is at work, and the bundle is there".to_owned(),
-        None => "no shard has begun, and there is no bundle".to_owned(),
+        None if bundle.exists() => "no shard is running; the bundle exists".to_owned(),
+        None => "no shard has started; there is no bundle".to_owned(),
     };
     console.print(format!("{}: {line}", bundle.display()));
     let mut object = json!(status);

@@ -12,12 +12,12 @@ pub fn view(args: View, console: &Console) -> Result<()> {
     let options = Options { bundle, scene, no_reference };
     let source = Source::open(&input, &options)?;
     source.doubts.iter().for_each(|doubt| console.warn(doubt));
-    if let Some(why) = &source.left_out {
+    if let Some(why) = &source.omitted {
         console.warn(format!("the page has no reference: {why}"));
     }
     if source.scene.is_none() {
         console
-            .warn("no scene.glb lies beside the bundle: the page shows the atlas alone; name one by --scene");
+            .warn("there is no scene.glb beside the bundle, so the page shows only the atlas; name a geometry file with --scene");
     }
     let mut object = json!({
         "scene": source.scene_name, "bundle": source.bundle, "geometry": source.scene, "cameras": source.cameras,
@@ -25,7 +25,7 @@ pub fn view(args: View, console: &Console) -> Result<()> {
     if let Some(port) = port {
         let server = Server::bind(port)?;
         console.print(server.url());
-        console.say("there until it is interrupted");
+        console.say("serving until interrupted (Ctrl-C)");
         object["url"] = json!(server.url());
         console.result(&object)?;
         return serve(&server, source);

@@ -147,7 +147,7 @@ pub struct Quantiser {
 }
 
 impl Quantiser {
-    /// Of so many bits.
+    /// Of this many bits.
     pub fn new(bits: u32) -> Self {
         Quantiser { steps: (1u32 << bits) as f32 }
     }

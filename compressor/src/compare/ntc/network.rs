@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 pub const INPUTS: usize = 96;
 /// Width of the hidden layers.
 pub const HIDDEN: usize = 64;
-/// Outputs: RGB of each set, and a spare one.
+/// Outputs: RGB of each frame, and a spare one.
 pub const OUTPUTS: usize = 16;
 
 /// W₁ b₁ W₂ b₂ W₃ b₃, a row of each matrix per input.

@@ -29,7 +29,7 @@ pub struct Trained {
     weights: Box<Weights>,
 }
 
-/// A texel of a tile, and its code values at the sets of the segment.
+/// A texel of a tile, and its code values at the frames of the segment.
 #[derive(Clone, Debug)]
 pub struct Sample {
     tile: u32,
@@ -38,14 +38,14 @@ pub struct Sample {
 }
 
 /// The samples of a segment: every valid texel.
-fn samples(set: &TileSet, sets: &Range<usize>) -> Vec<Sample> {
+fn samples(set: &TileSet, frames: &Range<usize>) -> Vec<Sample> {
     let mut samples = Vec::new();
     for (t, tile) in set.tiles.iter().enumerate() {
         for texel in tile.valid() {
             let mut target = [0.0; OUTPUTS];
-            for (i, k) in sets.clone().enumerate().filter(|&(_, k)| tile.peaks[k] > 0.0) {
+            for (i, k) in frames.clone().enumerate().filter(|&(_, k)| tile.peaks[k] > 0.0) {
                 for c in 0..3 {
-                    let relative = f64::from(tile.source.sets[k][texel][c] / tile.peaks[k]);
+                    let relative = f64::from(tile.source.frames[k][texel][c] / tile.peaks[k]);
                     target[3 * i + c] = CURVE.encode(relative) as f32;
                 }
             }
@@ -123,18 +123,18 @@ impl Moved {
     }
 }
 
-/// Trains the grids of all tiles and their network to some sets.
+/// Trains the grids of all tiles and their network to some frames.
 pub fn train(
     set: &TileSet,
     layout: &Layout,
     preset: &Preset,
-    sets: Range<usize>,
+    frames: Range<usize>,
     steps: usize,
     seed: u64,
 ) -> Result<Trained> {
     let tier = Tier::detect();
     let mut random = Random::new(seed);
-    let mut samples = samples(set, &sets);
+    let mut samples = samples(set, &frames);
     let quantisers = preset.bits.map(Quantiser::new);
     let ranges = [0..layout.high, layout.high..layout.len];
     let mut grids = vec![0.0; layout.len];
@@ -177,7 +177,7 @@ pub fn train(
                 grids: &noisy,
                 weights: &weights,
                 samples: &samples[next..next + batch],
-                outputs: 3 * sets.len(),
+                outputs: 3 * frames.len(),
                 of_grids: (step < frozen).then_some(&mut gradient),
                 of_weights: &mut of_weights,
             },
@@ -232,8 +232,8 @@ impl Kernel for Decode<'_> {
     }
 }
 
-/// Per tile, the light of a segment's sets.
-pub fn decode(set: &TileSet, layout: &Layout, trained: &Trained, sets: Range<usize>) -> Vec<Vec<Texels>> {
+/// Per tile, the light of a segment's frames.
+pub fn decode(set: &TileSet, layout: &Layout, trained: &Trained, frames: Range<usize>) -> Vec<Vec<Texels>> {
     let tile = |t: usize| -> Vec<Texels> {
         let tile = &set.tiles[t];
         let outputs = run(Tier::detect(), Decode { layout, trained, tile: t, texels: tile.texels() });
@@ -242,7 +242,7 @@ pub fn decode(set: &TileSet, layout: &Layout, trained: &Trained, sets: Range<usi
                 |c: usize, y: &[f32; OUTPUTS]| tile.peaks[k] * CURVE.decode(f64::from(y[3 * i + c])) as f32;
             outputs.iter().map(|y| [0, 1, 2].map(|c| value(c, y))).collect()
         };
-        sets.clone().enumerate().map(|(i, k)| light(i, k)).collect()
+        frames.clone().enumerate().map(|(i, k)| light(i, k)).collect()
     };
     (0..set.tiles.len()).map(tile).collect()
 }

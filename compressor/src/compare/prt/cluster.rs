@@ -46,7 +46,7 @@ impl Points {
         Subspace { mean, axes: axes.into_iter().take(rank).collect(), variances }
     }
 
-    /// The points in so few dimensions that no more than this share of their variance is lost.
+    /// The points in so few dimensions that at most this share of their variance is lost.
     pub fn reduced(&self, lost: f64) -> Points {
         let all = self.subspace(|_| true, self.dimensions);
         let total: f64 = all.variances.iter().sum();
@@ -56,7 +56,7 @@ impl Points {
             left -= **variance;
             is_wanted
         });
-        // One at least: points that are all alike are points too.
+        // One at least: points that are all the same are points too.
         let dimensions = kept.count().max(1).min(all.axes.len());
         let (axes, all) = (&all.axes[..dimensions], &all);
         let along =
@@ -64,7 +64,7 @@ impl Points {
         Points { dimensions, values: self.iter().flat_map(along).collect() }
     }
 
-    /// So many clusters to begin with, or fewer if there is nothing to divide: the one that is met worst is cut across its first axis,
+    /// This many clusters initially, or fewer if there is nothing to divide: the one that is met worst is cut across its first axis,
     /// again and again.
     pub fn divided(&self, number: usize, rank: usize) -> Vec<usize> {
         let mut of = vec![0; self.iter().count()];

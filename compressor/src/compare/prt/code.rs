@@ -1,7 +1,7 @@
 //! A tile's vectors as bits: per cluster a mean and components in float16, per texel its cluster and 8 bits a component.
 //!
 //! What counts is the error of the light, so components are those of the vectors under the metric M = Σ w AᵀA, with A from a vector to
-//! a set's light. Like the SVD it aims at the mean PSNR: the sets' weights follow what is left of their errors, some rounds long.
+//! a frame's light. Like the SVD it aims at the mean PSNR: the frames' weights follow what is left of their errors, some rounds long.
 
 use super::super::linear::{eigen, solve};
 use super::super::method::{CodedTile, ROUNDS, reweighted, timed};
@@ -49,12 +49,13 @@ pub(super) fn plain(tile: &Tile, vectors: &Vectors) -> Result<CodedTile> {
     })
 }
 
-/// Vectors by clustered principal components, within so many bits or as near to them as can be.
+/// Vectors by clustered principal components, within this many bits or as near to them as can be.
 pub(super) fn clustered(tile: &Tile, vectors: &Vectors, bits: f64) -> Result<CodedTile> {
     let encode = || {
         let sizes = sizes(tile.valid().count(), vectors, bits);
-        let tried = sizes.into_iter().map(|(clusters, rank)| best(tile, vectors, clusters, rank, ROUNDS));
-        let (stored, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there is a size");
+        let trial_fits =
+            sizes.into_iter().map(|(clusters, rank)| best(tile, vectors, clusters, rank, ROUNDS));
+        let (stored, _) = trial_fits.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there is a size");
         let bits = stored.bits(vectors);
         Ok((stored, bits as f64, Vec::new()))
     };
@@ -71,7 +72,7 @@ fn bits(texels: usize, vectors: &Vectors, clusters: usize, rank: usize) -> usize
     texels * (8 * rank + index) + 16 * clusters * (rank + 1) * vectors.numbers() + 32 * vectors.scales + 16
 }
 
-/// Numbers of clusters and components that take about so many bits: for each number of components the nearest; where none is near, the
+/// Numbers of clusters and components that take about this many bits: for each number of components the nearest; where none is near, the
 /// one of all that is nearest from above, else the largest.
 fn sizes(texels: usize, vectors: &Vectors, wanted: f64) -> Vec<(usize, usize)> {
     let share = |(clusters, rank): (usize, usize)| bits(texels, vectors, clusters, rank) as f64 / wanted;
@@ -91,7 +92,7 @@ fn sizes(texels: usize, vectors: &Vectors, wanted: f64) -> Vec<(usize, usize)> {
     vec![least.unwrap_or((MOST[0].min(texels), *ranks.end()))]
 }
 
-/// The round with the highest mean PSNR, and its mean over the lit sets of the logarithm of the error.
+/// The round with the highest mean PSNR, and its mean over the lit frames of the logarithm of the error.
 fn best(tile: &Tile, vectors: &Vectors, clusters: usize, rank: usize, rounds: usize) -> (Stored, f64) {
     let mut of: Option<Vec<usize>> = None;
     let encode = |weights: &[f64]| {
@@ -185,15 +186,15 @@ fn decode(tile: &Tile, vectors: &Vectors, stored: &Stored) -> Vec<Texels> {
     images(tile, rows)
 }
 
-/// The valid texels' light, 3 values a set each, as images; there is no light below 0.
+/// The valid texels' light, 3 values a frame each, as images; there is no light below 0.
 fn images(tile: &Tile, rows: impl Iterator<Item = Vec<f64>>) -> Vec<Texels> {
-    let mut sets: Vec<Texels> = vec![vec![[0.0; 3]; tile.texels()]; tile.peaks.len()];
+    let mut frames: Vec<Texels> = vec![vec![[0.0; 3]; tile.texels()]; tile.peaks.len()];
     for (i, row) in tile.valid().zip(rows) {
-        for (set, rgb) in sets.iter_mut().zip(row.as_chunks::<3>().0) {
+        for (set, rgb) in frames.iter_mut().zip(row.as_chunks::<3>().0) {
             set[i] = rgb.map(|x| x.max(0.0) as f32);
         }
     }
-    sets
+    frames
 }
 
 impl Stored {

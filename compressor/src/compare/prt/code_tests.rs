@@ -7,40 +7,40 @@ use crate::train::random::Random;
 
 const SIDE: usize = 16;
 
-/// Vectors that are sums of `rank` random ones plus a mean, under random weights of so many sets; and the tile that they light.
-fn case(sources: usize, sets: usize, rank: usize) -> (Tile, Vectors) {
+/// Vectors that are sums of `rank` random ones plus a mean, under random weights of this many frames; and the tile that they light.
+fn case(sources: usize, frames: usize, rank: usize) -> (Tile, Vectors) {
     let mut random = Random::new(7);
     let mut some = |n: usize| -> Vec<f64> { (0..n).map(|_| f64::from(random.uniform(0.0, 1.0))).collect() };
     let n = 3 * sources;
     let parts: Vec<Vec<f64>> = (0..=rank).map(|_| some(n)).collect();
-    let weights = some(3 * sets * sources);
+    let weights = some(3 * frames * sources);
     let mut rows = Vec::new();
     for _ in 0..SIDE * SIDE {
         let terms = some(rank);
         rows.extend((0..n).map(|i| parts[rank][i] + (0..rank).map(|r| terms[r] * parts[r][i]).sum::<f64>()));
     }
-    lit(Vectors { sources, rows, weights, scales: 0 }, sets)
+    lit(Vectors { sources, rows, weights, scales: 0 }, frames)
 }
 
-fn lit(vectors: Vectors, sets: usize) -> (Tile, Vectors) {
+fn lit(vectors: Vectors, frames: usize) -> (Tile, Vectors) {
     let light: Vec<Vec<f64>> =
         vectors.rows.chunks_exact(vectors.numbers()).map(|row| vectors.light(row)).collect();
     let set = |k: usize| light.iter().map(|row| [0, 1, 2].map(|c| row[3 * k + c] as f32)).collect();
-    (tile_of(SIDE, SIDE, (0..sets).map(set).collect()), vectors)
+    (tile_of(SIDE, SIDE, (0..frames).map(set).collect()), vectors)
 }
 
-/// The worst set's squared error relative to its peak.
+/// The worst frame's squared error relative to its peak.
 fn error(tile: &Tile, decoded: &[Texels]) -> f64 {
     let values = (3 * SIDE * SIDE) as f64;
     let of = |k: usize| {
-        squared_error(&decoded[k], &tile.source.sets[k], tile) / values / f64::from(tile.peaks[k]).powi(2)
+        squared_error(&decoded[k], &tile.source.frames[k], tile) / values / f64::from(tile.peaks[k]).powi(2)
     };
     (0..decoded.len()).map(of).fold(0.0, f64::max)
 }
 
 #[test]
-fn light_of_a_channel_and_set_is_the_sum_of_its_sources() {
-    // Two sources, two sets; the second set has the second source in blue alone.
+fn light_of_a_channel_and_frame_is_the_sum_of_its_sources() {
+    // Two sources, two frames; the second frame has the second source in blue alone.
     let weights = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let vectors = Vectors { sources: 2, rows: vec![], weights, scales: 0 };
     assert_eq!(vectors.light(&[1.0, 10.0, 2.0, 20.0, 3.0, 30.0]), [21.0, 86.0, 195.0, 0.0, 0.0, 30.0]);
@@ -116,7 +116,7 @@ fn sizes_are_near_the_bits_that_are_wanted_and_no_fewer() {
 }
 
 #[test]
-fn black_sets_and_equal_texels_are_no_trouble() {
+fn black_frames_and_equal_texels_are_handled() {
     let vectors =
         Vectors { sources: 2, rows: [1.0, 2.0].repeat(3 * SIDE * SIDE), weights: vec![0.0; 12], scales: 0 };
     let (tile, vectors) = lit(vectors, 2);
@@ -131,7 +131,7 @@ fn black_sets_and_equal_texels_are_no_trouble() {
 
 #[test]
 fn rounds_raise_the_mean_psnr() {
-    // One set is of one function, the others of three that are noise.
+    // One frame is of one function, the others of three that are noise.
     let mut random = Random::new(11);
     let rows = (0..12 * SIDE * SIDE).map(|_| f64::from(random.uniform(0.0, 1.0))).collect();
     let mut weights = vec![0.0; 4 * 12];

@@ -1,7 +1,7 @@
-//! A day in half hours by one camera: how wrongly light changes from each to the next.
+//! Temporal error: the error of the change of light over a day in half hours, from one camera.
 
-use super::moments::is_baked;
 use super::pages::Pages;
+use super::times::is_baked;
 use super::{lit, with_texels};
 use crate::{Error, Result};
 use dataset::console::{Progress, stop_if_interrupted};
@@ -10,22 +10,22 @@ use dataset::store::Dataset;
 use dataset::view::View;
 use serde::Serialize;
 
-/// Moments of a day.
-const MOMENTS: usize = 48;
+/// Times of a day.
+const TIMES: usize = 48;
 /// Width and height of a picture, in pixels.
 const SIZE: [usize; 2] = [320, 180];
 
 /// Radiance of the pixels that show texels.
 type Frame = Vec<[f32; 3]>;
 
-/// How wrongly the light of a method changes.
+/// Temporal error of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
     /// The method.
     pub method: String,
     /// Mean over steps and pixels of |Δ method − Δ reference|, in shares of white as exposed.
     pub error: f64,
-    /// The same over the mean |Δ reference|; `None` where nothing changes.
+    /// The same over the mean |Δ reference|; `None` if nothing changes.
     pub relative_error: Option<f64>,
     /// The step that is worst: the hour in its middle, and its error.
     pub worst: (f64, f64),
@@ -33,10 +33,10 @@ pub struct Line {
     pub steps: Vec<(f64, f64)>,
 }
 
-/// The dataset's day, and what methods make of it.
+/// The dataset's day and the methods' errors.
 pub(super) struct Lapse {
     pub view: View,
-    /// Which pixels are judged.
+    /// Which pixels are evaluated.
     judged: Vec<bool>,
     hours: Vec<f64>,
     frames: Vec<Frame>,
@@ -49,7 +49,7 @@ pub(super) struct Lapse {
 /// The half hours of the day that were baked.
 pub(super) fn hours(dataset: &Dataset) -> Result<Vec<f64>> {
     let mut hours = Vec::new();
-    for hour in (0..MOMENTS).map(|i| 24.0 * i as f64 / MOMENTS as f64) {
+    for hour in (0..TIMES).map(|i| 24.0 * i as f64 / TIMES as f64) {
         if is_baked(dataset, hour)? {
             hours.push(hour);
         }
@@ -61,10 +61,7 @@ impl Lapse {
     pub fn new(dataset: &Dataset, pages: &Pages, hours: Vec<f64>, progress: &Progress) -> Result<Self> {
         let view = View::each(dataset, SIZE, 1)?.into_iter().next();
         let view = view.ok_or_else(|| {
-            Error::invalid(
-                dataset.root.display(),
-                "no pixel of a small picture shows texels; expected no --render",
-            )
+            Error::invalid(dataset.root.display(), "no pixel of a small picture shows texels; omit --render")
         })?;
         let judged = with_texels(&view).valid;
         let mut lapse = Lapse {
@@ -90,7 +87,7 @@ impl Lapse {
         Ok(lapse)
     }
 
-    /// A method by the light it has on all pages at an hour. `None` where there are no two moments side by side.
+    /// A method by the light it has on all pages at an hour. `None` if there are no two times side by side.
     pub fn line(
         &self,
         dataset: &Dataset,
@@ -103,7 +100,7 @@ impl Lapse {
             Ok(self.kept(self.view.to_radiance(&light)))
         };
         let mut steps = Vec::new();
-        // The last moment seen; and the first, with which the day closes.
+        // The last time seen; and the first, with which the day closes.
         let (mut last, mut first): (Option<(usize, Frame)>, Option<Frame>) = (None, None);
         for [a, b] in self.steps() {
             let before = match last.take() {
@@ -117,7 +114,7 @@ impl Lapse {
                 Some(first) if b == 0 => first.clone(),
                 _ => seen(b)?,
             };
-            let middle = (self.hours[a] + 0.5 * 24.0 / MOMENTS as f64).rem_euclid(24.0);
+            let middle = (self.hours[a] + 0.5 * 24.0 / TIMES as f64).rem_euclid(24.0);
             steps.push((middle, self.step([a, b], Some([&before, &after]))));
             last = Some((b, after));
         }
@@ -132,16 +129,16 @@ impl Lapse {
         }))
     }
 
-    /// Moments side by side, by their indices.
+    /// Times side by side, by their indices.
     fn steps(&self) -> Vec<[usize; 2]> {
         let n = self.hours.len();
         let pairs = (0..n).map(|i| [i, (i + 1) % n]);
         let gap = |[a, b]: &[usize; 2]| (self.hours[*b] - self.hours[*a]).rem_euclid(24.0);
-        pairs.filter(|pair| pair[0] != pair[1] && (gap(pair) - 24.0 / MOMENTS as f64).abs() < 1e-9).collect()
+        pairs.filter(|pair| pair[0] != pair[1] && (gap(pair) - 24.0 / TIMES as f64).abs() < 1e-9).collect()
     }
 
     /// The mean over pixels and channels of what a step's change differs by from the dataset's; without a method, of that itself. Both
-    /// moments are exposed as the brighter one is, and white at most.
+    /// times are exposed as the brighter one is, and white at most.
     fn step(&self, [a, b]: [usize; 2], found: Option<[&Frame; 2]>) -> f64 {
         let scale = self.exposures[a].min(self.exposures[b]).exp2() as f32;
         let shown = |light: f32| f64::from((light * scale).min(1.0));

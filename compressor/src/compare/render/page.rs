@@ -2,7 +2,7 @@
 
 use super::super::table::Comparison;
 use super::FRAMES;
-use super::told::{Rendered, Seen, short, size};
+use super::results::{Rendered, Seen, short, size};
 use crate::mean::mean;
 use dataset::console::count;
 use dataset::report::plot::Plot;
@@ -12,7 +12,7 @@ impl Rendered {
     /// Means over all pictures of each method, for people: a header and rows.
     fn means(&self) -> ([&'static str; 8], Vec<Vec<String>>) {
         let header =
-            ["method", "bpp", "size", "PSNR dB", "SSIM", "ꟻLIP", "PSNR dB between sets", "temporal error"];
+            ["method", "bpp", "size", "PSNR dB", "SSIM", "ꟻLIP", "PSNR dB between frames", "temporal error"];
         let mut rows: Vec<Vec<String>> = Vec::new();
         for first in &self.views {
             let method = &first.method;
@@ -20,11 +20,11 @@ impl Rendered {
                 continue;
             }
             let of = || self.views.iter().filter(|seen| seen.method == *method);
-            let is_between = |hour: f64| self.moments.iter().any(|m| m.hour == hour && m.set.is_none());
+            let is_between = |hour: f64| self.times.iter().any(|m| m.hour == hour && m.frame.is_none());
             let cell = |value: Option<f64>, digits: usize| {
                 value.map_or("–".to_owned(), |value| format!("{value:.digits$}"))
             };
-            // What is only shown between sets has no mean over all.
+            // What is only shown between frames has no mean over all.
             let all = || of().filter(|_| method != FRAMES);
             let line = self.lapse.iter().find(|line| line.method == *method);
             rows.push(vec![
@@ -46,12 +46,12 @@ impl Rendered {
         let (header, rows) = self.means();
         let mut lines = crate::evaluate::aligned(&header, &rows);
         lines.push(format!(
-            "pictures by {} at {}; temporal error in shares of white, beside a change of {:.5}",
+            "pictures by {} at {}; temporal error as a fraction of white, compared with a change of {:.5}",
             count(self.cameras.len(), "camera"),
-            count(self.moments.len(), "moment"),
+            count(self.times.len(), "time"),
             self.lapse_change
         ));
-        lines.extend(self.left_out.iter().map(|what| format!("not rendered: {what}")));
+        lines.extend(self.skipped.iter().map(|what| format!("not rendered: {what}")));
         lines
     }
 
@@ -61,19 +61,19 @@ impl Rendered {
         let mut lead = Section::new("Pictures");
         lead.paragraph(
             "Under each: PSNR (peak 255), SSIM and ꟻLIP of the 8-bit picture against the one in the dataset's light, over pixels that show \
-             texels; bits per texel and set; size over the whole day. All of a row have one exposure.",
+             texels; bits per texel and frame; size over the whole day. All pictures of a row have the same exposure.",
         );
         for (title, pictures) in &self.rows {
             in_row(&mut lead, title, pictures);
         }
         report.lead(lead);
         let mut means = Section::new("Means");
-        let effort = if comparison.draft { "draft effort: brief trainings" } else { "full effort" };
+        let effort = if comparison.draft { "draft effort: short training" } else { "full effort" };
         means.paragraph(&format!("Over all pictures above, at {effort}."));
         let (header, rows) = self.means();
         means.table(&header, &rows);
         report.push(means);
-        let mut near = Section::new("Tiles from near");
+        let mut near = Section::new("Close-ups of tiles");
         near.paragraph(
             "Each at the hour of its greatest contrast. Sizes: a tile over the whole day, the method's mean. PSNR of linear light.",
         );
@@ -104,7 +104,7 @@ impl Rendered {
         });
         section.paragraph(&format!(
             "From each half hour to the next: per pixel and channel, the error of the change of exposed light (1 is white, linear; both \
-             moments at the exposure of the brighter one). The change itself is {:.5} on average.",
+             times at the exposure of the brighter one). The change itself is {:.5} on average.",
             self.lapse_change
         ));
         let rows = self.lapse.iter().map(|line| {
@@ -115,27 +115,27 @@ impl Rendered {
                 format!("{:.5} at {} h", line.worst.1, short(line.worst.0)),
             ]
         });
-        section.table(&["method", "error", "over the change", "worst step"], &rows.collect::<Vec<_>>());
+        section.table(&["method", "error", "÷ the change", "worst step"], &rows.collect::<Vec<_>>());
         section
     }
 
     fn how(&self, comparison: &Comparison) -> Vec<String> {
         let mut lines = vec![
-            "Moments: the sets nearest to 8, 12 and 20 h; a quarter of an hour after the first; three minutes after the day's last switch \
-             by which a light group goes on."
+            "Times: the frames nearest to 8, 12 and 20 h; a quarter of an hour after the first; three minutes after the last time of day \
+             at which a light group goes on."
                 .to_owned(),
-            "Between sets the reference is the dataset's own light: layers by their curves, the sun by its visibility. NDGI decodes the \
-             hour; other methods are linear between the sets around it, and at a switch the set under the hour's lamps."
+            "Between frames the reference is the dataset's own light: layers by their curves, the sun by its visibility. NDGI decodes the \
+             hour; other methods are linear between the neighbouring frames, or at a switch the frame with the hour's light groups."
                 .to_owned(),
-            format!("“{FRAMES}” are the dataset's frames, uncompressed and linear between the hours: what interpolation alone does."),
-            "“Bundle” is the file beside the dataset, of whatever profile, all texels of its pages counted; the other methods are those of \
+            format!("“{FRAMES}” are the dataset's frames, uncompressed and interpolated linearly: the error of interpolation alone."),
+            "“Bundle” is the file in the dataset's folder, of any profile, with all texels of its pages counted; the other methods are those of \
              the table of `compress compare`."
                 .to_owned(),
-            "Texels off surfaces are the mean of the valid ones beside them, for every method and for the reference. Surfaces without texels \
-             are lit evenly and not judged."
+            "Texels off surfaces are the mean of their valid neighbours, for every method and for the reference. Surfaces without texels \
+             are lit evenly and not evaluated."
                 .to_owned(),
         ];
-        let missing = self.left_out.iter().chain(&comparison.left_out);
+        let missing = self.skipped.iter().chain(&comparison.skipped);
         lines.extend(missing.map(|what| format!("Not shown: {what}.")));
         lines
     }

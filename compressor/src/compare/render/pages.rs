@@ -26,12 +26,12 @@ impl<'a> Pages<'a> {
         Ok(Pages { dataset, set, masks, fills })
     }
 
-    /// The dataset's own light: of a set, or at any hour.
-    pub fn of_dataset(&self, hour: f64, set: Option<usize>) -> Result<Vec<Image>> {
+    /// The dataset's own light: of a frame, or at any hour.
+    pub fn of_dataset(&self, hour: f64, frame: Option<usize>) -> Result<Vec<Image>> {
         let page = |page: usize| {
-            let image = match set {
-                Some(set) => self.dataset.map(set, page)?,
-                None => self.dataset.moment(hour, page)?,
+            let image = match frame {
+                Some(frame) => self.dataset.map(frame, page)?,
+                None => self.dataset.light_at(hour, page)?,
             };
             Ok(self.filled(page, image))
         };

@@ -110,11 +110,11 @@ fn options() -> Options {
     Options { tiles: None, effort: Effort::Draft, ablations: false, methods: vec![], render: true, seed: 1 }
 }
 
-/// A method that has the light of every set as `change` leaves it.
+/// A method that has the light of every frame as `change` leaves it.
 fn way(set: &TileSet, change: impl Fn(f64, f32) -> f32) -> Way<'static> {
     let tile = |tile: &super::super::tiles::Tile| {
-        let sets = tile.source.sets.iter().zip(HOURS);
-        sets.map(|(texels, hour)| texels.iter().map(|t| t.map(|v| change(hour, v))).collect()).collect()
+        let frames = tile.source.frames.iter().zip(HOURS);
+        frames.map(|(texels, hour)| texels.iter().map(|t| t.map(|v| change(hour, v))).collect()).collect()
     };
     let decoded = set.tiles.iter().map(tile).collect();
     let coded = Coded { decoded, bits: 8e3, encode_seconds: 0.0, decode_seconds: 0.0, curves: vec![] };
@@ -133,32 +133,32 @@ fn exact_light_is_met_and_a_wrong_one_is_seen() {
     let wrong = |hour: f64, v: f32| if hour == 12.0 { 0.8 * v } else { v };
     stage.show(&row("ASTC 12×12"), &way(&set, wrong)).unwrap();
     stage.show(&row("SVD 4"), &way(&set, |_, v| v)).unwrap();
-    // A decoder that has its own light between sets is asked for it.
+    // A decoder that has its own light between frames is asked for it.
     let mut own = way(&set, |_, v| v);
     own.at_hour = Some(Box::new(|hour| Ok(vec![light(hour).texels])));
     stage.show(&row("NTC L"), &own).unwrap();
-    let images: Vec<Texels> = set.tiles.iter().map(|tile| tile.source.sets[4].clone()).collect();
+    let images: Vec<Texels> = set.tiles.iter().map(|tile| tile.source.frames[4].clone()).collect();
     let shown = ["NDGI M", "BC7"].map(|method| ShownTiles {
         method: method.to_owned(),
         images: images.iter().map(|image| (image.clone(), Some(50.0))).collect(),
     });
     let mut comparison = Comparison::new(&set, &options());
-    let told = stage.finish(&comparison, &[4], &shown).unwrap();
+    let reported = stage.finish(&comparison, &[4], &shown).unwrap();
 
-    // A name twice is one camera; five moments.
-    assert_eq!(told.cameras, ["left", "right"]);
-    let moments: Vec<(f64, Option<usize>)> = told.moments.iter().map(|m| (m.hour, m.set)).collect();
-    assert_eq!(moments, [(8.0, Some(3)), (12.0, Some(4)), (20.0, Some(7)), (8.25, None), (18.05, None)]);
+    // A name twice is one camera; five times.
+    assert_eq!(reported.cameras, ["left", "right"]);
+    let times: Vec<(f64, Option<usize>)> = reported.times.iter().map(|m| (m.hour, m.frame)).collect();
+    assert_eq!(times, [(8.0, Some(3)), (12.0, Some(4)), (20.0, Some(7)), (8.25, None), (18.05, None)]);
     let db = |method: &str, hour: f64| {
-        let of = told.views.iter().filter(|seen| (&*seen.method, seen.hour) == (method, hour));
+        let of = reported.views.iter().filter(|seen| (&*seen.method, seen.hour) == (method, hour));
         let all: Vec<f64> = of.map(|seen| seen.psnr_db).collect();
         assert!(all.is_empty() || all.len() == 2, "{method} at {hour}: {all:?}");
         all.into_iter().reduce(f64::min)
     };
-    for (hour, set) in &moments {
+    for (hour, set) in &times {
         let exact = db("NDGI M", *hour).unwrap();
         assert!(exact >= 99.0, "{hour}: {exact}");
-        // Uncompressed frames are shown between sets alone.
+        // Uncompressed frames are shown between frames alone.
         assert_eq!(db(FRAMES, *hour).is_some(), set.is_none(), "{hour}");
         let wrong = db("ASTC 12×12", *hour).unwrap();
         let is_off = *hour == 12.0 || *hour == 8.25;
@@ -168,7 +168,7 @@ fn exact_light_is_met_and_a_wrong_one_is_seen() {
     // What is not linear in time differs from what is, a little.
     assert!((30.0..99.0).contains(&db("NTC L", 8.25).unwrap()));
 
-    let line = |method: &str| told.lapse.iter().find(|line| line.method == method).unwrap();
+    let line = |method: &str| reported.lapse.iter().find(|line| line.method == method).unwrap();
     for exact in ["NDGI M", FRAMES] {
         assert!(line(exact).error < 1e-6 && line(exact).steps.len() == 48, "{:?}", line(exact));
     }
@@ -179,14 +179,14 @@ fn exact_light_is_met_and_a_wrong_one_is_seen() {
     let mean = wrong.steps.iter().map(|(_, error)| error).sum::<f64>() / 48.0;
     assert!((mean - wrong.error).abs() < 1e-12);
 
-    assert_eq!(told.crops.iter().map(|crop| &*crop.method).collect::<Vec<_>>(), ["NDGI M", "BC7"]);
-    assert_eq!(told.left_out.len(), 1, "{:?}", told.left_out);
-    let html = told.report(&comparison).to_html();
-    // References and three methods at all moments, frames at two; a crop's three.
+    assert_eq!(reported.crops.iter().map(|crop| &*crop.method).collect::<Vec<_>>(), ["NDGI M", "BC7"]);
+    assert_eq!(reported.skipped.len(), 1, "{:?}", reported.skipped);
+    let html = reported.report(&comparison).to_html();
+    // References and three methods at all times, frames at two; a crop's three.
     assert_eq!(html.matches("data:image/png").count(), 2 * (5 * 4 + 2) + 3);
     assert!(html.contains("100.0 dB") && html.contains("<svg") && html.contains("<details>"), "{html}");
-    assert!(told.table().iter().any(|line| line.contains("ASTC 12×12")));
-    comparison.rendered = Some(told);
+    assert!(reported.table().iter().any(|line| line.contains("ASTC 12×12")));
+    comparison.rendered = Some(reported);
     let json = serde_json::to_value(&comparison).unwrap();
     assert_eq!(json["rendered"]["views"].as_array().unwrap().len(), 2 * (5 * 3 + 2));
 }
@@ -197,7 +197,7 @@ fn without_cameras_there_is_a_lookout_and_without_geometry_an_error() {
     let dataset = write(&folder.path().join("a"), Some(&floor()), json!([]));
     let set = TileSet::load(&dataset, &options()).unwrap();
     let stage = Stage::new(&dataset, &set, &Console::silent()).unwrap();
-    assert_eq!(stage.told.cameras, ["default"]);
+    assert_eq!(stage.reported.cameras, ["default"]);
     let dataset = write(&folder.path().join("b"), None, cameras());
     let error = Stage::new(&dataset, &set, &Console::silent()).err().unwrap().to_string();
     assert!(error.contains("no geometry file") && error.contains("--render"), "{error}");

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::scene::{Scene, Vertex};
 use glam::Mat4;
 use ndgi::Bundle;
-use ndgi_gpu::{Decoder, Moment, Options, Output, Page};
+use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page};
 use ndgi_stream::gpu::{Feedback, Runtime};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
@@ -434,9 +434,9 @@ impl Whole {
     /// Decodes all at an hour, and makes the levels.
     pub fn decode(&mut self, hour: f64) -> Result<()> {
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        let moment = Moment { exposure: self.exposure, ..Moment::at(hour) };
+        let params = DecodeParams { exposure: self.exposure, ..DecodeParams::at(hour) };
         for page in &mut self.pages {
-            self.decoder.decode_page(&mut encoder, page, &moment)?;
+            self.decoder.decode_page(&mut encoder, page, &params)?;
         }
         for (number, page) in self.pages.iter().enumerate() {
             let grid = self.decoder.bundle().header.pages[number];

@@ -64,12 +64,12 @@ fn run(args: &Args) -> Result<()> {
     if one.bundle(one.levels() - 1).header.pages.iter().any(|page| page.tiles() > 1) {
         let (levels, folder) = (one.levels(), args.dataset.display());
         eprintln!(
-            "warning: coarse levels are missing (found {levels} in all); `compress {folder} --levels` writes them"
+            "warning: coarse levels are missing (found {levels}); `compress {folder} --levels` writes them"
         );
     }
     let Some(geometry) = &config.geometry else {
         return Err(format!(
-            "{}: has no geometry; expected a dataset made by `bake`",
+            "{}: the dataset has no geometry; expected a dataset made by `bake`",
             args.dataset.display()
         )
         .into());
@@ -90,7 +90,7 @@ fn run(args: &Args) -> Result<()> {
     let switch = on.filter(|from| (17.0..22.0).contains(from)).min_by(f64::total_cmp);
     if switch.is_none() && matches!(args.scenario, Scenario::Switch | Scenario::All) {
         eprintln!(
-            "warning: no lamp goes on between 17 and 22 h; the scenario `switch` plays around 20 h without one"
+            "warning: no light group goes on between 17 and 22 h; the scenario `switch` plays around 20 h without a switch"
         );
     }
     let mut all = Vec::new();
@@ -120,7 +120,7 @@ fn expect_same_scene(bundle: &Path, header: &Header, config: &Config) -> Result<
     if header.scene != config.scene {
         let (found, expected) = (&header.scene, &config.scene);
         return Err(
-            format!("{}: a bundle of the scene {found:?}; expected {expected:?}", bundle.display()).into()
+            format!("{}: a bundle of scene {found:?}; expected {expected:?}", bundle.display()).into()
         );
     }
     let found: Vec<_> = header.pages.iter().map(|page| (page.width, page.height)).collect();
@@ -148,7 +148,7 @@ fn perform(
     let mut runtime = Runtime::new(device, queue, Arc::clone(pyramid), reader, settings)?;
     let pages = (pyramid.pages() / args.copies) as u32;
     let stage = Stage::new((device, queue), scene, &runtime, pages, args.size);
-    *memory = told_memory(pyramid, &runtime);
+    *memory = memory_text(pyramid, &runtime);
     let mut stats = Stats::default();
     let mut pictures = Vec::new();
     let frames = (args.seconds * RATE).round() as usize;
@@ -198,7 +198,7 @@ fn perform(
     Ok(Played { name: play.name, stats, summary, pictures })
 }
 
-/// Compares two pictures at the exposure of the second. Gives the PSNR in decibels, `None` where no pixel has texels; the number of pixels
+/// Compares two pictures at the exposure of the second. Gives the PSNR in decibels, `None` if no pixel has texels; the number of pixels
 /// that are dark in the first alone; and the codes of the first.
 fn compare(streamed: &Picture, wholly: &Picture) -> (Option<f64>, usize, Vec<u8>) {
     let luminance = |texel: &[f32; 4]| dataset::tone::luminance([texel[0], texel[1], texel[2]]);
@@ -234,14 +234,14 @@ fn write_png(path: &Path, codes: &[u8], [width, height]: [u32; 2]) -> Result<()>
 }
 
 /// The memory on the device, compared with keeping every lightmap there.
-fn told_memory(pyramid: &Pyramid, runtime: &Runtime) -> String {
+fn memory_text(pyramid: &Pyramid, runtime: &Runtime) -> String {
     let header = &pyramid.bundle(0).header;
     let texels: usize = header.pages.iter().map(|grid| grid.width * grid.height).sum();
-    let sets = header.timeline.hours.len();
+    let frames = header.timeline.hours.len();
     // BC6H takes a byte a texel; its levels a third more.
-    let all = texels as f64 * sets as f64 * 4.0 / 3.0;
+    let all = texels as f64 * frames as f64 * 4.0 / 3.0;
     format!(
-        "{} tiles of {} levels. On the device {:.0} MB: {} slots, features of {} tiles, page table. All {sets} lightmaps of the day as BC6H with levels: {:.0} MB.",
+        "{} tiles of {} levels. On the device {:.0} MB: {} slots, features of {} tiles, page table. All {frames} lightmaps of the day as BC6H with levels: {:.0} MB.",
         pyramid.tiles(),
         pyramid.levels(),
         runtime.bytes() as f64 / 1e6,

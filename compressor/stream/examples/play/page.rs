@@ -60,7 +60,11 @@ pub fn page(scene: &str, device: &str, played: &[Played], memory: &str) -> Strin
         }
         out += "<br>";
         let plots: [(&str, &str, Lines); 4] = [
-            ("Shown as asked for", "% of pixels", &[("hits", |row| Some(100.0 * row.hits_by_pixels))]),
+            (
+                "Shown at the requested level",
+                "% of pixels",
+                &[("hits", |row| Some(100.0 * row.hits_by_pixels))],
+            ),
             (
                 "Tiles a frame",
                 "tiles",
@@ -73,7 +77,7 @@ pub fn page(scene: &str, device: &str, played: &[Played], memory: &str) -> Strin
                 ],
             ),
             ("Against the fully decoded pages", "dB", &[("PSNR", |row| row.psnr)]),
-            ("Frame's thread", "ms", &[("runtime", |row| Some(row.thread_ms))]),
+            ("Frame thread", "ms", &[("runtime", |row| Some(row.thread_ms))]),
         ];
         for (title, y, lines) in plots {
             let line = |(name, value): &(&str, fn(&Row) -> Option<f64>)| {

@@ -40,7 +40,7 @@ impl Scene {
             copies: Vec::new(),
         };
         let Some(root) = document.default_scene().or(document.scenes().next()) else {
-            return Err(wrong(&"it has no scene").into());
+            return Err(wrong(&"it contains no scene").into());
         };
         for node in root.nodes() {
             scene.add(&node, Mat4::IDENTITY, &blob);
@@ -83,7 +83,7 @@ impl Scene {
             let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
             let uvs: Vec<[f32; 2]> =
                 reader.read_tex_coords(1).map(|uvs| uvs.into_f32().collect()).unwrap_or_default();
-            // What has no texels is left out: the backdrop of a copy would hide the others.
+            // What has no texels is omitted: the backdrop of a copy would hide the others.
             let Some(page) = page.filter(|_| uvs.len() == positions.len()) else { continue };
             let first = self.vertices.len() as u32;
             for (i, position) in positions.iter().enumerate() {

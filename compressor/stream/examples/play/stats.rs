@@ -5,17 +5,17 @@ use ndgi_stream::{Entry, Now, Pyramid, Seen, Tile};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Frames within which a tile that was evicted and is asked for again counts as a mistake.
+/// Frames within which a tile that was evicted and is requested again counts as a mistake.
 const AGAIN: usize = 60;
 
 /// One frame.
 #[derive(Clone, Debug, Default)]
 pub struct Row {
-    /// Of the pixels, and of the tiles, that the frame's feedback saw: the share that was shown at the level it asked for.
+    /// Of the pixels, and of the tiles, that the frame's feedback saw: the share that was shown at the level it requested.
     pub hits_by_pixels: f64,
     pub hits_by_tiles: f64,
     pub tiles: usize,
-    /// Tiles that were asked for the first time since they were gone.
+    /// Tiles that were requested the first time since they were gone.
     pub faults: usize,
     pub faults_again: usize,
     pub decoded: usize,
@@ -38,7 +38,7 @@ pub struct Row {
 #[derive(Debug, Default)]
 pub struct Stats {
     pub rows: Vec<Row>,
-    /// Since when a tile that is not shown is asked for.
+    /// Since when a tile that is not shown is requested.
     asked: BTreeMap<Tile, usize>,
     /// Frames from request to shown.
     waits: Vec<usize>,
@@ -118,21 +118,21 @@ impl Stats {
         json!({
             "frames": self.rows.len(),
             "hits_by_pixels": mean(settled, &|row| row.hits_by_pixels),
-            "hits_by_pixels_least": pixels.first(),
+            "hits_by_pixels_min": pixels.first(),
             "hits_by_tiles": mean(settled, &|row| row.hits_by_tiles),
             "tiles_seen": mean(settled, &|row| row.tiles as f64),
             "faults_a_frame": mean(settled, &|row| row.faults as f64),
             "faults_again_within_60_frames": rows.iter().map(|row| row.faults_again).sum::<usize>(),
             "frames_from_request_to_shown": { "p50": at(0.5), "p95": at(0.95), "p99": at(0.99), "shown": waits.len(), "waiting": self.asked.len() },
             "decoded_a_frame": mean(settled, &|row| row.decoded as f64),
-            "decoded_most": most(&|row| row.decoded as f64),
+            "decoded_max": most(&|row| row.decoded as f64),
             "suns_a_frame": mean(settled, &|row| row.suns as f64),
             "upload_bytes_a_frame": mean(settled, &|row| row.bytes as f64),
             "evictions": rows.iter().map(|row| row.evictions).sum::<usize>(),
             "mip_bias": mean(settled, &|row| row.mip_bias),
             "staleness_by_pixels": mean(settled, &|row| row.staleness),
             "thread_ms": { "mean": mean(settled, &|row| row.thread_ms), "longest": settled.iter().map(|row| row.thread_ms).fold(0.0, f64::max), "first_second": most(&|row| row.thread_ms) },
-            "psnr": { "mean": (!compared.is_empty()).then(|| compared.iter().sum::<f64>() / compared.len() as f64), "least": least(&compared), "frames": compared.len() },
+            "psnr": { "mean": (!compared.is_empty()).then(|| compared.iter().sum::<f64>() / compared.len() as f64), "min": least(&compared), "frames": compared.len() },
             "unlit_pixels": rows.iter().skip(1).filter_map(|row| row.unlit).reduce(|a, b| a + b),
         })
     }

@@ -88,9 +88,9 @@ impl Feedback {
         for (buffer, state) in &self.buffers {
             if state.load(Ordering::Acquire) == COPIED {
                 state.store(MAPPING, Ordering::Release);
-                let told = Arc::clone(state);
+                let reported = Arc::clone(state);
                 buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-                    told.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+                    reported.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
                 });
             }
         }

@@ -13,9 +13,9 @@ use std::time::{Duration, Instant};
 /// The result of a read.
 #[derive(Debug, Default)]
 pub struct Arrived {
-    /// The tile's features, if the read asked for them.
+    /// The tile's features, if the read requested them.
     pub features: Option<Features>,
-    /// Its interval of visibility, if the read asked for one.
+    /// Its interval of visibility, if the read requested one.
     pub interval: Option<Interval>,
 }
 
@@ -24,7 +24,7 @@ pub struct Arrived {
 pub struct ReadError {
     /// Whether another try would fail too.
     pub is_lasting: bool,
-    /// The reason, in words.
+    /// The reason, as text.
     pub what: String,
 }
 

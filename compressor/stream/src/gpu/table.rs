@@ -121,10 +121,10 @@ impl Table {
         let seen = seen.unwrap_or_default().iter().map(|seen| seen.tile.0 as usize);
         let shows_mean = |tile: &usize| stream.entry(Tile(*tile as u32)) == Entry::Mean;
         let is_one = |tile: &usize| *tile < tiles;
-        let told: BTreeSet<usize> =
+        let reported: BTreeSet<usize> =
             round.chain(seen.filter(is_one)).chain(changed).filter(shows_mean).collect();
         let mean = |tile: Tile| ndgi::pack::rgb9e5(stream.pyramid().mean(tile, now), self.exposure);
-        bytes += write_at(queue, &self.means, &told, mean);
+        bytes += write_at(queue, &self.means, &reported, mean);
         bytes
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// A file's length and time of change; `None` where there is none.
+/// A file's length and time of change; `None` if there is none.
 type Stamp = Option<(u64, SystemTime)>;
 
 /// The bundles of a scene's levels as files: `NAME.ndgi`, and the levels `NAME.1.ndgi`, `NAME.2.ndgi` … beside it, up to the first that is missing.

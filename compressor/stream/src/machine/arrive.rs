@@ -30,7 +30,7 @@ impl Stream {
             Answer::Failed { is_lasting, what } => {
                 // It is reported once; but only what is damaged is given up.
                 if (*is_lasting || tries >= self.budgets.retries)
-                    && !std::mem::replace(&mut self.state_mut(tile).told, true)
+                    && !std::mem::replace(&mut self.state_mut(tile).reported, true)
                 {
                     commands.failures.push(Failure { tile, what: what.clone() });
                 }
@@ -62,7 +62,7 @@ impl Stream {
             Answer::Failed { is_lasting: false, .. } => {}
             Answer::Failed { what, .. } => {
                 // Its features passed their checks, so unpacking would fail again.
-                if !std::mem::replace(&mut self.state_mut(tile).told, true) {
+                if !std::mem::replace(&mut self.state_mut(tile).reported, true) {
                     commands.failures.push(Failure { tile, what: what.clone() });
                 }
                 self.wanted.remove(&tile);

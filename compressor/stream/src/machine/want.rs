@@ -75,7 +75,7 @@ impl Stream {
         let above = |tile: &Tile| self.pyramid.parent(*tile);
         let is_shown = |tile: &Tile| self.state(*tile).shown.is_some();
         let shown = std::iter::successors(Some(tile), above).find(is_shown);
-        let next = above(&tile).filter(|_| self.state(tile).told);
+        let next = above(&tile).filter(|_| self.state(tile).reported);
         [Some(self.root(tile)), shown, next].into_iter().flatten()
     }
 

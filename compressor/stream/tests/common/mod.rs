@@ -61,7 +61,7 @@ pub fn changes(pyramid: &Pyramid, tile: Tile) -> bool {
     a != b
 }
 
-/// A disk: so many steps for a read, so many reads in a thousand fail.
+/// A disk: this many steps for a read, this many reads in a thousand fail.
 pub struct Disk {
     latency: usize,
     /// Reads in a thousand that fail.
@@ -121,7 +121,7 @@ pub struct Model {
     slots: Vec<Option<(Tile, Vec<bool>)>>,
     table: Vec<Entry>,
     before: Option<(f64, Vec<bool>)>,
-    told: Vec<Tile>,
+    reported: Vec<Tile>,
 }
 
 impl Model {
@@ -133,7 +133,7 @@ impl Model {
             slots: vec![None; budgets.slots as usize],
             table: vec![Entry::Mean; pyramid.tiles()],
             before: None,
-            told: Vec::new(),
+            reported: Vec::new(),
             pyramid,
             budgets,
         }
@@ -187,8 +187,8 @@ impl Model {
         }
         self.check_table(stream, commands, &now.state);
         for failure in &commands.failures {
-            assert!(!self.told.contains(&failure.tile), "told once: {failure:?}");
-            self.told.push(failure.tile);
+            assert!(!self.reported.contains(&failure.tile), "told once: {failure:?}");
+            self.reported.push(failure.tile);
         }
         self.before = Some((now.hour, now.state));
     }

@@ -32,26 +32,26 @@ pub struct Import {
     /// The folder to read, or a TOML file that names EXR files.
     #[arg(value_name = "FROM")]
     from: PathBuf,
-    /// The dataset to make: a new folder, whose name becomes the scene's.
+    /// The dataset to write: a new folder, whose name becomes the scene's.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// The folder's layout.
     #[arg(long, conflicts_with = "pattern")]
     layout: Option<LayoutName>,
-    /// The folder holds EXR files of this name; {hour} stands for 6, 06 or 5.9 (24 is 0).
+    /// The folder contains EXR files with names of this form; {hour} stands for 6, 06 or 5.9 (24 is 0).
     #[arg(long, value_name = "NAME")]
     pattern: Option<String>,
-    /// A picture (PNG, JPEG, EXR), light where texels are valid; its path, not only a name in the folder [default: all are].
+    /// Path of an image (PNG, JPEG, EXR) that is light where texels are valid [default: all are valid].
     #[arg(long, value_name = "FILE", requires = "pattern")]
     mask: Option<PathBuf>,
-    /// The layer of EXR files that have several, such as ViewLayer.Combined.
+    /// The layer to read from EXR files with several, such as ViewLayer.Combined.
     #[arg(long, value_name = "NAME", requires = "pattern")]
     layer: Option<String>,
 }
 
 #[derive(Args)]
 pub struct Export {
-    /// The dataset: the folder that holds config.json.
+    /// The dataset: the folder with config.json.
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// The layout to write.
@@ -94,17 +94,17 @@ impl Import {
         let replaced = source.map_or(0, |source| source.replaced_values);
         if replaced > 0 {
             let found = count(replaced as usize, "value");
-            console.warn(format!("{found} outside the masks were negative or not finite; they are 0 now"));
+            console.warn(format!("{found} outside the masks were negative or not finite and are now 0"));
         }
         let layers = !config.layers.is_empty();
         let out = self.out.display();
         let (pages, frames) = (count(config.pages.len(), "page"), count(config.frames.len(), "frame"));
         let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
         console
-            .say(format!("{out}: {pages}, {frames}, layers {}", if layers { "kept" } else { "not known" }));
+            .say(format!("{out}: {pages}, {frames}, layers {}", if layers { "stored" } else { "unknown" }));
         console.say(format!("hours: {}", spacing(&hours)));
         match &*config.groups {
-            [] => console.say("no light group: light goes evenly from frame to frame"),
+            [] => console.say("no light group: light is interpolated between all neighbouring frames"),
             groups => groups.iter().for_each(|group| {
                 console.say(format!("light group {:?}: on {:?} h", group.name, group.on));
             }),
@@ -123,7 +123,7 @@ impl Import {
     }
 }
 
-/// How far ascending hours lie apart on the day's circle, in words.
+/// The spacing of ascending hours around the day, as text.
 fn spacing(hours: &[f64]) -> String {
     let (Some(&first), Some(&last)) = (hours.first(), hours.last()) else { return "none".to_owned() };
     let next = hours.iter().skip(1).copied().chain([first + 24.0]);
@@ -133,7 +133,7 @@ fn spacing(hours: &[f64]) -> String {
     let rounded = |hours: f64| (hours * 1000.0).round() / 1000.0;
     let apart = |hours: f64| (hours - widest.0).abs() < 1e-6;
     if hours.len() == 1 {
-        return format!("{first} alone, so that light never changes");
+        return format!("{first} only, so light never changes");
     }
     if apart(narrowest) {
         return format!("{first} to {last}, {} h apart", rounded(widest.0));
@@ -148,8 +148,8 @@ impl Export {
         let start = std::time::Instant::now();
         let dataset = Dataset::open(&self.folder)?;
         let exported = export(&dataset, self.layout.layout(), &self.out, console)?;
-        for what in &exported.left_out {
-            console.say(format!("left out: {what}"));
+        for what in &exported.omitted {
+            console.say(format!("omitted: {what}"));
         }
         let (files, hours) = (count(exported.files, "file"), count(exported.hours.len(), "hour"));
         let size = exported.bytes as f64 / 1e6;
@@ -160,7 +160,7 @@ impl Export {
             "layout": self.layout.layout().name(),
             "lightmaps": dataset.config.pages.len(),
             "hours": exported.hours,
-            "left_out": exported.left_out,
+            "omitted": exported.omitted,
             "files": exported.files,
             "bytes": exported.bytes,
             "seconds": start.elapsed().as_secs_f64(),
@@ -173,10 +173,10 @@ mod tests {
     use super::spacing;
 
     #[test]
-    fn gaps_between_hours_are_told() {
+    fn spacing_of_hours_in_words() {
         let day: Vec<f64> = (0..24).map(f64::from).collect();
         assert_eq!(spacing(&day), "0 to 23, 1 h apart");
-        assert_eq!(spacing(&[6.0]), "6 alone, so that light never changes");
+        assert_eq!(spacing(&[6.0]), "6 only, so light never changes");
         let gap: Vec<f64> = day.iter().copied().filter(|&hour| hour != 6.0).collect();
         assert_eq!(spacing(&gap), "0 to 23, 1 to 2 h apart, the widest gap after 5 h");
         assert_eq!(spacing(&[6.0, 18.1, 18.3]), "6 to 18.3, 0.2 to 12.1 h apart, the widest gap after 6 h");

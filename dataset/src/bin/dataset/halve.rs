@@ -10,10 +10,10 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 pub struct Halve {
-    /// The dataset: the folder that holds config.json.
+    /// The dataset: the folder with config.json.
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// The dataset to make: a new folder.
+    /// The dataset to write: a new folder.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
 }
@@ -35,7 +35,7 @@ impl Halve {
             bytes as f64 / 1e6
         ));
         if dataset.config.noise.is_some() {
-            console.say("left out: noise, because the error of a mean of texels is not known");
+            console.say("omitted: noise, because the error of a mean of texels is not known");
         }
         console.result(&json!({
             "out": self.out,

@@ -1,4 +1,4 @@
-//! `dataset`: looks at temporal lightmap sets, exchanges them with others, and packages them for release.
+//! `dataset`: shows and verifies datasets, converts them from and to other layouts, and packages them for release.
 
 mod exchange;
 mod halve;
@@ -16,22 +16,22 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Looks at temporal lightmap sets: what is in one, and whether it is whole; reads and writes the layouts of others;
-/// halves their resolution; packages sets for release.
+/// Shows and verifies datasets of temporal lightmaps; converts from and to other layouts; halves their resolution;
+/// packages them for release.
 #[derive(Parser)]
 #[command(
     version,
     after_help = "\
 Examples:
   dataset info dataset/yard            scene, pages, hours, light groups, sizes
-  dataset check dataset/yard           every checksum, every texel; names each fault
-  dataset check dataset/yard --json    the same for a program; exit code 1 with faults
+  dataset check dataset/yard           every checksum and texel; lists each fault
+  dataset check dataset/yard --json    the same as JSON; exit code 1 if there are faults
   dataset import contest --layout hprc2 --out dataset/contest
   dataset import renders --pattern 'light_{hour}.exr' --mask renders/mask.png --out dataset/hall
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
   dataset halve dataset/yard --out dataset/yard-1    half the resolution: a coarser level for virtual texturing
   dataset release dataset/yard dataset/city --cc0 --out release
-  dataset verify release               every checksum, and what the archives hold"
+  dataset verify release               every checksum and all archives"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -42,39 +42,39 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Prints what a set holds.
+    /// Prints what a dataset contains.
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
-    /// valid_texels}], level (how often its resolution was halved, or null), version (of the manifest as it stands there), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
-    /// [{hour, on, relative_error}], layers [{light, group, part, images, curve}], sun_path (whether it is there), visibility (null, or of the sun: {minutes, times, bytes}), source (null, or of an imported set:
-    /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (null, or of a scene's transfer: {scene, functions, moments}).
+    /// valid_texels}], level (how often its resolution was halved, or null), version (of the manifest on disk), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
+    /// [{hour, on, relative_error}], layers [{light, group, part, images, curve}], sun_path (true if present), visibility (of the sun, or null: {minutes, times, bytes}), source (of an imported dataset, or null:
+    /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (of a scene's transfer, or null: {scene, functions, times}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
     Info {
-        /// The folder that holds config.json.
+        /// The dataset: the folder with config.json.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
-    /// Verifies everything a consumer relies on, and names each fault.
+    /// Verifies everything that readers rely on and lists each fault.
     ///
-    /// Checks the manifest, each file's length and checksum, masks, the noise file, the sun's path and visibility, the geometry (a whole GLB, indices and
-    /// lightmap coordinates in range, pages that exist), that all texels are finite and not negative, that sets show each group as its schedule has it, and, where layers are kept, that each lightmap is
-    /// (sun + sky) + local: bit for bit, in imported sets to 1/1024 on surfaces. Warns of switches that no set stands close to, and of
-    /// what killed writers left.
-    /// With --json, one object: ok, faults [text], warnings [text], files, bytes, sets, dead_texels [per page; null where
+    /// Checks the manifest, each file's length and checksum, masks, the noise file, the sun's path and visibility, the geometry (a complete GLB, indices and
+    /// lightmap coordinates in range, pages that exist), that all texels are finite and not negative, that each frame has the light groups on that its schedule says, and, where layers are stored, that each lightmap is
+    /// (sun + sky) + local: bit for bit, or within 1/1024 on surfaces in imported datasets. Warns of switches without a frame close by, and of
+    /// files that killed processes left behind.
+    /// With --json, one object: ok, faults [text], warnings [text], files, bytes, frames, dead_texels [per page; null where
     /// unknown], seconds.
     #[command(after_help = "Example:\n  dataset check dataset/yard")]
     Check {
-        /// The folder that holds config.json.
+        /// The dataset: the folder with config.json.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
-    /// Makes a dataset of lightmaps in another layout.
+    /// Makes a dataset from lightmaps in another layout.
     ///
     /// FROM is a folder in the layout hprc1 or hprc2, a folder of EXR files (float or half; R, G, B, or names such as
     /// Layer.R, red, Y), or a TOML file:
     ///
-    ///   unit = "kilolux"            # optional, as is [[group]], and [[page]] where there are no masks
-    ///   layer = "Combined"          # for EXR files of several layers
+    ///   unit = "kilolux"            # optional, as are [[group]] and, without masks, [[page]]
+    ///   layer = "Combined"          # for EXR files with several layers
     ///   [[page]]
     ///   mask = "mask.png"
     ///   [[set]]
@@ -84,7 +84,7 @@ enum Command {
     ///   name = "lamps"
     ///   on = [[18.0, 6.0]]
     ///
-    /// Every bit of the texels is kept; outside the masks values that are negative or not finite become 0, on surfaces they are
+    /// Texels are copied exactly. Values that are negative or not finite become 0 outside the masks; on surfaces they are
     /// an error. With --json, one object: out, layout, scene, pages, hours, groups, layers, replaced_values, seconds.
     #[command(
         verbatim_doc_comment,
@@ -97,8 +97,8 @@ Examples:
     Import(exchange::Import),
     /// Writes a dataset in the layout hprc1 or hprc2.
     ///
-    /// Says what the layout has no place for. A set that was imported from the same layout gives the same bytes again.
-    /// With --json, one object: out, layout, lightmaps, hours, left_out [text], files, bytes, seconds.
+    /// Lists what the layout cannot store. A dataset that was imported from the same layout gives the same bytes again.
+    /// With --json, one object: out, layout, lightmaps, hours, omitted [text], files, bytes, seconds.
     #[command(after_help = "\
 Examples:
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
@@ -106,9 +106,9 @@ Examples:
     Export(exchange::Export),
     /// Makes a dataset of half the resolution: a coarser level for virtual texturing.
     ///
-    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel's light is the mean of the valid ones of the four under it. What was at
-    /// texel position p is at p/2. Layers, visibility and normals are halved, and frames are summed from the halved layers. Noise is left
-    /// out, because the error of a mean is not known. All else is kept. The result is a dataset like any other: halve it again for the next
+    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel's light is the mean of the valid texels among the four it covers. Texel
+    /// position p becomes p/2. Layers, visibility and normals are halved, and frames are summed from the halved layers. Noise is
+    /// omitted, because the error of a mean is not known. All else is copied. The result is a full dataset: halve it again for the next
     /// level. `compress --levels` makes bundles of all levels. A transfer cannot be halved. With --json, one object: out, scene, level (how
     /// often it was halved), pages [[width, height]], files, bytes, seconds.
     #[command(after_help = "\
@@ -120,25 +120,25 @@ Examples:
     /// Packages datasets for release: archives, bundles, pictures, datasheets, checksums.
     ///
     /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun, sky and lamps where
-    /// layers are kept, the bundles (*.ndgi) found beside the set, pictures, a datasheet SCENE.md. Beside them release.json,
-    /// read_dataset.py and SHA256SUMS. Equal sets give equal bytes. Each set is checked first; a stopped or failed command leaves
-    /// nothing. With --json, one object: out, scenes, left_out [text], files, bytes, seconds.
+    /// layers are stored, the bundles (*.ndgi) found in its folder, pictures, a datasheet SCENE.md. Also release.json,
+    /// read_dataset.py and SHA256SUMS. Equal datasets give equal bytes. Each dataset is checked first; a stopped or failed command leaves
+    /// nothing behind. With --json, one object: out, scenes, omitted [text], files, bytes, seconds.
     #[command(after_help = "\
 Examples:
   dataset release dataset/yard dataset/city --out release
   dataset release dataset/yard --layout hprc1 --layout hprc2 --out release")]
     Release(release::Release),
-    /// Verifies a release, or a set unpacked from one.
+    /// Verifies a release, or a dataset unpacked from one.
     ///
-    /// Of a release: that the files are those of SHA256SUMS, and that the archives hold what release.json and each set's manifest
-    /// say; nothing is unpacked to the disk. A folder that holds config.json is checked as by `check`. With --json, one object: ok,
-    /// faults [text], scenes, files, bytes, seconds; of an unpacked set that of `check`.
+    /// Of a release: that the files match SHA256SUMS, and that the archives contain what release.json and each dataset's manifest
+    /// say; nothing is unpacked to disk. A folder with config.json is verified as by `check`. With --json, one object: ok,
+    /// faults [text], scenes, files, bytes, seconds; for an unpacked dataset, the object of `check`.
     #[command(after_help = "\
 Examples:
   dataset verify release
   dataset verify yard          unpacked from yard-sets.tar.zst")]
     Verify {
-        /// A folder that holds SHA256SUMS, or config.json.
+        /// A folder with SHA256SUMS or config.json.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
@@ -182,25 +182,24 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             console.print(format!("{}: imported from the layout {layout} by {by}", config.scene));
             if source.replaced_values > 0 {
                 let replaced = count(source.replaced_values as usize, "value");
-                console.print(format!("  {replaced} outside the masks were no light and are 0"));
+                console
+                    .print(format!("  {replaced} outside the masks were negative or not finite and are 0"));
             }
         }
     }
     let level = config.halved().map(|halved| halved.times);
     if let Some(level) = level {
-        console.print(format!(
-            "  level {level} of a dataset: its resolution was halved {}",
-            count(level as usize, "time")
-        ));
+        console
+            .print(format!("  level {level}: the resolution was halved {}", count(level as usize, "time")));
     }
     let transfer = config.transfer.as_ref().map(|transfer| {
         let functions = transfer.light.first().map_or(0, |light| light.coefficients.len());
         (&transfer.scene, functions, transfer.light.len())
     });
-    if let Some((scene, functions, moments)) = transfer {
-        let moments = count(moments, "moment");
+    if let Some((scene, functions, times)) = transfer {
+        let times = count(times, "time");
         console.print(format!(
-            "  transfer of {scene}: each frame is a part of one of {functions} functions; light of {moments}"
+            "  transfer of {scene}: each frame is the positive or negative part of one of {functions} functions; light of {times}"
         ));
     }
     let names = lightmaps.as_deref().unwrap_or_default();
@@ -216,11 +215,11 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     for group in &config.groups {
         let on: Vec<String> = group.on.iter().map(|[from, to]| format!("{from} to {to} h")).collect();
         let on = if on.is_empty() { "never on".to_owned() } else { format!("on {}", on.join(", ")) };
-        console.print(format!("  lights {}: {on}", group.name));
+        console.print(format!("  light group {}: {on}", group.name));
     }
     for frame in &config.frames {
         let on = names_on(config, &frame.groups_on);
-        let on = if on.is_empty() { "no lamp".to_owned() } else { on.join(", ") };
+        let on = if on.is_empty() { "no light group".to_owned() } else { on.join(", ") };
         let error =
             frame.relative_error.map_or(String::new(), |error| format!("  error {:.2} %", 100.0 * error));
         console.print(format!("  frame  {:>7} h  {on}{error}", frame.hour));
@@ -228,7 +227,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     for layer in &config.layers {
         let light = group_of(config, layer).unwrap_or(layer.light.name());
         let (part, images) = (layer.part.name(), count(layer.files().count(), "image"));
-        let curve = if layer.curve.is_some() { ", between frames by its curve" } else { "" };
+        let curve = if layer.curve.is_some() { ", with a curve between frames" } else { "" };
         console.print(format!("  layer  {light}, {part}: {images}{curve}"));
     }
     let visibility = visibility_of(&dataset)?;
@@ -236,7 +235,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         let megabytes = bytes as f64 / 1e6;
         let times = count(times, "time");
         console.print(format!(
-            "  sun's visibility: every {minutes} min where it changes, {times}, {megabytes:.2} MB with normals"
+            "  sun's visibility: {times}, every {minutes} min where it changes, {megabytes:.2} MB with normals"
         ));
     }
     console.print(format!("  {}, {:.1} MB; unit: {}", count(files, "file"), bytes as f64 / 1e6, config.unit));
@@ -289,10 +288,10 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
                 .map(|lightmap| json!({ "id": lightmap.id, "level": lightmap.level }))
                 .collect::<Vec<_>>(),
         })),
-        "transfer": transfer.map(|(scene, functions, moments)| json!({
+        "transfer": transfer.map(|(scene, functions, times)| json!({
             "scene": scene,
             "functions": functions,
-            "moments": moments,
+            "times": times,
         })),
     }))?;
     Ok(())
@@ -315,7 +314,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
             let verification = dataset.verify(|| progress.advance(1));
             (Some(dataset), verification)
         }
-        // What the files hold depends on a manifest that can be relied on.
+        // Without a valid manifest, only the files' presence and checksums can be verified.
         Ok((dataset, mut faults)) => {
             faults.extend(dataset.verify_files(|| ()).0);
             (Some(dataset), Verification { faults, ..Verification::default() })
@@ -336,10 +335,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     }
     for (page, dead) in verification.dead_texels.iter().enumerate() {
         if let Some(dead @ 1..) = dead {
-            console.say(format!(
-                "page {page}: black in every frame though on a surface: {}",
-                count(*dead, "texel")
-            ));
+            console.say(format!("page {page}: {} on surfaces black in every frame", count(*dead, "texel")));
         }
     }
     let (files, bytes) = opened.as_ref().map_or((0, 0), extent);
@@ -364,7 +360,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
     Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The name of the light group whose layer it is.
+/// The name of a layer's light group.
 fn group_of<'a>(config: &'a Config, layer: &Layer) -> Option<&'a str> {
     Some(&config.groups.get(layer.group? as usize)?.name)
 }
@@ -374,7 +370,7 @@ fn names_on<'a>(config: &'a Config, on: &[bool]) -> Vec<&'a str> {
     config.groups.iter().zip(on).filter(|(_, on)| **on).map(|(group, _)| &*group.name).collect()
 }
 
-/// Number and total length of the files the manifest names, each counted once.
+/// Number and total bytes of the files that the manifest names, each counted once.
 fn extent(dataset: &Dataset) -> (usize, u64) {
     let distinct: BTreeMap<&str, u64> = dataset.files().map(|file| (&*file.path, file.bytes)).collect();
     (distinct.len(), distinct.values().sum())

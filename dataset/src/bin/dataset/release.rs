@@ -12,16 +12,16 @@ use std::process::ExitCode;
 
 #[derive(Args)]
 pub struct Release {
-    /// The datasets: folders that hold config.json.
+    /// The datasets: folders with config.json.
     #[arg(value_name = "DIR", required = true)]
     folders: Vec<PathBuf>,
     /// The new folder to write.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Adds an archive of the sets in this layout; may be given for both.
+    /// Adds an archive of the lightmaps in this layout; may be given for both.
     #[arg(long)]
     layout: Vec<LayoutName>,
-    /// The datasheets say that the sets are given away under CC0 1.0; without it they state no licence.
+    /// State in the datasheets that the datasets are released under CC0 1.0; without it they state no licence.
     #[arg(long)]
     cc0: bool,
 }
@@ -36,8 +36,8 @@ impl Release {
             }
         }
         let packaged = release(&self.folders, &layouts, self.cc0, &self.out, console)?;
-        for what in &packaged.left_out {
-            console.say(format!("left out of {what}"));
+        for what in &packaged.omitted {
+            console.say(format!("omitted from {what}"));
         }
         let (scenes, files) = (count(packaged.scenes.len(), "scene"), count(packaged.files, "file"));
         let size = packaged.bytes as f64 / 1e6;
@@ -45,7 +45,7 @@ impl Release {
         console.result(&json!({
             "out": self.out,
             "scenes": packaged.scenes,
-            "left_out": packaged.left_out,
+            "omitted": packaged.omitted,
             "files": packaged.files,
             "bytes": packaged.bytes,
             "seconds": start.elapsed().as_secs_f64(),

@@ -1,4 +1,4 @@
-//! What stands for the network in builds that cannot run one.
+//! Placeholder for the network in builds without the feature `lpips`.
 
 use crate::{Error, Result};
 use std::convert::Infallible;

@@ -24,10 +24,7 @@ impl Network {
     pub(super) fn load(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(Error::io(path))?;
         let model = Model::load(bytes).map_err(|e| {
-            Error::invalid(
-                path.display(),
-                format!("{e}: expected an ONNX file, as export_lpips.py writes it"),
-            )
+            Error::invalid(path.display(), format!("{e}; expected an ONNX file written by export_lpips.py"))
         })?;
         let (inputs, outputs) = (model.input_ids().to_vec(), model.output_ids().to_vec());
         let (&[reference, decoded], &[output]) = (inputs.as_slice(), outputs.as_slice()) else {

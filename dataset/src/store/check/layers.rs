@@ -3,7 +3,7 @@
 use crate::config::{Baked, Config, Layer, Light, Part};
 use crate::console::count;
 
-/// Everything in the layers that breaks a rule.
+/// Everything in the layers that is invalid.
 pub(super) fn layers(config: &Config, wrong: &mut impl FnMut(String)) {
     for (index, layer) in config.layers.iter().enumerate() {
         let name = format!("layer {index} ({})", name(config, layer));
@@ -15,7 +15,7 @@ pub(super) fn layers(config: &Config, wrong: &mut impl FnMut(String)) {
         if key(&pair[0]) >= key(&pair[1]) {
             let [before, after] = [&pair[0], &pair[1]].map(|layer| name(config, layer));
             wrong(format!(
-                "layer {} ({after}) stands behind that of {before}; expected the order sun, sky, groups, lamps, of each direct before \
+                "layer {} ({after}) comes after that of {before}; expected the order sun, sky, groups, lamps, each direct before \
                  indirect, none twice",
                 index + 1
             ));
@@ -50,13 +50,13 @@ fn light(config: &Config, layer: &Layer, name: &str, wrong: &mut impl FnMut(Stri
             wrong(format!("{name}: group is {index}; expected one of {groups}, from 0"));
         }
         (Light::Group, Some(_)) if config.source.is_some() => wrong(format!(
-            "{name}: expected none of a light group in an imported dataset, whose lamps are one layer of light \"lamps\""
+            "{name}: a light group's layer in an imported dataset; expected one layer of light \"lamps\" for all groups"
         )),
         (Light::Sun | Light::Sky | Light::Lamps, Some(index)) => {
-            wrong(format!("{name}: group is {index}; expected null, but for the light \"group\""));
+            wrong(format!("{name}: group is {index}; expected null unless light is \"group\""));
         }
         (Light::Lamps, None) if config.source.is_none() => {
-            wrong(format!("{name}: expected the light \"lamps\" in imported datasets only"));
+            wrong(format!("{name}: light is \"lamps\"; expected this only in imported datasets"));
         }
         (Light::Lamps, None) if layer.part != Part::All => {
             wrong(format!("{name}: part is {:?}; expected \"all\" of lamps", layer.part.name()));

@@ -1,4 +1,4 @@
-//! The geometry file: that it is a whole GLB, its accessors lie inside it, and its lightmap coordinates on pages that exist.
+//! The geometry file: that it is a complete GLB, its accessors lie inside it, and its lightmap coordinates on pages that exist.
 
 use crate::config::Config;
 use crate::console::count;
@@ -24,10 +24,10 @@ pub(crate) struct Placed {
     pub lightmap_page: usize,
 }
 
-/// The range of a mesh's lightmap coordinates; `None` where it has none.
+/// The range of a mesh's lightmap coordinates; `None` if it has none.
 type Range = Option<([f32; 2], [f32; 2])>;
 
-/// Everything in a geometry file that breaks a rule; `path` names it in errors.
+/// Everything in a geometry file that is invalid; `path` names it in errors.
 pub(crate) fn faults(path: &Path, bytes: &[u8], config: &Config) -> Vec<Error> {
     let mut found = Vec::new();
     let mut wrong = |what: String| found.push(Error::invalid(path.display(), what));
@@ -42,11 +42,11 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Document, Cow<'_, [u8]>), String> {
     let states = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     if let Some(length) = states.filter(|length| *length as usize != bytes.len()) {
         return Err(format!(
-            "{}; its header says {length}: expected a whole GLB file",
+            "{}; its header says {length}: expected a complete GLB file",
             count(bytes.len(), "byte")
         ));
     }
-    let glb = Glb::from_slice(bytes).map_err(|e| format!("is no GLB file: {e}"))?;
+    let glb = Glb::from_slice(bytes).map_err(|e| format!("is not a GLB file: {e}"))?;
     let document = document(&glb.json)?;
     let binary = glb.bin.unwrap_or_default();
     for buffer in document.buffers() {
@@ -94,7 +94,7 @@ fn check(bytes: &[u8], config: &Config, wrong: &mut impl FnMut(String)) -> Resul
 
 /// The JSON part, each index in it checked.
 fn document(json: &[u8]) -> Result<Document, String> {
-    let mut root: Root = from_slice(json).map_err(|e| format!("its JSON is no glTF: {e}"))?;
+    let mut root: Root = from_slice(json).map_err(|e| format!("its JSON is not glTF: {e}"))?;
     // Nothing here looks at what extensions add; the crate would refuse those that it does not read.
     root.extensions_required.clear();
     // The crate's own check of positions reads past the list of accessors.
@@ -109,9 +109,9 @@ fn document(json: &[u8]) -> Result<Document, String> {
     Document::from_json(root).map_err(|e| match e {
         gltf::Error::Validation(list) => {
             let list: Vec<_> = list.iter().take(3).map(|(at, what)| format!("{at}: {what}")).collect();
-            format!("its JSON is no glTF: {}", list.join("; "))
+            format!("its JSON is not glTF: {}", list.join("; "))
         }
-        other => format!("its JSON is no glTF: {other}"),
+        other => format!("its JSON is not glTF: {other}"),
     })
 }
 
@@ -123,8 +123,7 @@ fn joined(a: Range, b: Range) -> Range {
 
 /// Attributes of one length, finite; indices that name a vertex. The range of the lightmap coordinates.
 fn check_primitive(primitive: &Primitive, binary: &[u8]) -> Result<Range, String> {
-    let positions =
-        primitive.get(&Semantic::Positions).ok_or("has no POSITION: expected one for each vertex")?;
+    let positions = primitive.get(&Semantic::Positions).ok_or("has no POSITION; expected one per vertex")?;
     let vertices = positions.count();
     let mut range = None;
     for (semantic, accessor) in primitive.attributes() {
@@ -160,7 +159,7 @@ fn check_primitive(primitive: &Primitive, binary: &[u8]) -> Result<Range, String
             other => return Err(format!("indices are {other:?}; expected unsigned integers")),
         };
         if indices.dimensions() != Dimensions::Scalar {
-            return Err(format!("indices are {:?}; expected single numbers", indices.dimensions()));
+            return Err(format!("indices are {:?}; expected scalars", indices.dimensions()));
         }
         for (place, element) in bytes_of(&indices, binary)?.enumerate() {
             let index = (0..size).rev().fold(0, |index, byte| index << 8 | u64::from(element[byte]));
@@ -199,7 +198,7 @@ fn check_node(node: &Node, config: &Config, ranges: &BTreeMap<usize, Range>) -> 
     }
     let mesh = node.mesh().map(|mesh| mesh.index());
     let Some((low, high)) = mesh.and_then(|mesh| ranges.get(&mesh).copied().flatten()) else {
-        return Err("has a place on a page and no TEXCOORD_1: expected lightmap coordinates".to_owned());
+        return Err("has a lightmapPage but no TEXCOORD_1; expected lightmap coordinates".to_owned());
     };
     for axis in 0..2 {
         let (scale, offset) = (placed.lightmap_scale[axis], placed.lightmap_offset[axis]);
@@ -220,7 +219,7 @@ fn bytes_of<'a>(
 ) -> Result<impl Iterator<Item = &'a [u8]> + use<'a>, String> {
     let wrong = |what: &str| format!("accessor {}: {what}", accessor.index());
     if accessor.sparse().is_some() {
-        return Err(wrong("is sparse; expected plain values"));
+        return Err(wrong("is sparse; expected a dense accessor"));
     }
     let view = accessor.view().ok_or_else(|| wrong("has no buffer view; expected one"))?;
     let (size, length) = (accessor.size(), accessor.count());

@@ -56,14 +56,14 @@ fn glb((root, binary): (Value, Vec<u8>)) -> Vec<u8> {
     bytes
 }
 
-fn told(bytes: &[u8]) -> String {
+fn reported(bytes: &[u8]) -> String {
     let faults = faults(Path::new("data/scene.glb"), bytes, &config());
     faults.iter().map(|fault| format!("{fault}\n")).collect()
 }
 
 #[test]
 fn a_whole_file_has_no_fault() {
-    assert_eq!(told(&glb(triangle())), "");
+    assert_eq!(reported(&glb(triangle())), "");
 }
 
 #[test]
@@ -77,9 +77,9 @@ fn so_has_one_with_a_hierarchy_two_primitives_and_required_extensions() {
     root["extensionsRequired"] = json!(["KHR_texture_basisu"]);
     root["textures"] = json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }]);
     root["images"] = json!([{ "bufferView": 0, "mimeType": "image/ktx2" }]);
-    assert_eq!(told(&glb((root.clone(), binary.clone()))), "");
+    assert_eq!(reported(&glb((root.clone(), binary.clone()))), "");
     root["nodes"][2]["extras"]["lightmapPage"] = json!(3);
-    assert!(told(&glb((root, binary))).contains("node 2, \"floor\": lightmapPage is 3"));
+    assert!(reported(&glb((root, binary))).contains("node 2, \"floor\": lightmapPage is 3"));
 }
 
 /// What is done to a file's JSON and its binary part.
@@ -115,15 +115,18 @@ fn what_is_wrong_is_named() {
             |r, _| r["buffers"][0]["byteLength"] = json!(1000),
             "expected one buffer, inside the file's binary part",
         ),
-        (|r, _| r["meshes"][0]["primitives"][0]["indices"] = json!(9), "its JSON is no glTF"),
-        (|r, _| r["nodes"] = json!("floor"), "its JSON is no glTF"),
-        (|r, _| r["nodes"][0]["mesh"] = json!(5), "its JSON is no glTF"),
+        (|r, _| r["meshes"][0]["primitives"][0]["indices"] = json!(9), "its JSON is not glTF"),
+        (|r, _| r["nodes"] = json!("floor"), "its JSON is not glTF"),
+        (|r, _| r["nodes"][0]["mesh"] = json!(5), "its JSON is not glTF"),
     ];
     for (spoil, expected) in cases {
         let (mut root, mut binary) = triangle();
         spoil(&mut root, &mut binary);
-        let told = told(&glb((root, binary)));
-        assert!(told.contains(expected) && told.contains("data/scene.glb: "), "{expected}: {told}");
+        let reported = reported(&glb((root, binary)));
+        assert!(
+            reported.contains(expected) && reported.contains("data/scene.glb: "),
+            "{expected}: {reported}"
+        );
     }
 }
 
@@ -131,15 +134,15 @@ fn what_is_wrong_is_named() {
 fn a_torn_file_is_named_wherever_it_ends_and_any_byte_may_be_wrong() {
     let whole = glb(triangle());
     for end in 0..whole.len() {
-        assert_ne!(told(&whole[..end]), "", "cut at {end}");
+        assert_ne!(reported(&whole[..end]), "", "cut at {end}");
     }
     // No panic, whatever is changed; in the header and the JSON's start it is a fault.
     for i in 0..whole.len() {
         for flip in [1, 0x20, 0xff] {
             let mut bytes = whole.clone();
             bytes[i] ^= flip;
-            let told = told(&bytes);
-            assert!(i >= 21 || !told.is_empty(), "byte {i} ^ {flip}");
+            let reported = reported(&bytes);
+            assert!(i >= 21 || !reported.is_empty(), "byte {i} ^ {flip}");
         }
     }
 }

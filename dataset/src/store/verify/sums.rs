@@ -8,13 +8,13 @@ use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// How far a lightmap of an imported set may be from the sum of its layers: this share of the sum, as if all had been half
+/// How far a lightmap of an imported dataset may be from the sum of its layers: this share of the sum, as if all had been half
 /// floats once …
 const IMPORTED_SHARE: f32 = 1.0 / 1024.0;
 /// … whose smallest steps these are.
 const IMPORTED_STEP: f32 = 1.0 / (1 << 22) as f32;
 
-/// Whether a texel of an imported set is the sum of its layers, near enough.
+/// Whether a texel of an imported dataset is the sum of its layers, near enough.
 pub(crate) fn about_equal(texel: &[f32; 3], sum: &[f32; 3]) -> bool {
     (0..3).all(|c| (texel[c] - sum[c]).abs() <= IMPORTED_SHARE * sum[c] + IMPORTED_STEP)
 }

@@ -1,4 +1,4 @@
-//! Which times of the day are shown.
+//! Chooses the times of day that are rendered.
 
 use crate::Result;
 use crate::law::WIDEST;
@@ -6,11 +6,11 @@ use dataset::console::count;
 use dataset::store::Dataset;
 use serde::Serialize;
 
-/// The sets nearest to these hours are shown: morning, noon, evening.
+/// The frames nearest to these hours are shown: morning, noon, evening.
 const HOURS: [(&str, f64); 3] = [("morning", 8.0), ("noon", 12.0), ("evening", 20.0)];
-/// How long after the first of them a moment between sets is shown, in hours; half of the way to the next set where that is less.
+/// How long after the first of them a time between frames is shown, in hours; half of the way to the next frame where that is less.
 const LATER: f64 = 0.25;
-/// How long after a switch a moment is shown, in hours.
+/// How long after a switch a time is shown, in hours.
 const BESIDE: f64 = 0.05;
 
 /// A time that is shown.
@@ -20,25 +20,25 @@ pub struct Shown {
     pub hour: f64,
     /// Which it is.
     pub what: String,
-    /// The set of that hour; `None` between sets.
-    pub set: Option<usize>,
+    /// The frame of that hour; `None` between frames.
+    pub frame: Option<usize>,
 }
 
-/// The times that are shown of a dataset, and what there is none of.
+/// The times of a dataset to render, and those that it lacks.
 pub(super) fn choose(dataset: &Dataset) -> Result<(Vec<Shown>, Vec<String>)> {
     let frames = &dataset.config.frames;
-    let (mut shown, mut left_out): (Vec<Shown>, Vec<String>) = (Vec::new(), Vec::new());
+    let (mut shown, mut skipped): (Vec<Shown>, Vec<String>) = (Vec::new(), Vec::new());
     for (what, wanted) in HOURS {
         let distance = |k: &usize| {
             let d = (frames[*k].hour - wanted).abs();
             d.min(24.0 - d)
         };
         let nearest = (0..frames.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        if let Some(set) = nearest.filter(|k| shown.iter().all(|shown| shown.set != Some(*k))) {
-            shown.push(Shown { hour: frames[set].hour, what: what.to_owned(), set: Some(set) });
+        if let Some(frame) = nearest.filter(|k| shown.iter().all(|shown| shown.frame != Some(*k))) {
+            shown.push(Shown { hour: frames[frame].hour, what: what.to_owned(), frame: Some(frame) });
         }
     }
-    let after = |hour: f64| frames.iter().find(|set| set.hour > hour).map(|set| set.hour);
+    let after = |hour: f64| frames.iter().find(|frame| frame.hour > hour).map(|frame| frame.hour);
     let later = shown.first().map(|first| first.hour).and_then(|first| {
         let step = after(first).map_or(LATER, |next| LATER.min(0.5 * (next - first)));
         Some(first + step).filter(|hour| *hour < 24.0)
@@ -46,23 +46,23 @@ pub(super) fn choose(dataset: &Dataset) -> Result<(Vec<Shown>, Vec<String>)> {
     match later {
         Some(hour) if is_baked(dataset, hour)? => {
             let minutes = (60.0 * (hour - shown[0].hour)).round() as usize;
-            let what = format!("between sets, {} after the {}", count(minutes, "minute"), shown[0].what);
-            shown.push(Shown { hour, what, set: None });
+            let what = format!("between frames, {} after the {}", count(minutes, "minute"), shown[0].what);
+            shown.push(Shown { hour, what, frame: None });
         }
-        _ => left_out.push("a moment between sets: none was baked".to_owned()),
+        _ => skipped.push("a time between frames: none was baked".to_owned()),
     }
     match last_switch(dataset)? {
         Some((hour, group)) => {
-            let what = format!("beside a switch, 3 minutes after “{group}” went on");
-            let set = frames.iter().position(|set| set.hour == hour);
-            shown.push(Shown { hour, what, set });
+            let what = format!("near a switch, 3 minutes after “{group}” went on");
+            let frame = frames.iter().position(|frame| frame.hour == hour);
+            shown.push(Shown { hour, what, frame });
         }
-        None => left_out.push("a moment beside a switch: no light group goes on in the baked day".to_owned()),
+        None => skipped.push("a time near a switch: no light group goes on in the baked day".to_owned()),
     }
-    Ok((shown, left_out))
+    Ok((shown, skipped))
 }
 
-/// The moment right after the last switch of the day by which a group goes on, and the group's name.
+/// The time right after the last switch of the day by which a group goes on, and the group's name.
 fn last_switch(dataset: &Dataset) -> Result<Option<(f64, &str)>> {
     let mut last: Option<(f64, &str)> = None;
     for group in &dataset.config.groups {
@@ -77,13 +77,13 @@ fn last_switch(dataset: &Dataset) -> Result<Option<(f64, &str)>> {
     Ok(last)
 }
 
-/// Whether the dataset has light at an hour: its sun's path knows it, and the sets around it are not a night apart.
+/// True if the dataset has light at an hour: its sun's path covers it, and the frames around it are not a night apart.
 pub(super) fn is_baked(dataset: &Dataset, hour: f64) -> Result<bool> {
     if dataset.sun_path()?.is_some_and(|path| path.at(hour).is_none()) {
         return Ok(false);
     }
-    let hours: Vec<f64> = dataset.config.frames.iter().map(|set| set.hour).collect();
-    let next = hours.partition_point(|set| *set <= hour);
+    let hours: Vec<f64> = dataset.config.frames.iter().map(|frame| frame.hour).collect();
+    let next = hours.partition_point(|frame| *frame <= hour);
     let (before, after) = (hours[(next + hours.len() - 1) % hours.len()], hours[next % hours.len()]);
     Ok(before == hour || (hours.len() > 1 && (after - before).rem_euclid(24.0) <= WIDEST))
 }

@@ -17,7 +17,7 @@ impl Dataset {
     ///
     /// On the mask the sun's direct light is that of its visibility, where the dataset has it. Each other layer of sun and sky is
     /// interpolated between the frames around the hour, by its curve or linearly. Light groups are on by their schedules. The lamps of
-    /// imported datasets, and lightmaps where layers are not kept, are interpolated linearly between two frames under the same lamps;
+    /// imported datasets, and lightmaps where layers are not kept, are interpolated linearly between two frames with the same light groups on;
     /// between others they are those of the frame whose lamps are the hour's, or else of the nearer one.
     ///
     /// At the hours of frames it is [`Dataset::map`], but for what the visibility rounds, and misses with its few points per texel.
@@ -27,10 +27,10 @@ impl Dataset {
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
-    pub fn moment(&self, hour: f64, page: usize) -> Result<Image> {
-        self.expect_moments()?;
+    pub fn light_at(&self, hour: f64, page: usize) -> Result<Image> {
+        self.expect_day()?;
         if !(0.0..=24.0).contains(&hour) {
-            let what = format!("the hour {hour}: expected one from 0 to 24");
+            let what = format!("hour {hour}; expected 0 to 24");
             return Err(Error::invalid(self.root.display(), what));
         }
         if let Some(path) = self.sun_path()?
@@ -39,7 +39,7 @@ impl Dataset {
             return Err(path.outside(self.root.display(), hour));
         }
         if self.config.layers.is_empty() {
-            let mix = self.mix_of_lamps(hour);
+            let mix = self.mix_of_groups(hour);
             return self.mixed(|frame| vec![&self.config.frames[frame].maps[page]], page, &mix);
         }
         // ((sun direct + sun indirect) + sky) + local, as in frames.
@@ -69,7 +69,7 @@ impl Dataset {
             add(&mut local, &self.light(Light::Group, Some(index as u32), 0, page)?);
         }
         if self.config.layers_of(Light::Lamps, None).next().is_some() {
-            let mix = self.mix_of_lamps(hour);
+            let mix = self.mix_of_groups(hour);
             add(
                 &mut local,
                 &self.mixed(|frame| self.config.files_of(Light::Lamps, None, frame, page), page, &mix)?,
@@ -105,7 +105,7 @@ impl Dataset {
         Ok(Mix { frames, weights })
     }
 
-    fn mix_of_lamps(&self, hour: f64) -> Mix {
+    fn mix_of_groups(&self, hour: f64) -> Mix {
         let frames = self.frames_around(hour);
         let [before, after] = frames.map(|frame| &self.config.frames[frame]);
         let part = way([before.hour, after.hour], hour);

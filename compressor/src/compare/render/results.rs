@@ -1,19 +1,19 @@
-//! What was shown, as numbers and pictures.
+//! Results of the rendering: numbers and pictures.
 
 use super::super::judge::image;
 use super::super::table::{Comparison, Shown as ShownTiles, decibels, enlarged};
 use super::super::tiles::{Texels, TileSet};
 use super::lapse::Line;
-use super::moments::Shown;
+use super::times::Shown;
 use super::{Picture, SHOWN};
 use dataset::report::preview::{exposure, tone_mapped_png};
 use dataset::store::Dataset;
 use dataset::view::View;
 use serde::Serialize;
 
-/// What the dataset's own light is called.
+/// Name of the dataset's own light.
 pub(super) const REFERENCE: &str = "reference";
-/// The methods whose tiles are shown from near.
+/// The methods whose tiles are shown close up.
 const NEAR: [&str; 4] = ["NDGI M", "NTC L", "ASTC 12×12", "BC7"];
 /// Screen pixels of a texel, along a side.
 const ZOOM: usize = 3;
@@ -27,7 +27,7 @@ pub struct Seen {
     pub hour: f64,
     /// The method.
     pub method: String,
-    /// Its bits per texel and set.
+    /// Its bits per texel and frame.
     pub bpp: f64,
     /// Its size over the whole day.
     pub bytes: f64,
@@ -39,13 +39,13 @@ pub struct Seen {
     pub flip: f64,
 }
 
-/// A tile from near in the light of a method.
+/// A tile close up in the light of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Crop {
     /// Which of the tiles it is.
     pub what: String,
     /// Its page, column and row.
-    pub place: [usize; 3],
+    pub tile: [usize; 3],
     /// The hour.
     pub hour: f64,
     /// The method.
@@ -63,22 +63,22 @@ type Pictures = (String, Vec<(String, Vec<u8>)>);
 #[derive(Clone, Debug, Serialize)]
 pub struct Rendered {
     pub(super) scene: String,
-    /// By which cameras.
+    /// Names of the cameras.
     pub cameras: Vec<String>,
-    /// At which times.
-    pub moments: Vec<Shown>,
+    /// The times of day.
+    pub times: Vec<Shown>,
     /// Every picture.
     pub views: Vec<Seen>,
-    /// Tiles from near.
+    /// Tiles close up.
     pub crops: Vec<Crop>,
     /// The camera of the day in half hours.
     pub lapse_camera: String,
     /// Mean change of light from one half hour to the next, in shares of white as exposed.
     pub lapse_change: f64,
-    /// How wrongly each method's light changes.
+    /// Temporal error of each method.
     pub lapse: Vec<Line>,
-    /// What is not there, and why.
-    pub left_out: Vec<String>,
+    /// What was skipped, and why.
+    pub skipped: Vec<String>,
     #[serde(skip)]
     pub(super) rows: Vec<Pictures>,
     #[serde(skip)]
@@ -86,46 +86,45 @@ pub struct Rendered {
 }
 
 impl Rendered {
-    pub(super) fn new(dataset: &Dataset, views: &[View], moments: &[Shown], left_out: Vec<String>) -> Self {
+    pub(super) fn new(dataset: &Dataset, views: &[View], times: &[Shown], skipped: Vec<String>) -> Self {
         Rendered {
             scene: dataset.config.scene.clone(),
             cameras: views.iter().map(|view| view.camera.name.clone()).collect(),
-            moments: moments.to_vec(),
+            times: times.to_vec(),
             views: Vec::new(),
             crops: Vec::new(),
             lapse_camera: String::new(),
             lapse_change: 0.0,
             lapse: Vec::new(),
-            left_out,
+            skipped,
             rows: Vec::new(),
             near: Vec::new(),
         }
     }
 
-    /// The pictures of each moment and camera, the dataset's first.
-    pub(super) fn add_rows(&mut self, views: &[View], moments: &[Shown], pictures: Vec<Picture>) {
-        for (i, moment) in moments.iter().enumerate() {
+    /// The pictures of each time and camera, the dataset's first.
+    pub(super) fn add_rows(&mut self, views: &[View], times: &[Shown], pictures: Vec<Picture>) {
+        for (i, time) in times.iter().enumerate() {
             for (v, view) in views.iter().enumerate() {
                 let camera = &view.camera.name;
                 let caption = |method: &str| {
                     let is_it = |seen: &&Seen| {
-                        (seen.hour, &seen.camera, &*seen.method) == (moment.hour, camera, method)
+                        (seen.hour, &seen.camera, &*seen.method) == (time.hour, camera, method)
                     };
                     self.views.iter().find(is_it).map_or(method.to_owned(), Seen::caption)
                 };
-                let of = pictures.iter().filter(|picture| (picture.moment, picture.view) == (i, v));
+                let of = pictures.iter().filter(|picture| (picture.time, picture.view) == (i, v));
                 let mut of: Vec<&Picture> = of.collect();
                 of.sort_by_key(|picture| order(&picture.method));
                 let of = of.iter().map(|picture| (caption(&picture.method), picture.png.clone()));
-                self.rows
-                    .push((format!("{} h, {}: {camera}", short(moment.hour), moment.what), of.collect()));
+                self.rows.push((format!("{} h, {}: {camera}", short(time.hour), time.what), of.collect()));
             }
         }
         self.views.sort_by_key(|seen| order(&seen.method));
         self.lapse.sort_by_key(|line| order(&line.method));
     }
 
-    /// The worst, the median and the best tile of NDGI M (of the first method without it), each at the set that is shown of it.
+    /// The worst, the median and the best tile of NDGI M (of the first method without it), each at the frame that is shown of it.
     pub(super) fn add_crops(
         &mut self,
         set: &TileSet,
@@ -147,13 +146,13 @@ impl Rendered {
         for (which, i) in chosen {
             let (tile, k) = (&set.tiles[i], of_tiles[i]);
             let (hour, place) = (set.timeline.hours[k], &tile.place);
-            let reference = image(tile, &tile.source.sets[k]);
+            let reference = image(tile, &tile.source.frames[k]);
             let bright = exposure(&reference, &tile.mask);
             let png = |texels: &Texels| {
                 let (image, mask) = enlarged(&image(tile, texels), &tile.mask, ZOOM);
                 tone_mapped_png(&image, &mask, bright, image.width.max(image.height))
             };
-            let mut pictures = vec![(REFERENCE.to_owned(), png(&tile.source.sets[k]))];
+            let mut pictures = vec![(REFERENCE.to_owned(), png(&tile.source.frames[k]))];
             for name in NEAR {
                 let Some(shown) = shown.iter().find(|shown| shown.method == name) else { continue };
                 let (texels, db) = &shown.images[i];
@@ -162,7 +161,7 @@ impl Rendered {
                 pictures.push((format!("{name}: {} dB, {}", decibels(*db), size(bytes)), png(texels)));
                 self.crops.push(Crop {
                     what: which.to_owned(),
-                    place: [place.page, place.column, place.row],
+                    tile: [place.page, place.column, place.row],
                     hour,
                     method: name.to_owned(),
                     psnr_db: *db,

@@ -53,7 +53,7 @@ fn assert_close(found: &Image, expected: &[[f64; 3]], what: &str) {
 }
 
 #[test]
-fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
+fn layers_follow_their_curves_and_groups_their_schedules() {
     let folder = tempfile::tempdir().unwrap();
     let config = write(folder.path());
     let dataset = Dataset::open(folder.path()).unwrap();
@@ -105,19 +105,23 @@ fn layers_go_by_their_curves_and_lamps_by_their_schedules() {
                     })
                 })
                 .collect();
-            assert_close(&dataset.moment(hour, page).unwrap(), &expected, &format!("{hour} h, page {page}"));
+            assert_close(
+                &dataset.light_at(hour, page).unwrap(),
+                &expected,
+                &format!("{hour} h, page {page}"),
+            );
         }
     }
     let map = dataset.map(2, 0).unwrap().texels.iter().map(|texel| texel.map(f64::from)).collect::<Vec<_>>();
-    assert_close(&dataset.moment(18.5, 0).unwrap(), &map, "a frame");
+    assert_close(&dataset.light_at(18.5, 0).unwrap(), &map, "a frame");
     for hour in [-0.1, 24.1, f64::NAN] {
-        let said = dataset.moment(hour, 0).unwrap_err().to_string();
-        assert!(said.contains("expected one from 0 to 24"), "{said}");
+        let said = dataset.light_at(hour, 0).unwrap_err().to_string();
+        assert!(said.contains("expected 0 to 24"), "{said}");
     }
 }
 
 #[test]
-fn without_layers_light_goes_linearly_and_never_between_other_lamps() {
+fn without_layers_light_is_linear_and_never_crosses_a_switch() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = write(folder.path());
     config.layers.clear();
@@ -126,7 +130,7 @@ fn without_layers_light_goes_linearly_and_never_between_other_lamps() {
     let map = |frame| dataset.map(frame, 0).unwrap().texels;
     // Between 3 h (porch) and 12 h (none): the porch is off from 6 h on. 18.5 h has the porch, 22 h both.
     for (hour, frame) in [(5.0, 0), (7.0, 1), (16.0, 1), (18.3, 2), (20.5, 3), (23.5, 0)] {
-        assert_eq!(dataset.moment(hour, 0).unwrap().texels, map(frame), "{hour}");
+        assert_eq!(dataset.light_at(hour, 0).unwrap().texels, map(frame), "{hour}");
     }
 }
 
@@ -150,7 +154,7 @@ fn a_curve_that_is_none_is_a_fault() {
         let dataset = Dataset::open(folder.path()).unwrap();
         let faults: Vec<String> = dataset.verify(|| ()).faults.iter().map(ToString::to_string).collect();
         assert!(faults.len() == 1 && faults[0].contains(expected), "{expected}: {faults:?}");
-        assert!(dataset.moment(15.0, 0).unwrap_err().to_string().contains(expected));
+        assert!(dataset.light_at(15.0, 0).unwrap_err().to_string().contains(expected));
     }
 }
 
@@ -181,7 +185,7 @@ for folder in sys.argv[2:]:
     s = Dataset(folder)
     for hour in (0.5, 4.5, 12, 15, 18.6, 20.25, 23, 24):
         for page in range(len(s.config['pages'])):
-            sys.stdout.buffer.write(s.moment(hour, page).astype(np.float32).tobytes())
+            sys.stdout.buffer.write(s.light_at(hour, page).astype(np.float32).tobytes())
 ";
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -204,7 +208,7 @@ for folder in sys.argv[2:]:
         let dataset = Dataset::open(&folder).unwrap();
         for hour in [0.5, 4.5, 12.0, 15.0, 18.6, 20.25, 23.0, 24.0] {
             for page in 0..dataset.config.pages.len() {
-                let light = dataset.moment(hour, page).unwrap();
+                let light = dataset.light_at(hour, page).unwrap();
                 for expected in light.texels.into_iter().flatten() {
                     let found = found.next().unwrap();
                     let place = folder.display();
