@@ -3,6 +3,7 @@
 pub mod json;
 pub mod plan;
 pub mod sealed;
+mod columns;
 pub mod state;
 pub mod work;
 pub mod errors;
