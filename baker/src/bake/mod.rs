@@ -43,6 +43,8 @@ pub mod prepare;
 pub mod visibility;
 pub mod views;
 pub mod forecast;
+pub mod room;
+pub mod sketch;
 pub mod folder;
 pub mod standing;
 pub mod facts;
