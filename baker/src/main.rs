@@ -5,7 +5,9 @@ use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
 use baker::bake::local::Local;
 use baker::bake::plan::hour;
+use baker::bake::room::{Disk, in_words as bytes};
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
+use baker::bake::sketch::Sketch;
 use baker::bake::standing::{REPORT, foretold};
 use baker::bake::views;
 use baker::light::extra_times::{self, percent};
@@ -154,9 +156,10 @@ all, sets, worst_set, advice; each median, p95, worst, and over: shares above 5,
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
-changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, standing, forecast (size, pages, texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
-texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, memory_bytes, open: of 4096
-rays from surfaces, those that leave the scene), warnings.
+changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, standing, forecast (size, pages, finer: how many times as wide the texels were of the layout that pages above 2048 are
+estimated from, 1 where it is that of the bake; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
+texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, peak_bytes: the most of these at once, memory_bytes, open: of 4096
+rays from surfaces, those that leave the scene), free_bytes (on the file system of the dataset; null where it does not tell), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
 0.2 s, with exit code 130, 143 or 129. A finished bake keeps its layers of
@@ -296,13 +299,19 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     ));
     let out = prepared.out(options);
     let charts = Charts::beside(&out);
-    let (atlas, looking) = prepared.atlas_from(&charts)?;
+    let sketch = Sketch::of(&prepared, &charts)?;
     let unwrapped = unwrapped(charts.counts());
     charts.keep(&out);
-    atlas.warnings.iter().for_each(|w| console.warn(w));
-    let forecast = forecast(&prepared, &atlas, &looking)?;
-    say_forecast(&forecast, console);
-    let layout = unwrapped.into_iter().chain(skipped(&atlas)).chain(atlas.notes.iter().cloned());
+    // (What a coarser layout would warn of need not be so in a bake.)
+    let (of_layout, notes) = match sketch.finer == 1 {
+        true => (sketch.atlas.warnings.clone(), sketch.atlas.notes.clone()),
+        false => (Vec::new(), sketch.in_words().into_iter().collect()),
+    };
+    of_layout.iter().for_each(|w| console.warn(w));
+    let forecast = forecast(&prepared, &sketch)?;
+    let (left, free) = (Disk::left(&prepared, &sketch, &out, options), (options.free_bytes)(&out));
+    say_forecast(&forecast, free, console);
+    let layout = unwrapped.into_iter().chain(skipped(&sketch.atlas)).chain(notes);
     layout.for_each(|what| console.print(format!("  {what}")));
     in_short(&layers).iter().for_each(|what| console.print(format!("  trace {what}")));
     plan.extra_times.added.iter().for_each(|time| {
@@ -321,10 +330,13 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         ));
     }
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
-    let standing = foretold(&prepared, options)?;
+    let standing = foretold(&prepared, options)?.or_else(|| {
+        let refused = left.expect_room(&out, free).err()?;
+        Some(format!("this bake would be refused: {refused}"))
+    });
     standing.iter().for_each(|what| console.print(format!("  {what}")));
     let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
-    let warnings = [&prepared.warnings[..], &atlas.warnings].concat();
+    let warnings = [&prepared.warnings[..], &of_layout].concat();
     console.result(&json!({
         "scene": prepared.scene.name,
         "integrator": prepared.integrator,
@@ -338,6 +350,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "left_out": plan.left_out,
         "standing": standing,
         "forecast": forecast,
+        "free_bytes": free,
         "warnings": warnings,
     }))
 }
@@ -364,19 +377,22 @@ fn in_short(layers: &[String]) -> Vec<String> {
 }
 
 /// What a bake would take, in words.
-fn say_forecast(forecast: &Forecast, console: &Console) {
+fn say_forecast(forecast: &Forecast, free: Option<u64>, console: &Console) {
     let [width, height] = forecast.size;
     console.print(format!("  {}", scale(forecast.extent, forecast.texels_per_metre)));
     console.print(format!(
-        "  {} of {width} × {height} texels, {} covered",
+        "  {} of {width} × {height} texels, {}{} covered",
         count(forecast.pages as usize, "page"),
+        if forecast.finer > 1 { "about " } else { "" },
         forecast.texels
     ));
     console.print(format!(
-        "  disk: dataset at most {}, kept layers {}, and {} while all of them are traced; memory about {}",
+        "  disk: dataset at most {}, kept layers {}, and {} while all of them are traced: up to {} at once{}; memory about {}",
         bytes(forecast.dataset_bytes),
         bytes(forecast.layers_bytes),
         bytes(forecast.work_bytes),
+        bytes(forecast.peak_bytes),
+        free.map_or(String::new(), |free| format!(" ({} free)", bytes(free))),
         bytes(forecast.memory_bytes)
     ));
     views::in_words(&forecast.views, forecast.lit_tiles)
@@ -388,17 +404,6 @@ fn say_forecast(forecast: &Forecast, console: &Console) {
              a small opening may have been missed (a room known to be closed needs no [sun] and no [sky])"
         ));
     }
-}
-
-/// Such as `1.3 GB`, to two digits.
-fn bytes(bytes: u64) -> String {
-    let (unit, name) = match bytes {
-        0..1_000_000 => (1e3, "kB"),
-        1_000_000..1_000_000_000 => (1e6, "MB"),
-        _ => (1e9, "GB"),
-    };
-    let value = bytes as f64 / unit;
-    if value < 9.95 { format!("{value:.1} {name}") } else { format!("{value:.0} {name}") }
 }
 
 /// Such as `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the cells`.

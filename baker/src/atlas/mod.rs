@@ -30,6 +30,7 @@ use crate::geometry::Geometry;
 use crate::scene::{Lightmap, LightmapSize, UvSource};
 use crate::{Error, Result};
 use dataset::console::count;
+pub use density::LARGEST;
 use glam::{DVec2, Vec2};
 use pack::Origin;
 use std::ops::Range;
@@ -116,6 +117,12 @@ impl Atlas {
     pub fn page_rows(&self, page: u32) -> Range<u32> {
         let top = page * self.stride;
         top..top + self.page_height
+    }
+
+    /// How many texels faces touch: the length of [`Atlas::touched`], which was counted when the atlas was made.
+    pub fn texels(&self) -> usize {
+        let all = f64::from(self.width) * f64::from(self.page_height) * f64::from(self.pages);
+        (self.utilisation * all).round() as usize
     }
 
     /// The texels of the virtual page that faces touch, row by row: those that surface covers, and a few that it only grazes.

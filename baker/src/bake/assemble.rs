@@ -16,12 +16,15 @@ use crate::geometry::Geometry;
 use crate::scene::Baked;
 use crate::{Result, Rgb};
 use dataset::config::{self, FileRef, Frame, Layer, Light, Noise, Page};
-use dataset::image::{Image, Mask};
+use dataset::image::{Image, Mask, exr_of};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
 
 /// Texels around valid ones that are filled at least: a whole block of those a chart owns.
 const LEAST_FILLED: u32 = 4;
+
+/// Texels of all layers of a moment that are in memory at once.
+const AT_ONCE: usize = 1 << 14;
 
 /// Puts the layers of a plan together.
 pub struct Assembler<'a> {
@@ -193,7 +196,7 @@ impl<'a> Assembler<'a> {
 
     /// A part of a layer as an image of the virtual page, dilated and, if asked, stitched.
     fn part(&self, layer: usize, part: Part, stitched: bool) -> Result<Image> {
-        let mut image = Image::black(self.mask.width, self.mask.height);
+        let mut image = self.black();
         let scale = self.plan.scale_of(layer);
         self.each(layer, part, |place, value| {
             if self.is_valid(place) {
@@ -207,37 +210,42 @@ impl<'a> Assembler<'a> {
         Ok(image)
     }
 
+    /// An image of the virtual page without light.
+    fn black(&self) -> Image {
+        Image::black(self.mask.width, self.mask.height)
+    }
+
     /// What lightmaps hold of a layer: the sum of its parts, each dilated and stitched.
     fn held(&self, layer: usize) -> Result<Image> {
-        let mut sum = Image::black(self.mask.width, self.mask.height);
+        let mut sum = self.black();
         for &part in self.plan.held_parts_of(layer) {
             add(&mut sum, &self.part(layer, part, true)?);
         }
         Ok(sum)
     }
 
-    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; gives also their sum.
+    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; adds them to `sum`.
     fn store_parts(
         &self,
         writer: &mut Writer,
         layer: Option<usize>,
         parts: &[(Part, config::Part)],
         stem: impl Fn(config::Part) -> String,
-    ) -> Result<(Image, Vec<Share>)> {
-        let mut sum = Image::black(self.mask.width, self.mask.height);
+        sum: &mut Image,
+    ) -> Result<Vec<Share>> {
         let mut shares = Vec::new();
         for &(part, name) in parts {
             let files = match layer {
                 None => vec![None; self.atlas.pages as usize],
                 Some(layer) => {
                     let image = self.part(layer, part, true)?;
-                    add(&mut sum, &image);
+                    add(sum, &image);
                     self.add_lit(writer, &stem(name), &image)?
                 }
             };
             shares.push((name, files));
         }
-        Ok((sum, shares))
+        Ok(shares)
     }
 
     /// Whether no part of a layer holds any light.
@@ -249,26 +257,30 @@ impl<'a> Assembler<'a> {
         Ok(is_dark)
     }
 
-    /// A page cut out of the virtual page.
-    fn page(&self, image: &Image, page: u32) -> Image {
+    /// The texels of a page, cut out of the virtual page.
+    fn page<'i>(&self, image: &'i Image, page: u32) -> &'i [[f32; 3]] {
         let rows = self.atlas.page_rows(page);
-        let (from, to) = (rows.start as usize * image.width, rows.end as usize * image.width);
-        Image { width: image.width, height: rows.len(), texels: image.texels[from..to].to_vec() }
+        &image.texels[rows.start as usize * image.width..rows.end as usize * image.width]
+    }
+
+    /// Stores a page of an image.
+    fn add_page(&self, writer: &mut Writer, stem: &str, image: &Image, page: u32) -> Result<FileRef> {
+        let (width, texels) = (image.width, self.page(image, page));
+        let exr = exr_of(width, texels.len() / width, |y, row| {
+            row.copy_from_slice(&texels[y * width..(y + 1) * width]);
+        });
+        writer.add(&self.stem(stem, page), "exr", &exr)
     }
 
     /// Stores an image, one file per page.
     fn add(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<FileRef>> {
-        let add = |page| writer.add(&self.stem(stem, page), "exr", &self.page(image, page).to_exr());
-        (0..self.atlas.pages).map(add).collect()
+        (0..self.atlas.pages).map(|page| self.add_page(writer, stem, image, page)).collect()
     }
 
     /// Stores an image, one file per page; none where it is black.
     fn add_lit(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<Option<FileRef>>> {
-        let mut add = |page| {
-            let image = self.page(image, page);
-            let is_lit = image.texels.iter().any(|texel| *texel != [0.0; 3]);
-            is_lit.then(|| writer.add(&self.stem(stem, page), "exr", &image.to_exr())).transpose()
-        };
+        let is_lit = |page: &u32| self.page(image, *page).iter().any(|texel| *texel != [0.0; 3]);
+        let mut add = |page| is_lit(&page).then(|| self.add_page(writer, stem, image, page)).transpose();
         (0..self.atlas.pages).map(&mut add).collect()
     }
 
@@ -281,7 +293,6 @@ impl<'a> Assembler<'a> {
     pub fn store(&self, writer: &mut Writer, baked: &BakedParts, mut each: impl FnMut()) -> Result<Stored> {
         let pages = self.store_masks(writer)?;
         let first_group = self.plan.suns.len() + self.plan.sky_hours.len();
-        let black = Image::black(self.mask.width, self.mask.height);
         let mut is_dark = vec![false; self.plan.groups.len()];
         let mut of_groups = Vec::new();
         for (place, &of_group) in self.plan.place_of_group.iter().zip(&baked.groups) {
@@ -289,9 +300,10 @@ impl<'a> Assembler<'a> {
             let layer = place.map(|g| first_group + g);
             let parts = parts_in_dataset(of_group, false);
             let stem = |part: config::Part| format!("group{}-{}", place.unwrap_or_default(), part.name());
-            let (sum, shares) = self.store_parts(writer, layer, parts, stem)?;
+            let mut sum = self.black();
+            let shares = self.store_parts(writer, layer, parts, stem, &mut sum)?;
             if let (Some(g), Some(layer)) = (*place, layer) {
-                is_dark[g] = sum == black && self.is_dark(layer)?;
+                is_dark[g] = is_black(&sum) && self.is_dark(layer)?;
                 each();
             }
             of_groups.push(shares);
@@ -306,7 +318,7 @@ impl<'a> Assembler<'a> {
         let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.moments.len());
         let (mut all_cells, mut of_sets, mut worst) = (Vec::new(), Vec::new(), None);
         // Local light stays the same over many moments.
-        let (mut local, mut local_of): (Image, Vec<usize>) = (black.clone(), Vec::new());
+        let (mut local, mut local_of): (Option<Image>, Vec<usize>) = (None, Vec::new());
         for (i, moment) in self.plan.moments.iter().enumerate() {
             let cells = self.add_errors(i, &mut errors)?;
             let (of_cells, of_set) = self.places.judge(&cells);
@@ -325,24 +337,30 @@ impl<'a> Assembler<'a> {
                     part => format!("{}-{}-{hour}", light.name(), part.name()),
                 }
             };
-            let (mut total, sun) =
-                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun))?;
+            let mut total = self.black();
+            let sun =
+                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun), &mut total)?;
             let sky_layer = self.plan.sky_of[i].map(|s| self.plan.suns.len() + s);
-            let (sky_image, sky) = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky))?;
+            // (Lightmaps hold one part of a sky: added to the sun's light, it is as if it were summed by itself first.)
+            let sky = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky), &mut total)?;
             for (layers, shares) in [(&mut suns, sun), (&mut skies, sky)] {
                 layers.iter_mut().zip(shares).for_each(|(layer, (_, files))| layer.files.push(files));
             }
             // (sun + sky) + local, local summed from zero in the order of the groups.
             let on: Vec<usize> = self.plan.group_layers_of(i).collect();
             if on != local_of {
-                local = black.clone();
+                local = None;
                 for &group in &on {
-                    add(&mut local, &self.held(group)?);
+                    let held = self.held(group)?;
+                    match &mut local {
+                        Some(local) => add(local, &held),
+                        // (Light is never negative zero, so that nothing plus it is it.)
+                        None => local = Some(held),
+                    }
                 }
                 local_of = on;
             }
-            add(&mut total, &sky_image);
-            add(&mut total, &local);
+            local.iter().for_each(|local| add(&mut total, local));
             frames.push(Frame {
                 hour: moment.hour,
                 groups_on: moment.groups_on.clone(),
@@ -391,43 +409,60 @@ impl<'a> Assembler<'a> {
 
     /// Adds the errors of a moment, tile by tile, from those of its layers; its sums cell by cell.
     fn add_errors(&self, moment: usize, errors: &mut Errors) -> Result<Vec<Sums>> {
-        let mut sum = vec![Value::default(); self.texels.len()];
-        for layer in self.plan.layers_of(moment) {
-            self.add_values(layer, &mut sum)?;
-        }
-        for texel in (0..sum.len()).filter(|&texel| self.is_valid(texel)) {
+        let mut pieces = self.pieces.sums();
+        self.each_sum(&self.plan.layers_of(moment), |texel, value| {
             let index = self.texels[texel].index as usize;
             let mut sums = Sums::default();
-            sums.add_texel(&sum[texel]);
+            sums.add_texel(value);
             errors.add(moment, index % self.mask.width, index / self.mask.width, &sums);
-        }
+            self.pieces.add_texel(texel, value, &mut pieces);
+        })?;
         let mut cells = vec![Sums::default(); self.places.grid().cells()];
-        self.pieces.add_some(|texel| self.is_valid(texel).then_some(sum[texel]), &mut cells);
+        self.pieces.add_to_cells(&pieces, &mut cells);
         Ok(cells)
     }
 
-    /// Adds what lightmaps hold of a layer, and its error.
-    fn add_values(&self, layer: usize, sum: &mut [Value]) -> Result<()> {
-        let (scale, parts) = (self.plan.scale_of(layer), self.plan.held_parts_of(layer));
-        let mut add = |place: usize, value: Value| sum[place] = sum[place].plus(value.times(scale));
-        parts.iter().try_for_each(|&part| self.each(layer, part, &mut add))
+    /// Goes through the valid texels, with the sum of what lightmaps hold of some layers at each. Of all of these some texels at a time are
+    /// in memory.
+    fn each_sum(&self, layers: &[usize], mut each: impl FnMut(usize, &Value)) -> Result<()> {
+        let mut parts = Vec::new();
+        for &layer in layers {
+            let scale = self.plan.scale_of(layer);
+            for &part in self.plan.held_parts_of(layer) {
+                let reader = match (&self.filtered[layer], part) {
+                    (Some(filtered), Part::Rest) => self.layers.reader_of_filtered(filtered)?,
+                    _ => self.layers.reader(&self.digests[layer], part)?,
+                };
+                parts.push((reader, scale));
+            }
+        }
+        let mut sums = Vec::new();
+        for first in (0..self.texels.len()).step_by(AT_ONCE) {
+            let places = first..(first + AT_ONCE).min(self.texels.len());
+            sums.clear();
+            sums.resize(places.len(), Value::default());
+            for (reader, scale) in &mut parts {
+                reader.read(places.clone(), |i, value| sums[i] = sums[i].plus(value.times(*scale)))?;
+            }
+            let valid = places.zip(&sums).filter(|(texel, _)| self.is_valid(*texel));
+            valid.for_each(|(texel, value)| each(texel, value));
+        }
+        Ok(())
     }
 
     /// What the errors of a set come from.
     fn worst(&self, set: usize, errors: Vec<f64>) -> Result<WorstSet> {
         let mut causes = Vec::new();
         for layer in self.plan.layers_of(set) {
-            let mut light = vec![Value::default(); self.texels.len()];
-            self.add_values(layer, &mut light)?;
-            let is_missed = |index: usize| {
+            let mut missed = 0.0;
+            self.each_sum(&[layer], |texel, value| {
+                let index = self.texels[texel].index as usize;
                 let cell = self.places.grid().at(index % self.mask.width, index / self.mask.width);
-                self.mask.valid[index] && errors[cell] > OVER[0]
-            };
-            let missed = self.texels.iter().zip(&light).filter(|(texel, _)| is_missed(texel.index as usize));
-            causes.push((
-                layer,
-                missed.map(|(_, value)| value.variance() + value.squared_bias()).sum::<f64>().max(0.0),
-            ));
+                if errors[cell] > OVER[0] {
+                    missed += value.variance() + value.squared_bias();
+                }
+            })?;
+            causes.push((layer, f64::max(missed, 0.0)));
         }
         let all: f64 = causes.iter().map(|(_, squared)| squared).sum();
         causes.iter_mut().for_each(|(_, squared)| *squared /= all.max(f64::MIN_POSITIVE));
@@ -451,10 +486,7 @@ impl<'a> Assembler<'a> {
         let light = |i: &usize| errors.set(*i).mean();
         let brightest = (0..self.plan.moments.len()).max_by(|a, b| light(a).total_cmp(&light(b)));
         let Some(moment) = brightest.filter(|_| self.seams.edges() > 0) else { return Ok(None) };
-        let mut images = [
-            Image::black(self.mask.width, self.mask.height),
-            Image::black(self.mask.width, self.mask.height),
-        ];
+        let mut images = [self.black(), self.black()];
         for layer in self.plan.layers_of(moment) {
             for (stitched, image) in images.iter_mut().enumerate() {
                 for &part in self.plan.held_parts_of(layer) {
@@ -465,6 +497,11 @@ impl<'a> Assembler<'a> {
         let jump = |image: &Image| self.seams.jump(image);
         Ok(jump(&images[0]).zip(jump(&images[1])).map(|(before, after)| (self.seams.edges(), before, after)))
     }
+}
+
+/// Whether an image holds no light.
+fn is_black(image: &Image) -> bool {
+    image.texels.iter().all(|texel| *texel == [0.0; 3])
 }
 
 fn add(to: &mut Image, what: &Image) {

@@ -3,18 +3,18 @@
 
 use super::balance;
 use super::denoise;
-use super::layer_file::CHECKSUM;
 use super::options::Integrator;
 use super::prepare::Prepared;
+use super::room::{Disk, IMAGE};
 use super::rounds;
+use super::sketch::Sketch;
 use super::solve;
-use super::state::Direct;
 use super::value::Filtered;
 use super::views::{View, lit_tiles, views};
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::geometry::Bounds;
-use crate::scene::{Baked, Sky};
+use crate::scene::Sky;
 use crate::surface::{BLOCK, BlockSurface, FaceBins};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
@@ -25,6 +25,7 @@ use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::space::Space;
 use crate::trace::walk::{Transport, point_pair};
 use crate::{Result, light::sky::SkyTable};
+use dataset::tiles::TILE;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -34,6 +35,8 @@ use serde::Serialize;
 pub struct Forecast {
     /// Width and height of a page in texels.
     pub size: [u32; 2],
+    /// How many times as wide the texels of the layout were by which all this is estimated: 1 where it is that of a bake.
+    pub finer: u32,
     /// Pages.
     pub pages: u32,
     /// Texels that surface touches: those it covers, and a few that it only grazes.
@@ -56,6 +59,8 @@ pub struct Forecast {
     pub work_bytes: u64,
     /// About the most memory that is held at once, in bytes.
     pub memory_bytes: u64,
+    /// The most bytes on disk at once: the work beside the layers, or the dataset beside those.
+    pub peak_bytes: u64,
     /// What the scene's cameras see.
     pub views: Vec<View>,
     /// Tiles that hold surface.
@@ -74,8 +79,6 @@ const PER_BLOCK: usize = 16;
 const DENOISED_LAYER: u64 = 2_700_000;
 const DENOISED_NEIGHBOURS: u64 = 20_000_000;
 const DENOISED_RESULT: u64 = (BLOCK * BLOCK * size_of::<Filtered>()) as u64;
-/// Bytes of a texel of an image.
-const IMAGE: u64 = 12;
 /// Bytes of the program itself.
 const PROGRAM: u64 = 10 << 20;
 /// Bytes per triangle of geometry, hierarchy and charts that are held while light is traced, as measured at ten million of them.
@@ -83,59 +86,55 @@ const TRIANGLE: u64 = 275;
 /// Bytes per triangle while hierarchy and charts are made, as measured there too.
 const TRIANGLE_MADE: u64 = 340;
 
-/// Estimates for the layers of a plan, none of them traced yet. `looking`: the rays that the layout took.
-pub fn forecast(prepared: &Prepared, atlas: &Atlas, looking: &RayCounts) -> Result<Forecast> {
+/// Estimates for the layers of a plan, none of them traced yet.
+pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
+    let atlas = &sketch.atlas;
     let plan = &prepared.plan;
     let bins = FaceBins::new(atlas);
     let blocks = bins.occupied();
-    let texels = atlas.touched().count();
-    let (layers, sampled) = (plan.layers() as u64, (plan.suns.len() + plan.groups.len()) as u64);
-    // The parts in which layers are kept, and the lights that walks can meet, which have a sum of their own.
-    let parts = (0..plan.layers()).map(|layer| plan.parts_of(layer).len() as u64).sum::<u64>();
-    let denoised = if prepared.denoise.is_some() { layers } else { 0 };
-    let shining = plan.groups.iter().filter(|group| group.emission.iter().any(|e| *e != Rgb::ZERO)).count();
-    let is_sky_apart = prepared.scene.sky_baked == Baked::Indirect;
-    let met = (shining + if is_sky_apart { plan.sky_hours.len() } else { 0 }) as u64;
+    let texels = sketch.texels();
+    let layers = plan.layers() as u64;
+    let all: Vec<usize> = (0..plan.layers()).collect();
+    let disk = Disk::of(prepared, sketch, &all);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
-    let page = u64::from(atlas.width) * u64::from(atlas.page_height) * u64::from(atlas.pages);
-    let virtual_page = u64::from(atlas.width) * u64::from(atlas.height);
-    // While sets are put together: five images, the sums of light and error.
-    let assembling = 5 * IMAGE * virtual_page + 48 * n + 32 * n;
+    // While sets are put together: three images (a part of a layer, the sum of all, that of the groups), the file of one, and what is known
+    // of texels.
+    let assembling = 4 * IMAGE * sketch.virtual_texels() + 32 * n;
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
         + DENOISED_LAYER * layers.min(denoise::AT_ONCE as u64)
         + DENOISED_RESULT * layers.min(denoise::OPEN as u64);
     let denoising = prepared.denoise.map_or(0, |_| 80 * n + block * rayon::current_num_threads() as u64);
     let entries = match prepared.integrator {
-        Integrator::Cached => cache_entries(prepared, atlas, atlas.touched(), texels),
+        Integrator::Cached => cache_entries(prepared, sketch),
         Integrator::Path => 0,
     };
     let walks = balance::walks(entries, rounds::certain(&prepared.limits));
     let cache = solve::bytes(entries, plan.layers(), walks);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
-    // Towards a target layers are put together and denoised between rounds, too: beside those that are kept, and beside the cache.
+    // Towards a target layers are denoised between rounds, too: beside the cache.
     let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
-    let layers_bytes = n * (8 + 20 * parts + 24 * denoised) + CHECKSUM as u64 * (parts + denoised + 1);
-    let (trial, beside) = if is_judged { (layers_bytes, stored_cache) } else { (0, 0) };
+    let beside = if is_judged { stored_cache } else { 0 };
     let rays = prepared.rays()?;
+    let tile = TILE / sketch.finer as usize;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
-        size: [atlas.width, atlas.page_height],
+        size: sketch.size,
+        finer: sketch.finer,
         pages: atlas.pages,
         texels,
         skipped_triangles: atlas.skipped.triangles,
         skipped_area: atlas.skipped.area,
-        skipped_rays: looking.rays(),
-        texels_per_metre: atlas.texels_per_metre,
+        skipped_rays: sketch.rays.rays(),
+        texels_per_metre: sketch.texels_per_metre(),
         extent: extent(&prepared.geometry.positions),
-        dataset_bytes: IMAGE * page * (plan.moments.len() as u64 + layers),
-        layers_bytes,
-        work_bytes: n * (15 + 24 * (layers + met) + (3 * size_of::<Direct>() as u64) * sampled)
-            + stored_cache
-            + trial,
+        dataset_bytes: disk.dataset,
+        layers_bytes: disk.traced + disk.filtered,
+        work_bytes: disk.work,
+        peak_bytes: disk.peak(),
         memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising)),
-        views: views(&prepared.scene.cameras, &prepared.geometry, atlas, &rays),
-        lit_tiles: lit_tiles(atlas),
+        views: views(&prepared.scene.cameras, &prepared.geometry, atlas, tile, &rays),
+        lit_tiles: lit_tiles(atlas, tile),
         open: has_sky.then(|| open(prepared, atlas, &rays, &bins, &blocks)),
     })
 }
@@ -158,14 +157,13 @@ pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
 }
 
 /// Entries of the cache.
-fn cache_entries(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    places: impl Iterator<Item = usize>,
-    texels: usize,
-) -> usize {
-    let shift = solve::shift(texels, prepared.plan.layers());
-    CacheMap::new(atlas, &prepared.geometry, shift, places).entries()
+pub(super) fn cache_entries(prepared: &Prepared, sketch: &Sketch) -> usize {
+    let shift = solve::shift(sketch.texels(), prepared.plan.layers());
+    let halvings = sketch.finer.ilog2();
+    // Squares smaller than a texel of the sketch are so many times as many as its texels.
+    let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
+    let map = CacheMap::new(&sketch.atlas, &prepared.geometry, coarse, sketch.atlas.touched());
+    (map.squares() << (2 * smaller)) + (map.entries() - map.squares())
 }
 
 /// How many of [`OPEN_RAYS`] rays from points spread over the pages leave the scene.

@@ -5,6 +5,7 @@ use crate::{Error, Result};
 use bytemuck::Pod;
 use std::fs::File;
 use std::io::Write;
+use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -39,19 +40,26 @@ impl Source {
         Ok(Source { path, file, texels })
     }
 
-    /// Goes through all records, some at a time.
-    pub fn each<T: Pod>(&self, mut some: impl FnMut(usize, &[T]) -> Result<()>) -> Result<()> {
-        /// Records at a time.
-        const AT_ONCE: usize = 1 << 14;
-        let mut records = vec![T::zeroed(); AT_ONCE.min(self.texels)];
-        for first in (0..self.texels).step_by(AT_ONCE) {
-            let records = &mut records[..AT_ONCE.min(self.texels - first)];
-            let at = (first * size_of::<T>()) as u64;
-            let bytes = bytemuck::cast_slice_mut(records);
-            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
-            some(first, records)?;
+    /// Texels that it holds.
+    pub fn texels(&self) -> usize {
+        self.texels
+    }
+
+    /// The records of texels that stand together.
+    pub fn run<T: Pod>(&self, places: Range<usize>) -> Result<Vec<T>> {
+        let mut records = vec![T::zeroed(); places.len()];
+        self.fill(places, &mut records)?;
+        Ok(records)
+    }
+
+    /// Reads records that stand together.
+    fn fill<T: Pod>(&self, places: Range<usize>, records: &mut [T]) -> Result<()> {
+        if places.end > self.texels {
+            let what = format!("holds {} texels, not number {}", self.texels, places.end - 1);
+            return Err(Error::invalid(self.path.display(), what));
         }
-        Ok(())
+        let at = (places.start * size_of::<T>()) as u64;
+        self.file.read_exact_at(bytemuck::cast_slice_mut(records), at).map_err(Error::io(&self.path))
     }
 
     /// The records of some of the texels, by their places among all.
@@ -60,16 +68,7 @@ impl Source {
         let mut done = 0;
         // (What stands together is read at once.)
         for run in places.chunk_by(|a, b| *b == *a + 1) {
-            let (first, last) = (run[0], run[run.len() - 1]);
-            if last >= self.texels {
-                return Err(Error::invalid(
-                    self.path.display(),
-                    format!("holds {} texels, not number {last}", self.texels),
-                ));
-            }
-            let bytes = bytemuck::cast_slice_mut(&mut records[done..done + run.len()]);
-            let at = (first * size_of::<T>()) as u64;
-            self.file.read_exact_at(bytes, at).map_err(Error::io(&self.path))?;
+            self.fill(run[0]..run[run.len() - 1] + 1, &mut records[done..done + run.len()])?;
             done += run.len();
         }
         Ok(records)

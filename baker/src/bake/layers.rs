@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::ErrorKind;
+use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -151,27 +152,24 @@ impl Layers {
     }
 
     /// Goes through a part of a layer as traced, in the order of the texels.
-    pub fn each(&self, digest: &str, part: Part, mut value: impl FnMut(usize, Value)) -> Result<()> {
-        let source = Source::open::<Stored>(self.path(digest, part))?;
-        source.each(|first, stored: &[Stored]| {
-            stored.iter().enumerate().for_each(|(i, stored)| value(first + i, stored.value()));
-            Ok(())
-        })
+    pub fn each(&self, digest: &str, part: Part, value: impl FnMut(usize, Value)) -> Result<()> {
+        self.reader(digest, part)?.each(value)
     }
 
     /// Goes through a layer after a filter, in the order of the texels.
-    pub fn each_filtered(&self, layer: &FilteredLayer, mut value: impl FnMut(usize, Value)) -> Result<()> {
-        let traced = self.open(layer)?;
-        let filtered = Source::open::<Filtered>(self.filtered_path(&layer.name))?;
-        traced.each(|first, stored: &[Stored]| {
-            let range: Vec<usize> = (first..first + stored.len()).collect();
-            for ((i, stored), filtered) in
-                stored.iter().enumerate().zip(filtered.records::<Filtered>(&range)?)
-            {
-                value(first + i, filtered.value(&stored.value()));
-            }
-            Ok(())
-        })
+    pub fn each_filtered(&self, layer: &FilteredLayer, value: impl FnMut(usize, Value)) -> Result<()> {
+        self.reader_of_filtered(layer)?.each(value)
+    }
+
+    /// A part of a layer as traced, to be read bit by bit.
+    pub fn reader(&self, digest: &str, part: Part) -> Result<Reader> {
+        Ok(Reader { traced: Source::open::<Stored>(self.path(digest, part))?, filtered: None })
+    }
+
+    /// A layer after a filter, likewise.
+    pub fn reader_of_filtered(&self, layer: &FilteredLayer) -> Result<Reader> {
+        let filtered = Some(Source::open::<Filtered>(self.filtered_path(&layer.name))?);
+        Ok(Reader { traced: self.open(layer)?, filtered })
     }
 
     /// A part of a layer as traced, in the order of the texels.
@@ -381,6 +379,40 @@ impl Layers {
     /// Forgets all layers.
     pub fn clear(&self) -> Result<()> {
         dataset::files::remove_folder(&self.root)
+    }
+}
+
+/// A part of a layer that is read bit by bit.
+pub struct Reader {
+    traced: Source,
+    /// What a filter made of it.
+    filtered: Option<Source>,
+}
+
+impl Reader {
+    /// Reads some texels, by their places among all: `value` is given each, counted from the first of them.
+    pub fn read(&self, places: Range<usize>, mut value: impl FnMut(usize, Value)) -> Result<()> {
+        let traced = self.traced.run::<Stored>(places.clone())?;
+        match &self.filtered {
+            None => traced.iter().enumerate().for_each(|(i, stored)| value(i, stored.value())),
+            Some(filtered) => {
+                let filtered = filtered.run::<Filtered>(places)?;
+                let both = filtered.iter().zip(&traced).enumerate();
+                both.for_each(|(i, (filtered, stored))| value(i, filtered.value(&stored.value())));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads all texels, some at a time.
+    pub fn each(&self, mut value: impl FnMut(usize, Value)) -> Result<()> {
+        /// Texels at a time.
+        const AT_ONCE: usize = 1 << 14;
+        let texels = self.traced.texels();
+        for first in (0..texels).step_by(AT_ONCE) {
+            self.read(first..(first + AT_ONCE).min(texels), |i, v| value(first + i, v))?;
+        }
+        Ok(())
     }
 }
 

@@ -151,10 +151,25 @@ impl Pieces {
 
     /// The same where only some texels count.
     pub fn add_some(&self, light: impl Fn(usize) -> Option<Value>, cells: &mut [Sums]) {
-        let mut pieces = vec![Sums::default(); self.cells.len()];
-        let texels =
-            || self.of.iter().enumerate().filter_map(|(t, &piece)| Some((piece as usize, light(t)?)));
-        texels().for_each(|(piece, value)| pieces[piece].add_texel(&value));
+        let mut pieces = self.sums();
+        (0..self.of.len()).for_each(|texel| {
+            light(texel).iter().for_each(|value| self.add_texel(texel, value, &mut pieces));
+        });
+        self.add_to_cells(&pieces, cells);
+    }
+
+    /// The sums of each piece, without texels.
+    pub fn sums(&self) -> Vec<Sums> {
+        vec![Sums::default(); self.cells.len()]
+    }
+
+    /// Adds one texel to the sums of its piece.
+    pub fn add_texel(&self, texel: usize, value: &Value, pieces: &mut [Sums]) {
+        pieces[self.of[texel] as usize].add_texel(value);
+    }
+
+    /// Adds the sums of all pieces to those of their cells.
+    pub fn add_to_cells(&self, pieces: &[Sums], cells: &mut [Sums]) {
         for (sums, &cell) in pieces.iter().zip(&self.cells) {
             let mean = sums.mean();
             let relative = |squared: f64| if mean > 0.0 { squared / (mean * mean) } else { 0.0 };

@@ -3,6 +3,7 @@
 pub mod json;
 pub mod plan;
 pub mod sealed;
+mod columns;
 pub mod state;
 pub mod work;
 pub mod errors;
@@ -42,6 +43,8 @@ pub mod prepare;
 pub mod visibility;
 pub mod views;
 pub mod forecast;
+pub mod room;
+pub mod sketch;
 pub mod folder;
 pub mod standing;
 pub mod facts;

@@ -3,6 +3,7 @@
 use super::check::Check;
 use super::denoise;
 use super::local::Local;
+use super::room;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
@@ -10,7 +11,7 @@ use crate::trace::backend::Backend;
 use crate::trace::counts::RayCounts;
 use dataset::console::count;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What to bake, apart from the scene.
@@ -44,6 +45,8 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// Forget earlier work on this dataset, and replace it by less if need be.
     pub force: bool,
+    /// Tells the bytes that are free on the file system of a folder, where that is known. (A test says otherwise.)
+    pub free_bytes: fn(&Path) -> Option<u64>,
 }
 
 impl Options {
@@ -64,6 +67,7 @@ impl Options {
             preset: Preset::Default,
             out: None,
             force: false,
+            free_bytes: room::free_bytes,
         }
     }
 }

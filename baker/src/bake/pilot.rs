@@ -2,7 +2,7 @@
 
 use super::balance::{Landing, NOWHERE, System};
 use super::block::{Stream, Worker, sum};
-use super::work::WorkFolder;
+use super::state::BlockState;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
@@ -14,10 +14,13 @@ use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 use std::sync::Mutex;
 
+/// The direct light of a block.
+type StateOf<'s> = &'s (dyn Fn(usize) -> Result<(BlockState, RayCounts)> + Sync);
+
 /// `walks` from each entry of one half, from patches `of_patches` of them; `each` is called after each block.
 pub fn trace(
     worker: &Worker,
-    folder: &WorkFolder,
+    state: StateOf,
     map: &CacheMap,
     blocks: &[usize],
     (walks, of_patches): (usize, usize),
@@ -49,7 +52,8 @@ pub fn trace(
         .par_iter()
         .map(|&block| {
             stop_if_interrupted()?;
-            let counts = keep(trace_block(worker, folder, map, block, walks, half)?);
+            let (state, mut counts) = state(block)?;
+            counts += keep(trace_block(worker, map, (block, &state), walks, half));
             each();
             Ok(counts)
         })
@@ -75,15 +79,13 @@ struct TracedEntry {
 
 fn trace_block(
     worker: &Worker,
-    folder: &WorkFolder,
     map: &CacheMap,
-    block: usize,
+    (block, state): (usize, &BlockState),
     walks: usize,
     half: usize,
-) -> Result<Vec<TracedEntry>> {
+) -> Vec<TracedEntry> {
     let surface = worker.surface(block);
     let covered: Vec<usize> = surface.covered().collect();
-    let state = folder.expect_block(block, covered.len())?;
     let lights = worker.transport.lights;
     // The exposed texels of each entry, as (entry, texel of the block's file).
     let mut texels: Vec<(u32, usize)> = covered
@@ -94,7 +96,7 @@ fn trace_block(
         .collect();
     texels.sort_unstable();
     let groups: Vec<&[(u32, usize)]> = texels.chunk_by(|a, b| a.0 == b.0).collect();
-    Ok(groups
+    groups
         .into_par_iter()
         .with_min_len(32)
         .map(|group| {
@@ -118,7 +120,7 @@ fn trace_block(
             };
             pilot(worker, map, group[0].0, source, walks, start)
         })
-        .collect())
+        .collect()
 }
 
 /// As [`trace_block`], for the patches; their direct light is sampled here too.

@@ -132,7 +132,11 @@ impl Prepared {
     /// # Errors
     /// As [`atlas::build_from`]; what does not fit names the line that asks for it.
     pub fn atlas_from(&self, charts: &Charts) -> Result<(Atlas, RayCounts)> {
-        let lightmap = &self.scene.lightmap;
+        self.atlas_of(&self.scene.lightmap, charts)
+    }
+
+    /// The same by another lightmap than the scene's.
+    pub fn atlas_of(&self, lightmap: &Lightmap, charts: &Charts) -> Result<(Atlas, RayCounts)> {
         let hidden = match hidden::is_sought(lightmap) {
             true => hidden::find_in(&self.space(&self.own_rays()), lightmap),
             false => Hidden::default(),

@@ -1,4 +1,4 @@
-//! Rounds of tracing: each doubles the samples where more are wanted, so that an estimate with its error exists early and improves
+//! Rounds of tracing: each brings more samples where they are wanted, so that an estimate with its error exists early and improves
 //! to the end. Here: when to stop, and what a round and all of them reached.
 
 use super::local::Local;
@@ -16,6 +16,13 @@ pub struct Limits {
     pub target_error: Option<f64>,
     /// When to stop whatever was reached; the first round is always made.
     pub deadline: Option<Instant>,
+}
+
+impl Limits {
+    /// Whether nobody knows how many rounds there will be: towards a target, or under a time limit.
+    pub fn are_open(&self) -> bool {
+        self.target_error.is_some() || self.deadline.is_some()
+    }
 }
 
 /// What a round reached.
@@ -105,22 +112,38 @@ impl Traced {
 /// Samples of the first round towards a target error or under a time limit.
 const FIRST_ROUND: u32 = 16;
 
-/// The samples per texel after each round: up to four that double and end at `samples`; towards a target or under a
-/// time limit, doublings from 16.
+/// The samples per texel after each round: of a fixed number, an eighth, by which it is decided who gets how many, and all; towards a
+/// target or under a time limit, doublings from 16.
 pub fn schedule(limits: &Limits) -> Vec<u32> {
     let most = limits.samples;
-    if limits.target_error.is_none() && limits.deadline.is_none() {
-        return (0..4).rev().map(|k| most >> k).filter(|&n| n >= 2).collect();
+    if !limits.are_open() {
+        // (Nothing is decided between the first round and the last, and each one moves the sums of all blocks to the disk and back.)
+        let mut rounds = doublings(most);
+        let first = rounds.next();
+        return first.into_iter().chain(rounds.last()).collect();
     }
     let doublings = std::iter::successors(Some(FIRST_ROUND), |n| n.checked_mul(2)).take_while(|&n| n < most);
     doublings.chain([most]).collect()
 }
 
+/// Up to four numbers of samples that double and end at `samples`.
+fn doublings(samples: u32) -> impl Iterator<Item = u32> {
+    (0..4).rev().map(move |k| samples >> k).filter(|&n| n >= 2)
+}
+
+/// The samples at which a block stops on its way from `before` to `target`, the last of them the target. (Sums are taken from one to the
+/// next: they decide the bytes of a bake, whatever the rounds.)
+pub fn stops(limits: &Limits, before: u32, target: u32) -> Vec<u32> {
+    match limits.are_open() {
+        true => vec![target],
+        false => doublings(limits.samples).filter(|n| (before + 1..=target).contains(n)).collect(),
+    }
+}
+
 /// The samples that are sure to be drawn: all of them, or towards a target or under a time limit those of the first round.
 pub fn certain(limits: &Limits) -> u32 {
     let schedule = schedule(limits);
-    let is_open = limits.target_error.is_some() || limits.deadline.is_some();
-    if is_open { schedule[0] } else { total_of(&schedule) }
+    if limits.are_open() { schedule[0] } else { total_of(&schedule) }
 }
 
 /// The samples of the last round.
@@ -164,11 +187,14 @@ mod tests {
     }
 
     #[test]
-    fn rounds_double_and_end_at_the_samples_asked_for() {
+    fn rounds_end_at_the_samples_asked_for() {
         let fixed = |samples| schedule(&Limits { samples, target_error: None, deadline: None });
-        assert_eq!(fixed(64), [8, 16, 32, 64]);
+        assert_eq!(fixed(64), [8, 64]);
         assert_eq!(fixed(2), [2]);
         assert_eq!(fixed(4), [2, 4]);
+        let limits = Limits { samples: 64, target_error: None, deadline: None };
+        assert_eq!([stops(&limits, 0, 8), stops(&limits, 8, 64)], [vec![8], vec![16, 32, 64]]);
+        assert_eq!(stops(&Limits { target_error: Some(0.01), ..limits }, 16, 32), [32]);
         let target = |samples| schedule(&Limits { samples, target_error: Some(0.01), deadline: None });
         assert_eq!(target(128), [16, 32, 64, 128]);
         assert_eq!(target(8), [8]);

@@ -14,7 +14,9 @@ use super::json;
 use super::kept;
 use super::layers::{Layers, Texel};
 use super::local::Places;
+use super::room::Disk;
 use super::rounds::{Traced, certain};
+use super::sketch::Sketch;
 use super::standing::{self, ERRORS, RUN};
 use super::state::Kinds;
 use super::target;
@@ -38,6 +40,7 @@ use dataset::console::{Console, count};
 use dataset::curve::Curve;
 use dataset::files::{remove_stale_temporaries, write_atomically};
 use dataset::store::Writer;
+use dataset::tiles::TILE;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -86,11 +89,15 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     facts::skipped(&atlas).into_iter().for_each(|what| console.say(format!("  {what}")));
     if !scene.cameras.is_empty() {
         let rays = prepared.rays()?;
-        let views = views::views(&scene.cameras, geometry, &atlas, &rays);
-        let what = views::in_words(&views, views::lit_tiles(&atlas));
+        let views = views::views(&scene.cameras, geometry, &atlas, TILE, &rays);
+        let what = views::in_words(&views, views::lit_tiles(&atlas, TILE));
         what.into_iter().for_each(|what| console.say(format!("  {what}")));
     }
     atlas.warnings.iter().for_each(|w| console.warn(w));
+    let sketch = Sketch::exact(atlas, looking);
+    let disk = Disk::left(&prepared, &sketch, &out, options);
+    let atlas = sketch.atlas;
+    disk.expect_room(&out, (options.free_bytes)(&out)).inspect_err(|_| folder::leave(&out))?;
     folder::begin(&out)?;
     let mut writer = Writer::create(&out)?;
     if options.force {

@@ -8,15 +8,15 @@ use super::block::{Worker, sum};
 use super::endless;
 use super::indirect::Cache;
 use super::pilot::trace;
-use super::state::{ALL_PROBES, is_exposed};
+use super::state::{ALL_PROBES, BlockState, is_exposed};
 use super::work::{CACHE, WorkFolder};
 use crate::Result;
+use crate::surface::BlockSurface;
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::space::Receiver;
 use dataset::console::Console;
-use rayon::prelude::*;
 
 /// Memory that the cache and its solution may take, about.
 const MEMORY: u64 = 4 << 30;
@@ -34,53 +34,50 @@ pub fn bytes(entries: usize, layers: usize, walks: usize) -> u64 {
 }
 
 /// What is found out about a block before the cache is laid out.
-#[derive(Default)]
-struct Covered {
+pub struct Covered {
     /// Its covered texels, as places on the page.
-    texels: Vec<usize>,
+    texels: Vec<u32>,
     /// Those among them that a wall divides, and points of the side they stand for.
-    split: Vec<(usize, Vec<Receiver>)>,
+    split: Vec<(u32, Vec<Receiver>)>,
     counts: RayCounts,
 }
 
-/// The map of the cache for the covered texels of all blocks, which were probed. Those that reach across a wall stand for one
-/// side of it: a walk that lands on the other must not carry its light through the wall. `layers` are all of the bake, traced now
-/// or not: they decide the size of an entry.
-pub fn map<'a>(
-    worker: &Worker<'a>,
-    folder: &WorkFolder,
-    blocks: &[usize],
-    layers: usize,
-) -> Result<(CacheMap<'a>, RayCounts)> {
-    let of_block = |&block: &usize| -> Result<Covered> {
-        let surface = worker.surface(block);
-        let texels: Vec<usize> = surface.covered().collect();
-        let probes = folder.expect_block(block, texels.len())?.probes;
-        let place = |t: usize| surface.page_index(worker.atlas, t);
-        let mut found = Covered { texels: texels.iter().map(|&t| place(t)).collect(), ..Covered::default() };
-        for (&texel, &probes) in texels.iter().zip(&probes).filter(|(_, o)| **o != ALL_PROBES) {
-            // (What counts as no surface is not solved for: a walk that lands there goes on.)
-            if !is_exposed(probes) {
-                found.split.push((place(texel), Vec::new()));
-            } else if worker.is_split(&surface, texel, probes, &mut found.counts) {
-                found.split.push((place(texel), worker.witnesses(&surface, texel, probes)));
-            }
-        }
-        Ok(found)
+/// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a walk that lands on the other must not
+/// carry its light through the wall.
+pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Covered {
+    let place = |texel: usize| surface.page_index(worker.atlas, texel) as u32;
+    let mut found = Covered {
+        texels: surface.covered().map(place).collect(),
+        split: Vec::new(),
+        counts: RayCounts::default(),
     };
-    let found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
-    let shift = shift(found.iter().map(|f| f.texels.len()).sum(), layers);
-    let covered = found.iter().flat_map(|f| f.texels.iter().copied());
-    let mut map = CacheMap::new(worker.atlas, worker.transport.space.geometry, shift, covered);
-    let counts = sum(found.iter().map(|f| f.counts));
-    found.into_iter().flat_map(|f| f.split).for_each(|(texel, witnesses)| map.split(texel, witnesses));
-    Ok((map, counts))
+    for (texel, &probes) in surface.covered().zip(probes).filter(|(_, o)| **o != ALL_PROBES) {
+        // (What counts as no surface is not solved for: a walk that lands there goes on.)
+        if !is_exposed(probes) {
+            found.split.push((place(texel), Vec::new()));
+        } else if worker.is_split(surface, texel, probes, &mut found.counts) {
+            found.split.push((place(texel), worker.witnesses(surface, texel, probes)));
+        }
+    }
+    found
 }
 
-/// Fills both halves from the direct light found so far. `samples`: those that a texel is sure to get; `are_all`: it gets no more.
+/// The map of the cache for what is covered. `layers` are all of the bake, traced now or not: they decide the size of an entry.
+pub fn map<'a>(worker: &Worker<'a>, found: Vec<Covered>, layers: usize) -> (CacheMap<'a>, RayCounts) {
+    let shift = shift(found.iter().map(|f| f.texels.len()).sum(), layers);
+    let covered = found.iter().flat_map(|f| f.texels.iter().map(|&texel| texel as usize));
+    let mut map = CacheMap::new(worker.atlas, worker.transport.space.geometry, shift, covered);
+    let counts = sum(found.iter().map(|f| f.counts));
+    let split = found.into_iter().flat_map(|f| f.split);
+    split.for_each(|(texel, witnesses)| map.split(texel as usize, witnesses));
+    (map, counts)
+}
+
+/// Fills both halves from the direct light of the blocks, which `state` gives for a half: all of the first before any of the second.
+/// `samples`: those that a texel is sure to get; `are_all`: it gets no more.
 pub fn fill<'a>(
     worker: &Worker<'a>,
-    folder: &WorkFolder,
+    state: &(dyn Fn(usize, usize) -> Result<(BlockState, RayCounts)> + Sync),
     map: CacheMap<'a>,
     blocks: &[usize],
     (samples, are_all): (u32, bool),
@@ -93,7 +90,9 @@ pub fn fill<'a>(
     let endless = || endless::error(worker.transport.space.geometry);
     let mut solved = |half| -> Result<CacheHalf> {
         let (system, c) =
-            trace(worker, folder, &map, blocks, (walks, of_patches), half, || progress.advance(1))?;
+            trace(worker, &|block| state(block, half), &map, blocks, (walks, of_patches), half, || {
+                progress.advance(1)
+            })?;
         counts += c;
         let (values, s) = system.solve(|pass| progress.note(&format!("pass {pass}")), endless)?;
         solution = Solution { passes: solution.passes.max(s.passes), settled: solution.settled && s.settled };

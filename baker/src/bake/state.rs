@@ -1,5 +1,6 @@
 //! The work done so far at one block of texels: sums of samples.
 
+use super::columns;
 use crate::Rgb;
 use crate::surface::BLOCK;
 use crate::trace::lights::Lights;
@@ -200,16 +201,26 @@ impl BlockState {
     }
 }
 
-const MAGIC: &[u8; 8] = b"TLMBLK08";
-/// Magic, round, texels, layers, sampled lights, lights that walks can meet, whether probed (1), tried (2), decided for direct light (4) and for indirect (8).
+const MAGIC: &[u8; 8] = b"TLMBLK09";
+/// Magic, round, texels, layers, sampled lights, lights that walks can meet, and which arrays follow: [`PROBED`] and so on.
 const HEADER: usize = 8 + 6 * 4;
+/// Whether texels were probed.
+const PROBED: u32 = 1;
+/// Whether there are trial samples.
+const TRIED: u32 = 2;
+/// Whether it is decided how many direct samples there are.
+const DECIDED: u32 = 4;
+/// Whether it is decided how the samples of indirect light are shared.
+const SHARED: u32 = 8;
+/// Whether samples of indirect light were drawn: else all that is counted of them is zero, and takes no bytes.
+const DRAWN: u32 = 16;
 
 impl BlockState {
     /// What [`BlockState::to_bytes`] gave for a block of so many texels and these kinds of sums; `None` where the bytes are of another.
     pub fn from_bytes(bytes: &[u8], texels: usize, kinds: Kinds) -> Option<BlockState> {
         let Kinds { layers, sampled, met } = kinds;
         let mut state = BlockState::empty(texels, kinds);
-        let (header, mut rest) = bytes.split_at_checked(HEADER)?;
+        let (header, packed) = bytes.split_at_checked(HEADER)?;
         let word = |i: usize| {
             let at = 8 + 4 * i;
             Some(u32::from_le_bytes(header.get(at..at + 4)?.try_into().ok()?))
@@ -217,55 +228,79 @@ impl BlockState {
         let fits = header.starts_with(MAGIC)
             && [word(1)?, word(2)?, word(3)?, word(4)?] == [texels, layers, sampled, met].map(|n| n as u32);
         let (known, records) = (word(5)?, texels * sampled);
-        state.probes = vec![0; if known & 1 == 1 { texels } else { 0 }];
-        state.trials = vec![Direct::default(); if known & 2 == 2 { records } else { 0 }];
-        state.wants = vec![0; if known & 4 == 4 { records } else { 0 }];
-        state.log2_shares = vec![0; if known & 8 == 8 { texels } else { 0 }];
+        let held = |bit: u32, n: usize| if known & bit == bit { n } else { 0 };
+        state.probes = vec![0; held(PROBED, texels)];
+        state.trials = vec![Direct::default(); held(TRIED, records)];
+        state.wants = vec![0; held(DECIDED, records)];
+        state.log2_shares = vec![0; held(SHARED, texels)];
         state.round = word(0)?;
-        let mut fill = |values: &mut [u8]| -> Option<()> {
-            let (head, tail) = rest.split_at_checked(values.len())?;
-            values.copy_from_slice(head);
-            rest = tail;
-            Some(())
-        };
-        fill(bytemuck::cast_slice_mut(&mut state.probes))?;
-        fill(bytemuck::cast_slice_mut(&mut state.direct))?;
-        fill(bytemuck::cast_slice_mut(&mut state.trials))?;
-        fill(&mut state.wants)?;
-        fill(bytemuck::cast_slice_mut(&mut state.log2_shares))?;
-        fill(bytemuck::cast_slice_mut(&mut state.drawn))?;
-        fill(bytemuck::cast_slice_mut(&mut state.taken))?;
-        fill(bytemuck::cast_slice_mut(&mut state.sums))?;
-        fill(bytemuck::cast_slice_mut(&mut state.met))?;
-        (fits && rest.is_empty()).then_some(state)
+        if !fits {
+            return None;
+        }
+        let mut arrays = state.arrays_mut(known);
+        arrays.retain(|array| !array.is_empty());
+        columns::unpack(packed, texels, &mut arrays)?;
+        Some(state)
     }
 
     /// For keeping it, in the byte order of the machine: work in progress does not travel.
     pub fn to_bytes(&self, kinds: Kinds) -> Vec<u8> {
         let Kinds { layers, sampled, met } = kinds;
-        let mut bytes = Vec::with_capacity(HEADER + self.sums.len() * 12 + self.direct.len() * 20);
-        bytes.extend_from_slice(MAGIC);
         let known = [
-            self.probes.is_empty(),
-            self.trials.is_empty(),
-            self.wants.is_empty(),
-            self.log2_shares.is_empty(),
+            (PROBED, !self.probes.is_empty()),
+            (TRIED, !self.trials.is_empty()),
+            (DECIDED, !self.wants.is_empty()),
+            (SHARED, !self.log2_shares.is_empty()),
+            (DRAWN, self.drawn.iter().any(|&drawn| drawn > 0)),
         ];
-        let known = known.iter().rev().fold(0, |bits, is_empty| bits << 1 | u32::from(!is_empty));
-        let texels = self.taken.len() as u32;
-        for word in [self.round, texels, layers as u32, sampled as u32, met as u32, known] {
+        let known = known.into_iter().filter(|(_, is_there)| *is_there).fold(0, |bits, (bit, _)| bits | bit);
+        let texels = self.taken.len();
+        let mut bytes = Vec::from(MAGIC);
+        for word in [self.round, texels as u32, layers as u32, sampled as u32, met as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.probes));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.direct));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.trials));
-        bytes.extend_from_slice(&self.wants);
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.log2_shares));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.drawn));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.taken));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.sums));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.met));
+        columns::pack(&self.arrays(known), texels, &mut bytes);
         bytes
+    }
+
+    /// What is kept of it, array by array.
+    fn arrays(&self, known: u32) -> Vec<&[u8]> {
+        let mut arrays = vec![
+            bytemuck::cast_slice(&self.probes),
+            bytemuck::cast_slice(&self.direct),
+            bytemuck::cast_slice(&self.trials),
+            &self.wants[..],
+            bytemuck::cast_slice(&self.log2_shares),
+        ];
+        if known & DRAWN == DRAWN {
+            arrays.extend([
+                bytemuck::cast_slice(&self.drawn),
+                bytemuck::cast_slice(&self.taken),
+                bytemuck::cast_slice(&self.sums),
+                bytemuck::cast_slice(&self.met),
+            ]);
+        }
+        arrays
+    }
+
+    /// The same, to be filled.
+    fn arrays_mut(&mut self, known: u32) -> Vec<&mut [u8]> {
+        let mut arrays = vec![
+            bytemuck::cast_slice_mut(&mut self.probes),
+            bytemuck::cast_slice_mut(&mut self.direct),
+            bytemuck::cast_slice_mut(&mut self.trials),
+            &mut self.wants[..],
+            bytemuck::cast_slice_mut(&mut self.log2_shares),
+        ];
+        if known & DRAWN == DRAWN {
+            arrays.extend([
+                bytemuck::cast_slice_mut(&mut self.drawn),
+                bytemuck::cast_slice_mut(&mut self.taken),
+                bytemuck::cast_slice_mut(&mut self.sums),
+                bytemuck::cast_slice_mut(&mut self.met),
+            ]);
+        }
+        arrays
     }
 }
 
@@ -303,7 +338,12 @@ mod tests {
             assert_eq!(BlockState::from_bytes(&bytes, texels, kinds), None);
         }
         assert!((0..bytes.len()).all(|end| BlockState::from_bytes(&bytes[..end], 4, KINDS).is_none()));
+        // Before the first round sums take no bytes.
         let empty = BlockState::empty(4, KINDS);
+        assert!(
+            empty.arrays(0).iter().map(|array| array.len()).sum::<usize>()
+                == empty.direct.len() * size_of::<Direct>()
+        );
         assert_eq!(BlockState::from_bytes(&empty.to_bytes(KINDS), 4, KINDS), Some(empty));
     }
 

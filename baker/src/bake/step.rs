@@ -2,6 +2,8 @@
 
 use super::allocate::Pivot;
 use super::open::OpenCells;
+use super::state::CELLS;
+use crate::surface::BlockSurface;
 use std::time::Instant;
 
 /// One round. It depends on nothing but the rounds before, so a block that was lost is brought through the same steps again.
@@ -12,6 +14,8 @@ pub struct Step {
     pub before: u32,
     /// Samples per texel, both halves together.
     pub target: u32,
+    /// Samples per texel at which blocks stop on the way, the last of them the target ([`super::rounds::stops`]).
+    pub stops: Vec<u32>,
     /// When to stop amid the round; none for a round that is traced again.
     pub deadline: Option<Instant>,
     /// Whose texels get as many samples as the target says, after the first round.
@@ -25,15 +29,26 @@ pub struct Step {
 impl Step {
     /// Samples per texel at which a block looks at the clock. A round takes as long as all before it, and on a small page that is
     /// the time of one block: under a time limit it is traced in sixteen slices, which draw the same samples as the whole.
-    pub fn slices(&self) -> impl Iterator<Item = u32> + use<> {
+    pub fn slices(&self) -> impl Iterator<Item = u32> + '_ {
         const SLICES: u32 = 16;
         let before = self.before;
         let is_cut = self.deadline.is_some() && self.target >= before + 2 * SLICES;
-        let slices = if is_cut { SLICES } else { 1 };
+        let slices = if is_cut { SLICES } else { 0 };
         // (Even numbers, for both halves draw as many.)
-        let step = (self.target - before) / slices / 2 * 2;
+        let step = (self.target - before) / SLICES / 2 * 2;
         let target = self.target;
-        (1..=slices).map(move |slice| if slice == slices { target } else { before + slice * step })
+        let cut = (1..=slices).map(move |slice| if slice == slices { target } else { before + slice * step });
+        cut.chain(self.stops.iter().copied().filter(move |_| !is_cut))
+    }
+
+    /// Whether the round has samples for some cell of a block.
+    pub fn concerns(&self, surface: &BlockSurface) -> bool {
+        self.active(surface).contains(&true)
+    }
+
+    /// The cells of a block that get samples.
+    pub fn active(&self, surface: &BlockSurface) -> [bool; CELLS] {
+        self.open.as_ref().map_or([true; CELLS], |open| open.of_block(surface.x0, surface.y0))
     }
 
     /// Whether the time of the round is over.
@@ -50,7 +65,9 @@ mod tests {
     fn slices_end_at_the_target_and_there_is_one_without_a_deadline() {
         let slices = |before: u32, target: u32, deadline| {
             let pivot = Pivot::OfCell;
-            let step = Step { round: 2, before, target, deadline, pivot, first_means: None, open: None };
+            let stops = vec![target];
+            let step =
+                Step { round: 2, before, target, stops, deadline, pivot, first_means: None, open: None };
             step.slices().collect::<Vec<u32>>()
         };
         assert_eq!(slices(1 << 15, 1 << 16, None), [1 << 16]);

@@ -11,8 +11,8 @@ use super::indirect::Cache;
 use super::local::{Places, of_block};
 use super::open::OpenCells;
 use super::reached::{Done, summarise};
-use super::rounds::{Limits, Round, Traced, note, schedule};
-use super::solve;
+use super::rounds::{Limits, Round, Traced, note, schedule, stops};
+use super::solve::{self, Covered};
 use super::state::{BlockState, CELLS};
 use super::step::Step;
 use super::target::Judged;
@@ -64,6 +64,8 @@ struct Begun {
     /// The last round that some block was brought through.
     furthest: u32,
     rays: RayCounts,
+    /// Per block what the cache is laid out by, where there is to be one.
+    covered: Vec<Covered>,
 }
 
 /// The cache of a run.
@@ -83,6 +85,7 @@ struct Standing {
     is_decided: bool,
     round: u32,
     rays: RayCounts,
+    covered: Option<Covered>,
 }
 
 /// Judges what was traced so far against a target, after denoising.
@@ -106,6 +109,11 @@ impl Tracer<'_> {
         self.go_on(limits, &mut judge, console)?.ok_or_else(|| self.folder.changed())
     }
 
+    /// Whether there is light for a cache, and one is wanted.
+    fn is_cached(&self) -> bool {
+        self.cached && self.worker.transport.lights.layers() > 0
+    }
+
     /// Begins the work, or goes on with it; `None` where what is there does not allow that.
     fn go_on(
         &self,
@@ -115,6 +123,13 @@ impl Tracer<'_> {
     ) -> Result<Option<(Traced, Way<'_>)>> {
         let blocks = self.worker.blocks();
         let rounds: Vec<Round> = self.folder.read(ROUNDS)?.unwrap_or_default();
+        let schedule = schedule(limits);
+        // (Another version may have gone by other rounds.)
+        if rounds.iter().zip(&schedule).any(|(round, &samples)| round.samples != samples)
+            || rounds.len() > schedule.len()
+        {
+            return Ok(None);
+        }
         let before = rounds.last().map_or(0.0, |r| r.seconds);
         // An earlier run whose time ran out during its last round had come to its end.
         let out_of_time = rounds.last().is_some_and(|round| round.is_late);
@@ -122,9 +137,8 @@ impl Tracer<'_> {
         // The rounds that every block was brought through.
         let whole = traced.resumed - usize::from(out_of_time);
         let start = Instant::now();
-        let schedule = schedule(limits);
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
-        let is_open = limits.target_error.is_some() || limits.deadline.is_some();
+        let is_open = limits.are_open();
         let certain = self.worker.certain;
         let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
             return Ok(None);
@@ -141,10 +155,11 @@ impl Tracer<'_> {
         let is_begun = begun.furthest > 0 || traced.resumed > 0;
         let is_beyond_first = begun.furthest > 1 || traced.resumed > 1;
         let mut is_solved = false;
-        if self.cached && self.worker.transport.lights.layers() > 0 {
+        if self.is_cached() {
             // What the cache is solved from is what its light rests on: as much as is known to be drawn anyway.
             way.certain = Some(certain);
-            let Some(solved) = self.cache(&blocks, &way, is_begun, console, &mut traced)? else {
+            let Some(solved) = self.cache(&blocks, begun.covered, &way, is_begun, console, &mut traced)?
+            else {
                 return Ok(None);
             };
             (way.cache, is_solved) = (solved.cache, solved.is_kept);
@@ -161,6 +176,8 @@ impl Tracer<'_> {
         }
         let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
         let mut progress = console.progress("tracing", work(certain));
+        // What each block reached in the round before, as far as this run knows.
+        let mut known: Vec<Option<Done>> = blocks.iter().map(|_| None).collect();
         for (round, &target) in schedule.iter().enumerate() {
             let previous = if round == 0 { 0 } else { schedule[round - 1] };
             if round < traced.resumed {
@@ -189,12 +206,16 @@ impl Tracer<'_> {
             };
             let late = AtomicBool::new(false);
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
-            let of_block = |&block: &usize| {
-                let done = self.block(block, &step, &way, &late)?;
+            let of_block = |(&block, known): (&usize, Option<Done>)| {
+                let surface = self.worker.surface(block);
+                let done = match known.filter(|_| !step.concerns(&surface)) {
+                    Some(known) => Done { rays: RayCounts::default(), ..known },
+                    None => self.block(block, &surface, &step, &way, &late)?,
+                };
                 progress.advance(u64::from(target - previous));
                 Ok(done)
             };
-            let done: Vec<Done> = blocks.par_iter().map(of_block).collect::<Result<_>>()?;
+            let done: Vec<Done> = blocks.par_iter().zip(known).map(of_block).collect::<Result<_>>()?;
             done.iter().for_each(|block| traced.rays += block.rays);
             if traced.rays.endless > 0 {
                 return Err(endless::error(self.worker.transport.space.geometry));
@@ -223,6 +244,10 @@ impl Tracer<'_> {
             progress.note(&note(&reached, limits));
             traced.out_of_time = reached.is_late;
             traced.rounds.push(reached);
+            known = match limits.target_error {
+                Some(_) => done.into_iter().map(Some).collect(),
+                None => blocks.iter().map(|_| None).collect(),
+            };
             // A round that is told to be finished must be found finished, after a power failure too.
             self.folder.sync_blocks(&blocks)?;
             self.folder.write(ROUNDS, &traced.rounds)?;
@@ -242,6 +267,7 @@ impl Tracer<'_> {
         console: &Console,
     ) -> Result<Option<Step>> {
         let (finished, first) = (rounds.len() as u32, rounds.first());
+        let before = rounds.last().map_or(0, |round| round.samples);
         let is_aimed = limits.target_error.is_some();
         let pivot = match first {
             Some(first) if !is_aimed => match self.folder.read(PIVOT)? {
@@ -261,8 +287,9 @@ impl Tracer<'_> {
         };
         Ok(Some(Step {
             round: finished + 1,
-            before: rounds.last().map_or(0, |round| round.samples),
+            before,
             target,
+            stops: stops(limits, before, target),
             deadline: limits.deadline.filter(|_| finished > 0),
             pivot,
             first_means: first.map(|first| first.set_means.clone()),
@@ -288,6 +315,7 @@ impl Tracer<'_> {
     ) -> Result<Option<Begun>> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
+        let is_cached = self.is_cached();
         let of_block = |&block: &usize| {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
@@ -303,9 +331,11 @@ impl Tracer<'_> {
             progress.advance(1);
             let (trial_sums, exposed) = state.trial_sums(lights);
             let (is_decided, round) = (!state.wants.is_empty(), state.round);
-            Ok(Standing { trial_sums, exposed, is_lost, is_decided, round, rays })
+            // (The cache is laid out by it. What was probed is at hand now, and is not read again for that.)
+            let covered = is_cached.then(|| solve::covered(&self.worker, &surface, &state.probes));
+            Ok(Standing { trial_sums, exposed, is_lost, is_decided, round, rays, covered })
         };
-        let found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
+        let mut found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
         let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
         // A block goes one round further than the last finished one, at most. A run that continues finds no trials in blocks that were
         // decided: what is decided by stays what it was.
@@ -325,7 +355,9 @@ impl Tracer<'_> {
         };
         let lost = blocks.iter().zip(&found).filter(|(_, block)| block.is_lost).map(|(&block, _)| block);
         let lost = lost.collect();
-        Ok(Some(Begun { direct_means, lost, furthest, rays: sum(found.iter().map(|block| block.rays)) }))
+        let covered = found.iter_mut().filter_map(|block| block.covered.take()).collect();
+        let rays = sum(found.iter().map(|block| block.rays));
+        Ok(Some(Begun { direct_means, lost, furthest, rays, covered }))
     }
 
     /// Probes a block's texels and draws its trial samples and its first ones; whether there was anything to do.
@@ -342,6 +374,7 @@ impl Tracer<'_> {
     fn cache(
         &self,
         blocks: &[usize],
+        covered: Vec<Covered>,
         way: &Way,
         is_begun: bool,
         console: &Console,
@@ -352,7 +385,7 @@ impl Tracer<'_> {
             traced.without_cache(passes);
             return Ok(Some(Solved { cache: None, is_kept: true }));
         }
-        let (map, counts) = solve::map(&self.worker, self.folder, blocks, self.layers)?;
+        let (map, counts) = solve::map(&self.worker, covered, self.layers);
         traced.rays += counts;
         let layers = self.worker.transport.lights.layers();
         if let Some(halves) = solve::load(self.folder, map.entries(), layers)? {
@@ -363,9 +396,16 @@ impl Tracer<'_> {
             return Ok(None);
         }
         let samples = way.certain.unwrap_or(0);
-        traced.rays += self.refine_direct(blocks, samples, &way.direct_means, console)?;
+        // The first half is traced block by block, as more direct light comes to it; the second reads what that left.
+        let refined = |block: usize, half: usize| match half {
+            0 => self.refine_direct(block, samples, &way.direct_means),
+            _ => Ok((
+                self.folder.expect_block(block, self.worker.surface(block).covered().count())?,
+                RayCounts::default(),
+            )),
+        };
         let (cache, solution, counts) =
-            solve::fill(&self.worker, self.folder, map, blocks, (samples, !way.is_open), console)?;
+            solve::fill(&self.worker, &refined, map, blocks, (samples, !way.is_open), console)?;
         traced.rays += counts;
         if !solution.settled {
             self.folder.write(UNSETTLED, &solution.passes)?;
@@ -376,26 +416,14 @@ impl Tracer<'_> {
         Ok(Some(Solved { cache: Some(cache), is_kept: false }))
     }
 
-    /// Brings the direct light of all blocks to the samples that go with `samples` of indirect light.
-    fn refine_direct(
-        &self,
-        blocks: &[usize],
-        samples: u32,
-        means: &[f32],
-        console: &Console,
-    ) -> Result<RayCounts> {
-        let progress = console.progress("more direct light", blocks.len() as u64);
-        let of_block = |&block: &usize| {
-            stop_if_interrupted()?;
-            let surface = self.worker.surface(block);
-            let mut state = self.folder.expect_block(block, surface.covered().count())?;
-            let counts = self.worker.more_direct(&surface, &mut state, &[true; CELLS], samples, means);
-            stop_if_interrupted()?;
-            self.folder.write_block(block, &state)?;
-            progress.advance(1);
-            Ok(counts)
-        };
-        Ok(sum(blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?))
+    /// Brings the direct light of a block to the samples that go with `samples` of indirect light.
+    fn refine_direct(&self, block: usize, samples: u32, means: &[f32]) -> Result<(BlockState, RayCounts)> {
+        let surface = self.worker.surface(block);
+        let mut state = self.folder.expect_block(block, surface.covered().count())?;
+        let counts = self.worker.more_direct(&surface, &mut state, &[true; CELLS], samples, means);
+        stop_if_interrupted()?;
+        self.folder.write_block(block, &state)?;
+        Ok((state, counts))
     }
 
     /// The steps of the finished `rounds`; `None` where what decided one of them is lost.
@@ -446,7 +474,8 @@ impl Tracer<'_> {
         let is_whole = |state: &BlockState| {
             // (Of a block that has no round yet, the direct light may be less than what the cache was solved from.)
             let is_refined = way.certain.is_none() || !state.wants.is_empty() || state.direct.is_empty();
-            state.round as usize >= way.steps.len() && is_refined
+            let mut left = way.steps.iter().skip(state.round as usize);
+            is_refined && !left.any(|step| step.concerns(surface))
         };
         let mut state = match found {
             Some(state) if is_whole(&state) => return Ok(state),
@@ -480,7 +509,7 @@ impl Tracer<'_> {
             let classes = self.classes(surface, state, means);
             state.log2_shares = log2_shares(&classes, surface, step.pivot);
         }
-        let active = step.open.as_ref().map_or([true; CELLS], |open| open.of_block(surface.x0, surface.y0));
+        let active = step.active(surface);
         let mut is_late = false;
         for samples in step.slices().filter(|_| active.contains(&true)) {
             *rays += self.worker.more_direct(surface, state, &active, samples, &way.direct_means);
@@ -495,25 +524,32 @@ impl Tracer<'_> {
     }
 
     /// Brings one block through one round and gives its error sums.
-    fn block(&self, block: usize, step: &Step, way: &Way, late: &AtomicBool) -> Result<Done> {
-        let surface = self.worker.surface(block);
+    fn block(
+        &self,
+        block: usize,
+        surface: &BlockSurface,
+        step: &Step,
+        way: &Way,
+        late: &AtomicBool,
+    ) -> Result<Done> {
         let mut rays = RayCounts::default();
-        let mut state = self.standing(block, &surface, way, &mut rays)?;
-        if state.round < step.round {
+        let mut state = self.standing(block, surface, way, &mut rays)?;
+        // (A block without samples to get is left as it is: it need not be written.)
+        if state.round < step.round && step.concerns(surface) {
             if step.is_late() {
                 late.store(true, Ordering::Relaxed);
             } else {
-                if self.bring(block, &surface, &mut state, step, way, &mut rays) {
+                if self.bring(block, surface, &mut state, step, way, &mut rays) {
                     late.store(true, Ordering::Relaxed);
                 }
                 stop_if_interrupted()?;
                 self.folder.write_block(block, &state)?;
             }
         }
-        let cells = of_block(&self.sets, self.worker.transport.lights, &surface, &state, self.places);
+        let cells = of_block(&self.sets, self.worker.transport.lights, surface, &state, self.places);
         let mut exposed = [0; CELLS];
         let places = surface.covered().enumerate().filter(|&(texel, _)| state.is_exposed(texel));
-        places.for_each(|(_, place)| exposed[cell_of(&surface, place)] += 1);
+        places.for_each(|(_, place)| exposed[cell_of(surface, place)] += 1);
         let drawn = state.drawn.iter().filter(|drawn| **drawn > 0);
         let (texels, samples) =
             (drawn.clone().count() as u32, drawn.map(|drawn| 2 * u64::from(*drawn)).sum());

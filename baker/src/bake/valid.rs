@@ -37,16 +37,24 @@ impl ValidTexels {
             }
         }
         let (width, height) = (atlas.width as usize, atlas.height as usize);
-        let exposed: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].exposed == 1).collect();
-        let (lit, dark): (Vec<usize>, Vec<usize>) = exposed.iter().partition(|&&i| light[i] > 0.0);
-        let place = |&i: &usize| texels[i].index as usize;
+        let place = |i: usize| texels[i].index as usize;
         let mut mask = Mask { width, height, valid: vec![false; width * height] };
-        lit.iter().for_each(|i| mask.valid[place(i)] = true);
-        let valid: Vec<usize> =
-            dark.iter().map(place).filter(|&i| lit.is_empty() || is_amid(&mask, owners, i)).collect();
-        let unlit = dark.len() - valid.len();
-        valid.iter().for_each(|&i| mask.valid[i] = true);
-        Ok(ValidTexels { mask, light, buried: texels.len() - exposed.len(), unlit })
+        let (mut buried, mut is_lit, mut dark) = (0, false, Vec::new());
+        for i in 0..texels.len() {
+            match (texels[i].exposed == 1, light[i] > 0.0) {
+                (false, _) => buried += 1,
+                (true, false) => dark.push(place(i)),
+                (true, true) => {
+                    is_lit = true;
+                    mask.valid[place(i)] = true;
+                }
+            }
+        }
+        let of_dark = dark.len();
+        dark.retain(|&i| !is_lit || is_amid(&mask, owners, i));
+        dark.iter().for_each(|&i| mask.valid[i] = true);
+        let unlit = of_dark - dark.len();
+        Ok(ValidTexels { mask, light, buried, unlit })
     }
 
     /// Per covered texel, whether it is valid.

@@ -23,8 +23,14 @@ pub struct View {
     pub tiles: usize,
 }
 
-/// The views of these cameras, by a ray through the middle of every pixel.
-pub fn views(cameras: &[Camera], geometry: &Geometry, atlas: &Atlas, rays: &Rays) -> Vec<View> {
+/// The views of these cameras, by a ray through the middle of every pixel. `tile_side`: the side of a tile in texels of the atlas.
+pub fn views(
+    cameras: &[Camera],
+    geometry: &Geometry,
+    atlas: &Atlas,
+    tile_side: usize,
+    rays: &Rays,
+) -> Vec<View> {
     let mut face_of = vec![u32::MAX; geometry.triangles.len()];
     for (number, face) in atlas.faces.iter().enumerate() {
         face_of[face.triangle as usize] = number as u32;
@@ -35,7 +41,7 @@ pub fn views(cameras: &[Camera], geometry: &Geometry, atlas: &Atlas, rays: &Rays
             let direction = lens.direction(Vec2::new(x as f32, y as f32) + 0.5);
             let hit = rays.nearest_wall(lens.origin, direction, NOWHERE)?;
             let face = atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
-            Some(tile_of(atlas, face.corners, hit.barycentric))
+            Some(tile_of(atlas, tile_side, face.corners, hit.barycentric))
         };
         let row = |y: u32| (0..PICTURE[0]).filter_map(|x| tile(x, y)).collect::<BTreeSet<_>>();
         let rows: Vec<BTreeSet<[u32; 2]>> = (0..PICTURE[1]).into_par_iter().map(row).collect();
@@ -45,11 +51,11 @@ pub fn views(cameras: &[Camera], geometry: &Geometry, atlas: &Atlas, rays: &Rays
     cameras.iter().map(view).collect()
 }
 
-/// Tiles that hold surface.
-pub fn lit_tiles(atlas: &Atlas) -> usize {
-    let (width, across) = (atlas.width as usize, (atlas.width as usize).div_ceil(TILE));
-    let mut lit = vec![false; across * (atlas.height as usize).div_ceil(TILE)];
-    atlas.touched().for_each(|i| lit[i / width / TILE * across + i % width / TILE] = true);
+/// Tiles of this side in texels that hold surface.
+pub fn lit_tiles(atlas: &Atlas, side: usize) -> usize {
+    let (width, across) = (atlas.width as usize, (atlas.width as usize).div_ceil(side));
+    let mut lit = vec![false; across * (atlas.height as usize).div_ceil(side)];
+    atlas.touched().for_each(|i| lit[i / width / side * across + i % width / side] = true);
     lit.into_iter().filter(|&lit| lit).count()
 }
 
@@ -61,10 +67,10 @@ pub fn in_words(views: &[View], lit_tiles: usize) -> Option<String> {
 }
 
 /// The tile of a point of a face.
-fn tile_of(atlas: &Atlas, [a, b, c]: [Vec2; 3], barycentric: Vec3) -> [u32; 2] {
+fn tile_of(atlas: &Atlas, side: usize, [a, b, c]: [Vec2; 3], barycentric: Vec3) -> [u32; 2] {
     let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
     // (A face that keeps its file's coordinates may end at the page's very edge.)
-    let tile = |texel: f32, size: u32| (texel as u32).min(size - 1) / TILE as u32;
+    let tile = |texel: f32, size: u32| (texel as u32).min(size - 1) / side as u32;
     [tile(texel.x, atlas.width), tile(texel.y, atlas.height)]
 }
 
@@ -101,7 +107,7 @@ mod tests {
             chart: 0,
         });
         let atlas = Atlas::for_tests(256, 256, faces.to_vec());
-        assert_eq!(lit_tiles(&atlas), 4);
+        assert_eq!(lit_tiles(&atlas, TILE), 4);
         let camera = |look_at: DVec3| Camera {
             name: "c".into(),
             position: DVec3::new(0.5, 0.3, 0.5),
@@ -115,8 +121,8 @@ mod tests {
             camera(DVec3::new(2.0, 0.0, 2.0)),
         ];
         let seen: Vec<usize> =
-            views(&cameras, &geometry, &atlas, &rays).iter().map(|view| view.tiles).collect();
+            views(&cameras, &geometry, &atlas, TILE, &rays).iter().map(|view| view.tiles).collect();
         assert_eq!(seen, [1, 0, 4]);
-        assert_eq!(tile_of(&atlas, atlas.faces[0].corners, Vec3::Z), [1, 1]);
+        assert_eq!(tile_of(&atlas, TILE, atlas.faces[0].corners, Vec3::Z), [1, 1]);
     }
 }

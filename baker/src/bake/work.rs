@@ -60,7 +60,7 @@ impl WorkFolder {
         for other in Self::others(dataset, digest) {
             let _ = std::fs::remove_dir_all(other);
         }
-        let root = dataset.join(FOLDER).join(&digest[..16]);
+        let root = Self::root_of(dataset, digest);
         std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
         dataset::files::remove_stale_temporaries(&root)?;
         let folder = WorkFolder { root, digest: digest.to_owned(), kinds };
@@ -72,6 +72,11 @@ impl WorkFolder {
     fn others(dataset: &Path, digest: &str) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(dataset.join(FOLDER)).into_iter().flatten().flatten();
         entries.map(|e| e.path()).filter(|path| digest.is_empty() || !path.ends_with(&digest[..16])).collect()
+    }
+
+    /// The folder of the work with this digest below `dataset`.
+    pub fn root_of(dataset: &Path, digest: &str) -> PathBuf {
+        dataset.join(FOLDER).join(&digest[..16])
     }
 
     /// The unfinished work of other bakes, each with whether it has a finished round. What was left behind when all of its layers were

@@ -10,6 +10,7 @@ mod pages;
 mod parts;
 mod preview;
 mod relight;
+mod room;
 mod scenes;
 mod statistics;
 mod transfer;

@@ -1,0 +1,38 @@
+//! A bake that does not fit the disk is refused before light is traced.
+
+use crate::pages::case;
+use baker::bake::run::{Options, bake};
+use baker::light::schedule::parse_hours;
+use dataset::console::Console;
+
+#[test]
+fn a_bake_that_needs_more_than_is_free_is_refused_and_leaves_nothing() {
+    let (stage, text) = case();
+    stage.write("case.toml", text.as_bytes());
+    let out = stage.path("set");
+    let run = |free_bytes: fn(&std::path::Path) -> Option<u64>, force| {
+        let hours = parse_hours("12,21").expect("hours");
+        let options = Options { out: Some(out.clone()), free_bytes, force, ..Options::new(hours) };
+        bake(&stage.path("case.toml"), &options, &Console::silent())
+    };
+    let refused = run(|_| Some(10_000), false).unwrap_err().to_string();
+    for what in [
+        "at its peak",
+        "10 kB are free",
+        "--out DIR on another file system",
+        "fewer --hours",
+        "smaller [lightmap] size",
+    ] {
+        assert!(refused.contains(what), "{refused}");
+    }
+    assert!(!out.exists());
+    // Where the system does not tell, and where there is room, it is baked.
+    run(|_| None, false).unwrap();
+    run(|_| Some(1 << 30), true).unwrap();
+    // All layers are there: only the dataset is to be written, were it another one.
+    let texels = 48 * 40 * 2;
+    let room = |_: &std::path::Path| Some(12 * 48 * 40 * 2 * (2 + 3) + 8 * 48 * 40 * 2);
+    assert!(room(&out).is_some_and(|room| room > 12 * texels));
+    stage.write("case.toml", text.replace("radiance = [8, 6, 4]", "radiance = [4, 3, 2]").as_bytes());
+    run(room, false).unwrap();
+}
