@@ -4,6 +4,7 @@
 
 use baker::bake::forecast::forecast;
 use baker::bake::run::{Integrator, Options, bake, prepare};
+use baker::bake::sketch::Sketch;
 use baker::light::schedule::parse_hours;
 use baker::preview;
 use dataset::Error;
@@ -33,7 +34,7 @@ pub fn soup(scratch: &Path, bytes: &[u8]) -> bool {
         prepare(&scene, &options, &console)
             .and_then(|p| {
                 let (atlas, rays) = p.atlas()?;
-                Ok(forecast(&p, &atlas, &rays).is_ok())
+                Ok(forecast(&p, &Sketch::exact(atlas, rays)).is_ok())
             })
             .is_ok()
     });
