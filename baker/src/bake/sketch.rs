@@ -113,7 +113,7 @@ fn coarser(lightmap: &Lightmap, times: u32) -> Lightmap {
         }
         LightmapSize::TexelsPerMetre(density) => LightmapSize::TexelsPerMetre(density / f64::from(times)),
     };
-    Lightmap { size, padding: lightmap.padding / times, ..lightmap.clone() }
+    Lightmap { size, padding: lightmap.padding / times, ..*lightmap }
 }
 
 #[cfg(test)]
