@@ -23,7 +23,7 @@ use crate::train::{Aim, Recipe};
 use crate::{Error, Result, of_bundle, printable};
 use dataset::config::{Layer, Light, PageKind};
 use dataset::console::{Console, count, stop_if_interrupted};
-use dataset::files::{expect_writable, write_atomically};
+use dataset::files::{expect_writable, sync_folder_of, write_atomically};
 use dataset::image::Mask;
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
@@ -197,7 +197,12 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let header = Header { sun, shadows, ..header(&dataset, &masks, &law, options)? };
     if !options.force {
         match standing(&out, &header) {
-            Standing::Same(outcome) => return Ok(*outcome),
+            Standing::Same(outcome) => {
+                // (Of a run that was killed at its end.)
+                Part::tidy(&out);
+                sync_folder_of(&out);
+                return Ok(*outcome);
+            }
             Standing::Kept(what) => {
                 return Err(Error::invalid(
                     out.display(),
@@ -235,6 +240,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let header = Header { shadows, ..header };
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&out, &bytes)?;
+    part.finish()?;
 
     let outcome = Outcome::new(&header, out.clone(), bytes.len() as u64, &work, start, checked);
     outcome::write(&out, &outcome)?;

@@ -3,7 +3,7 @@
 use super::beside;
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
-use dataset::files::{remove_stale_temporaries, write_atomically};
+use dataset::files::{create_folders, remove_stale_temporaries, sync_folder_of, write_atomically};
 use dataset::lock::{LOCK, Lock, lock};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -14,12 +14,14 @@ use std::sync::Mutex;
 
 /// Extension of the files.
 const EXTENSION: &str = "tile";
+/// Name of the list of those whose bundle stands: they go, and a run that is killed before all of them are gone leaves the list.
+const DONE: &str = "done.json";
 
 /// The folder.
 pub(super) struct Part {
     folder: PathBuf,
     /// Keeps other runs out.
-    _lock: Lock,
+    lock: Lock,
     /// The files that this run asked for or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
@@ -30,16 +32,17 @@ impl Part {
     /// Opens or creates the work folder of a bundle, for this run alone; with `fresh`, empties it.
     pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
         let folder = beside(out, ".part");
-        match fs::create_dir(&folder) {
+        match create_folders(&folder) {
             Err(error) if !folder.is_dir() => return Err(Error::io(&folder)(error)),
             _ => {}
         }
         let lock =
             lock(&folder, "another run is making this bundle", "wait for it, or choose another --out")?;
         remove_stale_temporaries(&folder)?;
-        let part = Part { folder, _lock: lock, own: Mutex::default(), written: Mutex::default() };
+        let part = Part { folder, lock, own: Mutex::default(), written: Mutex::default() };
         if fresh {
             part.files().for_each(remove);
+            remove(part.folder.join(DONE));
         }
         Ok(part)
     }
@@ -96,16 +99,43 @@ impl Part {
         self.written.lock().unwrap_or_else(|e| e.into_inner()).contains(key)
     }
 
-    /// Removes the tiles of this run, and the folder if nothing is left in it; how many files of runs of other settings are.
+    /// Writes down that the bundle of this run's tiles stands: [`Part::remove`], of this run or another, removes them.
+    pub(super) fn finish(&self) -> Result<()> {
+        let own = self.own.lock().unwrap_or_else(|e| e.into_inner());
+        let names: Vec<_> = own.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+        let list = self.folder.join(DONE);
+        let json = serde_json::to_vec(&names).map_err(|error| Error::invalid(list.display(), error))?;
+        write_atomically(&list, &json)
+    }
+
+    /// Removes the tiles that are done with, and the folder if nothing is left in it; how many files of runs of other settings are.
     pub(super) fn remove(self) -> usize {
-        self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
+        let list = self.folder.join(DONE);
+        let names: Vec<String> =
+            fs::read(&list).ok().and_then(|json| serde_json::from_slice(&json).ok()).unwrap_or_default();
+        self.files().filter(|path| names.iter().any(|name| path.ends_with(name))).for_each(remove);
+        // (The list may not be gone before they are.)
+        sync_folder_of(&list);
+        remove(list);
         let left = self.files().count();
         // What cannot be removed is no harm: the bundle stands.
         if left == 0 {
-            remove(self.folder.join(LOCK));
-            let _ = fs::remove_dir(&self.folder);
+            let Part { folder, lock, .. } = self;
+            remove(folder.join(LOCK));
+            // (Its claim is in the folder, and on some networks an open file stays in its folder when it is removed.)
+            drop(lock);
+            let _ = fs::remove_dir(folder);
         }
         left
+    }
+
+    /// Removes what a run of a bundle that stands left when it was killed amid [`Part::remove`].
+    pub(super) fn tidy(out: &Path) {
+        if beside(out, ".part").is_dir()
+            && let Ok(part) = Part::open(out, false)
+        {
+            part.remove();
+        }
     }
 
     fn files(&self) -> impl Iterator<Item = PathBuf> {
@@ -171,12 +201,16 @@ mod tests {
         // Of this run's tiles none is left; one of other settings is.
         let part = Part::open(&out, false).unwrap();
         part.write("k", &Payload::default(), &stats).unwrap();
+        part.finish().unwrap();
         assert_eq!(part.remove(), 1);
         let part = Part::open(&out, false).unwrap();
         assert!(
             part.read::<TileStats>("k").is_none() && part.read::<TileStats>("of other settings").is_some()
         );
-        assert_eq!(part.remove(), 0);
+        // Killed before they were removed.
+        part.finish().unwrap();
+        drop(part);
+        Part::tidy(&out);
         let left = fs::read_dir(beside(&out, ".part")).unwrap().map(|entry| entry.unwrap().file_name());
         assert_eq!(left.collect::<Vec<_>>(), ["notes.txt"]);
     }
