@@ -25,7 +25,7 @@ use crate::train::{Aim, Recipe};
 use crate::{Error, Result, of_bundle, printable};
 use dataset::config::{Layer, Light, PageKind};
 use dataset::console::{Console, count, stop_if_interrupted};
-use dataset::files::{expect_writable, write_atomically};
+use dataset::files::{expect_writable, sync_folder_of, write_atomically};
 use dataset::image::Mask;
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
@@ -171,9 +171,11 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         job.tiles(&header, &part).expect_shards()?;
     }
     let header = job.header_with_sun(&part, console)?;
-    if let Some(outcome) = job.existing(&header, console)? {
+    if let Some(outcome) = job.existing(&header, console).transpose() {
+        // (Also what a run left that was killed at its end.)
         part.remove();
-        return Ok(outcome);
+        sync_folder_of(&job.out);
+        return outcome;
     }
     let suns = match job.sunlight.as_ref().zip(header.sun.as_ref()) {
         Some((sunlight, sun)) => sunlight.sections(sun, &job.masks, console)?,
@@ -197,6 +199,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let header = Header { shadows, ..header };
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&job.out, &bytes)?;
+    part.finish()?;
 
     let outcome = Outcome::new(&header, job.out.clone(), bytes.len() as u64, &work, start, checked);
     outcome::write(&job.out, &outcome)?;
@@ -238,10 +241,10 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     let part = Part::share(&job.out)?;
     // The full header is slow to compute: only if a bundle exists.
     if job.out.exists()
-        && let Some(outcome) = job.existing(&job.header_with_sun(&part, console)?, console)?
+        && let Some(existing) = job.existing(&job.header_with_sun(&part, console)?, console).transpose()
     {
         part.remove();
-        return Ok(Sharded::UpToDate(outcome.bundle));
+        return Ok(Sharded::UpToDate(existing?.bundle));
     }
     let header = job.header(&part)?;
     let tiles = job.tiles(&header, &part);

@@ -9,7 +9,7 @@ use crate::model::PAYLOAD;
 use crate::{Error, Result, of_bundle};
 use dataset::config::Page;
 use dataset::console::Console;
-use dataset::files::remove_folder;
+use dataset::files::{create_folders, remove_folder};
 use dataset::halve::{halve, open};
 use dataset::lock::{LOCK, lock};
 use dataset::report::Section;
@@ -79,7 +79,7 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
     let mut source = Dataset::open(root)?;
     let pages = source.config.pages.clone();
     let work = beside(bundle, ".levels");
-    match fs::create_dir(&work) {
+    match create_folders(&work) {
         Err(error) if !work.is_dir() => return Err(Error::io(&work)(error)),
         _ => {}
     }
@@ -110,8 +110,9 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
         let _ = fs::remove_dir_all(entry.path());
     }
     let _ = fs::remove_file(work.join(LOCK));
-    let _ = fs::remove_dir(&work);
+    // (Its claim is in the folder, and on some networks an open file stays in its folder when it is removed.)
     drop(lock);
+    let _ = fs::remove_dir(&work);
     Ok(done)
 }
 

@@ -52,6 +52,33 @@ pub fn sync_folder_of(path: &Path) {
     }
 }
 
+/// Creates a folder and those around it, where they are missing. Each is an entry of the folder around it, which is synced: what is written
+/// into a folder whose own name is lost is lost with it.
+///
+/// # Errors
+/// Those of [`fs::create_dir_all`].
+pub fn create_folders(path: &Path) -> io::Result<()> {
+    let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
+    let missing: Vec<&Path> = path.ancestors().take_while(is_missing).collect();
+    fs::create_dir_all(path)?;
+    // (Also where it is there: who made it may have been killed before this.)
+    sync_folder_of(path);
+    missing.iter().skip(1).for_each(|folder| sync_folder_of(folder));
+    Ok(())
+}
+
+/// Makes the entries of a folder durable, and those of the folders in it.
+fn sync_folders(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            sync_folders(&entry.path());
+        }
+    }
+    if let Ok(folder) = File::open(folder) {
+        let _ = folder.sync_all();
+    }
+}
+
 /// An error unless the folder in which a file is to be written exists.
 fn expect_folder(path: &Path) -> Result<()> {
     match folder_of(path).filter(|folder| !folder.is_dir()) {
@@ -64,7 +91,8 @@ fn expect_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// An error unless a file can be written there, for which one is made and removed: to be asked before the work, not after it.
+/// An error unless a file can be written there, for which one is made and removed: to be asked before the work, not after it. What killed
+/// writers left in that folder is removed.
 ///
 /// # Errors
 /// `Invalid`, with the folder; `Io`.
@@ -74,7 +102,8 @@ pub fn expect_writable(path: &Path) -> Result<()> {
         return Err(Error::invalid(path.display(), "is a folder; expected the name of a file to write"));
     }
     let temporary = temporary_beside(path)?;
-    File::create(&temporary).and_then(|_| fs::remove_file(&temporary)).map_err(Error::io(path))
+    File::create(&temporary).and_then(|_| fs::remove_file(&temporary)).map_err(Error::io(path))?;
+    remove_stale_temporaries(folder_of(path).unwrap_or(Path::new(".")))
 }
 
 /// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there and lets files be written.
@@ -148,6 +177,8 @@ impl NewFolder {
 
     /// Gives the folder its name.
     pub fn finish(self) -> Result<()> {
+        // What is in it is durable before its name is.
+        sync_folders(&self.temporary);
         fs::rename(&self.temporary, &self.path).map_err(Error::io(&self.path))?;
         sync_folder_of(&self.path);
         Ok(())
@@ -305,14 +336,18 @@ mod tests {
         let earlier =
             folder.path().join(format!(".a.exr{MARK}{}-{}-0-0", Process::this().machine, std::process::id()));
         let elsewhere = folder.path().join(format!(".a.exr{MARK}01234567-{}-0-0", u32::MAX));
+        // Of a container, by an id that is a living process's here.
+        let container = folder.path().join(format!(".a.exr{MARK}89abcdef-{}-0-0", std::process::id()));
         let foreign = folder.path().join(".a.tmp-notes");
-        for path in [&stale, &own, &earlier, &elsewhere, &foreign] {
+        for path in [&stale, &own, &earlier, &elsewhere, &container, &foreign] {
             fs::write(path, b"x").unwrap();
         }
-        assert_eq!(temporaries(folder.path()).unwrap().len(), 4);
+        assert_eq!(temporaries(folder.path()).unwrap().len(), 5);
         remove_stale_temporaries(folder.path()).unwrap();
         assert_eq!(stale.exists(), !Path::new("/proc/self").exists());
         assert!(own.exists() && !earlier.exists() && elsewhere.exists() && foreign.exists());
+        // Neither does the clock: the writer of an old file may run.
+        assert!(container.exists());
         assert!(temporaries(&folder.path().join("none")).unwrap().is_empty());
     }
 
@@ -348,6 +383,24 @@ mod tests {
             NewFolder::create(&around.path().join("a/b")).unwrap_err().to_string().contains("does not exist")
         );
         assert_eq!(names(), ["set"]);
+    }
+
+    #[test]
+    fn folders_are_made_with_those_around_them() {
+        let around = tempfile::tempdir().unwrap();
+        let path = around.path().join("a/b/c");
+        for _ in 0..2 {
+            create_folders(&path).unwrap();
+            assert!(path.is_dir());
+        }
+        fs::write(path.join("file"), b"x").unwrap();
+        create_folders(&path.join("file")).unwrap_err();
+        create_folders(&path.join("file/d")).unwrap_err();
+        // What killed writers left goes where something is about to be written.
+        let stale = path.join(stale_name("other.png"));
+        fs::write(&stale, b"x").unwrap();
+        expect_writable(&path.join("a.png")).unwrap();
+        assert_eq!(stale.exists(), !Path::new("/proc/self").exists());
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl Writer {
         if manifest.exists() {
             parse_manifest(&manifest, &read(&manifest)?)?;
         }
-        fs::create_dir_all(&data).map_err(Error::io(&data))?;
+        files::create_folders(&data).map_err(Error::io(&data))?;
         files::remove_stale_temporaries(root)?;
         files::remove_stale_temporaries(&data)?;
         Ok(Writer { root: root.to_owned(), added: BTreeMap::new(), aliases: Vec::new() })
@@ -105,6 +105,8 @@ impl Writer {
         let mut json = serde_json::to_string_pretty(config)
             .map_err(|error| Error::invalid(manifest.display(), error))?;
         json.push('\n');
+        // (What a killed run left there and this one found has a name that may not have reached the disk.)
+        files::sync_folder_of(&self.root.join(DATA).join(MANIFEST));
         files::write_atomically(&manifest, json.as_bytes())?;
         for (path, name) in &self.aliases {
             files::link_or_copy(&self.root.join(path), &self.root.join(name))?;

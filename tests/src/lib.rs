@@ -1,5 +1,7 @@
 //! Helpers of the whole-pipeline tests, which live in `tests/`.
 
+pub mod faults;
+
 use dataset::image::Image;
 use dataset::store::Dataset;
 

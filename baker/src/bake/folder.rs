@@ -22,7 +22,7 @@ pub fn create(out: &Path) -> Result<()> {
     let refused = |what: &str, error: std::io::Error| {
         Error::invalid(out.display(), format!("{what} ({error}); {EXPECTED} that this user may write to"))
     };
-    std::fs::create_dir_all(out).map_err(|e| refused("cannot be created", e))?;
+    files::create_folders(out).map_err(|e| refused("cannot be created", e))?;
     files::remove_stale_temporaries(out)?;
     let probe = files::temporary_beside(&out.join("probe"))?;
     let probed = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
@@ -32,7 +32,7 @@ pub fn create(out: &Path) -> Result<()> {
 /// Begins the work in the dataset's folder. The folder of the work comes first: by it a later run knows the folder for a bake's own.
 pub fn begin(out: &Path) -> Result<()> {
     let work = out.join(store::WORK);
-    std::fs::create_dir_all(&work).map_err(Error::io(&work))
+    files::create_folders(&work).map_err(Error::io(&work))
 }
 
 /// Ends it: the dataset stands. (What remains is no reason to fail.)

@@ -98,7 +98,7 @@ impl Layers {
 
     /// Creates the folder, where it is missing.
     pub fn create(&self) -> Result<()> {
-        std::fs::create_dir_all(&self.root).map_err(Error::io(&self.root))
+        dataset::files::create_folders(&self.root).map_err(Error::io(&self.root))
     }
 
     fn path(&self, digest: &str, part: Part) -> PathBuf {

@@ -38,7 +38,7 @@ use dataset::config::{
 };
 use dataset::console::{Console, count};
 use dataset::curve::Curve;
-use dataset::files::{remove_stale_temporaries, write_atomically};
+use dataset::files::{remove_stale_temporaries, sync_folder_of, write_atomically};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
 use std::collections::BTreeSet;
@@ -62,6 +62,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
         // (Of a run that was killed while it wrote its report.)
         remove_stale_temporaries(&out)?;
+        sync_folder_of(&out.join(RUN));
         standing::keep_cameras(&out, &settings)?;
         return Ok(outcome);
     }

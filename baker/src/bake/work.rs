@@ -61,7 +61,7 @@ impl WorkFolder {
             let _ = std::fs::remove_dir_all(other);
         }
         let root = Self::root_of(dataset, digest);
-        std::fs::create_dir_all(&root).map_err(Error::io(&root))?;
+        dataset::files::create_folders(&root).map_err(Error::io(&root))?;
         dataset::files::remove_stale_temporaries(&root)?;
         let folder = WorkFolder { root, digest: digest.to_owned(), kinds };
         folder.write(LAYERS, &layers)?;

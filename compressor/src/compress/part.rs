@@ -3,7 +3,7 @@
 use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
-use dataset::files::{remove_stale_temporaries, write_atomically};
+use dataset::files::{create_folders, remove_stale_temporaries, sync_folder_of, write_atomically};
 use dataset::lock::{LOCK, Lock, Shared, lock, share};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -14,6 +14,8 @@ use std::sync::Mutex;
 
 /// Extension of the files.
 const EXTENSION: &str = "tile";
+/// Name of the list of files whose bundle is written. A run that is killed while it removes them leaves the list.
+const DONE: &str = "done.json";
 
 /// The lock on the folder.
 enum Held {
@@ -30,7 +32,7 @@ const BUSY: [&str; 2] = ["another run is writing this bundle", "wait until it en
 pub(super) struct Part {
     folder: PathBuf,
     /// Excludes other runs.
-    _held: Held,
+    held: Held,
     /// The files that this run looked up or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
@@ -43,9 +45,10 @@ impl Part {
         let folder = created(out)?;
         let held = Held::Alone(lock(&folder, BUSY[0], BUSY[1])?);
         remove_stale_temporaries(&folder)?;
-        let part = Part { folder, _held: held, own: Mutex::default(), written: Mutex::default() };
+        let part = Part { folder, held, own: Mutex::default(), written: Mutex::default() };
         if fresh {
             part.files().for_each(remove);
+            remove(part.folder.join(DONE));
         }
         Ok(part)
     }
@@ -54,7 +57,7 @@ impl Part {
     pub(super) fn share(out: &Path) -> Result<Self> {
         let folder = created(out)?;
         let held = Held::Together(share(&folder, BUSY[0], BUSY[1])?);
-        Ok(Part { folder, _held: held, own: Mutex::default(), written: Mutex::default() })
+        Ok(Part { folder, held, own: Mutex::default(), written: Mutex::default() })
     }
 
     fn path(&self, key: &str) -> PathBuf {
@@ -122,15 +125,33 @@ impl Part {
         self.written.lock().unwrap_or_else(|e| e.into_inner()).contains(key)
     }
 
-    /// Removes this run's tiles, and the folder if it is then empty; returns the number of remaining files of other settings.
+    /// Notes that the bundle of this run's tiles is written: from now on [`Part::remove`], of this run or another, removes them.
+    pub(super) fn finish(&self) -> Result<()> {
+        let list = self.folder.join(DONE);
+        let json = serde_json::to_vec(&self.own()).map_err(|error| Error::invalid(list.display(), error))?;
+        write_atomically(&list, &json)
+    }
+
+    /// Removes the files of this run and those of a written bundle, and the folder if nothing is left in it. Returns the number of remaining
+    /// files, which are of runs with other settings.
     pub(super) fn remove(self) -> usize {
+        let list = self.folder.join(DONE);
+        let done: Option<Vec<String>> =
+            fs::read(&list).ok().and_then(|json| serde_json::from_slice(&json).ok());
+        self.adopt(&done.unwrap_or_default());
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
         shard::files(&self.folder).for_each(remove);
+        // (The list must not be gone before they are.)
+        sync_folder_of(&list);
+        remove(list);
         let left = self.files().count();
-        // A failure to remove is harmless: the bundle is written.
+        // What cannot be removed does no harm: the bundle is there.
         if left == 0 {
-            remove(self.folder.join(LOCK));
-            let _ = fs::remove_dir(&self.folder);
+            let Part { folder, held, .. } = self;
+            remove(folder.join(LOCK));
+            // (Its claim is in the folder, and on some networks an open file stays in its folder when it is removed.)
+            drop(held);
+            let _ = fs::remove_dir(folder);
         }
         left
     }
@@ -144,7 +165,7 @@ impl Part {
 /// The folder's path; creates the folder if it is missing.
 fn created(out: &Path) -> Result<PathBuf> {
     let folder = beside(out, ".part");
-    match fs::create_dir(&folder) {
+    match create_folders(&folder) {
         Err(error) if !folder.is_dir() => Err(Error::io(&folder)(error)),
         _ => Ok(folder),
     }

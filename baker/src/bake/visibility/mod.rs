@@ -90,7 +90,7 @@ impl<'a> Finder<'a> {
         let of_layers = &prepared.digests[..prepared.plan.suns.len()];
         let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
         let folder = layers.visibility_folder(&digest);
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        dataset::files::create_folders(&folder).map_err(Error::io(&folder))?;
         dataset::files::remove_stale_temporaries(&folder)?;
         Ok(Finder {
             prepared,
