@@ -349,7 +349,7 @@ fn mean_of(sum: f64, texels: usize) -> f64 {
     if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
 }
 
-/// One page of one frame by strips, each with the row below it where there is one. The last one read is kept: a page of one strip is
+/// One page of one frame by strips, each with the row below it where there is one. The last one read is cached: a page of one strip is
 /// read once.
 struct References<'a> {
     dataset: &'a Dataset,

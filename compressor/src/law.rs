@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
-/// Two frames farther apart than this, in hours, have no knots between them: nobody baked that part of the day.
+/// Two frames farther apart than this, in hours, have no knots between them: that part of the day was not baked.
 pub const WIDEST: f64 = 12.0;
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;
@@ -185,7 +185,7 @@ impl Law {
         (0..rows[0].0.len()).map(|i| [0, 1, 2].map(|c| texel(i, c))).collect()
     }
 
-    /// Hours between frames at which tiles' means are to be told, by the light of all pages.
+    /// Hours between frames at which tiles' means are stored, by the light of all pages.
     pub fn hours(&self, dataset: &Dataset, masks: &[Mask], timeline: &Timeline) -> Result<Vec<f64>> {
         if self.curves.is_empty() {
             return Ok(Vec::new());

@@ -52,7 +52,7 @@ fn sides(side: u32, level: u32) -> u32 {
     (0..level).fold(side, |side, _| side.div_ceil(2))
 }
 
-/// The name of a level's bundle: `yard.1.ndgi` beside `yard.ndgi`.
+/// The name of a level's bundle: `yard.1.ndgi` for `yard.ndgi`.
 pub fn name(bundle: &Path, level: u32) -> PathBuf {
     match level {
         0 => bundle.to_owned(),
@@ -103,7 +103,7 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
         done.push(one(&half, level, &options, console)?);
         source = half;
     }
-    // What cannot be removed is no harm: the bundles stand.
+    // A failure to remove is harmless: the bundles are written.
     let folders = fs::read_dir(&work).into_iter().flatten().flatten();
     let is_level = |name: &str| name.bytes().all(|digit| digit.is_ascii_digit());
     for entry in folders.filter(|entry| entry.file_name().to_str().is_some_and(is_level)) {

@@ -59,7 +59,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
     remarks.extend(missed);
     let pictures = report::pictures(&dataset, &decoder)?;
     let sections = vec![
-        // Without a picture of the scene, those of its pages are what there is to see.
+        // Without a picture of the scene, the pages' pictures are not folded.
         if shows_scene { pictures.folded() } else { pictures },
         report::quality(&evaluation, &remarks).folded(),
         report::training(&outcome).folded(),

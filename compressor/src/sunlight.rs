@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 use words::Search;
 
-/// The cosine below which light is too little to tell visibility.
+/// The cosine below which there is too little light to derive visibility.
 const GRAZING: f32 = 0.02;
 /// Tolerance of the thinned path: absolute for directions, relative for irradiance.
 const PATH: f32 = 3e-3;
@@ -33,7 +33,7 @@ const APART: f64 = 1.0;
 /// Sunrise and sunset get a time of their own only if they are farther than this from a frame, in hours.
 const CLOSE: f64 = 0.1;
 
-/// The sun of a dataset that keeps it apart.
+/// The sun of a dataset that stores it separately.
 #[derive(Debug)]
 pub struct Sunlight<'a> {
     dataset: &'a Dataset,
@@ -76,7 +76,7 @@ impl<'a> Sunlight<'a> {
         }))
     }
 
-    /// Whether there is something to tell of how shadows move.
+    /// True if there are moving shadows.
     pub fn moves(&self) -> bool {
         self.moves && self.sun.times.len() > 1
     }
@@ -237,7 +237,7 @@ impl<'a> Sunlight<'a> {
     }
 }
 
-/// A level that may be any, for it is not looked at.
+/// A level that may be any, because it is never read.
 const ANY: u8 = TileSun::ANY;
 
 /// A row of tiles with what it sees of the sun.
@@ -316,7 +316,7 @@ impl SunBand {
         Ok((section, Some(reported)))
     }
 
-    /// One tile; what lies past its border is not looked at.
+    /// One tile; texels past its border are ignored.
     pub fn tile(&self, column: usize) -> TileSun {
         let (width, height) = self.grid.stored(column, self.row);
         let read = self.stored(column, [width, height]);
@@ -347,7 +347,7 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     let reported = std::mem::take(times);
     for pair in reported.windows(2) {
         let [from, to] = [pair[0].0, pair[1].0];
-        // Where the sun is down in between, as by the poles or where hours were omitted, there is nothing to tell.
+        // Where the sun is down in between, as by the poles or where hours were omitted, there is nothing to store.
         let parts = ((to - from - CLOSE) / APART).ceil().max(1.0);
         times.push(pair[0]);
         let between = (1..parts as usize).map(|k| from + (to - from) * k as f64 / parts);

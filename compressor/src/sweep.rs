@@ -242,7 +242,7 @@ impl Sweep {
         self.rows.iter().map(row).collect()
     }
 
-    /// The table as lines of text, and on how many tiles it stands.
+    /// The table as lines of text, with its number of tiles.
     pub fn table(&self) -> Vec<String> {
         let mut lines = aligned(&HEADER, &self.rows());
         lines.push(format!(

@@ -58,7 +58,7 @@ pub struct TileSource {
     pub coverage: Vec<Coverage>,
     /// Light groups that light the tile, ascending.
     pub gates: Vec<Gate>,
-    /// Whether the page goes on in another tile: to the left, to the right, above, below.
+    /// True if the page continues in another tile: to the left, to the right, above, below.
     pub neighbours: [bool; 4],
 }
 
@@ -109,7 +109,7 @@ pub(crate) fn stored(
 ) -> Vec<usize> {
     let mut from = Vec::with_capacity(width * height);
     for y in 0..height as isize {
-        // What is not looked at may lie past the rows that are held.
+        // Texels that are never read may lie past the rows in memory.
         let row = mirrored(top + y, page.height).clamp(rows.start, rows.end - 1);
         let line = (row - rows.start) * page.width;
         from.extend((0..width as isize).map(|x| line + mirrored(left + x, page.width)));
@@ -160,7 +160,7 @@ impl Band {
         Ok(band.cut([rect.x0 as isize, rect.y0 as isize], size.map(|side| side.next_multiple_of(4)), size))
     }
 
-    /// The rows `rows` of a page, which hold band `row` or are looked at otherwise.
+    /// The rows `rows` of a page, which contain band `row` or are read otherwise.
     fn read(
         dataset: &Dataset,
         law: &Law,

@@ -1,5 +1,5 @@
 //! A browser page that plays a bundle: [`Source`] finds its files, [`page()`] puts all into one file, [`serve()`] serves it
-//! piece by piece. The page's own sources stand in `compressor/view/`.
+//! piece by piece. The page's sources are in `compressor/view/`.
 
 mod glb;
 mod serve;
@@ -122,7 +122,7 @@ fn shell(source: &Source, frames: &[usize], data: &str) -> String {
         ("{{data}}", data),
         ("{{scripts}}", &SCRIPTS.join("\n")),
     ];
-    // Each field once, in order: what is filled in is not looked at again.
+    // Each field once, in order: inserted text is not searched again.
     let (mut page, mut rest) = (String::new(), SHELL);
     for (field, text) in fields {
         let (before, after) = rest.split_once(field).unwrap_or((rest, ""));

@@ -60,7 +60,7 @@ impl Console {
     /// Applies the options: sets up the thread pool.
     pub fn new(args: ConsoleArgs) -> Self {
         if let Some(threads) = args.threads {
-            // Fails only where the pool exists already, as in tests; the first setting stands then.
+            // Fails only if the pool already exists, as in tests; its setting remains.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
         }
         Console { quiet: args.quiet, json: args.json }
@@ -150,7 +150,7 @@ impl Progress {
         self.line_when_due();
     }
 
-    /// A short note shown beside the bar, such as the error so far.
+    /// A short note shown next to the bar, such as the error so far.
     pub fn note(&self, text: &str) {
         self.bar.set_message(text.to_owned());
     }
@@ -212,7 +212,7 @@ static LOST: Mutex<Option<std::io::Error>> = Mutex::new(None);
 /// The bar that is drawn now; lines are written above it.
 static DRAWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
-/// One whole line on stderr; a closed stderr is nobody's error.
+/// Writes one line to stderr; a closed stderr is not an error.
 fn line(text: &str) {
     let drawn = DRAWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone();
     let write = || _ = writeln!(std::io::stderr().lock(), "{text}");

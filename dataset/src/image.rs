@@ -70,7 +70,7 @@ impl Image {
         Ok(image)
     }
 
-    /// [`Image::read_exr`] without a look at the values.
+    /// [`Image::read_exr`] without checking the values.
     pub(crate) fn read_exr_unchecked(path: &Path) -> Result<Self> {
         let (width, height) = read_exr_size(path)?;
         Ok(Image { width, height, texels: read_exr_rows(path, 0, height)? })

@@ -7,7 +7,7 @@ use crate::image::{encode_png_by, read_png_of};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The sample that stands for 0.
+/// The sample value of 0.
 const ZERO: i32 = 1 << 15;
 /// How far a component of length 1 is from it.
 const ONE: i32 = ZERO - 1;

@@ -87,14 +87,14 @@ fn end(say: fn(&Error)) {
     signal_hook::low_level::exit(exit_code().into());
 }
 
-/// The signals that this process ignores, one bit each, where the system tells.
+/// The signals that this process ignores, one bit each, if the system reports them.
 fn ignored() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
 
-/// A file or folder that goes when the process ends by a signal, until this is dropped.
+/// A file or folder that is removed if the process ends by a signal, until this is dropped.
 #[derive(Debug)]
 pub(crate) struct RemovedAtSignal(PathBuf);
 

@@ -40,7 +40,7 @@ pub struct Writer {
     root: PathBuf,
     /// What this writer added, by content hash.
     added: BTreeMap<String, FileRef>,
-    /// Plain names in the folder that shall stand for an added file.
+    /// Plain names in the folder for added files.
     aliases: Vec<(String, String)>,
 }
 
@@ -60,7 +60,7 @@ impl Writer {
     }
 
     /// Writes `bytes` as `data/<stem>-<hash12>.<extension>`, or finds that content among what this writer added, whatever
-    /// its stem. A file of that name with that content, left by an earlier run, is kept as it is. What is found does not
+    /// its stem. A file of that name with that content, left by an earlier run, is reused. What is found does not
     /// depend on what else the folder holds, so the manifest does not either. Characters of `stem` other than letters,
     /// digits, `.` and `_` become `-`.
     pub fn add(&mut self, stem: &str, extension: &str, bytes: &[u8]) -> Result<FileRef> {
@@ -73,7 +73,7 @@ impl Writer {
         if bytes.is_empty() || content_hash(&path).is_none() {
             return Err(stage::no_content(&on_disk));
         }
-        // A file of that name and content may stand there from an earlier run; a damaged one is replaced.
+        // A file of that name and content may exist from an earlier run; a damaged one is replaced.
         if !has_content(&on_disk, bytes) {
             files::write_atomically(&on_disk, bytes)?;
         }
@@ -111,7 +111,7 @@ impl Writer {
         for (path, name) in &self.aliases {
             files::link_or_copy(&self.root.join(path), &self.root.join(name))?;
         }
-        // The new generation is in place; what nobody refers to any more can go, now or at the next run.
+        // The new generation is in place; files that nothing refers to any more can be removed, now or in the next run.
         let data = self.root.join(DATA);
         for entry in fs::read_dir(&data).map_err(Error::io(&data))?.flatten() {
             let Some(path) = entry.file_name().to_str().map(|name| format!("{DATA}/{name}")) else {
@@ -135,7 +135,7 @@ pub(crate) fn refuse_light(path: &Path, width: usize, y0: usize, texels: &[[f32;
     image::refuse_texels(path, width, y0, texels, is_bad, "a finite value, zero or positive")
 }
 
-/// A stem without what may not stand in a file's name.
+/// A stem with characters that file names cannot have replaced.
 fn plain_stem(stem: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
     stem.chars().map(plain).collect()
@@ -197,7 +197,7 @@ pub fn parse_config(place: &Path, bytes: &[u8]) -> Result<(Config, Vec<Error>)> 
 
 /// A manifest with its version on disk.
 fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
-    // The version decides how the rest reads, so it is looked at first.
+    // The version decides how the rest is read, so it is checked first.
     let value = parse_manifest(place, bytes)?;
     let unsupported = |what: String| Err(Error::unsupported(place.display(), what));
     let version = value.get("version").and_then(serde_json::Value::as_u64);
@@ -270,7 +270,7 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Reads and checks `config.json` of any version, and that the files it names are there with the lengths it states.
+    /// Reads and checks `config.json` of any version, and that the files it names exist with the lengths it states.
     pub fn open(root: &Path) -> Result<Self> {
         let dataset = Self::open_manifest(root)?;
         check::files(root, &dataset.config)?;
@@ -378,7 +378,7 @@ impl Dataset {
     }
 
     /// The light that the lightmap of a frame on a page holds of one light: the sum of its layers, with the checks of [`Dataset::map`].
-    /// Black also where layers are not kept.
+    /// Black also if layers are not stored.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.

@@ -57,7 +57,7 @@ pub fn refuse_misspelt<Cli: CommandFactory>(expected: &str) {
     }
 }
 
-/// The command that an argument was meant to be, where there is nothing of its name.
+/// The command that a misspelt argument was meant to be, if no file has its name.
 fn misspelt(typed: &str, command: &clap::Command) -> Option<String> {
     if typed.starts_with('-') || Path::new(typed).exists() {
         return None;

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | 8 | `TLMVIS01`: name and version |
 //! | 4, 4 | width and height of the page in texels |
-//! | 4 | L, the level that stands for 1: from 1 to 255 |
+//! | 4 | L, the level of full visibility: from 1 to 255 |
 //! | 4 | number of times, N: from 1 to 4096 |
 //! | 8 N | the times in hours (f64), ascending, from 0 to 24 |
 //! | 8 per tile, row by row | two u32: length of the tile's payload and its channels C: 1, or 3 (red, green, blue) where coloured glass stands before the sun; both 0 for a tile that is 0 at all times |
@@ -66,7 +66,7 @@ impl Planes {
 /// neither that one nor the position is part of its context.
 fn pack(bytes: &[u8]) -> Vec<u8> {
     const PRESET: u32 = 6;
-    /// Matches looked at for each byte.
+    /// Matches examined for each byte.
     const DEPTH: i32 = 200;
     let mut lzma = LzmaOptions::with_preset(PRESET);
     (lzma.lc, lzma.lp, lzma.pb, lzma.nice_len) = (0, 0, 0, 273);
@@ -128,13 +128,13 @@ pub struct Visibility {
     path: PathBuf,
     /// Width and height of the page in texels.
     pub size: [u32; 2],
-    /// The level that stands for 1.
+    /// The level of full visibility.
     pub top: u8,
     /// The times in hours, ascending; at least one.
     pub hours: Vec<f64>,
     /// The tiles of the page, row by row.
     pub tiles: Vec<Rect>,
-    /// Per tile, where its payload stands, its length and its channels.
+    /// Per tile, its payload's offset, length and channels.
     places: Vec<(u64, u32, u32)>,
 }
 

@@ -160,7 +160,7 @@ impl State {
         let running = self.running.iter().position(|(running, ..)| *running == place);
         let trial_fits = || self.open.iter().find(|(open, _)| *open == place).map(|(_, size)| *size);
         let Some(size) = running.map(|at| self.running.swap_remove(at).1).or_else(trial_fits) else { return };
-        // A tile without light has no steps, and tells nothing.
+        // A tile without light has no steps and is not measured.
         if steps == 0 || stepping <= 0.0 {
             return;
         }

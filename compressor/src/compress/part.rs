@@ -115,7 +115,7 @@ impl Part {
         self.own.lock().unwrap_or_else(|e| e.into_inner()).extend(plain.filter(is_tile));
     }
 
-    /// Whether a file of that name is there, whole or not.
+    /// True if a file of that name exists, complete or not.
     pub(super) fn has(&self, key: &str) -> bool {
         self.path(key).exists()
     }
@@ -225,7 +225,7 @@ mod tests {
         assert!(Part::open(&out, true).unwrap().read::<TileStats>("k").is_none());
         fs::write(beside(&out, ".part").join("notes.txt"), b"mine").unwrap();
         Part::open(&out, false).unwrap().write("of other settings", &Payload::default(), &stats).unwrap();
-        // Of this run's tiles none is left; one of other settings is.
+        // This run's tiles are removed; the one of other settings remains.
         let part = Part::open(&out, false).unwrap();
         part.write("k", &Payload::default(), &stats).unwrap();
         assert_eq!(part.remove(), 1);

@@ -1,7 +1,7 @@
 //! Quality between frames: at hours that the bundle has no frame of.
 //!
 //! The reference is another bake, the *withheld* one: the same scene at other hours. Without it the decoder is
-//! compared with light that goes from frame to frame by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly does not look: it does at a third and two thirds, and in wide gaps at
+//! compared with light that goes from frame to frame by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly has no samples: it has them at a third and two thirds, and in wide gaps at
 //! more places.
 
 use super::reference_law;
@@ -20,7 +20,7 @@ use std::ops::Range;
 /// PSNR between frames, each time's pooled over its texels: from the mean squared error relative to the tile's peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
-    /// Of the decoder: the median over the times. (A mean would tell of the quietest ones, or of the worst one.)
+    /// Of the decoder: the median over the times. (A mean would depend on the quietest ones, or on the worst one.)
     pub median_db: f64,
     /// The worst time's, and its hour.
     pub worst: (f64, f64),
@@ -156,7 +156,7 @@ fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
     Err(Error::invalid(withheld.root.display(), what))
 }
 
-/// Rows of a page of the dataset's frames; the last two read are kept.
+/// Rows of a page of the dataset's frames; the last two read are cached.
 struct Frames<'a> {
     dataset: &'a Dataset,
     page: usize,
@@ -178,7 +178,7 @@ impl Frames<'_> {
         Ok(())
     }
 
-    /// Light as it goes between the frames around a time.
+    /// Linear interpolation of the frames around a time.
     fn linear(&mut self, hour: f64, point: &TimePoint) -> Result<Image> {
         self.read(point.a)?;
         self.read(point.b)?;

@@ -19,7 +19,7 @@ pub fn to_rgbe(texel: [f32; 3]) -> [u8; 4] {
     [r, g, b, (exponent + 128) as u8]
 }
 
-/// The value that four bytes of [`to_rgbe`] stand for: `c / 256 · 2^(e − 128)`; black for e = 0.
+/// The value of four bytes of [`to_rgbe`]: `c / 256 · 2^(e − 128)`; black for e = 0.
 pub fn from_rgbe([r, g, b, e]: [u8; 4]) -> [f32; 3] {
     if e == 0 {
         return [0.0; 3];

@@ -340,9 +340,9 @@ fn odd_tiles_train() {
     let spike = tile(16, 16, 4, |k, x, y| if (k, x, y) == (2, 3, 3) { [1e6; 3] } else { [1.0; 3] });
     for (name, source, at_least) in [
         ("edge", moving_shadow(16, 12, 10), 30.0),
-        ("one set", moving_shadow(32, 32, 1), 35.0),
-        ("two sets", moving_shadow(32, 32, 2), 35.0),
-        ("many sets", moving_shadow(16, 16, 240), 25.0),
+        ("one frame", moving_shadow(32, 32, 1), 35.0),
+        ("two frames", moving_shadow(32, 32, 2), 35.0),
+        ("many frames", moving_shadow(16, 16, 240), 25.0),
         ("one texel", one_texel, 25.0),
         ("few valid texels", few_among_gutter, 30.0),
         (

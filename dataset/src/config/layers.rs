@@ -125,7 +125,7 @@ impl Config {
         self.layers.iter().filter(move |layer| (layer.light, layer.group) == (light, group))
     }
 
-    /// The files whose sum is the light that a lightmap holds of a light, in the order in which they are summed; none where it is black.
+    /// The files whose sum is one light's part of a lightmap, in the order in which they are summed; empty if it is black.
     pub fn files_of(&self, light: Light, group: Option<u32>, frame: usize, page: usize) -> Vec<&FileRef> {
         self.layers_of(light, group).filter_map(|layer| layer.file(frame, page)).collect()
     }

@@ -47,7 +47,7 @@ struct Page {
 struct Group {
     name: String,
     on: Vec<[f64; 2]>,
-    /// One per page; empty when layers are not kept.
+    /// One per page; empty if layers are not stored.
     layers: Vec<FileRef>,
 }
 

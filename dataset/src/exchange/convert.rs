@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Rows of light that are read in all: what [`convert`] tells the progress.
+/// Total rows of light that [`convert`] reads: the length of its progress.
 pub(super) fn work(incoming: &Incoming) -> u64 {
     let images = |frame: &IncomingFrame| 1 + 2 * frame.shares.iter().flatten().count() as u64;
     incoming.pages.iter().map(|p| p.height as u64 * p.frames.iter().map(images).sum::<u64>()).sum()
@@ -145,7 +145,7 @@ impl Job<'_> {
         Ok(StagedFrame { whole: self.image(&frame.whole)?.0, shares })
     }
 
-    /// Writes an image; tells also whether it is black to the bit.
+    /// Writes an image; also returns true if it is exactly black.
     fn image(&self, source: &Light) -> Result<(Staged, bool)> {
         let (width, height) = (self.page.width, self.page.height);
         let rows = block_rows(width);
@@ -206,7 +206,7 @@ impl Job<'_> {
             for (i, texel) in texels.iter().enumerate().filter(|(i, _)| self.mask.valid[y0 * width + i]) {
                 let [sun, sky, local] = [0, 1, 2].map(|share| of[share][i]);
                 let bad = |texel: &[f32; 3]| texel.iter().any(|&value| is_bad(value));
-                // Values that are no light are told when they are converted.
+                // Values that are negative or not finite are reported when they are converted.
                 if [texel, &sun, &sky, &local].into_iter().any(bad) {
                     continue;
                 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// What stands for the hour in a pattern.
+/// The placeholder of the hour in a pattern.
 const HOUR: &str = "{hour}";
 /// The unit of light without `unit`.
 pub(super) const UNKNOWN_UNIT: &str = "unknown";

@@ -33,7 +33,7 @@ pub enum Origin {
     Table(PathBuf),
 }
 
-/// Makes a dataset in the new folder `out`, which appears when it is whole; the scene has the folder's name. Gives
+/// Makes a dataset in the new folder `out`, which appears when it is complete; the scene has the folder's name. Returns
 /// its manifest.
 ///
 /// # Errors

@@ -44,7 +44,7 @@ pub(super) enum Light {
 }
 
 impl Light {
-    /// Rows `y0 .. y1`; their values are not looked at.
+    /// Rows `y0 .. y1`; their values are not checked.
     pub fn rows(&self, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
         match self {
             Light::Raw(raw) => raw.light(y0, y1),

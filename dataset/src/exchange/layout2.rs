@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// The folder of all files but the configuration.
 pub(super) const DATA: &str = "Data";
-/// Time keys of the frames beside the switches.
+/// Time keys of the frames next to the switches.
 const EXTRAS: [u32; 2] = [590, 1810];
 
 #[derive(Serialize, Deserialize)]
@@ -35,7 +35,7 @@ struct Entry {
     masks: Names,
 }
 
-/// Time keys and file names, in the file's order; a key that is there twice is an error.
+/// Time keys and file names, in the file's order; a repeated key is an error.
 struct Names(Vec<(String, String)>);
 
 impl Serialize for Names {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub struct Lightmap {
     /// Its number, unique in the dataset.
     pub id: i64,
-    /// The level that it is of, where the layout tells.
+    /// Its level, if the layout has it.
     pub level: Option<String>,
     /// Width in texels.
     pub width: u32,

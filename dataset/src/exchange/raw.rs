@@ -74,7 +74,7 @@ impl Raw {
         Ok(bytes)
     }
 
-    /// The light of rows `y0 .. y1`; its values are not looked at.
+    /// The light of rows `y0 .. y1`; its values are not checked.
     pub fn light(&self, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
         let bytes = self.bytes(y0, y1)?;
         let texel = |texel: &[u8; LIGHT_BYTES]| {

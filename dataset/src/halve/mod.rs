@@ -23,10 +23,10 @@ const GENERATOR: &str = concat!("dataset halve ", env!("CARGO_PKG_VERSION"));
 /// The geometry's plain name.
 const GLB: &str = "scene.glb";
 
-/// Writes the dataset of half the resolution to the new folder `out`, which appears when it is whole. Gives its manifest.
+/// Writes the dataset of half the resolution to the new folder `out`, which appears when it is complete. Returns its manifest.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or where something stands at `out`.
+/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or if `out` exists.
 /// Then nothing is left behind.
 pub fn halve(dataset: &Dataset, out: &Path, console: &Console) -> Result<Config> {
     expect_day(dataset)?;

@@ -15,7 +15,7 @@ use crate::tiles::{Rect, TILE, grid, tiles};
 use crate::visibility::{Planes, to_bytes};
 use rayon::prelude::*;
 
-/// How many levels of the half stand for one of the source, at most.
+/// Largest number of levels of the half per level of the source.
 const FINER: u8 = 4;
 
 /// What the progress counts for a page.
@@ -69,7 +69,7 @@ fn half_normals(half: &Half, source: &Normals) -> Normals {
 struct Page<'a> {
     half: &'a Half,
     sunlight: &'a Sunlight,
-    /// The level of the half that stands for 1.
+    /// The half's level of full visibility.
     top: u8,
 }
 

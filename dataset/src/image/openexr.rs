@@ -44,7 +44,7 @@ pub(crate) fn write_exr(
     mut fill: impl FnMut(usize, &mut [[f32; 3]]) -> Result<()>,
 ) -> Result<()> {
     assert!(width > 0 && height > 0, "an EXR file needs at least one texel");
-    // Scan lines in increasing order; channels stand in the file by ascending name.
+    // Scan lines in increasing order; channels are sorted by name in the file.
     let channel = |name: &str| ChannelDescription::named(name, SampleType::F32);
     let header = Header::new(
         Default::default(),
@@ -95,7 +95,7 @@ pub fn read_exr_size(path: &Path) -> Result<(usize, usize)> {
 }
 
 /// Reads rows `y0 .. y1` of an RGB EXR file (float32, or float16 widened) without reading the rest into memory.
-/// The values are not looked at. The file may be uncompressed or use RLE, ZIP or PIZ, in scan lines or tiles.
+/// The values are not checked. The file may be uncompressed or use RLE, ZIP or PIZ, in scan lines or tiles.
 pub fn read_exr_rows(path: &Path, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
     rows_of(path, open_rgb(path)?, &rgb(), y0, y1)
 }

@@ -73,7 +73,7 @@ impl Lpips {
     }
 }
 
-/// A tile as the network wants it.
+/// A tile as the network's input.
 fn input(image: &Image, mask: &Mask, tile: Rect, quality: &TileQuality) -> Vec<f32> {
     let least = quality.peak - quality.range;
     let mut values = vec![-1.0; VALUES];

@@ -40,7 +40,7 @@ struct Manifest {
     scenes: Vec<Scene>,
 }
 
-/// What there is of a scene; names are those of files beside the manifest.
+/// The files of a scene; names are relative to the manifest's folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Scene {

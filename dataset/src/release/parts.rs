@@ -1,4 +1,4 @@
-//! What of a dataset goes into which archive: the lightmaps with all that is needed to use them, and each layer of light separately.
+//! Which parts of a dataset go into which archive: the lightmaps with all that is needed to use them, and each layer of light separately.
 
 use crate::config::{Config, FileRef, Light, SunVisibility};
 use std::collections::BTreeSet;

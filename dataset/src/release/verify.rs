@@ -23,11 +23,11 @@ pub struct Verified {
     pub scenes: Vec<String>,
     /// Files that are listed.
     pub files: usize,
-    /// Length of those that are there.
+    /// Total bytes of those that exist.
     pub bytes: u64,
 }
 
-/// Checks a release: that just those files are there which `SHA256SUMS` lists, with their checksums; that archives hold what
+/// Verifies a release: that it has exactly the files of `SHA256SUMS`, with their checksums; that archives contain what
 /// `release.json` says, and all that each scene's own manifest names.
 ///
 /// # Errors

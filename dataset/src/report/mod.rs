@@ -193,7 +193,7 @@ impl Section {
     }
 }
 
-/// Text as it stands in HTML, in an attribute too.
+/// Text escaped for HTML, also for attributes.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

@@ -176,13 +176,13 @@ pub(super) fn is_inside(file: &FileRef) -> bool {
     file.path.split('/').all(is_component)
 }
 
-/// Checks that every file is there with its length.
+/// Checks that every file exists with its length.
 pub(super) fn files(root: &Path, config: &Config) -> Result<()> {
     let distinct: BTreeSet<(&str, u64)> = references(config).map(|file| (&*file.path, file.bytes)).collect();
     distinct.into_iter().try_for_each(|(path, bytes)| length_of(root, path, bytes))
 }
 
-/// Checks that a file is there with its length.
+/// Checks that a file exists with its length.
 pub(super) fn length(root: &Path, file: &FileRef) -> Result<()> {
     length_of(root, &file.path, file.bytes)
 }

@@ -17,7 +17,7 @@ impl Dataset {
     ///
     /// On the mask the sun's direct light is that of its visibility, where the dataset has it. Each other layer of sun and sky is
     /// interpolated between the frames around the hour, by its curve or linearly. Light groups are on by their schedules. The lamps of
-    /// imported datasets, and lightmaps where layers are not kept, are interpolated linearly between two frames with the same light groups on;
+    /// imported datasets, and lightmaps without stored layers, are interpolated linearly between two frames with the same light groups on;
     /// between others they are those of the frame whose lamps are the hour's, or else of the nearer one.
     ///
     /// At the hours of frames it is [`Dataset::map`], but for what the visibility rounds, and misses with its few points per texel.

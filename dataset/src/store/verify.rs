@@ -1,4 +1,4 @@
-//! A look at every byte: what `dataset check` does.
+//! Verifies every byte: `dataset check`.
 
 use super::{Dataset, check};
 use crate::config::FileRef;
@@ -25,7 +25,7 @@ const SWITCH_REACH: f64 = 0.1;
 pub struct Verification {
     /// Everything that is invalid of the format, in the manifest's order.
     pub faults: Vec<Error>,
-    /// What breaks none, and yet costs quality.
+    /// Findings that are valid but cost quality.
     pub warnings: Vec<String>,
     /// Valid texels of each page that are black in every frame: no fault in itself (no light may reach them), but many
     /// of them speak of texels inside geometry. `None` if a lightmap could not be read.
@@ -48,7 +48,7 @@ impl Dataset {
     }
 
     /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the curves of layers, the sun's path and visibility, that images are finite and not
-    /// negative, that frames show the lamps as the schedules have them, and where layers are kept that each lightmap is
+    /// negative, that frames show the light groups as the schedules have them, and where layers are stored that each lightmap is
     /// (sun + sky) + local: bit for bit, about so in imported datasets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
         let (faults, broken) = self.verify_files(&step);
@@ -179,7 +179,7 @@ impl Dataset {
         faults
     }
 
-    /// What killed writers left beside the dataset, or what writers that run now are about to replace.
+    /// Files that killed writers left in the dataset's folder, or that running writers are about to replace.
     fn leftovers(&self) -> Vec<String> {
         let mut left = Vec::new();
         for folder in [self.root.clone(), self.root.join(super::DATA)] {
@@ -232,7 +232,7 @@ impl Dataset {
         self.config.frames.iter().flat_map(|frame| frame.maps.iter().enumerate())
     }
 
-    /// The lightmaps and layers, each once per page that it stands for.
+    /// The lightmaps and layers, each once per page.
     fn images(&self) -> Vec<Use<'_>> {
         let rows = self.config.layers.iter().flat_map(|layer| &layer.files);
         let layers = rows.flat_map(|row| row.iter().enumerate());
@@ -257,7 +257,7 @@ impl Dataset {
         let mut seen: BTreeMap<&str, Vec<&FileRef>> = BTreeMap::new();
         for file in check::references(&self.config) {
             let same_path = seen.entry(&file.path).or_default();
-            // Entries that state different content for one path are looked at each.
+            // Entries that state different content for one path are checked separately.
             if !same_path.contains(&file) {
                 same_path.push(file);
                 order.push(file);

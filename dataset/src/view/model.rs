@@ -12,7 +12,7 @@ use gltf::mesh::Mode;
 use gltf::{Document, Node, Primitive, Semantic};
 use std::path::Path;
 
-/// What stands in for a colour that nobody gives.
+/// Default colour.
 const GREY: f32 = 0.5;
 /// Most triangles of a picture; repeated meshes count each time.
 const MOST_TRIANGLES: usize = 100_000_000;
@@ -146,7 +146,7 @@ impl Model {
 /// Reads a geometry file.
 ///
 /// # Errors
-/// [`Error::Invalid`] with whatever is invalid in it, as `dataset check` tells it; [`Error::Unsupported`] for more than can be drawn.
+/// [`Error::Invalid`] with whatever is invalid in it, as `dataset check` reports it; [`Error::Unsupported`] for more than can be drawn.
 pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> {
     if let Some(fault) = geometry::faults(path, bytes, config).into_iter().next() {
         return Err(fault);
@@ -297,7 +297,7 @@ impl Reader<'_> {
         let matrix = node.transform().matrix().map(|column| column.map(f64::from));
         let world_from_node = world_from_parent * DMat4::from_cols_array_2d(&matrix);
         if let Some(mesh) = node.mesh() {
-            // (The check told of what is no place.)
+            // (The check has reported invalid placements.)
             let extras = node.extras().as_ref();
             let placed = extras.and_then(|extras| serde_json::from_str::<Placed>(extras.get()).ok());
             let place = placed.map(|placed| {

@@ -224,7 +224,7 @@ fn cameras(config: &Config, model: &Model) -> impl Iterator<Item = Camera> {
     Camera::of_manifest(config).chain(model.cameras.iter().cloned())
 }
 
-/// A camera where none is known.
+/// A default camera.
 fn lookout(dataset: &Dataset, model: &Model) -> Result<Camera> {
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let is_lit = |page: usize, at: Vec2| {
@@ -248,7 +248,7 @@ fn shown(model: &Model, config: &Config, fragment: &Fragment) -> (Vec3, Shown) {
             let size = &config.pages[page];
             Shown::Texel { page, at: at * Vec2::new(size.width as f32, size.height as f32) }
         }
-        // A little more from above, so that shapes can be told.
+        // A little more from above, so that shapes are recognisable.
         None => Shown::Plain(0.8 + 0.2 * model.normal(part, triangle).y as f32),
     };
     (albedo, shown)
@@ -267,7 +267,7 @@ fn first_row(at: Vec2) -> usize {
     (at.y - 0.5) as usize
 }
 
-/// The image at a place in texels, whose centres stand at (i + ½); its edge goes on outside.
+/// The image at a position in texels, whose centres are at (i + ½), clamped to its edge.
 fn bilinear(image: &Image, place: Vec2) -> Vec3 {
     let place = place - 0.5;
     let (low, f) = (place.floor(), place - place.floor());

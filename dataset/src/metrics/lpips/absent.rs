@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use std::convert::Infallible;
 use std::path::Path;
 
-/// There is none.
+/// An error: this build has no network.
 #[derive(Debug)]
 pub(super) struct Network(Infallible);
 

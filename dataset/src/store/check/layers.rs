@@ -1,4 +1,4 @@
-//! Layers: in their order, each of a light that is baked, with an image or black for each frame and page; of all lights or of none.
+//! Checks layers: their order, that each is of a baked light with an image or black for each frame and page, and that all lights have layers or none.
 
 use crate::config::{Baked, Config, Layer, Light, Part};
 use crate::console::count;

@@ -80,7 +80,7 @@ impl Dataset {
             let texels = self.image_rows(map, page, y0, y1)?;
             let sum = shares.sum_rows(self, page, y0, y1)?;
             let same = |i: usize| match imported {
-                // Dilated texels are nobody's light; without a mask that can be read, nobody knows which they are.
+                // Dilated texels are ignored; without a readable mask they are unknown.
                 true => mask.is_none_or(|m| !m.valid[y0 * width + i]) || about_equal(&texels[i], &sum[i]),
                 false => texels[i].map(f32::to_bits) == sum[i].map(f32::to_bits),
             };
