@@ -94,6 +94,11 @@ impl Law {
         Ok(Law { is_apart, curves })
     }
 
+    /// True if a layer is interpolated by a curve, so that tiles need means between frames.
+    pub fn has_curves(&self) -> bool {
+        !self.curves.is_empty()
+    }
+
     /// The files whose sum the maps hold of a page at a frame: frames of the same files are the same.
     pub fn files<'a>(&self, dataset: &'a Dataset, frame: usize, page: usize) -> Vec<&'a str> {
         let config = &dataset.config;

@@ -203,7 +203,7 @@ fn what_shards_cannot_do_is_refused() {
         json(&[&recipe[..], &["--shard", "1/1", "--instructions", "portable"]].concat(), folder);
         let reported = refused(&[&recipe[..], &["--merge"]].concat(), folder, 75);
         assert!(
-            reported.contains("with Portable instructions") && reported.contains("--instructions"),
+            reported.contains("uses Portable instructions") && reported.contains("--instructions"),
             "{reported}"
         );
         json(&[&recipe[..], &["--merge", "--instructions", "portable"]].concat(), folder);
