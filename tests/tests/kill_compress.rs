@@ -88,7 +88,7 @@ fn all(side: usize, ways: &[&[&str]], others: &[&[&str]]) {
     let dataset = baked(faults.root(), side);
     let first = ["--iterations", "20"];
     for way in ways {
-        let name = format!("compress {}", way.join(" "));
+        let name = format!("compress {}", way.join(" ")).trim_end().to_owned();
         let swept =
             sweep(&faults, &name, None, &|folder| compress(&dataset, &[&first[..], way].concat(), folder));
         for kind in ["create", "rename", "unlink", "mkdir", "rmdir", "fsync", "fsync of a folder"] {
@@ -109,7 +109,7 @@ fn all(side: usize, ways: &[&[&str]], others: &[&[&str]]) {
 
 #[test]
 fn a_compression_is_killed_at_every_call() {
-    all(64, &[&[], &["--target-psnr", "30"]], &[&["--seed", "2"]]);
+    all(64, &[&[]], &[&["--seed", "2"]]);
 }
 
 #[test]

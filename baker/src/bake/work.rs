@@ -223,11 +223,14 @@ fn block_name(block: usize) -> String {
     format!("block-{block:07}.bin")
 }
 
-/// Whether all layers that a folder's work is of are kept.
+/// Whether all layers that a folder's work is of are kept, or their list is gone: it is written before all else, so that a run without it
+/// was killed while it removed the folder, or before it had done anything.
 fn is_finished(folder: &Path, is_kept: impl Fn(&str) -> bool) -> bool {
-    let layers =
-        || -> Option<Vec<String>> { serde_json::from_slice(&std::fs::read(folder.join(LAYERS)).ok()?).ok() };
-    layers().is_some_and(|layers| layers.iter().all(|digest| is_kept(digest)))
+    let layers: Option<Vec<String>> = match std::fs::read(folder.join(LAYERS)) {
+        Err(e) if e.kind() == ErrorKind::NotFound => return true,
+        read => read.ok().and_then(|json| serde_json::from_slice(&json).ok()),
+    };
+    layers.is_some_and(|layers| layers.iter().all(|digest| is_kept(digest)))
 }
 
 #[cfg(test)]
@@ -271,6 +274,10 @@ mod tests {
         // What is left of finished work is none, and goes.
         WorkFolder::remove_finished(dir.path(), other, |layer| layer != "b");
         assert!(folder.root.exists() && unfinished(other, &[]).is_empty());
+        // Also where a run was killed that was removing it, and had removed the list of its layers first.
+        std::fs::remove_file(folder.path(LAYERS)).unwrap();
+        assert!(folder.path(ROUNDS).exists() && unfinished(other, &["b"]).is_empty());
+        folder.write(LAYERS, &["a", "b", "c"]).unwrap();
         WorkFolder::remove_finished(dir.path(), other, |_| true);
         assert!(!folder.root.exists());
         // Another bake's work is removed.
