@@ -162,8 +162,10 @@ pub(super) fn cache_entries(prepared: &Prepared, sketch: &Sketch) -> usize {
     let halvings = sketch.finer.ilog2();
     // Squares smaller than a texel of the sketch are so many times as many as its texels.
     let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
-    let map = CacheMap::new(&sketch.atlas, &prepared.geometry, coarse, sketch.atlas.touched());
-    (map.squares() << (2 * smaller)) + (map.entries() - map.squares())
+    let most = solve::most_entries(prepared.plan.layers());
+    let atlas = &sketch.atlas;
+    let map = CacheMap::new(atlas, &prepared.geometry, (coarse, most), atlas.touched());
+    ((map.squares() << (2 * smaller)) + map.patches()).min(most.max(map.squares() << (2 * smaller)))
 }
 
 /// How many of [`OPEN_RAYS`] rays from points spread over the pages leave the scene.

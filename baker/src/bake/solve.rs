@@ -11,7 +11,7 @@ use super::pilot::trace;
 use super::state::{ALL_PROBES, BlockState, is_exposed};
 use super::work::{CACHE, WorkFolder};
 use crate::Result;
-use crate::surface::BlockSurface;
+use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
@@ -21,10 +21,18 @@ use dataset::console::Console;
 /// Memory that the cache and its solution may take, about.
 const MEMORY: u64 = 4 << 30;
 
-/// log₂ of the side of the cache's entries, so that it and its solution take about 4 GiB at most (patches not
-/// counted): 0 up to about 1600² texels of 34 layers. (Whatever the samples, for they are no part of what an entry is.)
+/// log₂ of the side of the largest entries: no entry may lie in two blocks.
+const LARGEST: u32 = BLOCK.ilog2();
+
+/// log₂ of the side of the cache's entries, so that those of lightmapped surfaces and their solution take about 4 GiB at most: 0 up to
+/// about 1600² texels of 34 layers. (Whatever the samples, for they are no part of what an entry is.)
 pub fn shift(covered: usize, layers: usize) -> u32 {
-    (0..2).find(|shift| bytes(covered >> (2 * shift), layers, ORDINARY_WALKS) <= MEMORY).unwrap_or(2)
+    (0..LARGEST).find(|shift| covered >> (2 * shift) <= most_entries(layers)).unwrap_or(LARGEST)
+}
+
+/// Entries that take that much memory: patches are made only as far as there is room for them.
+pub fn most_entries(layers: usize) -> usize {
+    (MEMORY / bytes(1, layers, ORDINARY_WALKS)) as usize
 }
 
 /// Memory in bytes that this number of entries takes while they are solved for: both halves, what the passes hold, and their system with
@@ -66,7 +74,8 @@ pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Cover
 pub fn map<'a>(worker: &Worker<'a>, found: Vec<Covered>, layers: usize) -> (CacheMap<'a>, RayCounts) {
     let shift = shift(found.iter().map(|f| f.texels.len()).sum(), layers);
     let covered = found.iter().flat_map(|f| f.texels.iter().map(|&texel| texel as usize));
-    let mut map = CacheMap::new(worker.atlas, worker.transport.space.geometry, shift, covered);
+    let mut map =
+        CacheMap::new(worker.atlas, worker.transport.space.geometry, (shift, most_entries(layers)), covered);
     let counts = sum(found.iter().map(|f| f.counts));
     let split = found.into_iter().flat_map(|f| f.split);
     split.for_each(|(texel, witnesses)| map.split(texel as usize, witnesses));
@@ -133,4 +142,21 @@ pub fn load(folder: &WorkFolder, entries: usize, layers: usize) -> Result<Option
     };
     let (a, b) = bytes.split_at(values + scales);
     Ok(half(a).zip(half(b)).map(|(a, b)| [a, b]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_grow_with_the_page_and_the_cache_does_not() {
+        let side = |side: usize| 1 << shift(side * side, 33);
+        assert_eq!([512, 1500, 2048, 4096, 8192, 16384].map(side), [1, 1, 2, 4, 8, 16]);
+        for side in [512, 1500, 2048, 4096, 8192, 16384] {
+            let entries = side * side >> (2 * shift(side * side, 33));
+            assert!(bytes(entries, 33, ORDINARY_WALKS) <= MEMORY);
+        }
+        assert!(bytes(most_entries(33), 33, ORDINARY_WALKS) <= MEMORY);
+        assert_eq!(shift(usize::MAX, 33), LARGEST);
+    }
 }

@@ -1,21 +1,26 @@
 //! Where walks read the light of surfaces: one ray then carries all bounces of the whole day. (What they read: `cache_half`.)
 //!
 //! Lightmapped surfaces have an entry per square of 1, 2 or 4 texels' side (charts start on 4-texel boundaries, so that a square
-//! hardly ever mixes two; those of scaled shared layouts may). What has no texels (other triangles, and the backs of two-sided
+//! hardly ever mixes two; those of scaled shared layouts may). On pages so large that these are too many, the squares of 4 texels that
+//! lie together and are of one chart share an entry. What has no texels (other triangles, and the backs of two-sided
 //! ones) is cut into patches about 4 entries long, or 16 where there would be too many.
 
 use super::counts::RayCounts;
 use super::space::{Receiver, Space};
 use super::triangle::Hit;
 use crate::atlas::Atlas;
+use crate::atlas::owners::Owners;
 use crate::geometry::Geometry;
 use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};
+use std::collections::BTreeMap;
 
 /// No entry, no face.
 const NONE: u32 = u32::MAX;
 /// Length of a patch in sides of an entry.
 const PATCH: f64 = 4.0;
+/// log₂ of the side in texels of the largest squares: those of larger entries are put together, chart by chart.
+const LARGEST_SQUARE: u32 = 2;
 /// Most patches along a side of a triangle: larger ones are not cached, walks go on from them.
 const MOST_ALONG: u32 = 16;
 
@@ -26,6 +31,8 @@ pub struct CacheMap<'a> {
     face_of: Vec<u32>,
     /// log₂ of the side of an entry in texels.
     shift: u32,
+    /// log₂ of the side of a square in texels.
+    square_shift: u32,
     columns: usize,
     /// Per square of the page, its entry.
     entry_of: Vec<u32>,
@@ -80,11 +87,11 @@ impl Patch {
 
 impl<'a> CacheMap<'a> {
     /// A map of the squares with side 2^`shift` that hold one of the `covered` texels (page indices, in the order in which
-    /// entries are to be numbered), and of patches where they are not too many.
+    /// entries are to be numbered), and of patches where they are not too many: no more than make `most` entries in all.
     pub fn new(
         atlas: &'a Atlas,
         geometry: &Geometry,
-        shift: u32,
+        (shift, most): (u32, usize),
         covered: impl Iterator<Item = usize>,
     ) -> Self {
         let triangles = geometry.triangles.len();
@@ -92,14 +99,16 @@ impl<'a> CacheMap<'a> {
         for (i, face) in atlas.faces.iter().enumerate() {
             face_of[face.triangle as usize] = i as u32;
         }
-        let columns = (atlas.width as usize).div_ceil(1 << shift);
-        let rows = (atlas.height as usize).div_ceil(1 << shift);
+        let square_shift = shift.min(LARGEST_SQUARE);
+        let columns = (atlas.width as usize).div_ceil(1 << square_shift);
+        let rows = (atlas.height as usize).div_ceil(1 << square_shift);
         let entry_of = vec![NONE; columns * rows];
         let piece_of = vec![[NONE; 2]; triangles];
         let mut map = CacheMap {
             atlas,
             face_of,
             shift,
+            square_shift,
             columns,
             entry_of,
             squares: 0,
@@ -109,25 +118,35 @@ impl<'a> CacheMap<'a> {
             witnesses: Vec::new(),
             witnesses_of: Vec::new(),
         };
+        let owners = (shift > square_shift).then(|| Owners::new(atlas));
+        // Of larger entries, those known by where they are and of which chart.
+        let mut larger: BTreeMap<(usize, usize, Option<u32>), u32> = BTreeMap::new();
         for texel in covered {
-            let square = map.square(texel % atlas.width as usize, texel / atlas.width as usize);
-            if map.entry_of[square] == NONE {
-                map.entry_of[square] = map.squares as u32;
-                map.squares += 1;
+            let (x, y) = (texel % atlas.width as usize, texel / atlas.width as usize);
+            let square = map.square(x, y);
+            if map.entry_of[square] != NONE {
+                continue;
             }
+            let next = map.squares as u32;
+            let entry = match &owners {
+                Some(owners) => *larger.entry((y >> shift, x >> shift, owners.of(x, y))).or_insert(next),
+                None => next,
+            };
+            map.entry_of[square] = entry;
+            map.squares += usize::from(entry == next);
         }
         map.entries = map.squares;
-        map.cut(geometry);
+        map.cut(geometry, most);
         map
     }
 
     /// Cuts what has no texels into patches [`PATCH`] entries long, or 4 times as long: the shorter of the two with which there are no
     /// more entries in all than a million, or twice the squares; else into none. Where patches are few they are shorter, down to an eighth: a room
-    /// without texels amid large ones is not lit by the mean of its walls.
-    fn cut(&mut self, geometry: &Geometry) {
-        let most = (2 * self.squares).max(1 << 20);
+    /// without texels amid large ones is not lit by the mean of its walls. There are never more than `limit` entries.
+    fn cut(&mut self, geometry: &Geometry, limit: usize) {
+        let most = (2 * self.squares).max(1 << 20).min(limit);
         let length = PATCH * self.entry_length();
-        let few = self.squares + self.squares / 2;
+        let few = (self.squares + self.squares / 2).min(limit);
         let finer = [8, 4, 2].map(|part| (length, part, few));
         for (length, part, most) in finer.into_iter().chain([(length, 1, most), (4.0 * length, 1, most)]) {
             let (pieces, entries) = self.pieces_of(geometry, length, part);
@@ -176,7 +195,7 @@ impl<'a> CacheMap<'a> {
     }
 
     fn square(&self, x: usize, y: usize) -> usize {
-        (y >> self.shift) * self.columns + (x >> self.shift)
+        (y >> self.square_shift) * self.columns + (x >> self.square_shift)
     }
 
     /// Says that a texel reaches across a wall, and gives a few points of the side it stands for. Only what they see is that side:
@@ -305,6 +324,8 @@ impl<'a> CacheMap<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::atlas::Face;
+    use crate::geometry::Material;
 
     #[test]
     fn a_point_of_a_patch_is_found_there() {
@@ -315,6 +336,7 @@ mod tests {
                 atlas: &atlas,
                 face_of: vec![NONE],
                 shift: 0,
+                square_shift: 0,
                 columns: 1,
                 entry_of: vec![NONE],
                 squares: 7,
@@ -336,5 +358,45 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn large_entries_do_not_mix_charts() {
+        // Two charts on a page of 32 × 16 texels, apart by a block of four texels: one entry of 16 texels would hold both.
+        let square = |x: f32, chart: u32, triangle: u32| {
+            let corner = |dx: f32, y: f32| Vec2::new(x + dx, y);
+            let (a, b, c, d) = (corner(0.5, 0.5), corner(0.5, 14.5), corner(6.5, 14.5), corner(6.5, 0.5));
+            [[a, b, c], [a, c, d]].map(move |corners| Face {
+                triangle: triangle + u32::from(corners[1] == c),
+                corners,
+                chart,
+            })
+        };
+        let faces = [square(0.0, 0, 0), square(8.0, 1, 2), square(16.0, 1, 4)].concat();
+        let atlas = Atlas { charts: 2, ..Atlas::for_tests(32, 16, faces) };
+        let material = Material {
+            albedo: Vec3::splat(0.5),
+            albedo_max: 0.5,
+            alpha: 1.0,
+            texture: None,
+            alpha_cutoff: None,
+            two_sided: false,
+            emission: None,
+        };
+        let geometry = Geometry {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z],
+            triangles: vec![[0, 1, 2]; 6],
+            material_of: vec![0; 6],
+            materials: vec![material],
+            ..Geometry::default()
+        };
+        let of = |shift: u32| CacheMap::new(&atlas, &geometry, (shift, usize::MAX), atlas.touched());
+        let (fine, large) = (of(2), of(4));
+        assert_eq!(large.squares(), 3, "two charts in the first 16 texels, and one of them beyond");
+        assert!(fine.squares() > 20);
+        let [left, right, beyond] = [2, 10, 18].map(|x| large.of_texel(5 * 32 + x));
+        assert!(left.is_some() && left != right && right != beyond && left != beyond);
+        assert_eq!(large.of_texel(12 * 32 + 4), left);
+        assert_eq!(large.entry_length(), 4.0 * fine.entry_length());
     }
 }

@@ -63,7 +63,7 @@ fn hit(triangle: u32, barycentric: Vec3) -> Hit {
 fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<Reflectors>)) {
     let (geometry, atlas) = floor();
     let all = 0..(atlas.width * atlas.height) as usize;
-    let map = CacheMap::new(&atlas, &geometry, 0, all);
+    let map = CacheMap::new(&atlas, &geometry, (0, usize::MAX), all);
     // The entries in the square, by points spread over the floor.
     let mut is_bright = vec![false; map.entries()];
     for i in 0..1 << 16 {
