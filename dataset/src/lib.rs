@@ -4,6 +4,7 @@
 //! Modules in the order the data passes them; a module imports only what stands above it.
 
 pub mod error;
+pub mod system;
 pub mod signals;
 pub mod console;
 pub mod process;
