@@ -34,7 +34,7 @@ use std::time::Duration;
 /// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light switch.
 #[derive(Parser)]
 #[command(name = "bake", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]

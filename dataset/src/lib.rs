@@ -4,6 +4,7 @@
 //! Modules are listed in the order of the data flow; a module imports only those above it.
 
 pub mod error;
+pub mod system;
 pub mod signals;
 pub mod console;
 pub mod process;

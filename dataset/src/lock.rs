@@ -7,13 +7,10 @@
 
 use crate::process::Process;
 use crate::signals::RemovedAtSignal;
+use crate::system::{Guard, guard, is_local};
 use crate::{Error, Result};
-use rustix::fs::statfs;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind, Read, Seek, Write};
-use std::os::linux::net::SocketAddrExt;
-use std::os::unix::fs::MetadataExt;
-use std::os::unix::net::{SocketAddr, UnixListener};
 use std::path::{Path, PathBuf};
 
 /// Name of the file that is locked, and says by whom.
@@ -39,7 +36,7 @@ pub struct Shared {
 struct Claim {
     path: PathBuf,
     _at_signal: RemovedAtSignal,
-    _socket: Option<UnixListener>,
+    _socket: Option<Guard>,
 }
 
 impl Drop for Claim {
@@ -186,30 +183,6 @@ fn holder(file: &mut File) -> Option<Process> {
 
 fn told(process: &Process) -> String {
     format!("process {} on {}", process.pid, process.host)
-}
-
-/// A name that one process of this machine at a time can have; the system frees it when the process ends.
-fn guard(folder: &Path) -> io::Result<UnixListener> {
-    let metadata = fs::metadata(folder)?;
-    let name = format!("temporal-lightmaps/{}/{}", metadata.dev(), metadata.ino());
-    UnixListener::bind_addr(&SocketAddr::from_abstract_name(name)?)
-}
-
-/// Whether a folder lies on one of the file systems that are known to be this machine's alone.
-fn is_local(folder: &Path) -> bool {
-    /// ext2 to ext4, xfs, btrfs, tmpfs, ramfs, overlayfs, zfs, f2fs, bcachefs, as `statfs` has them.
-    const LOCAL: [u64; 9] = [
-        0xef53,
-        0x5846_5342,
-        0x9123_683e,
-        0x0102_1994,
-        0x8584_58f6,
-        0x794c_7630,
-        0x2fc1_2fc1,
-        0xf2f5_2010,
-        0xca45_1a4e,
-    ];
-    statfs(folder).is_ok_and(|found| LOCAL.contains(&((found.f_type as u64) & 0xffff_ffff)))
 }
 
 #[cfg(test)]

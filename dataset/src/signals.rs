@@ -3,9 +3,8 @@
 //! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. Code that cannot check (a library in C++, one long sort) is ended from
 //! the thread that waits for signals: every file is complete or absent, so the process may end anywhere, and the next run continues.
 
+use crate::system::{INTERRUPT, leave, on_signals};
 use crate::{Error, Result};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
@@ -21,7 +20,7 @@ const LAST_LINE: Duration = Duration::from_millis(40);
 pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// The signal that asked.
-static SIGNAL: AtomicI32 = AtomicI32::new(SIGINT);
+static SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT);
 
 /// Whether it was said that the process stops.
 static SAID: AtomicBool = AtomicBool::new(false);
@@ -52,21 +51,15 @@ pub(crate) fn is_first_to_say() -> bool {
 /// Makes the three signals set [`INTERRUPTED`], and end the process after [`GRACE`] wherever it is; a second signal ends it at once.
 /// Signals that are ignored (by `nohup`, or for a background job) stay so. `say` writes an error's line.
 pub(crate) fn catch(say: fn(&Error)) {
-    let ignored = ignored();
-    let signals = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
-    // Where the system has no signals to give, the process ends as it would without.
-    let Ok(mut signals) = Signals::new(signals) else { return };
-    std::thread::spawn(move || {
-        for signal in signals.forever() {
-            SIGNAL.store(signal, Ordering::SeqCst);
-            if INTERRUPTED.swap(true, Ordering::SeqCst) {
-                end(say);
-            }
-            std::thread::spawn(move || {
-                std::thread::sleep(GRACE);
-                end(say)
-            });
+    on_signals(move |signal| {
+        SIGNAL.store(signal, Ordering::SeqCst);
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            end(say);
         }
+        std::thread::spawn(move || {
+            std::thread::sleep(GRACE);
+            end(say)
+        });
     });
 }
 
@@ -84,14 +77,7 @@ fn end(say: fn(&Error)) {
     for path in LEFTOVERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
         let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
     }
-    signal_hook::low_level::exit(exit_code().into());
-}
-
-/// The signals that this process ignores, one bit each, if the system reports them.
-fn ignored() -> u64 {
-    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+    leave(exit_code().into());
 }
 
 /// A file or folder that is removed if the process ends by a signal, until this is dropped.

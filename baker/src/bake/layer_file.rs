@@ -3,10 +3,10 @@
 use super::value::{Stored, Value};
 use crate::{Error, Result};
 use bytemuck::Pod;
+use dataset::system::ReadExactAt;
 use std::fs::File;
 use std::io::Write;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Bytes of the checksum that layers and texels end in.

@@ -17,12 +17,12 @@ use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
 use dataset::console::Console;
+use dataset::system::ReadExactAt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::ErrorKind;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Name of the folder inside a dataset.

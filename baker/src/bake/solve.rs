@@ -153,7 +153,7 @@ mod tests {
         let side = |side: usize| 1 << shift(side * side, 33);
         assert_eq!([512, 1500, 2048, 4096, 8192, 16384].map(side), [1, 1, 2, 4, 8, 16]);
         for side in [512, 1500, 2048, 4096, 8192, 16384] {
-            let entries = side * side >> (2 * shift(side * side, 33));
+            let entries = (side * side) >> (2 * shift(side * side, 33));
             assert!(bytes(entries, 33, ORDINARY_WALKS) <= MEMORY);
         }
         assert!(bytes(most_entries(33), 33, ORDINARY_WALKS) <= MEMORY);

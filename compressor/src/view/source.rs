@@ -294,7 +294,10 @@ fn reference_of(
 
 /// Eight flags a byte, the first the lowest.
 fn bits(flags: &[bool]) -> Vec<u8> {
-    flags.chunks(8).map(|eight| (0..).zip(eight).map(|(bit, flag)| u8::from(*flag) << bit).sum()).collect()
+    flags
+        .chunks(8)
+        .map(|eight| (0..).zip(eight).map(|(bit, flag)| u8::from(*flag) << bit).sum::<u8>())
+        .collect()
 }
 
 /// Light as RGB9E5, behind the power of two that it is multiplied with. That brings the brightest channel to 2¹⁴ … 2¹⁵, because below 2⁻¹⁶ the

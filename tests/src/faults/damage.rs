@@ -4,7 +4,7 @@
 //! folder (created, renamed, removed) once `fsync` was called on that folder. Of all else, nothing is promised: neither that it reached
 //! the disk nor that it did not, nor in which order.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
@@ -62,7 +62,7 @@ impl Damage {
         let text = fs::read_to_string(journal).unwrap_or_default();
         let mut damage = Damage::default();
         // By inode: length and time when it was synced last.
-        let mut written: HashMap<u64, Option<(u64, i128)>> = HashMap::new();
+        let mut written: BTreeMap<u64, Option<(u64, i128)>> = BTreeMap::new();
         for line in text.lines() {
             let words: Vec<&str> = line.split('\t').collect();
             let below = |word: usize| {

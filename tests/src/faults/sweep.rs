@@ -1,7 +1,7 @@
 //! A command, ended before each of the calls by which it changes the disk.
 
 use super::{Damage, Faults, Loss, Tree, copy, differences, text};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -58,7 +58,7 @@ impl Sweep<'_> {
         let points = points(&damage);
         let wrong = Mutex::new(self.lost_at_the_end(&whole, &expected));
 
-        let (next, seen) = (AtomicUsize::new(1), Mutex::new(HashSet::new()));
+        let (next, seen) = (AtomicUsize::new(1), Mutex::new(BTreeSet::new()));
         std::thread::scope(|scope| {
             for _ in 0..AT_ONCE {
                 scope.spawn(|| {
@@ -117,7 +117,7 @@ impl Sweep<'_> {
         work: &Path,
         point: usize,
         expected: &Tree,
-        seen: &Mutex<HashSet<(u64, bool)>>,
+        seen: &Mutex<BTreeSet<(u64, bool)>>,
     ) -> Vec<String> {
         let case = Case::new(work, &point.to_string());
         self.begin(&case.folder);

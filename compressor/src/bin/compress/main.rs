@@ -1,6 +1,6 @@
 //! `compress`: the command line of the compressor.
 
-mod args;
+pub(crate) mod args;
 mod info;
 mod shards;
 mod view;

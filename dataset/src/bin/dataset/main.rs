@@ -20,6 +20,7 @@ use std::process::ExitCode;
 /// packages them for release.
 #[derive(Parser)]
 #[command(
+    name = "dataset",
     version,
     after_help = "\
 Examples:
@@ -33,7 +34,7 @@ Examples:
   dataset release dataset/yard dataset/city --cc0 --out release
   dataset verify release               every checksum and all archives"
 )]
-struct Arguments {
+pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
     #[command(flatten)]

@@ -1,6 +1,6 @@
 //! `dataset release` and `dataset verify`.
 
-use crate::exchange::LayoutName;
+use super::exchange::LayoutName;
 use clap::Args;
 use dataset::Result;
 use dataset::config::Layout;
