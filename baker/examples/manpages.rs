@@ -21,12 +21,15 @@ mod compress_command;
 #[path = "../../dataset/src/bin/dataset/main.rs"]
 mod dataset_command;
 
+/// Gives the definition of a command line.
+type Define = fn() -> Command;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = std::env::args().nth(1).ok_or("expected a folder to write")?;
     let out = Path::new(&out);
     let pages = out.join("man1");
     fs::create_dir_all(&pages)?;
-    let commands: [(&str, fn() -> Command); 3] = [
+    let commands: [(&str, Define); 3] = [
         ("bake", bake_command::Cli::command),
         ("compress", compress_command::args::Cli::command),
         ("dataset", dataset_command::Arguments::command),
