@@ -150,5 +150,9 @@ fn a_level_that_is_left_of_other_light_is_warned_of() {
     // A level of unknown origin.
     fs::copy(root.join("isles.ndgi"), root.join("isles.1.ndgi")).unwrap();
     let text = reported(&plain);
-    assert!(text.contains("isles.1.ndgi: this coarser level was made from different light") && text.contains("--levels"), "{text}");
+    assert!(
+        text.contains("isles.1.ndgi: this coarser level was made from different light")
+            && text.contains("--levels"),
+        "{text}"
+    );
 }

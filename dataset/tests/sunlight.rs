@@ -247,7 +247,7 @@ for light in (s.sun_direct, s.moment):
         light(5.9)
         sys.exit('no error at 5.9 h')
     except ValueError as problem:
-        assert 'expected one from 6' in str(problem), problem
+        assert 'expected 6' in str(problem), problem
 ";
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
