@@ -145,10 +145,14 @@ fn a_level_that_is_left_of_other_light_is_warned_of() {
         String::from_utf8(output.stderr).unwrap()
     };
     let plain = ["isles", "--iterations", "50"];
-    assert!(!reported(&["isles", "--levels", "--iterations", "50"]).contains("other light"));
-    assert!(!reported(&plain).contains("other light"), "it is of this light");
+    assert!(!reported(&["isles", "--levels", "--iterations", "50"]).contains("different light"));
+    assert!(!reported(&plain).contains("different light"), "it is of this light");
     // A level of unknown origin.
     fs::copy(root.join("isles.ndgi"), root.join("isles.1.ndgi")).unwrap();
     let text = reported(&plain);
-    assert!(text.contains("isles.1.ndgi: a level of other light") && text.contains("--levels"), "{text}");
+    assert!(
+        text.contains("isles.1.ndgi: this coarser level was made from different light")
+            && text.contains("--levels"),
+        "{text}"
+    );
 }

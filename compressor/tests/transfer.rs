@@ -154,7 +154,7 @@ fn what_does_not_belong_together_is_refused_and_what_is_missing_is_said() {
     light(|transfer| drop(transfer.light.remove(1)));
     refused(with, &["transfer: has no light for 5.9 h", "--hours 0..24"]);
     let refusal = compress(&transfer, &Options::default(), &Console::silent()).unwrap_err().to_string();
-    assert!(refusal.contains("holds the transfer of isles; expected sets that are moments"), "{refusal}");
+    assert!(refusal.contains("is the transfer of isles; expected a dataset of a day"), "{refusal}");
     light(|transfer| transfer.scene = "other".to_owned());
     refused(with, &["transfer: is the transfer of other; expected that of isles"]);
     light(|transfer| transfer.inputs.replace_range(..1, "1"));

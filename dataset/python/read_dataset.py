@@ -105,7 +105,7 @@ class Dataset:
         """Mean direction towards the sun's disc, and its irradiance, from the first time of its path to the last."""
         path = json.loads(self.data(self.config['sun_path']))
         if not path['hours'][0] <= hour <= path['hours'][-1]:
-            raise ValueError(f"the hour {hour}: expected one from {path['hours'][0]} to {path['hours'][-1]}")
+            raise ValueError(f"hour {hour}; expected {path['hours'][0]} to {path['hours'][-1]}")
         between = lambda values: [np.interp(hour, path['hours'], axis) for axis in np.transpose(values)]
         return np.array(between(path['direction'])), np.array(between(path['irradiance']))
     def visibility(self, hour, page=0):

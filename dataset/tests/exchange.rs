@@ -115,8 +115,8 @@ fn a_baked_day_goes_out_and_comes_back() {
     write_hours(&root, &[(20, 20), (7, 3)], 1, &day()).unwrap();
     let baked = Dataset::open(&root).unwrap();
     for (layout, hours, reason) in [
-        (Layout::Hprc1, 24, "3 frames at 5.9, 18.1, 20.4 h: the layout holds whole hours"),
-        (Layout::Hprc2, 26, "1 frame at 20.4 h: the layout holds whole hours, 5.9 and 18.1"),
+        (Layout::Hprc1, 24, "3 frames at 5.9, 18.1, 20.4 h: the layout stores only whole hours"),
+        (Layout::Hprc2, 26, "1 frame at 20.4 h: the layout stores only whole hours, 5.9 and 18.1"),
     ] {
         let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
         let exported = export_folder(&root, layout, &at("out"));
@@ -175,7 +175,7 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
         error
     };
     let error = refused(&day()[1..], Layout::Hprc1);
-    assert!(error.contains("no frame at 0 h; the layout holds all 24 hours"), "{error}");
+    assert!(error.contains("no frame at 0 h; the layout needs all 24 whole hours"), "{error}");
     let error = refused(&[4.5, 20.4], Layout::Hprc2);
     assert!(error.contains("frames at 4.5, 20.4 h have no time key"), "{error}");
     // A damaged dataset, though its texels can still be read.

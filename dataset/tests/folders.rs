@@ -156,7 +156,7 @@ fn a_folder_of_something_else_is_refused() {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
     let missing = Dataset::open(&folder.path().join("missing")).unwrap_err().to_string();
-    assert!(missing.contains("missing: not a temporal lightmap set"), "{missing}");
+    assert!(missing.contains("missing: not a dataset"), "{missing}");
 }
 
 /// Each change to the manifest, and a word of the error it must give.
@@ -335,7 +335,7 @@ fn frames_must_show_the_groups_as_the_schedule_has_them() {
     let (faults, warnings) = verify(&config);
     assert!(faults.is_empty() && warnings.len() == 1, "{faults:?} {warnings:?}");
     assert!(
-        warnings[0].contains("\"porch\" switches at 18 h; no frame within 0.1 h shows it on"),
+        warnings[0].contains("\"porch\" switches at 18 h, but no frame within 0.1 h has it on"),
         "{warnings:?}"
     );
     config.frames.insert(5, frame);

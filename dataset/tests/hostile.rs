@@ -89,7 +89,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
         (|c| c["lightmap_list"][0]["masks"] = json!({}), &["masks is empty"]),
         (
             |c| drop(c["lightmap_list"][1]["lightmaps"].as_object_mut().unwrap().remove("750")),
-            &["masks has 7.5 h; lightmaps has not"],
+            &["masks has 7.5 h, which lightmaps lacks"],
         ),
         (
             |c| {
@@ -179,7 +179,7 @@ fn every_broken_folder_of_layout_1_is_refused() {
     let cases: [Case; 6] = [
         (
             |c| c["lightmap_list"][0]["parts"] = json!(0),
-            &["lightmap 5: 0 parts; expected 1 to 256 that divide the height, 6"],
+            &["lightmap 5: 0 parts; expected a divisor of the height, 6, from 1 to 256"],
         ),
         (|c| c["lightmap_list"][0]["parts"] = json!(4), &["4 parts"]),
         (|c| c["lightmap_list"][0]["parts"] = json!(u32::MAX), &["4294967295 parts"]),
@@ -207,5 +207,5 @@ fn every_broken_folder_of_layout_1_is_refused() {
     fs::write(source.join(name(9)), b"short").unwrap();
     refused(Layout::Hprc1, &source, &["9.00.bin_1: 5 bytes; expected 144: 4×3 texels of 12 bytes"]);
     fs::remove_dir_all(source.join("LocalOnly")).unwrap();
-    refused(Layout::Hprc1, &source, &["there is DirectionalOnly, SkyLightOnly alone; expected"]);
+    refused(Layout::Hprc1, &source, &["only DirectionalOnly, SkyLightOnly exists; expected"]);
 }

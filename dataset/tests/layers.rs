@@ -65,11 +65,11 @@ fn every_rule_that_layers_break_is_named() {
         // Order.
         (
             |c| c.layers.swap(0, 1),
-            "layer 1 (sun, direct) stands behind that of sun, indirect; expected the order",
+            "layer 1 (sun, direct) comes after that of sun, indirect; expected the order",
         ),
-        (|c| c.layers.swap(2, 3), "layer 3 (sky, all) stands behind that of group \"porch\", direct"),
-        (|c| c.layers.swap(4, 5), "layer 5 (group \"porch\", indirect) stands behind"),
-        (|c| c.layers.insert(1, layer(c, 0)), "layer 1 (sun, direct) stands behind that of sun, direct"),
+        (|c| c.layers.swap(2, 3), "layer 3 (sky, all) comes after that of group \"porch\", direct"),
+        (|c| c.layers.swap(4, 5), "layer 5 (group \"porch\", indirect) comes after"),
+        (|c| c.layers.insert(1, layer(c, 0)), "layer 1 (sun, direct) comes after that of sun, direct"),
         // All lights or none, and of each what is baked.
         (
             |c| drop(c.layers.remove(0)),

@@ -180,7 +180,7 @@ fn bundles_of_other_light_are_refused_and_found() {
     let line = String::from_utf8(sum.stdout).unwrap();
     let lines = sums.lines().map(|old| if old.ends_with("  hut-h.ndgi") { line.trim_end() } else { old });
     fs::write(release.join(SUMS), lines.map(|line| format!("{line}\n")).collect::<String>()).unwrap();
-    released.expect_fault(&["hut-h.ndgi", "made from other light"]);
+    released.expect_fault(&["hut-h.ndgi", "made from different light"]);
 }
 
 #[test]
@@ -360,7 +360,7 @@ fn archives_that_lack_files_of_the_manifest_are_found() {
     released.expect_fault(&["hut/layers.json", "group1-direct", "in no archive"]);
     value["scenes"][0]["archives"].as_array_mut().unwrap().clear();
     fs::write(folder.join(MANIFEST), value.to_string()).unwrap();
-    released.expect_fault(&["no archive holds hut/config.json"]);
+    released.expect_fault(&["no archive contains hut/config.json"]);
 }
 
 #[test]

@@ -131,7 +131,7 @@ fn channels_of_other_names_are_found_or_requested() {
     refused(
         &origin(None),
         &out,
-        &["12.exr: channels Combined.B, Combined.G, Combined.R, Depth.Y", "say which"],
+        &["12.exr: channels Combined.B, Combined.G, Combined.R, Depth.Y", "choose it with --layer"],
     );
     refused(&origin(Some("Diffuse")), &out, &["expected R, G, B of the layer \"Diffuse\""]);
     write_half(&path, &[("R", Some(0)), ("G", Some(1))], rs::Compression::RLE, 12.0);
@@ -202,7 +202,7 @@ fn a_pattern_that_fits_badly_is_refused() {
     fs::copy(folder.join("light_9.exr"), folder.join("light_0590.exr")).unwrap();
     refused(&with("light_{hour}.exr"), &out, &["light_0590.exr: hour 590; expected 0 to 24"]);
     fs::rename(folder.join("light_0590.exr"), folder.join("light_09.exr")).unwrap();
-    refused(&with("light_{hour}.exr"), &out, &["light_09.exr and light_9.exr are both for 9 h"]);
+    refused(&with("light_{hour}.exr"), &out, &["light_09.exr and light_9.exr both name 9 h"]);
     // A value that is none of light: named on a surface, 0 elsewhere.
     let mut image = Image { width: 40, height: 30, texels: vec![[1.0; 3]; 1200] };
     image.texels[40] = [-1.0, f32::NAN, 1.0];

@@ -55,7 +55,7 @@ fn a_transfer_is_not_taken_for_a_day() {
     let out = folder.path().join("out");
     for layout in [Layout::Hprc1, Layout::Hprc2] {
         let error = export(&dataset, layout, &out, &Console::silent()).unwrap_err().to_string();
-        assert!(error.contains("holds the transfer of yard; expected sets that are moments"), "{error}");
+        assert!(error.contains("is the transfer of yard; expected a dataset of a day"), "{error}");
         assert!(!out.exists());
     }
 }

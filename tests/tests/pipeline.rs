@@ -143,7 +143,7 @@ fn a_set_and_its_bundle_are_released_and_another_bakes_bundle_is_not() {
     // What `dataset` reads of a bundle is what `compress` writes there.
     bundle(&other);
     let error = packed("again").unwrap_err().to_string();
-    assert!(error.contains("made from other light"), "{error}");
+    assert!(error.contains("made from different light"), "{error}");
 }
 
 #[test]

@@ -461,7 +461,7 @@ fn training_that_diverges_is_restarted_at_a_smaller_rate_and_says_so() {
     };
     assert_eq!(restarting(attempt, &mut said).unwrap(), 0.25);
     assert_eq!(rates, [1.0, 0.5, 0.25]);
-    let of = |n: u32| format!("training diverged; restarted at 1/{n} of the rate");
+    let of = |n: u32| format!("training diverged; restarted at 1/{n} of the learning rate");
     assert_eq!(said, [of(2), of(4)]);
     // None that ends, and the tile's own error.
     let mut said = Vec::new();
@@ -472,7 +472,7 @@ fn training_that_diverges_is_restarted_at_a_smaller_rate_and_says_so() {
         Ok(None::<()>)
     };
     let message = restarting(never, &mut said).unwrap_err().to_string();
-    assert!(message.contains("diverges even at 1/64 of the rate"), "{message}");
+    assert!(message.contains("diverges even at 1/64 of the learning rate"), "{message}");
     assert_eq!(said, [of(2), of(4), of(8), of(16), of(32), of(64)]);
     assert!(matches!(
         restarting(|_, _| Err::<Option<()>, _>(Error::Interrupted), &mut said),

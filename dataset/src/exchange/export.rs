@@ -112,8 +112,10 @@ fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
         _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
     };
     if taken.is_empty() {
-        let what =
-            format!("only frames between whole hours, at {} h; the layout needs whole hours", list(&others));
+        let what = format!(
+            "no frame at a whole hour; frames at {} h have no time key: bake whole hours",
+            list(&others)
+        );
         return Err(Error::unsupported(dataset.root.display(), what));
     }
     let reason = match layout {

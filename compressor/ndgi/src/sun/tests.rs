@@ -245,7 +245,7 @@ fn moving_shadows_have_one_coding() {
     for (at, bits) in [(5, 1), (10, 0x10), (11, 1), (11, 0x80)] {
         let mut bytes = section.bytes.clone();
         bytes[at] ^= bits;
-        assert!(decode(&bytes).unwrap_err().contains("filled up"), "{at}");
+        assert!(decode(&bytes).unwrap_err().contains("padded"), "{at}");
     }
     let mut bytes = section.bytes.clone();
     bytes[6..10].fill(0);
