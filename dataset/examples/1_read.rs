@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Between the frames light is interpolated layer by layer, and the sun's shadows move.
     if let [first, second, ..] = &config.frames[..] {
         let hour = 0.5 * (first.hour + second.hour);
-        let between = dataset.moment(hour, 0)?;
+        let between = dataset.light_at(hour, 0)?;
         let brightest = between.texels.iter().flatten().copied().fold(0.0, f32::max);
         println!("page 0 at {hour} h, between two frames: at most {brightest:.6}");
     }
