@@ -1,7 +1,7 @@
 //! Compiles xatlas and the C shim over it. Needs a C++ compiler, no libclang.
 //!
-//! With the feature `embree`, links libembree4 from, in this order: the folder named by `EMBREE_DIR`; `target/embree`, where
-//! `third_party/fetch-embree.sh` puts it; the system (Debian 13: `libembree-dev`).
+//! With the feature `embree`, links libembree4 from, in this order: the folder named by `EMBREE_DIR`;
+//! `target/embree`, where `third_party/fetch-embree.sh` puts it; the system (Debian 13: `libembree-dev`).
 
 use std::path::PathBuf;
 

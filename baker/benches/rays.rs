@@ -1,5 +1,6 @@
 //! Millions of rays per second and core, closest hit and any hit, incoherent, per tier and backend:
-//! `cargo bench -p baker --bench rays [-- big]` (`big`: also ten million triangles). Times are this thread's CPU time.
+//! `cargo bench -p baker --bench rays [-- big]` (`big`: also ten million triangles). Times are this thread's
+//! CPU time.
 
 use baker::geometry::{Geometry, Material};
 use baker::scene::load as load_scene;

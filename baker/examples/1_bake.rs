@@ -10,7 +10,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [scene, out] = &arguments[..] else {
         return Err("expected a scene file and a folder to write".into());
     };
-    // Four hours, quickly: half the side and a quarter of the samples. The defaults of all else are those of the command `bake`.
+    // Four hours, quickly: half the side and a quarter of the samples. The defaults of all else are those of
+    // the command `bake`.
     let options = Options {
         preset: Preset::Draft,
         extra_times: 0,

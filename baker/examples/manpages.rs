@@ -1,9 +1,11 @@
-//! Writes manual pages and shell completions of `bake`, `compress` and `dataset`, from the same definitions as their `--help`:
+//! Writes manual pages and shell completions of `bake`, `compress` and `dataset`, from the same definitions
+//! as their `--help`:
 //!
 //!     cargo run --release -p baker --example manpages -- OUT
 //!
-//! OUT gets `man1/*.1`, `bash/`, `fish/` and `zsh/`. To install for one user, copy `man1` to `~/.local/share/man/`, `bash/*` to
-//! `~/.local/share/bash-completion/completions/`, `fish/*` to `~/.config/fish/completions/`, and `zsh/*` to a folder of `$fpath`.
+//! OUT gets `man1/*.1`, `bash/`, `fish/` and `zsh/`. To install for one user, copy `man1` to
+//! `~/.local/share/man/`, `bash/*` to `~/.local/share/bash-completion/completions/`, `fish/*` to
+//! `~/.config/fish/completions/`, and `zsh/*` to a folder of `$fpath`.
 
 use clap::{Command, CommandFactory};
 use clap_complete::{Shell, generate_to};

@@ -1,10 +1,11 @@
-//! Writes a scene's sun and sky at given hours for other renderers: `sky_image SCENE.toml HOURS FOLDER [HEIGHT]`.
+//! Writes a scene's sun and sky at given hours for other renderers:
+//! `sky_image SCENE.toml HOURS FOLDER [HEIGHT]`.
 //!
-//! FOLDER/lights.json: per hour the sun (unit vector towards it in the scene's space, +Y up; perpendicular irradiance in
-//! kilolux; full angle of the disc in degrees) or null. FOLDER/sky-HH.HHHH.f32 per hour: the radiance of the sky, and of the
-//! ground below the horizon, at the centres of the pixels of a lat-long map, little-endian f32 RGB, rows from the zenith down,
-//! 2·HEIGHT columns; column c looks along φ = 2π (c + ½) / columns − π, that is (cos φ, sin φ) in (x, z) at the horizon. (So
-//! Blender reads it.)
+//! FOLDER/lights.json: per hour the sun (unit vector towards it in the scene's space, +Y up; perpendicular
+//! irradiance in kilolux; full angle of the disc in degrees) or null. FOLDER/sky-HH.HHHH.f32 per hour: the
+//! radiance of the sky, and of the ground below the horizon, at the centres of the pixels of a lat-long map,
+//! little-endian f32 RGB, rows from the zenith down, 2·HEIGHT columns; column c looks along φ = 2π (c + ½) /
+//! columns − π, that is (cos φ, sin φ) in (x, z) at the horizon. (So Blender reads it.)
 
 use baker::light::sky::SkyTable;
 use baker::light::{ground, schedule, sun};

@@ -31,7 +31,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light switch.
+/// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light
+/// switch.
 #[derive(Parser)]
 #[command(name = "bake", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Cli {
@@ -71,15 +72,18 @@ struct Args {
     /// Hours to bake: a half-open range, a range with a step, or a list.
     #[arg(long, default_value = "0..24", value_name = "HOURS", allow_hyphen_values = true)]
     hours: String,
-    /// At most this many more times where the light of sky and sun changes too fast for the hours of a range, as at dusk: where the sets
-    /// interpolated would err by more than 5 % of it, found before any ray is traced (--plan lists them). 0: none.
+    /// At most this many more times where the light of sky and sun changes too fast for the hours of a range,
+    /// as at dusk: where the sets interpolated would err by more than 5 % of it, found before any ray is
+    /// traced (--plan lists them). 0: none.
     #[arg(long, value_name = "N", default_value_t = extra_times::MOST)]
     extra_times: u32,
-    /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps, into dataset/<scene>-transfer:
-    /// what `compress compare DATASET --transfer` needs for its comparison with precomputed radiance transfer.
+    /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps,
+    /// into dataset/<scene>-transfer: what `compress compare DATASET --transfer` needs for its comparison
+    /// with precomputed radiance transfer.
     #[arg(long, conflicts_with_all = ["hours", "compress"])]
     transfer: bool,
-    /// Of the sun bake only what surfaces reflect, for games that draw the sun themselves: as `baked = "indirect"` under [sun].
+    /// Of the sun bake only what surfaces reflect, for games that draw the sun themselves: as
+    /// `baked = "indirect"` under [sun].
     #[arg(long, conflicts_with = "transfer")]
     indirect: bool,
     /// Hand the dataset to the compressor (its defaults), write the bundle and measure it.
@@ -88,19 +92,22 @@ struct Args {
     /// A quick look: half the lightmap's side, a quarter of the samples, short training.
     #[arg(long)]
     draft: bool,
-    /// For shipping: twice the lightmap's side, twice the samples (training as without it; see `compress --preset`).
+    /// For shipping: twice the lightmap's side, twice the samples (training as without it; see
+    /// `compress --preset`).
     #[arg(long, conflicts_with = "draft")]
     r#final: bool,
-    /// Samples of indirect light per texel on average, a power of two: all of them, or at most so many with a target or a time limit
-    /// [default: the scene's; 65536 with a target or a limit].
+    /// Samples of indirect light per texel on average, a power of two: all of them, or at most so many with a
+    /// target or a time limit [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%: the standard error relative to
-    /// the light there, or to a thirtieth of what is seen around where it is darker; the cells around, taken together, must be below it too. Once the error is near, this is judged after
-    /// denoising. Light that hardly any sample finds, as through a little hole, may be missed.
+    /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%:
+    /// the standard error relative to the light there, or to a thirtieth of what is seen around where it is
+    /// darker; the cells around, taken together, must be below it too. Once the error is near, this is judged
+    /// after denoising. Light that hardly any sample finds, as through a little hole, may be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
-    /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset says how wrong it is then.
+    /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset
+    /// says how wrong it is then.
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit)]
     time_limit: Option<Duration>,
     /// How light is followed past the first surface.
@@ -109,9 +116,10 @@ struct Args {
     /// What finds the hits of rays: obvhs, or embree in builds with that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     backend: Backend,
-    /// Denoise indirect light with filters whose error is estimated. auto: in every bake but a transfer; own: with the baker's own filters,
-    /// which is what auto does today; off: leave it as traced. Transfers are never denoised. The traced light is kept, so changing this does
-    /// not trace it again, but for what then misses a --target-error.
+    /// Denoise indirect light with filters whose error is estimated. auto: in every bake but a transfer; own:
+    /// with the baker's own filters, which is what auto does today; off: leave it as traced. Transfers are
+    /// never denoised. The traced light is kept, so changing this does not trace it again, but for what then
+    /// misses a --target-error.
     #[arg(
         long,
         value_enum,
@@ -120,10 +128,12 @@ struct Args {
         hide_possible_values = true
     )]
     denoise: Denoise,
-    /// Trace 512 texels again, by so many walks each that are followed to their end, and report the true error.
+    /// Trace 512 texels again, by so many walks each that are followed to their end, and report the true
+    /// error.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
     check: Option<u32>,
-    /// Print what would be traced, what is left out and why, and about what disk and memory it takes; bake nothing.
+    /// Print what would be traced, what is left out and why, and about what disk and memory it takes; bake
+    /// nothing.
     #[arg(long)]
     plan: bool,
     /// Folder of the dataset [default: dataset/<scene>, with --transfer dataset/<scene>-transfer].
@@ -406,7 +416,8 @@ fn say_forecast(forecast: &Forecast, free: Option<u64>, console: &Console) {
     }
 }
 
-/// Such as `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the cells`.
+/// Such as
+/// `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the cells`.
 fn in_words(local: &Local) -> String {
     let percent = |share: f64| format!("{:.1}", share * 100.0);
     format!(

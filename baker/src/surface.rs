@@ -101,8 +101,8 @@ pub struct SurfacePoint {
     pub barycentric: Vec3,
 }
 
-/// Less covered area than this (in texels) is no surface. It is measured in double precision, where a face without area has
-/// less than 1e-9 at any place of a page: whatever has a fragment has an area to divide by.
+/// Less covered area than this (in texels) is no surface. It is measured in double precision, where a face
+/// without area has less than 1e-9 at any place of a page: whatever has a fragment has an area to divide by.
 const LEAST_AREA: f64 = 1e-5;
 
 impl BlockSurface {
@@ -170,7 +170,8 @@ impl BlockSurface {
         (self.y0 + texel / self.width) * atlas.width as usize + self.x0 + texel % self.width
     }
 
-    /// A point uniformly distributed over the texel's surface, by area on the page. The texel must be covered.
+    /// A point uniformly distributed over the texel's surface, by area on the page. The texel must be
+    /// covered.
     pub fn sample(&self, atlas: &Atlas, texel: usize, u: Vec2) -> SurfacePoint {
         let fragments = &self.fragments[self.starts[texel] as usize..self.starts[texel + 1] as usize];
         // Choose a fragment by area, and reuse what is left of the number.
@@ -188,8 +189,8 @@ impl BlockSurface {
         fragment.point(atlas, point)
     }
 
-    /// The direction in space in which the columns of the page run on a texel's surface; its length is that of a texel. The texel must
-    /// be covered.
+    /// The direction in space in which the columns of the page run on a texel's surface; its length is that
+    /// of a texel. The texel must be covered.
     pub fn along(&self, atlas: &Atlas, geometry: &Geometry, texel: usize) -> Vec3 {
         let face = &atlas.faces[self.fragments[self.starts[texel] as usize].face as usize];
         let [a, b, c] = face.corners.map(DVec2::from);
@@ -199,8 +200,8 @@ impl BlockSurface {
         ((q - p) * ((c - a).y / twice_area) - (r - p) * ((b - a).y / twice_area)).as_vec3()
     }
 
-    /// The outermost points of a texel's surface in each of eight directions on the page, equal ones once: of a whole texel its
-    /// four corners. The texel must be covered.
+    /// The outermost points of a texel's surface in each of eight directions on the page, equal ones once: of
+    /// a whole texel its four corners. The texel must be covered.
     pub fn rim(&self, atlas: &Atlas, texel: usize) -> Vec<SurfacePoint> {
         const DIRECTIONS: [[f32; 2]; 8] = [
             [-1.0, -1.0],
@@ -239,9 +240,9 @@ impl Fragment {
 /// Points keep this far from the edges of their triangle, in texels.
 const INSET: f64 = 0.01;
 
-/// Moves a point that is nearer than [`INSET`] to an edge (in a sliver: than an eighth of the height) to that distance. A point
-/// on an edge of a closed room lies on the neighbouring wall's plane to the last bit, and a ray from there passes that wall;
-/// texels of which an edge covers a hair have no other points.
+/// Moves a point that is nearer than [`INSET`] to an edge (in a sliver: than an eighth of the height) to that
+/// distance. A point on an edge of a closed room lies on the neighbouring wall's plane to the last bit, and a
+/// ray from there passes that wall; texels of which an edge covers a hair have no other points.
 fn inset(corners: &[Vec2; 3], weights: DVec3) -> Vec3 {
     let [a, b, c] = corners.map(DVec2::from);
     let twice_area = (b - a).perp_dot(c - a).abs();
@@ -344,7 +345,8 @@ mod tests {
 
     #[test]
     fn samples_keep_off_the_edges() {
-        // A texel of which a triangle covers a hair: its points lie a hundredth of a texel inside the triangle.
+        // A texel of which a triangle covers a hair: its points lie a hundredth of a texel inside the
+        // triangle.
         let a = atlas(2, 2, &[[vec2(0.5, 0.5), vec2(1.01, 0.5), vec2(0.5, 1.6)]]);
         let s = BlockSurface::new(&a, &FaceBins::new(&a), 0);
         let texel = 1;
@@ -422,8 +424,9 @@ mod tests {
 
     #[test]
     fn faces_without_area_give_no_fragments() {
-        // Two faces of an interior as they came onto its page of 1024². Their corners lie on one line, exactly; cut to a texel
-        // in single precision they seemed to have some area, and weights of their corners were 0 ÷ 0.
+        // Two faces of an interior as they came onto its page of 1024². Their corners lie on one line,
+        // exactly; cut to a texel in single precision they seemed to have some area, and weights of their
+        // corners were 0 ÷ 0.
         let line = |x: [u32; 3], y: u32| x.map(|x| vec2(f32::from_bits(x), f32::from_bits(y)));
         for corners in [
             line([1147740160, 1147741114, 1147857618], 1138376704),

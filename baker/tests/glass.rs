@@ -216,7 +216,8 @@ fn cube_facing(g: &mut Geometry, inwards: bool) {
 
 #[test]
 fn glass_that_absorbs_nothing_keeps_a_furnace_at_one() {
-    // Reflecting glass of both sides under the same radiance from everywhere: what it does not let through, it reflects.
+    // Reflecting glass of both sides under the same radiance from everywhere: what it does not let through,
+    // it reflects.
     let mut g = floor([TINT, Vec3::ONE], 1.0);
     cube(&mut g, 1.0, 1);
     expect(&g, &uniform_sky(), 1024, Vec3::splat(PI));
@@ -401,7 +402,8 @@ fn a_texture_says_how_much_passes_where() {
 
 #[test]
 fn glass_is_no_wall_and_no_body() {
-    // A closed cube of dark glass, fronts outwards, around a point: not inside a solid, and in sight of what is outside.
+    // A closed cube of dark glass, fronts outwards, around a point: not inside a solid, and in sight of what
+    // is outside.
     let mut g = floor([Vec3::splat(0.1), Vec3::ONE], 0.5);
     g.materials.iter_mut().for_each(|m| m.two_sided = false);
     cube_facing(&mut g, false);

@@ -1,4 +1,5 @@
-//! glTF extensions: GPU instances, compressed views, quantised attributes, vertex colours, textures and what is not read.
+//! glTF extensions: GPU instances, compressed views, quantised attributes, vertex colours, textures and what
+//! is not read.
 
 use baker::geometry::{self, Geometry};
 use baker::scene;
@@ -191,7 +192,8 @@ fn compressed_views_give_the_same_geometry() {
 
 #[test]
 fn filters_are_undone() {
-    // A normal that the octahedral filter holds as (x, y, 1) of 8 bits each; positions that the exponential one does.
+    // A normal that the octahedral filter holds as (x, y, 1) of 8 bits each; positions that the exponential
+    // one does.
     let mut asset = compressed("EXT_meshopt_compression");
     let normals: Vec<[f32; 4]> = (0..4).map(|_| [0.6, 0.0, 0.8, 0.0]).collect();
     let filtered: Vec<[i8; 4]> = meshopt::encode_filter_oct(&normals, 8);

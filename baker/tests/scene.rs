@@ -1,4 +1,5 @@
-//! Scene files: every broken one under `tests/invalid` gives the error it names, and a full one resolves to what it says.
+//! Scene files: every broken one under `tests/invalid` gives the error it names, and a full one resolves to
+//! what it says.
 
 use baker::scene::colour::black_body;
 use baker::scene::{self, Lamp, LightmapSize, Scene, Sky, SunTrack};

@@ -91,7 +91,8 @@ fn textures_factors_and_cut_outs_are_read() {
     assert_eq!((g.triangles.len(), g.instances.len(), g.textures.len()), (2, 1, 1));
     assert_eq!(g.instances[0].name, "a.gltf: sheet/square/leaf");
     assert!(g.materials[0].two_sided && g.normal(0) == Vec3::Z);
-    // The first triangle's corners are (0, 0), (1, 0), (1, 1); clamped and mirrored edges repeat the corner texel.
+    // The first triangle's corners are (0, 0), (1, 0), (1, 1); clamped and mirrored edges repeat the corner
+    // texel.
     assert!((g.albedo_at(0, Vec3::X) - Vec3::new(0.502_886_5, 0.251_443_2, 0.502_886_5)).length() < 1e-6);
     assert_eq!(g.albedo_at(0, Vec3::Y), Vec3::Z);
     assert_eq!((g.alpha_at(0, Vec3::Y), g.alpha_at(0, Vec3::Z)), (1.0, 0.0));
@@ -140,7 +141,8 @@ fn a_texture_is_held_once_however_often_it_is_named() {
 #[test]
 fn nodes_place_meshes_by_their_hierarchy() {
     let folder = tempfile::tempdir().unwrap();
-    // A parent 10 up and turned by 90° about Y has the square twice, one mirrored; a matrix node has it a third time.
+    // A parent 10 up and turned by 90° about Y has the square twice, one mirrored; a matrix node has it a
+    // third time.
     let asset = with(
         square(),
         &[
@@ -311,11 +313,13 @@ fn transmission_is_tinted_by_the_base_colour() {
     assert!(g.transmittance_at(0, Vec3::X).abs_diff_eq(Vec3::new(0.8, 0.4, 0.2), 1e-6));
     assert!(g.albedo_at(0, Vec3::X).abs_diff_eq(Vec3::new(0.2, 0.1, 0.05), 1e-6));
     assert!(g.instances[0].lightmap);
-    // All of it: nothing is reflected, and it gets no texels. The base colour's limit of 0.95 is none for glass.
+    // All of it: nothing is reflected, and it gets no texels. The base colour's limit of 0.95 is none for
+    // glass.
     let (g, warnings) = glass(json!({ "transmissionFactor": 1 }), &[]).unwrap();
     assert!(warnings.is_empty() && !g.instances[0].lightmap, "{warnings:?}");
     assert_eq!(g.transmittance_at(0, Vec3::X), Vec3::new(1.0, 0.5, 0.25));
-    // A texture's red channel, linear: texel 0 is red, texel 2 of 188/255; beside it the coordinates are used.
+    // A texture's red channel, linear: texel 0 is red, texel 2 of 188/255; beside it the coordinates are
+    // used.
     let textured = json!({ "transmissionFactor": 0.5, "transmissionTexture": { "index": 0 } });
     let (g, _) = glass(textured.clone(), &[]).unwrap();
     let corners = [Vec3::X, Vec3::Y, Vec3::Z].map(|at| g.transmittance_at(0, at).x);
@@ -388,7 +392,8 @@ fn whites_of_files_are_limited_and_those_of_the_scene_file_are_not() {
 #[test]
 fn warnings_of_one_kind_are_one_line_and_come_with_errors_too() {
     let folder = tempfile::tempdir().unwrap();
-    // Five problems: a texture lost by each of 500 materials, a volume, morph targets, a white material, lines.
+    // Five problems: a texture lost by each of 500 materials, a volume, morph targets, a white material,
+    // lines.
     let asset = square();
     let lost = json!({ "name": "m", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } },
         "extensions": { "KHR_materials_transmission": { "transmissionFactor": 0.5 }, "KHR_materials_volume": {} } });

@@ -76,7 +76,8 @@ fn lamps_and_cameras_of_a_file_are_listed() {
     assert!((eye.fov - (2.0 * 0.5f64.tan()).atan().to_degrees() * 2.0).abs() < 1e-4);
 }
 
-/// Loads `a.gltf` by a scene file with these lines above its object: the scene with the files' lights, its geometry, the warnings.
+/// Loads `a.gltf` by a scene file with these lines above its object: the scene with the files' lights, its
+/// geometry, the warnings.
 fn load(asset: &Value, lines: &str, keys: &str) -> (Scene, Geometry, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.gltf"), asset.to_string()).unwrap();

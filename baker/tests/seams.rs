@@ -136,7 +136,8 @@ fn normal(seed: u32, i: u32) -> f32 {
     (0..12).map(|k| random(seed + 1000 * k, i)).sum::<f32>() - 6.0
 }
 
-/// Every covered texel gets the mean of `light` over 16 points of its surface, its chart at the first of them.
+/// Every covered texel gets the mean of `light` over 16 points of its surface, its chart at the first of
+/// them.
 fn bake(g: &Geometry, atlas: &Atlas, light: impl Fn(Vec3, u32, u32) -> [f32; 3]) -> (Image, Mask) {
     let (width, height) = (atlas.width as usize, atlas.height as usize);
     let mut image = Image::black(width, height);
@@ -163,8 +164,9 @@ fn bake(g: &Geometry, atlas: &Atlas, light: impl Fn(Vec3, u32, u32) -> [f32; 3])
     (image, mask)
 }
 
-/// Mean magnitude and root mean square of the jumps of the red channel over edges that are the same two vertices, read by a bilinear
-/// sampler of its own at seven points each, beside the root mean square error against the truth.
+/// Mean magnitude and root mean square of the jumps of the red channel over edges that are the same two
+/// vertices, read by a bilinear sampler of its own at seven points each, beside the root mean square error
+/// against the truth.
 fn read(g: &Geometry, atlas: &Atlas, image: &Image, truth: impl Fn(Vec3) -> f32) -> (f64, f64, f64) {
     let sample = |p: DVec2| {
         let (mut sum, q) = (0.0, p - 0.5);

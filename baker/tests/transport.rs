@@ -1,5 +1,6 @@
-//! The integrator against closed forms, with every backend that is built. Every expectation is judged by its own error: the mean over independent
-//! scrambles must lie within 3 standard errors of the closed form and within 1 % of it.
+//! The integrator against closed forms, with every backend that is built. Every expectation is judged by its
+//! own error: the mean over independent scrambles must lie within 3 standard errors of the closed form and
+//! within 1 % of it.
 
 use baker::Rgb;
 use baker::geometry::{Emission, Geometry, Material, Texture, Wrap};
@@ -196,7 +197,8 @@ fn a_tilted_plane_sees_its_part_of_the_sky() {
 
 #[test]
 fn a_black_wall_takes_its_part_of_the_sky() {
-    // A wall so long that it is endless, of height h at distance d: (1 + cos(atan(h/d)))/2 of the sky is left.
+    // A wall so long that it is endless, of height h at distance d: (1 + cos(atan(h/d)))/2 of the sky is
+    // left.
     let mut g = Geometry { materials: vec![material(0.0)], ..Geometry::default() };
     quad(&mut g, vec3(-0.01, 0.0, 0.01), vec3(0.02, 0.0, 0.0), vec3(0.0, 0.0, -0.02), 0);
     quad(&mut g, vec3(-2e2, -1.0, -2.0), vec3(4e2, 0.0, 0.0), vec3(0.0, 4.0, 0.0), 0);
@@ -317,8 +319,8 @@ fn integrating_sphere_multiplies_by_one_over_one_minus_rho() {
 
 #[test]
 fn a_single_sheet_shades_what_lies_under_it() {
-    // A one-sided black roof, 4 m square, 1 m over a floor: it takes its form factor from the sky, whichever side is its
-    // front. From the middle, four rectangles over a corner with A = B = 2: F = 0.8310.
+    // A one-sided black roof, 4 m square, 1 m over a floor: it takes its form factor from the sky, whichever
+    // side is its front. From the middle, four rectangles over a corner with A = B = 2: F = 0.8310.
     let (a, b) = (2.0f64, 2.0f64);
     let half = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
     let factor = 4.0 * (half(a, b) + half(b, a)) / (2.0 * PI);
@@ -404,7 +406,8 @@ fn emissive_quads_give_lamberts_polygon() {
     }
 }
 
-/// Irradiance of an upright receiver at `p` by a quad whose radiance falls linearly along `u`, from 3 at ¼ to 0 at ¾.
+/// Irradiance of an upright receiver at `p` by a quad whose radiance falls linearly along `u`, from 3 at ¼ to
+/// 0 at ¾.
 fn linear_quad(corner: DVec3, u: DVec3, v: DVec3, p: DVec3) -> f64 {
     const N: usize = 400;
     let normal = u.cross(v);
@@ -603,8 +606,9 @@ fn an_image_sky_gives_its_integral_with_its_bright_spot_looked_for() {
 
 #[test]
 fn ground_below_the_horizon_lights_what_looks_down() {
-    // A plane that looks down has π L of ground of radiance L, an upright one half of that and half of the sky's; one that looks up
-    // has the sky alone. (The sun's layer comes first: ground of 2 in it, of 3 in the sky's.)
+    // A plane that looks down has π L of ground of radiance L, an upright one half of that and half of the
+    // sky's; one that looks up has the sky alone. (The sun's layer comes first: ground of 2 in it, of 3 in
+    // the sky's.)
     let plane = |up: Vec3| {
         let mut g = Geometry { materials: vec![material(0.5)], ..Geometry::default() };
         let u = up.any_orthonormal_vector();

@@ -1,7 +1,9 @@
-//! Nanoseconds a texel of a bundle's decoding, on one thread: `cargo bench -p compressor --bench decode -- BUNDLE`.
+//! Nanoseconds a texel of a bundle's decoding, on one thread:
+//! `cargo bench -p compressor --bench decode -- BUNDLE`.
 //!
-//! By the instruction sets of this processor: a tile unpacked and decoded at one set, BC7 included, and the mean over all sets of a
-//! tile that stays unpacked; and what the sun of such a tile adds, at its times and between them.
+//! By the instruction sets of this processor: a tile unpacked and decoded at one set, BC7 included, and the
+//! mean over all sets of a tile that stays unpacked; and what the sun of such a tile adds, at its times and
+//! between them.
 
 use compressor::bundle::Bundle;
 use compressor::decode::TileDecoder;

@@ -1,8 +1,9 @@
-//! Quality against seconds of the trainer on synthetic tiles: `cargo bench -p compressor --bench train -- [iterations …]`, and with
-//! `--kinds` the seconds of tiles that need less than others.
+//! Quality against seconds of the trainer on synthetic tiles:
+//! `cargo bench -p compressor --bench train -- [iterations …]`, and with `--kinds` the seconds of tiles that
+//! need less than others.
 //!
-//! Each tile has 128² texels and 26 frames: two moving pole shadows with penumbrae under a sun that follows the day, a sky
-//! gradient, and lamps that are off from 6 to 18 h.
+//! Each tile has 128² texels and 26 frames: two moving pole shadows with penumbrae under a sun that follows
+//! the day, a sky gradient, and lamps that are off from 6 to 18 h.
 
 use compressor::model::{PROFILES, Profile};
 use compressor::tile::{Coverage, Gate, TileSource};

@@ -1,7 +1,9 @@
-//! How far the light of a halved dataset is from the mean of the full one's: `cargo run --release -p compressor --example halved_error -- FULL HALF`.
+//! How far the light of a halved dataset is from the mean of the full one's:
+//! `cargo run --release -p compressor --example halved_error -- FULL HALF`.
 //!
-//! Of the lightmaps, which are means but for rounding, and of the sun's direct light by visibility and normals, hour by hour: RMS of the
-//! difference over valid texels and channels, divided by the RMS of the light.
+//! Of the lightmaps, which are means but for rounding, and of the sun's direct light by visibility and
+//! normals, hour by hour: RMS of the difference over valid texels and channels, divided by the RMS of the
+//! light.
 
 use dataset::Result;
 use dataset::image::{Image, Mask};

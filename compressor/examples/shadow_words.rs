@@ -1,10 +1,12 @@
-//! Makes the table of words by which shadows move between times, from datasets that keep the sun's visibility:
+//! Makes the table of words by which shadows move between times, from datasets that keep the sun's
+//! visibility:
 //!
 //!     cargo run --release -p compressor --example shadow_words -- words.bin dataset/yard dataset/room dataset/farmland
 //!
-//! Blocks of 4×4 texels whose visibility is not linear over an interval are drawn from all tiles; each round gives each of them the word that
-//! helps it the most, and each entry of the table at each texel and step the value that helps the blocks that have it the most. Clamping
-//! is part of both: a word that adds 1 means lit, whatever was told.
+//! Blocks of 4×4 texels whose visibility is not linear over an interval are drawn from all tiles; each round
+//! gives each of them the word that helps it the most, and each entry of the table at each texel and step the
+//! value that helps the blocks that have it the most. Clamping is part of both: a word that adds 1 means lit,
+//! whatever was told.
 
 use compressor::sunlight::Sunlight;
 use compressor::sunlight::words::{Brick, Costs, LEVELS, SAMPLES, Search, TEXELS, doubled_costs};

@@ -1,6 +1,7 @@
 //! Compares NDGI with other methods: the same tiles, the same run, the same metrics.
 //!
-//! `BASELINES.md` describes the settings of each. Methods with third-party codecs need the feature `baselines`.
+//! `BASELINES.md` describes the settings of each. Methods with third-party codecs need the feature
+//! `baselines`.
 
 mod tiles;
 mod curve;
@@ -43,7 +44,8 @@ use tiles::TileSet;
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Largest number of tiles with valid texels, drawn by the seed from all pages; `None`: those of the first page.
+    /// Largest number of tiles with valid texels, drawn by the seed from all pages; `None`: those of the
+    /// first page.
     pub tiles: Option<usize>,
     /// Effort of every encoder and trainer.
     pub effort: Effort,
@@ -79,7 +81,8 @@ impl Effort {
 /// Compares all methods on tiles of a dataset; `transfer` is that of its scene. Writes nothing.
 ///
 /// # Errors
-/// As [`crate::compress::compress`]; a transfer of another dataset; an unknown method; a scene without geometry to render.
+/// As [`crate::compress::compress`]; a transfer of another dataset; an unknown method; a scene without
+/// geometry to render.
 pub fn compare(
     dataset: &Dataset,
     transfer: Option<&Dataset>,

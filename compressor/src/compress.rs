@@ -1,8 +1,9 @@
 //! Compresses a dataset into a bundle: tiles in parallel, resumable.
 //!
-//! Every finished tile is stored in the folder `<bundle>.part/` until the bundle is written, so that a stopped run
-//! continues where it was. The bytes written depend on the dataset, the options and the processor's instruction set
-//! (which rounds sums in its own order), never on threads or time, unless there is a time limit.
+//! Every finished tile is stored in the folder `<bundle>.part/` until the bundle is written, so that a
+//! stopped run continues where it was. The bytes written depend on the dataset, the options and the
+//! processor's instruction set (which rounds sums in its own order), never on threads or time, unless there
+//! is a time limit.
 
 mod part;
 mod shard;
@@ -63,7 +64,8 @@ pub const PRESETS: [Preset; 3] = [DRAFT, MEDIUM, FINAL];
 /// How tiles' configurations are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// Profile M; S where the dataset stores the sun's direct light separately, because the rest is smooth in time.
+    /// Profile M; S where the dataset stores the sun's direct light separately, because the rest is smooth in
+    /// time.
     Usual,
     /// The same profile for all tiles, omitting what a tile does not need.
     Profile(Profile),
@@ -82,10 +84,12 @@ pub struct Options {
     pub iterations: usize,
     /// See [`Recipe::passes`].
     pub passes: usize,
-    /// Time from the run's start at which training is planned to end: all tiles get about the same number of steps. The
-    /// bytes then depend on the machine and its load. Only with [`Rate::Profile`], because the time of trial fits cannot be planned.
+    /// Time from the run's start at which training is planned to end: all tiles get about the same number of
+    /// steps. The bytes then depend on the machine and its load. Only with [`Rate::Profile`], because the
+    /// time of trial fits cannot be planned.
     pub time_limit: Option<Duration>,
-    /// Omit the sun's direct light, which the dataset stores separately: the bundle's reader draws the sun itself.
+    /// Omit the sun's direct light, which the dataset stores separately: the bundle's reader draws the sun
+    /// itself.
     pub without_sun: bool,
     /// Cross-fade the sun's shadows from frame to frame instead of moving them.
     pub still_shadows: bool,
@@ -93,10 +97,11 @@ pub struct Options {
     pub seed: u64,
     /// The bundle's path; `None` for [`default_bundle`].
     pub out: Option<PathBuf>,
-    /// Retrain every tile, even those a stopped run finished, and replace an existing bundle. Shards and merges only do
-    /// the latter.
+    /// Retrain every tile, even those a stopped run finished, and replace an existing bundle. Shards and
+    /// merges only do the latter.
     pub force: bool,
-    /// Train nothing: assemble the tiles that shards have trained, or, with a target, choose configurations by their trial fits.
+    /// Train nothing: assemble the tiles that shards have trained, or, with a target, choose configurations
+    /// by their trial fits.
     pub merge: bool,
 }
 
@@ -138,7 +143,8 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
     dataset.root.join(format!("{}.ndgi", dataset.config.scene))
 }
 
-/// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if the bundle has it.
+/// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if the
+/// bundle has it.
 pub fn light_of(header: &Header) -> Option<String> {
     let info: serde_json::Value = serde_json::from_str(&header.info).ok()?;
     Some(info["inputs"].as_str()?.to_owned())
@@ -154,8 +160,9 @@ pub(crate) fn sun_is_omitted(header: &Header) -> bool {
 ///
 /// # Errors
 /// [`Error::Invalid`] for a dataset that is invalid (a truncated file, a NaN, …), before anything is written;
-/// [`Error::Unready`] if another run is writing the bundle, or with [`Options::merge`] while tiles are missing;
-/// [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run succeeds.
+/// [`Error::Unready`] if another run is writing the bundle, or with [`Options::merge`] while tiles are
+/// missing; [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run
+/// succeeds.
 pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
     let dataset = Dataset::open(root)?;
@@ -166,7 +173,8 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     }
     let part = Part::open(&job.out, options.force && !options.merge)?;
     if options.merge && !job.out.exists() {
-        // A merge may be tried often until all tiles exist: report missing ones before reading anything large.
+        // A merge may be tried often until all tiles exist: report missing ones before reading anything
+        // large.
         let header = job.header(&part)?;
         job.tiles(&header, &part).expect_shards()?;
     }
@@ -220,15 +228,17 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
 pub enum Sharded {
     /// All tiles of its share are trained.
     Trained(Note),
-    /// The trial fits of its share are done. Those of other shards may be missing, or no merge has chosen by them yet.
+    /// The trial fits of its share are done. Those of other shards may be missing, or no merge has chosen by
+    /// them yet.
     TrialFits(Note),
     /// The bundle already exists.
     UpToDate(PathBuf),
 }
 
-/// Trains one share of the tiles into the work folder `<bundle>.part/`, which other shards use at the same time. It writes no bundle:
-/// [`compress`] with [`Options::merge`] does that when all shards are done. With a target, the first call makes trial fits, and once a
-/// merge has chosen configurations by those of all shards, the next call trains.
+/// Trains one share of the tiles into the work folder `<bundle>.part/`, which other shards use at the same
+/// time. It writes no bundle: [`compress`] with [`Options::merge`] does that when all shards are done. With a
+/// target, the first call makes trial fits, and once a merge has chosen configurations by those of all
+/// shards, the next call trains.
 ///
 /// # Errors
 /// As [`compress`], of the rows of pages that it reads; [`Error::Unsupported`] with a time limit.
@@ -308,7 +318,8 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Reads all training data once, so that a bad texel or a truncated file stops the run before any training.
+    /// Reads all training data once, so that a bad texel or a truncated file stops the run before any
+    /// training.
     fn check(&self, console: &Console) -> Result<()> {
         check_texels(self.dataset, console)?;
         if self.law.is_apart {
@@ -335,8 +346,8 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    /// The bundle's header without the sun's stream. The hours of means between frames depend on the light of all pages, so they are
-    /// stored in the work folder: only the first of many shards reads all pages.
+    /// The bundle's header without the sun's stream. The hours of means between frames depend on the light of
+    /// all pages, so they are stored in the work folder: only the first of many shards reads all pages.
     fn header(&self, part: &Part) -> Result<Header> {
         let hours = || self.law.hours(self.dataset, &self.masks, &timeline(self.dataset));
         if !self.law.has_curves() {
@@ -420,8 +431,8 @@ pub(crate) fn program() -> &'static str {
 enum Existing {
     /// An up-to-date bundle (except for bytes that depend on the instruction set) with its training record.
     Same(Box<Outcome>),
-    /// A file that only `--force` replaces, with the reason: not a bundle, one of another scene, or one of the same light that
-    /// was trained for more steps.
+    /// A file that only `--force` replaces, with the reason: not a bundle, one of another scene, or one of
+    /// the same light that was trained for more steps.
     Protected(String),
     /// A bundle that is replaced, with the reason: another bake, other settings, or damage.
     Other(String),
@@ -482,7 +493,8 @@ fn existing_bundle(out: &Path, header: &Header) -> Existing {
     Existing::Other(what)
 }
 
-/// Reads every lightmap once, band by band, so that a bad texel or a truncated file stops the run before any training.
+/// Reads every lightmap once, band by band, so that a bad texel or a truncated file stops the run before any
+/// training.
 fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
     let frames = &dataset.config.frames;
     let mut seen = BTreeSet::new();
@@ -572,7 +584,8 @@ pub(crate) fn timeline(dataset: &Dataset) -> Timeline {
     }
 }
 
-/// Digest of everything that decides a tile's training: the light, and the layers, which show which groups light a tile.
+/// Digest of everything that decides a tile's training: the light, and the layers, which show which groups
+/// light a tile.
 fn trained_on(dataset: &Dataset, law: &Law) -> String {
     let config = &dataset.config;
     let files = |group: u32| {

@@ -1,8 +1,10 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
-//! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the bundle's, which own
-//! 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted separately;
-//! samples with a constant reference have no dynamic range and are evaluated separately, by relative error.
+//! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the
+//! bundle's, which own 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one
+//! (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted
+//! separately; samples with a constant reference have no dynamic range and are evaluated separately, by
+//! relative error.
 
 mod strips;
 mod rgbe;
@@ -62,13 +64,15 @@ pub struct Evaluation {
     pub all: Quality,
     /// Over the frames that the sun lights directly, if the dataset says which.
     pub sunny: Option<Quality>,
-    /// Of the maps only (without the sun's direct light, if that is a separate stream): over all frames, without slow metrics and noise.
+    /// Of the maps only (without the sun's direct light, if that is a separate stream): over all frames,
+    /// without slow metrics and noise.
     pub without_sun: Option<Quality>,
     /// True if the bundle omits the sun's direct light; the reference then omits it, too.
     pub sun_is_omitted: bool,
     /// Per frame: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
-    /// Over the frames that differ: nights with the same light groups on are one image, which `all` counts once per frame.
+    /// Over the frames that differ: nights with the same light groups on are one image, which `all` counts
+    /// once per frame.
     pub distinct: Quality,
     /// Number of distinct frames.
     pub distinct_frames: usize,
@@ -88,8 +92,9 @@ pub struct Evaluation {
     pub tiles: usize,
     /// Bytes of the bundle file.
     pub bytes: u64,
-    /// Mean error of differences between neighbouring texels across tile borders, divided by that inside tiles, each
-    /// page and frame weighted by 1 ÷ its mean. 1 if tile borders are invisible; `None` if there are no borders, or no errors inside.
+    /// Mean error of differences between neighbouring texels across tile borders, divided by that inside
+    /// tiles, each page and frame weighted by 1 ÷ its mean. 1 if tile borders are invisible; `None` if there
+    /// are no borders, or no errors inside.
     pub seam_ratio: Option<f64>,
     /// The sun's direct light between the frames, where it is a separate stream.
     pub shadows: Option<Shadows>,
@@ -111,8 +116,8 @@ pub struct Measures<'a> {
 /// Decodes every frame of `decoder`'s bundle and compares it with `dataset`.
 ///
 /// # Errors
-/// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged; [`Error::Io`];
-/// [`Error::Interrupted`].
+/// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged;
+/// [`Error::Io`]; [`Error::Interrupted`].
 pub fn evaluate(
     dataset: &Dataset,
     decoder: &Decoder,
@@ -151,7 +156,8 @@ pub fn evaluate(
     Ok(Evaluation { without_sun: indirect, ..evaluation })
 }
 
-/// Darkest mean light that counts as visible, in lux: half a full moon's. With an unknown unit, any light counts.
+/// Darkest mean light that counts as visible, in lux: half a full moon's. With an unknown unit, any light
+/// counts.
 pub const VISIBLE_LUX: f64 = 0.1;
 
 /// The same in the unit of a dataset.
@@ -164,7 +170,8 @@ fn visible(dataset: &Dataset) -> f64 {
     }
 }
 
-/// The dataset's light that a bundle is compared with: all, or without the sun's direct light if the bundle omits it.
+/// The dataset's light that a bundle is compared with: all, or without the sun's direct light if the bundle
+/// omits it.
 pub(crate) fn reference_law(decoder: &Decoder) -> Law {
     Law::of(crate::compress::sun_is_omitted(&decoder.bundle().header))
 }
@@ -349,8 +356,8 @@ fn mean_of(sum: f64, texels: usize) -> f64 {
     if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
 }
 
-/// One page of one frame by strips, each with the row below it where there is one. The last one read is cached: a page of one strip is
-/// read once.
+/// One page of one frame by strips, each with the row below it where there is one. The last one read is
+/// cached: a page of one strip is read once.
 struct References<'a> {
     dataset: &'a Dataset,
     law: &'a Law,

@@ -1,8 +1,9 @@
 //! Which part of a dataset's light goes into a bundle's maps, and how it is interpolated between frames.
 //!
-//! Where a dataset stores the sun's direct light and visibility separately, maps hold the rest, which is smooth in time. A layer may have a
-//! curve between two frames (`dataset::curve`); the bundle then stores tiles' means at more hours than those of the
-//! frames, so that dusk follows its curve and not a straight line.
+//! Where a dataset stores the sun's direct light and visibility separately, maps hold the rest, which is
+//! smooth in time. A layer may have a curve between two frames (`dataset::curve`); the bundle then stores
+//! tiles' means at more hours than those of the frames, so that dusk follows its curve and not a straight
+//! line.
 
 use crate::model::Knot;
 use crate::time::{TimePoint, Timeline};
@@ -14,19 +15,22 @@ use dataset::image::Mask;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 
-/// Means at hours between frames are stored where a straight line is wrong by more than this share of the light,
+/// Means at hours between frames are stored where a straight line is wrong by more than this share of the
+/// light,
 const WRONG: f64 = 0.03;
 /// or by this share of the day's brightest, if that is more.
 const TRIFLE: f64 = 1e-7;
-/// Two frames farther apart than this, in hours, have no knots between them: that part of the day was not baked.
+/// Two frames farther apart than this, in hours, have no knots between them: that part of the day was not
+/// baked.
 pub const WIDEST: f64 = 12.0;
 /// How much [`share`] holds to the share of light.
 const HOLD: f64 = 0.02;
 
-/// How far to blend from the first frame's picture to the second's. `frames`: the light of each by its parts; `light`: what of the light between
-/// them stems from each. It is a least-squares fit of the parts' shares of the light; the share of all light counts a little ([`HOLD`]), for
-/// when the parts do not decide. By all light alone it would be wrong after sunset, when half of the sky's light may come from a frame at
-/// which the sun still shone.
+/// How far to blend from the first frame's picture to the second's. `frames`: the light of each by its parts;
+/// `light`: what of the light between them stems from each. It is a least-squares fit of the parts' shares of
+/// the light; the share of all light counts a little ([`HOLD`]), for when the parts do not decide. By all
+/// light alone it would be wrong after sunset, when half of the sky's light may come from a frame at which
+/// the sun still shone.
 fn share(frames: [&[[f64; 3]]; 2], light: [&[[f64; 3]]; 2]) -> f64 {
     let part = |of: &[[f64; 3]], i: usize| of[i].iter().sum::<f64>();
     let [a, b] = frames.map(sum);
@@ -53,7 +57,8 @@ const TEXELS: usize = 1 << 22;
 /// Step in hours between the examined times: a minute.
 const STEP: f64 = 1.0 / 60.0;
 
-/// Light by layer: of some texels at a frame, the mean of each layer that has a curve, and of all light, red, green and blue.
+/// Light by layer: of some texels at a frame, the mean of each layer that has a curve, and of all light, red,
+/// green and blue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares {
     /// By curve.
@@ -112,7 +117,8 @@ impl Law {
         daylight.chain(local).map(|file| file.path.as_str()).collect()
     }
 
-    /// The light that maps hold of some rows of a page at a frame; and per curve that of its layer, where it is not black.
+    /// The light that maps hold of some rows of a page at a frame; and per curve that of its layer, where it
+    /// is not black.
     pub fn rows<'a>(
         &self,
         dataset: &'a Dataset,
@@ -164,7 +170,8 @@ impl Law {
         Law { is_apart, curves: Vec::new() }
     }
 
-    /// How far an hour is from one frame to another; and by curve and channel, by what the light of each is multiplied.
+    /// How far an hour is from one frame to another; and by curve and channel, by what the light of each is
+    /// multiplied.
     fn weights(&self, hours: [f64; 2], hour: f64) -> (f64, Vec<[[f64; 2]; 3]>) {
         let part = (hour - hours[0]).rem_euclid(24.0) / (hours[1] - hours[0]).rem_euclid(24.0);
         (part, self.curves.iter().map(|(_, curve)| curve.weights(hours, hour.rem_euclid(24.0))).collect())

@@ -1,6 +1,8 @@
-//! Coarser levels of a bundle, for virtual texturing: each has half the resolution of the one before and is a separate bundle.
+//! Coarser levels of a bundle, for virtual texturing: each has half the resolution of the one before and is a
+//! separate bundle.
 //!
-//! The halved datasets are stored in the folder `<bundle>.levels/` until all levels are done, so that a stopped run can continue.
+//! The halved datasets are stored in the folder `<bundle>.levels/` until all levels are done, so that a
+//! stopped run can continue.
 
 use crate::compress::{Options, beside, compress};
 use crate::decode::Decoder;
@@ -71,10 +73,12 @@ pub fn options(options: &Options, pages: &[Page], level: u32) -> Options {
     Options { time_limit, ..options.clone() }
 }
 
-/// Compresses and evaluates all coarser levels of the dataset in `root`, into the folder of the full-resolution `bundle`.
+/// Compresses and evaluates all coarser levels of the dataset in `root`, into the folder of the
+/// full-resolution `bundle`.
 ///
 /// # Errors
-/// Those of [`halve`], [`compress`] and [`evaluate`]; [`Error::Invalid`] where another run makes these levels.
+/// Those of [`halve`], [`compress`] and [`evaluate`]; [`Error::Invalid`] where another run makes these
+/// levels.
 pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Result<Vec<Level>> {
     let mut source = Dataset::open(root)?;
     let pages = source.config.pages.clone();
@@ -116,7 +120,8 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Re
     Ok(done)
 }
 
-/// Bundles of coarser levels in the folder of `bundle` that were made from other light than the dataset's: streaming readers would show them.
+/// Bundles of coarser levels in the folder of `bundle` that were made from other light than the dataset's:
+/// streaming readers would show them.
 pub fn stale(dataset: &Dataset, bundle: &Path) -> Vec<PathBuf> {
     let light = dataset.config.digest_of_light();
     let is_other = |path: &PathBuf| {

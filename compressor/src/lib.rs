@@ -1,8 +1,9 @@
-//! NDGI compression of temporal lightmaps (terms and equations follow the paper
-//! "Neural Dynamic GI: Random-Access Neural Compression for Temporal Lightmaps in Dynamic Lighting Environments").
+//! NDGI compression of temporal lightmaps (terms and equations follow the paper "Neural Dynamic GI:
+//! Random-Access Neural Compression for Temporal Lightmaps in Dynamic Lighting Environments").
 //!
-//! Modules are listed in the order of the data flow; a module imports only those above it. The decoder is a separate crate,
-//! [`ndgi`], whose modules are re-exported here. Of the modules below, `evaluate` needs only `mean`.
+//! Modules are listed in the order of the data flow; a module imports only those above it. The decoder is a
+//! separate crate, [`ndgi`], whose modules are re-exported here. Of the modules below, `evaluate` needs only
+//! `mean`.
 
 pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 

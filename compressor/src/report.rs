@@ -215,8 +215,9 @@ pub fn pictures(dataset: &Dataset, decoder: &Decoder) -> Result<Section> {
     Ok(section)
 }
 
-/// A quarter of an hour after the frame in the middle of the day, or between it and the next where they are closer: the first page, where it is
-/// of modest size and the bundle has a sun, next to the dataset's own light there.
+/// A quarter of an hour after the frame in the middle of the day, or between it and the next where they are
+/// closer: the first page, where it is of modest size and the bundle has a sun, next to the dataset's own
+/// light there.
 fn between_frames(dataset: &Dataset, decoder: &Decoder, section: &mut Section) -> Result<()> {
     let Some(sun) = &decoder.bundle().header.sun else { return Ok(()) };
     let mask = dataset.mask(0)?;

@@ -1,9 +1,10 @@
-//! The sun as a separate stream: which texels see it at the times of visibility, and how they face it. The times are the hours of the sunlit
-//! frames and, where shadows are to move, sunrise, sunset and some in between.
+//! The sun as a separate stream: which texels see it at the times of visibility, and how they face it. The
+//! times are the hours of the sunlit frames and, where shadows are to move, sunrise, sunset and some in
+//! between.
 //!
-//! Visibility at a frame is its direct light over an unshadowed sun's, normal · direction · irradiance. So the frames are met up to the rounding
-//! of levels, normals (about a degree) and the sun's path (0.3 %). Where the sun grazes a texel, and its light is next to none, the
-//! dataset's own visibility counts.
+//! Visibility at a frame is its direct light over an unshadowed sun's, normal · direction · irradiance. So
+//! the frames are met up to the rounding of levels, normals (about a degree) and the sun's path (0.3 %).
+//! Where the sun grazes a texel, and its light is next to none, the dataset's own visibility counts.
 
 mod moving;
 pub mod words;
@@ -45,7 +46,8 @@ pub struct Sunlight<'a> {
 }
 
 impl<'a> Sunlight<'a> {
-    /// Of a dataset; `None` if the sun lights nothing directly at any frame. `moves`: whether shadows are to move between the times.
+    /// Of a dataset; `None` if the sun lights nothing directly at any frame. `moves`: whether shadows are to
+    /// move between the times.
     pub fn new(dataset: &'a Dataset, moves: bool) -> Result<Option<Self>> {
         let config = &dataset.config;
         let Some(path) = dataset.sun_path()?.filter(|_| crate::law::is_sun_apart(config)) else {
@@ -81,7 +83,8 @@ impl<'a> Sunlight<'a> {
         self.moves && self.sun.times.len() > 1
     }
 
-    /// What the header says of the sun, with the tables that code its tiles in few bits: found by coding them twice.
+    /// What the header says of the sun, with the tables that code its tiles in few bits: found by coding them
+    /// twice.
     pub fn coded(&self, masks: &[Mask], console: &Console) -> Result<Sun> {
         let mut sun = self.sun.clone();
         for round in 0..2 {
@@ -99,8 +102,8 @@ impl<'a> Sunlight<'a> {
         Ok(sun)
     }
 
-    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where that is requested, how shadows
-    /// move.
+    /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where
+    /// that is requested, how shadows move.
     pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<[Section; 2]>> {
         let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(sun));
         let search = self.moves().then(Search::of_table);
@@ -116,7 +119,8 @@ impl<'a> Sunlight<'a> {
         Ok(sections.into_iter().map(Option::unwrap_or_default).collect())
     }
 
-    /// Something of every tile in the order of a bundle's index, in parallel; nothing of one without a valid texel.
+    /// Something of every tile in the order of a bundle's index, in parallel; nothing of one without a valid
+    /// texel.
     pub fn each_tile<T: Send>(
         &self,
         what: &str,
@@ -284,7 +288,8 @@ impl SunBand {
                     .for_each(|time| self.levels[time * texels + i] = self.levels[time * texels + from]);
             }
         }
-        // A texel that never sees the sun needs no normal, if its levels are stored as 0: levels that do not matter would become whatever is cheapest.
+        // A texel that never sees the sun needs no normal, if its levels are stored as 0: levels that do not
+        // matter would become whatever is cheapest.
         for (i, coverage) in coverage.iter().enumerate() {
             let is_seen = |level: &u8| (1..=TileSun::TOP).contains(level);
             let never = (0..self.times).all(|time| !self.levels[time * texels + i].iter().any(is_seen));
@@ -297,8 +302,8 @@ impl SunBand {
         }
     }
 
-    /// The encoded section of one tile, and the tile decoded from it: levels that did not matter at the times have some value there, which may
-    /// matter between them.
+    /// The encoded section of one tile, and the tile decoded from it: levels that did not matter at the times
+    /// have some value there, which may matter between them.
     pub fn reported(
         &self,
         column: usize,
@@ -334,7 +339,8 @@ impl SunBand {
     }
 }
 
-/// Adds times to those of the frames: where the sun rises and sets, and between any two that are more than [`APART`] hours from each other.
+/// Adds times to those of the frames: where the sun rises and sets, and between any two that are more than
+/// [`APART`] hours from each other.
 fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath) {
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let ends = [(0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up)];
@@ -347,7 +353,8 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     let reported = std::mem::take(times);
     for pair in reported.windows(2) {
         let [from, to] = [pair[0].0, pair[1].0];
-        // Where the sun is down in between, as by the poles or where hours were omitted, there is nothing to store.
+        // Where the sun is down in between, as by the poles or where hours were omitted, there is nothing to
+        // store.
         let parts = ((to - from - CLOSE) / APART).ceil().max(1.0);
         times.push(pair[0]);
         let between = (1..parts as usize).map(|k| from + (to - from) * k as f64 / parts);
@@ -357,7 +364,8 @@ fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath
     times.extend(reported.last());
 }
 
-/// What a dataset's visibility says of rows of a page at some times, by time and texel, in 255ths; and whether a texel sees the sun at any time.
+/// What a dataset's visibility says of rows of a page at some times, by time and texel, in 255ths; and
+/// whether a texel sees the sun at any time.
 fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<(Vec<[u8; 3]>, Vec<bool>)> {
     let width = visibility.size[0] as usize;
     let mut seen = vec![[0; 3]; width * rows.len() * times.len()];

@@ -52,7 +52,8 @@ const COLUMNS: [&str; 8] = [
 const HEADER: [&str; 8] =
     ["profile", "preset", "bpp", "unquantised dB", "8-bit dB", "BC7 dB", "1 − SSIM", "CPU s per tile"];
 
-/// What a profile reaches with a preset: means over tiles, weighted by their valid texels, of each tile over its lit frames.
+/// What a profile reaches with a preset: means over tiles, weighted by their valid texels, of each tile over
+/// its lit frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the profile.

@@ -1,6 +1,7 @@
 //! Cuts pages into tiles: the training data of one tile.
 //!
-//! A page is read one band (row of tiles) at a time, so memory grows with its width and the number of frames, never with its height.
+//! A page is read one band (row of tiles) at a time, so memory grows with its width and the number of frames,
+//! never with its height.
 
 use crate::Result;
 use crate::grid::mirrored;
@@ -28,7 +29,8 @@ const TRIFLE_ANYWHERE: f32 = 0.01;
 pub enum Coverage {
     /// Not on a surface and not near one: never read.
     Outside,
-    /// Within two texels of a valid one: carries dilated light that filtering at chart edges reads; trained at low weight.
+    /// Within two texels of a valid one: carries dilated light that filtering at chart edges reads; trained
+    /// at low weight.
     Gutter,
     /// On a surface.
     Valid,
@@ -52,7 +54,8 @@ pub struct TileSource {
     pub height: usize,
     /// Per frame: its hour, strictly ascending in [0, 24).
     pub hours: Vec<f64>,
-    /// Per frame: `width · height` texels of linear irradiance, finite and ≥ 0, borders filled from the neighbours or mirrored.
+    /// Per frame: `width · height` texels of linear irradiance, finite and ≥ 0, borders filled from the
+    /// neighbours or mirrored.
     pub frames: Vec<Vec<[f32; 3]>>,
     /// Per stored texel.
     pub coverage: Vec<Coverage>,
@@ -62,7 +65,8 @@ pub struct TileSource {
     pub neighbours: [bool; 4],
 }
 
-/// Coverage of the page's rows `rows`, row by row. Gutter is within [`GUTTER`] texels (Chebyshev) of a valid texel of the page.
+/// Coverage of the page's rows `rows`, row by row. Gutter is within [`GUTTER`] texels (Chebyshev) of a valid
+/// texel of the page.
 pub fn coverage(mask: &Mask, rows: Range<usize>) -> Vec<Coverage> {
     let (width, height) = (mask.width, mask.height);
     let mut out = Vec::with_capacity(width * rows.len());
@@ -100,7 +104,8 @@ pub fn valid_texels(mask: &Mask, place: Place) -> usize {
     rows.flat_map(|y| &mask.valid[y * mask.width..][columns.clone()]).filter(|valid| **valid).count()
 }
 
-/// Per texel of a rectangle from (left, top) on, row by row, which of the page's rows it is: past the page's edge mirrored.
+/// Per texel of a rectangle from (left, top) on, row by row, which of the page's rows it is: past the page's
+/// edge mirrored.
 pub(crate) fn stored(
     page: Grid,
     rows: &Range<usize>,
@@ -131,9 +136,11 @@ pub struct Band {
     frames: Vec<Arc<Vec<[f32; 3]>>>,
     /// Per texel of `rows`.
     coverage: Vec<Coverage>,
-    /// Per column of tiles and frame, the shares of its light, over all rows held; nothing where no layer has a curve.
+    /// Per column of tiles and frame, the shares of its light, over all rows held; nothing where no layer has
+    /// a curve.
     shares: Vec<Vec<Shares>>,
-    /// Light groups that are on at some frames and off at others, with their own light where the dataset keeps it.
+    /// Light groups that are on at some frames and off at others, with their own light where the dataset
+    /// keeps it.
     groups: Vec<(Gate, Option<Vec<[f32; 3]>>)>,
 }
 
@@ -152,8 +159,8 @@ impl Band {
         Self::read(dataset, law, mask, page, row, Self::rows(grid, row))
     }
 
-    /// Reads the rows of a page that hold `rect`, of all frames, and cuts out its texels alone: a tile without a border. `rect` is at
-    /// most 128×128.
+    /// Reads the rows of a page that hold `rect`, of all frames, and cuts out its texels alone: a tile
+    /// without a border. `rect` is at most 128×128.
     pub(crate) fn load_alone(dataset: &Dataset, mask: &Mask, page: usize, rect: Rect) -> Result<TileSource> {
         let band = Self::read(dataset, &Law::of(false), mask, page, 0, rect.y0..rect.y1)?;
         let size = [rect.width(), rect.height()];
@@ -228,12 +235,14 @@ impl Band {
         })
     }
 
-    /// The shares of a tile's light per frame, its border's rows with them; nothing where no layer has a curve.
+    /// The shares of a tile's light per frame, its border's rows with them; nothing where no layer has a
+    /// curve.
     pub(crate) fn shares(&self, column: usize) -> &[Shares] {
         &self.shares[column]
     }
 
-    /// Cuts out one tile. Past the page's edge texels are mirrored; filler past the border is never read, so it is `Outside`.
+    /// Cuts out one tile. Past the page's edge texels are mirrored; filler past the border is never read, so
+    /// it is `Outside`.
     pub fn tile(&self, column: usize) -> TileSource {
         let (width, height) = self.grid.stored(column, self.row);
         let (own_width, own_height) = self.grid.payload(column, self.row);
@@ -246,7 +255,8 @@ impl Band {
         }
     }
 
-    /// The texels from (left, top) on, of which only the first `looked_at` across and down are; without neighbours.
+    /// The texels from (left, top) on, of which only the first `looked_at` across and down are; without
+    /// neighbours.
     fn cut(&self, [left, top]: [isize; 2], [width, height]: [usize; 2], examined: [usize; 2]) -> TileSource {
         let from = stored(self.grid, &self.rows, [left, top], [width, height]);
         let frames = self.frames.iter().map(|texels| from.iter().map(|&i| texels[i]).collect()).collect();
@@ -272,8 +282,9 @@ impl Band {
         }
     }
 
-    /// Whether a group's light is more than a trifle of some frame's, over the valid texels of a tile or in one of them. Without the group's own
-    /// light: unless two frames between which it alone switches are the same.
+    /// Whether a group's light is more than a trifle of some frame's, over the valid texels of a tile or in
+    /// one of them. Without the group's own light: unless two frames between which it alone switches are the
+    /// same.
     fn lights(&self, gate: &Gate, layer: Option<&[[f32; 3]]>, valid: &[usize]) -> bool {
         let square = |texels: &[[f32; 3]]| -> f64 {
             valid.iter().flat_map(|&i| texels[i]).map(|v| f64::from(v) * f64::from(v)).sum()
@@ -340,7 +351,8 @@ mod tests {
             };
             assert_eq!(c, expected, "{i}");
         }
-        // The valid texel belongs to the second tile; the first sees it in its border and has gutter of its own.
+        // The valid texel belongs to the second tile; the first sees it in its border and has gutter of its
+        // own.
         let first = band(&mask, 0).tile(0);
         let line = &first.coverage[5 * first.width..6 * first.width];
         assert_eq!(line[BORDER + PAYLOAD], Coverage::Valid);

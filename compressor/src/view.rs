@@ -1,5 +1,5 @@
-//! A browser page that plays a bundle: [`Source`] finds its files, [`page()`] puts all into one file, [`serve()`] serves it
-//! piece by piece. The page's sources are in `compressor/view/`.
+//! A browser page that plays a bundle: [`Source`] finds its files, [`page()`] puts all into one file,
+//! [`serve()`] serves it piece by piece. The page's sources are in `compressor/view/`.
 
 mod glb;
 mod serve;
@@ -65,7 +65,8 @@ pub fn page(source: &Source) -> Result<String> {
     Ok(shell(source, &frames, &data))
 }
 
-/// Writes the page of a dataset's bundle into the dataset's folder and returns its path; `None` if it is too large for one page.
+/// Writes the page of a dataset's bundle into the dataset's folder and returns its path; `None` if it is too
+/// large for one page.
 ///
 /// # Errors
 /// What [`Source::open`], [`expect_replaceable`] and writing say.
@@ -81,7 +82,8 @@ pub fn write_into_dataset(dataset: &Path, force: bool) -> Result<Option<PathBuf>
     Ok(Some(path))
 }
 
-/// An error if an HTML file that is not a page of `compress view` would be replaced. `force` allows all but a dataset's report.
+/// An error if an HTML file that is not a page of `compress view` would be replaced. `force` allows all but a
+/// dataset's report.
 ///
 /// # Errors
 /// Such a file.

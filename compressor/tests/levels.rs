@@ -1,4 +1,5 @@
-//! Coarser levels of a bundle: each a bundle of the halved dataset, and what a stopped run left is used or made again.
+//! Coarser levels of a bundle: each a bundle of the halved dataset, and what a stopped run left is used or
+//! made again.
 
 mod common;
 

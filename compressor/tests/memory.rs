@@ -14,7 +14,8 @@ const SIDE: usize = 16384;
 const SETS: usize = 26;
 /// Most memory of either command.
 const LIMIT: u64 = 2 << 30;
-/// Three islands far apart: within a tile, across the corner of four, and in the last corner of the page: left, top, side.
+/// Three islands far apart: within a tile, across the corner of four, and in the last corner of the page:
+/// left, top, side.
 const ISLANDS: [[usize; 3]; 3] = [[40, 40, 60], [8130, 8130, 120], [SIDE - 70, SIDE - 70, 70]];
 
 /// Calls `each` with the columns of every island that has texels in row `y`.

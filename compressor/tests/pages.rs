@@ -1,4 +1,5 @@
-//! Several pages of one size through everything: the set, the bundle, decoding, quality, the reports, the command line.
+//! Several pages of one size through everything: the set, the bundle, decoding, quality, the reports, the
+//! command line.
 
 mod common;
 
@@ -20,8 +21,8 @@ use std::process::Command;
 /// The light of a page from that of the islands.
 type Look = fn(&Image) -> Image;
 
-/// Pages of 150 × 140 texels: the islands, the islands mirrored and of another colour, and one without a valid texel, as
-/// where all charts of a page lie inside solids.
+/// Pages of 150 × 140 texels: the islands, the islands mirrored and of another colour, and one without a
+/// valid texel, as where all charts of a page lie inside solids.
 fn pages() -> Vec<(Mask, Look)> {
     let mask = islands().mask();
     let mirrored = Mask { valid: mask.valid.iter().rev().copied().collect(), ..mask };

@@ -218,7 +218,8 @@ fn a_target_gives_each_tile_what_it_needs_whatever_the_threads() {
     assert!((1..1500).contains(&tiles[3].0) && tiles[0].1 != tiles[3].1, "{tiles:?}");
     let reported = judged.outcome.omitted.iter().filter(|(why, _)| why.starts_with("chosen by trial fits: "));
     assert_eq!(reported.map(|(_, n)| n).sum::<usize>(), 3);
-    // More quality takes more bits, and is reached, about: of what the one large tile may have, 45 dB is next below 52.
+    // More quality takes more bits, and is reached, about: of what the one large tile may have, 45 dB is next
+    // below 52.
     let [low, high] = [35.0, 48.0].map(|db| run(&format!("{db}.ndgi"), Rate::Psnr(db), 2).0.evaluation);
     assert!(
         low.bytes < high.bytes
@@ -390,7 +391,8 @@ fn pages_and_masks_of_any_size() {
 
 #[test]
 fn between_frames_a_bundle_is_evaluated_by_a_withheld_bake_or_linear_light() {
-    // Red grows with the square of the hour: at 12 h it is 2, halfway between those at 8 h and 16 h it would be 19/9; the peak is 2.
+    // Red grows with the square of the hour: at 12 h it is 2, halfway between those at 8 h and 16 h it would
+    // be 19/9; the peak is 2.
     let scene = |hours: &[f64]| Scene {
         width: 40,
         height: 40,

@@ -1,5 +1,5 @@
-//! The second reader, `python/read_ndgi.py`, against the decoder. It needs Python with numpy: that of `NDGI_PYTHON`, which must
-//! work, or else `python3`, without which the tests say that they were skipped.
+//! The second reader, `python/read_ndgi.py`, against the decoder. It needs Python with numpy: that of
+//! `NDGI_PYTHON`, which must work, or else `python3`, without which the tests say that they were skipped.
 
 mod common;
 
@@ -24,7 +24,8 @@ fn a_reader_written_from_the_document_agrees_with_the_decoder() {
         let options = Options { rate, iterations: 60, out: Some(bundle.clone()), ..Options::default() };
         compress(folder.path(), &options, &Console::silent()).unwrap();
         let decoder = Decoder::open(&bundle).unwrap();
-        // Frames; between frames; on both sides of both switches and close to them; around midnight; another day.
+        // Frames; between frames; on both sides of both switches and close to them; around midnight; another
+        // day.
         let all =
             [0.0, 6.0, 12.0, 18.1, 3.0, 9.25, 15.3, 5.95, 18.05, 5.9001, 18.001, 21.0, 23.99, 30.5, -0.5];
         let hours = if i == 1 { &all[..] } else { &all[5..9] };

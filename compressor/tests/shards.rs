@@ -1,5 +1,5 @@
-//! Training as array jobs: shares of the tiles by processes that know nothing of each other, then a merge. Whatever their number, order,
-//! repetition and deaths, the bundle has the bytes of one process alone.
+//! Training as array jobs: shares of the tiles by processes that know nothing of each other, then a merge.
+//! Whatever their number, order, repetition and deaths, the bundle has the bytes of one process alone.
 
 mod common;
 
@@ -135,7 +135,8 @@ fn a_killed_shard_is_named_and_goes_on() {
     let merged = fs::read(folder.join("a.ndgi")).unwrap();
     json(&[&recipe[..], &["--force"]].concat(), folder);
     assert!(merged == fs::read(folder.join("a.ndgi")).unwrap());
-    // A bundle of longer training gives way to none of shorter, unless that is requested; nobody retries that.
+    // A bundle of longer training gives way to none of shorter, unless that is requested; nobody retries
+    // that.
     let shorter = [".", "--iterations", "100", "--out", "a.ndgi"];
     let reported = refused(&[&shorter[..], &["--shard", "1/1"]].concat(), folder, 1);
     assert!(reported.contains("trained for 1500 steps") && reported.contains("--force"), "{reported}");

@@ -1,4 +1,5 @@
-//! The sun as a separate stream: from a dataset that keeps it apart, through the bundle and back, in Rust and in Python.
+//! The sun as a separate stream: from a dataset that keeps it apart, through the bundle and back, in Rust and
+//! in Python.
 
 mod common;
 
@@ -327,7 +328,8 @@ fn a_bundle_of_all_light_is_evaluated_as_one() {
     let root = folder.path().join("court");
     write(&root, moving);
     let with = Dataset::open(&root).unwrap();
-    // The same lightmaps, of which nothing is known of the sun: all light goes into the maps, as before version 4.
+    // The same lightmaps, of which nothing is known of the sun: all light goes into the maps, as before
+    // version 4.
     let plain = folder.path().join("plain");
     write(&plain, moving);
     let mut config = Dataset::open(&plain).unwrap().config;
@@ -414,7 +416,8 @@ fn random(x: usize, y: usize, key: u64) -> f32 {
     (z >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// A texel to each state that there is: never, always, the morning, the evening, half, a blink between two frames, a blink at one.
+/// A texel to each state that there is: never, always, the morning, the evening, half, a blink between two
+/// frames, a blink at one.
 fn states(x: usize, y: usize, hour: f64) -> [f32; 3] {
     let is_lit = match (x + 3 * y) % 7 {
         0 => false,
@@ -428,7 +431,8 @@ fn states(x: usize, y: usize, hour: f64) -> [f32; 3] {
     [f32::from(u8::from(is_lit)); 3]
 }
 
-/// Noise, chequers that flip, a texel to each state, a slit of one texel, and coloured noise, beside each other.
+/// Noise, chequers that flip, a texel to each state, a slit of one texel, and coloured noise, beside each
+/// other.
 fn hard(x: usize, y: usize, hour: f64) -> [f32; 3] {
     match x {
         _ if y > 24 => [1.0; 3],

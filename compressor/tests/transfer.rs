@@ -1,4 +1,5 @@
-//! Precomputed radiance transfer beside the other methods: a dataset, its scene's transfer, and `compress compare --transfer`.
+//! Precomputed radiance transfer beside the other methods: a dataset, its scene's transfer, and
+//! `compress compare --transfer`.
 
 mod common;
 
@@ -31,7 +32,8 @@ fn of_source(source: usize, x: usize, y: usize) -> [f32; 3] {
     }
 }
 
-/// A texel that no daylight arrives at; the transfer's lightmaps have light of its neighbours there, as dilation leaves it.
+/// A texel that no daylight arrives at; the transfer's lightmaps have light of its neighbours there, as
+/// dilation leaves it.
 fn is_dark(x: usize, y: usize) -> bool {
     (x, y) == (18, 11)
 }

@@ -15,8 +15,8 @@ pub const FORMAT: &str = "temporal-lightmaps";
 /// The version of the format this crate writes; it reads this and version 1, and refuses newer ones.
 pub const VERSION: u32 = 2;
 
-/// The manifest. Everything in it is reproducible; timings are in `run.json`. All keys are always present, with `None` as
-/// `null` (`deserialize_with` makes serde insist on them).
+/// The manifest. Everything in it is reproducible; timings are in `run.json`. All keys are always present,
+/// with `None` as `null` (`deserialize_with` makes serde insist on them).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
@@ -32,11 +32,11 @@ pub struct Config {
     pub unit: String,
     /// The seed all randomness derives from.
     pub seed: u64,
-    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal datasets, but for noise that
-    /// earlier bakes in the folder left, and for where a time limit fell.
+    /// Digest of everything that decides the texels (settings, geometry, textures): equal digests, equal
+    /// datasets, but for noise that earlier bakes in the folder left, and for where a time limit fell.
     pub inputs: String,
-    /// Samples of indirect light per texel of the last round: those of a texel of mean deviation, or their maximum if the
-    /// bake had a target or a time limit. (The writer's report has the average number drawn.)
+    /// Samples of indirect light per texel of the last round: those of a texel of mean deviation, or their
+    /// maximum if the bake had a target or a time limit. (The writer's report has the average number drawn.)
     pub samples: u32,
     /// The lightmaps' pages.
     pub pages: Vec<Page>,
@@ -48,7 +48,8 @@ pub struct Config {
     pub sky: Option<Daylight>,
     /// The light groups, in the order their layers are summed.
     pub groups: Vec<Group>,
-    /// The shares of each light: sun, sky, groups in their order, lamps; of each direct before indirect. Empty if layers are not stored.
+    /// The shares of each light: sun, sky, groups in their order, lamps; of each direct before indirect.
+    /// Empty if layers are not stored.
     pub layers: Vec<Layer>,
     /// The frames, by ascending hour.
     pub frames: Vec<Frame>,
@@ -58,15 +59,17 @@ pub struct Config {
     /// The geometry with its lightmap coordinates (glTF binary).
     #[serde(deserialize_with = "Option::deserialize")]
     pub geometry: Option<FileRef>,
-    /// The chart placements of the geometry's instances, in the order of the nodes of [`Config::geometry`] that have
-    /// lightmap coordinates; empty if the writer does not know. An instance too large for one page is several nodes.
+    /// The chart placements of the geometry's instances, in the order of the nodes of [`Config::geometry`]
+    /// that have lightmap coordinates; empty if the writer does not know. An instance too large for one page
+    /// is several nodes.
     pub instances: Vec<Instance>,
     /// The resolved settings of the writer, for the reader's information.
     pub settings: serde_json::Value,
     /// The sun by the minute: a [`crate::sun::SunPath`]. Only datasets of scenes with a sun have the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sun_path: Option<FileRef>,
-    /// The sun's visibility as a function of time. Only datasets that hold it have the key; they have a `sun_path`, too.
+    /// The sun's visibility as a function of time. Only datasets that hold it have the key; they have a
+    /// `sun_path`, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visibility: Option<SunVisibility>,
     /// Where an imported dataset comes from. Only imported datasets have the key.
@@ -78,8 +81,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// Digest of the light itself, which bundles record: hours, schedules, and the content of masks and lightmaps.
-    /// Equal light has the same digest in every version of the format.
+    /// Digest of the light itself, which bundles record: hours, schedules, and the content of masks and
+    /// lightmaps. Equal light has the same digest in every version of the format.
     pub fn digest_of_light(&self) -> String {
         let pages: Vec<_> =
             self.pages.iter().map(|page| json!([page.width, page.height, page.mask.blake3])).collect();
@@ -113,14 +116,15 @@ impl SunVisibility {
     }
 }
 
-/// A scene's transfer: each frame is the irradiance under one part of a spherical harmonic as the sky, and the scene's own daylight
-/// is about a sum of them.
+/// A scene's transfer: each frame is the irradiance under one part of a spherical harmonic as the sky, and
+/// the scene's own daylight is about a sum of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
     /// The name of the scene whose transfer it is.
     pub scene: String,
-    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the dataset that it goes with.
+    /// [`Config::inputs`] of a bake of the scene's whole day by the same settings: the dataset that it goes
+    /// with.
     pub inputs: String,
     /// Per frame, the light that it shows.
     pub parts: Vec<TransferPart>,
@@ -154,8 +158,8 @@ pub struct TransferLight {
 pub struct Source {
     /// The layout that was read.
     pub layout: Layout,
-    /// Its configuration file as it was, where the layout has one: it names the lightmaps, and an export to the same layout
-    /// writes it again.
+    /// Its configuration file as it was, where the layout has one: it names the lightmaps, and an export to
+    /// the same layout writes it again.
     #[serde(deserialize_with = "Option::deserialize")]
     pub config: Option<FileRef>,
     /// Values outside the masks that were negative or not finite, and are 0 here.
@@ -203,7 +207,8 @@ pub struct Page {
     pub width: u32,
     /// Height in texels, at least 1.
     pub height: u32,
-    /// The validity mask: 8-bit grey PNG, 255 where a texel is valid: surface that light reaches; 0 elsewhere.
+    /// The validity mask: 8-bit grey PNG, 255 where a texel is valid: surface that light reaches; 0
+    /// elsewhere.
     pub mask: FileRef,
 }
 
@@ -214,13 +219,14 @@ impl Page {
     }
 }
 
-/// The chart placement of one instance: `page coordinates = scale × TEXCOORD_1 + offset`, per axis, where TEXCOORD_1 is that of
-/// its mesh in [`Config::geometry`] (instances may share a mesh) and page coordinates run from (0, 0), the page's top left
-/// corner, to (1, 1).
+/// The chart placement of one instance: `page coordinates = scale × TEXCOORD_1 + offset`, per axis, where
+/// TEXCOORD_1 is that of its mesh in [`Config::geometry`] (instances may share a mesh) and page coordinates
+/// run from (0, 0), the page's top left corner, to (1, 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Instance {
-    /// The name of its node in the geometry; several may have the same, the parts of one mesh on several pages among them.
+    /// The name of its node in the geometry; several may have the same, the parts of one mesh on several
+    /// pages among them.
     pub name: String,
     /// Index into [`Config::pages`].
     pub page: u32,
@@ -252,7 +258,8 @@ impl Group {
         })
     }
 
-    /// True if the schedule has the light group on at an hour; `None` exactly at the ends of its intervals, where several may meet.
+    /// True if the schedule has the light group on at an hour; `None` exactly at the ends of its intervals,
+    /// where several may meet.
     pub fn is_on(&self, hour: f64) -> Option<bool> {
         let ends = self.on.iter().flatten();
         // Whole days have no ends.
@@ -269,9 +276,10 @@ impl Group {
     }
 }
 
-/// All lightmaps of one time of day. Where layers are stored, each is `(sun + sky) + local` in float32, bit for bit: `sun` is direct +
-/// indirect, `local` the sum of the lights of the groups that are on, in order, starting from zero, each direct + indirect. In imported
-/// datasets `local` is the layer of the lamps, and the sum holds about.
+/// All lightmaps of one time of day. Where layers are stored, each is `(sun + sky) + local` in float32, bit
+/// for bit: `sun` is direct + indirect, `local` the sum of the lights of the groups that are on, in order,
+/// starting from zero, each direct + indirect. In imported datasets `local` is the layer of the lamps, and
+/// the sum holds about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
@@ -279,7 +287,8 @@ pub struct Frame {
     pub hour: f64,
     /// For each group of [`Config::groups`], whether it is on.
     pub groups_on: Vec<bool>,
-    /// Estimated relative error of the frame (root of the mean squared standard error over valid texels ÷ their mean).
+    /// Estimated relative error of the frame (root of the mean squared standard error over valid texels ÷
+    /// their mean).
     #[serde(deserialize_with = "Option::deserialize")]
     pub relative_error: Option<f64>,
     /// One lightmap per page: RGB float32 EXR, linear Rec. 709 irradiance.
@@ -304,6 +313,7 @@ pub struct FileRef {
 pub struct Noise {
     /// Side of the tiles in texels (128), tiles counted row by row from texel (0, 0).
     pub tile: u32,
-    /// `mse[frame][page][tile]`: mean over the tile's valid texels and channels of the squared standard error.
+    /// `mse[frame][page][tile]`: mean over the tile's valid texels and channels of the squared standard
+    /// error.
     pub mse: Vec<Vec<Vec<f64>>>,
 }

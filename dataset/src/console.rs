@@ -43,7 +43,8 @@ pub struct Console {
     pub json: bool,
 }
 
-/// A progress bar with share, task and remaining time; silent with `--quiet`; plain lines where stderr is not a terminal.
+/// A progress bar with share, task and remaining time; silent with `--quiet`; plain lines where stderr is not
+/// a terminal.
 #[derive(Debug)]
 pub struct Progress {
     what: String,
@@ -126,7 +127,8 @@ impl Console {
     /// The result of a command: `object` under `--json` (one line on stdout), else nothing.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if it cannot be written; a reader that closed the pipe is no failure of the command.
+    /// [`crate::Error::Io`] if it cannot be written; a reader that closed the pipe is no failure of the
+    /// command.
     pub fn result(&self, object: &serde_json::Value) -> crate::Result<()> {
         let mut out = std::io::stdout().lock();
         let written = match self.json {
@@ -185,8 +187,8 @@ impl Drop for Progress {
     }
 }
 
-/// Makes Ctrl-C, a termination request and a closing terminal end the process within a fifth of a second, with exit code 130, 143 or 129.
-/// For binaries, once, at the start of `main`.
+/// Makes Ctrl-C, a termination request and a closing terminal end the process within a fifth of a second,
+/// with exit code 130, 143 or 129. For binaries, once, at the start of `main`.
 pub fn catch_interrupts() {
     signals::catch(|error| line(&format!("error: {error}")));
 }

@@ -1,8 +1,10 @@
-//! Curves: how a layer's light is interpolated between two frames; a layer of [`crate::config`] names its curve's file.
+//! Curves: how a layer's light is interpolated between two frames; a layer of [`crate::config`] names its
+//! curve's file.
 //!
-//! A light that changes by powers of ten in an hour is far from linear between two frames, but its share of a known quantity is not: of the
-//! sky's light, the share of its irradiance on level ground; of what surfaces reflect of the sun, that of the sun's on the surfaces around.
-//! A curve s(t) is such a quantity over the day, up to a factor. Between frames at a and b, u of the way from a to b, light is
+//! A light that changes by powers of ten in an hour is far from linear between two frames, but its share of a
+//! known quantity is not: of the sky's light, the share of its irradiance on level ground; of what surfaces
+//! reflect of the sun, that of the sun's on the surfaces around. A curve s(t) is such a quantity over the
+//! day, up to a factor. Between frames at a and b, u of the way from a to b, light is
 //!
 //! v(t) = s(t) · ((1 − u) · v(a) ÷ s(a) + u · v(b) ÷ s(b))
 //!
@@ -14,7 +16,8 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// A quantity over the day to which a light is nearly proportional between frames. Between two times it is linear.
+/// A quantity over the day to which a light is nearly proportional between frames. Between two times it is
+/// linear.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curve {
@@ -66,11 +69,12 @@ impl Curve {
         })
     }
 
-    /// Weights of the frames before and after an hour, per red, green and blue; the light at the hour is the weighted sum.
-    /// `frames`: the hours of the frames, at most a day apart; where the first is not below the second, midnight lies between them.
+    /// Weights of the frames before and after an hour, per red, green and blue; the light at the hour is the
+    /// weighted sum. `frames`: the hours of the frames, at most a day apart; where the first is not below the
+    /// second, midnight lies between them.
     ///
-    /// Where the curve is 0 at one frame, the share of the other frame is used. Where it is 0 at both, light is
-    /// linear.
+    /// Where the curve is 0 at one frame, the share of the other frame is used. Where it is 0 at both, light
+    /// is linear.
     pub fn weights(&self, frames: [f64; 2], hour: f64) -> [[f64; 2]; 3] {
         let part = way(frames, hour);
         let [s, a, b] = [hour, frames[0], frames[1]].map(|hour| self.at(hour));

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 /// A result of this crate; its error says where.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// An error of input or output. Libraries return it; the binaries print its chain and exit with [`Error::exit_code`].
+/// An error of input or output. Libraries return it; the binaries print its chain and exit with
+/// [`Error::exit_code`].
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The input is invalid: a bad value, a truncated file, a wrong checksum.
@@ -34,7 +35,8 @@ pub enum Error {
         /// The system's error.
         source: std::io::Error,
     },
-    /// The input is valid, but another process is using it or has not finished its part. The same command can succeed later.
+    /// The input is valid, but another process is using it or has not finished its part. The same command can
+    /// succeed later.
     #[error("{place}: {what}")]
     Unready {
         /// The folder or file.
@@ -42,7 +44,8 @@ pub enum Error {
         /// What blocks it or is missing, and what to do.
         what: String,
     },
-    /// The process was asked to stop (Ctrl-C, a termination request). Bakes and compressions keep finished work.
+    /// The process was asked to stop (Ctrl-C, a termination request). Bakes and compressions keep finished
+    /// work.
     #[error("interrupted; run the same command again to continue")]
     Interrupted,
 }
@@ -68,8 +71,9 @@ impl Error {
         move |source| Error::Io { path: path.to_owned(), source }
     }
 
-    /// The exit code of a command that failed with this error: [`TRY_AGAIN`] if the same command can succeed later (a busy folder, missing
-    /// parts, a full disk, an unavailable file server), 1 if it cannot, 128 + the signal's number if a signal ended it.
+    /// The exit code of a command that failed with this error: [`TRY_AGAIN`] if the same command can succeed
+    /// later (a busy folder, missing parts, a full disk, an unavailable file server), 1 if it cannot, 128 +
+    /// the signal's number if a signal ended it.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Invalid { .. } | Error::Unsupported { .. } => 1,

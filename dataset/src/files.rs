@@ -27,8 +27,8 @@ pub fn write_atomically_with(path: &Path, write: impl FnOnce(&mut File) -> io::R
     Ok(())
 }
 
-/// [`write_atomically_with`], but only a killed process leaves the old content or the new: after a power failure any may be there, or
-/// none, unless the file and its folder are synced afterwards.
+/// [`write_atomically_with`], but only a killed process leaves the old content or the new: after a power
+/// failure any may be there, or none, unless the file and its folder are synced afterwards.
 pub fn write_unsynced_with(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<()> {
     let temporary = temporary_beside(path)?;
     let written = (|| {
@@ -52,8 +52,8 @@ pub fn sync_folder_of(path: &Path) {
     }
 }
 
-/// Creates a folder and those around it, where they are missing. Each is an entry of the folder around it, which is synced: what is written
-/// into a folder whose own name is lost is lost with it.
+/// Creates a folder and those around it, where they are missing. Each is an entry of the folder around it,
+/// which is synced: what is written into a folder whose own name is lost is lost with it.
 ///
 /// # Errors
 /// Those of [`fs::create_dir_all`].
@@ -91,8 +91,8 @@ fn expect_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// An error unless a file can be written there, for which one is made and removed: to be asked before the work, not after it. What killed
-/// writers left in that folder is removed.
+/// An error unless a file can be written there, for which one is made and removed: to be asked before the
+/// work, not after it. What killed writers left in that folder is removed.
 ///
 /// # Errors
 /// `Invalid`, with the folder; `Io`.
@@ -106,7 +106,8 @@ pub fn expect_writable(path: &Path) -> Result<()> {
     remove_stale_temporaries(folder_of(path).unwrap_or(Path::new(".")))
 }
 
-/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a folder that is there and lets files be written.
+/// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a
+/// folder that is there and lets files be written.
 ///
 /// # Errors
 /// `Invalid`, with the option it was given by, or the folder; `Io`.
@@ -117,8 +118,8 @@ pub fn expect_output(path: &Path, extension: &str, option: &str) -> Result<()> {
     Err(Error::invalid(option, format!("{}: expected a name that ends in .{extension}", path.display())))
 }
 
-/// Puts a second name on the content of `from`: a hard link where the file system has them, else a copy. Atomic, and
-/// replaces what stood at `to`.
+/// Puts a second name on the content of `from`: a hard link where the file system has them, else a copy.
+/// Atomic, and replaces what stood at `to`.
 pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
     let temporary = temporary_beside(to)?;
     let linked = fs::hard_link(from, &temporary)
@@ -129,8 +130,8 @@ pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
     linked.map_err(Error::io(to))
 }
 
-/// A folder that is filled under a temporary name beside its own, and appears whole or not at all: dropped before
-/// [`NewFolder::finish`], it is removed.
+/// A folder that is filled under a temporary name beside its own, and appears whole or not at all: dropped
+/// before [`NewFolder::finish`], it is removed.
 #[derive(Debug)]
 pub struct NewFolder {
     temporary: PathBuf,
@@ -139,7 +140,8 @@ pub struct NewFolder {
 }
 
 impl NewFolder {
-    /// Begins a folder at `path`, where there may be an empty one; what killed writers of this folder left is removed.
+    /// Begins a folder at `path`, where there may be an empty one; what killed writers of this folder left is
+    /// removed.
     ///
     /// # Errors
     /// `Invalid` if something stands there, or the folder around it is missing.
@@ -203,8 +205,8 @@ pub fn remove_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// Removes the temporaries that processes of this machine which no longer run left in `folder`. Those of other machines stay, for nobody
-/// here can tell whether their writers run.
+/// Removes the temporaries that processes of this machine which no longer run left in `folder`. Those of
+/// other machines stay, for nobody here can tell whether their writers run.
 pub fn remove_stale_temporaries(folder: &Path) -> Result<()> {
     for path in temporaries(folder)? {
         let is_stale = path.file_name().and_then(|name| name.to_str()).is_some_and(is_stale);
@@ -281,7 +283,8 @@ fn folder_of(path: &Path) -> Option<&Path> {
 mod tests {
     use super::*;
 
-    /// A temporary's name that a process of this machine left which no longer runs: no process has the largest id.
+    /// A temporary's name that a process of this machine left which no longer runs: no process has the
+    /// largest id.
     fn stale_name(name: &str) -> String {
         format!(".{name}{MARK}{}-{}-0123abcd-0", Process::this().machine, u32::MAX)
     }

@@ -14,8 +14,8 @@ pub use openexr::{exr_of, read_exr_rows, read_exr_size};
 /// Largest width and height that is read.
 pub const MAX_SIDE: usize = 65536;
 
-/// No compression of EXR or PNG shrinks data by more than this factor (deflate: 1032); a file that claims more
-/// texels than its length can hold is refused before anything is allocated.
+/// No compression of EXR or PNG shrinks data by more than this factor (deflate: 1032); a file that claims
+/// more texels than its length can hold is refused before anything is allocated.
 const MAX_COMPRESSION_RATIO: u64 = 1100;
 
 /// A row-major RGB float32 image, linear Rec. 709.
@@ -63,7 +63,8 @@ impl Image {
         })
     }
 
-    /// Reads an EXR file with channels R, G, B. Every texel must be finite; layers' negative values are the caller's rule.
+    /// Reads an EXR file with channels R, G, B. Every texel must be finite; layers' negative values are the
+    /// caller's rule.
     pub fn read_exr(path: &Path) -> Result<Self> {
         let image = Self::read_exr_unchecked(path)?;
         refuse_texels(path, image.width, 0, &image.texels, |value| !value.is_finite(), "a finite value")?;
@@ -145,7 +146,8 @@ impl Mask {
     }
 }
 
-/// Reads a PNG file of one colour type, `expected` as text: width, height, and its samples in the machine's byte order.
+/// Reads a PNG file of one colour type, `expected` as text: width, height, and its samples in the machine's
+/// byte order.
 pub(crate) fn read_png_of(
     path: &Path,
     colour: image::ColorType,

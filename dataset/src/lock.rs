@@ -1,9 +1,10 @@
 //! Keeps other processes out of a folder.
 //!
-//! On a local disk `flock` does it: the system frees the lock when a process ends, however it ends. On file systems of a network it may
-//! be missing, or hold on one machine only. There the folder also holds a *claim*, a file that only one process can create and that says
-//! which. A claim of a process that ended on this machine is taken over. One of another machine is not, for nobody here can tell
-//! whether that process runs: the error says which file to remove.
+//! On a local disk `flock` does it: the system frees the lock when a process ends, however it ends. On file
+//! systems of a network it may be missing, or hold on one machine only. There the folder also holds a
+//! *claim*, a file that only one process can create and that says which. A claim of a process that ended on
+//! this machine is taken over. One of another machine is not, for nobody here can tell whether that process
+//! runs: the error says which file to remove.
 
 use crate::process::Process;
 use crate::signals::RemovedAtSignal;
@@ -31,7 +32,8 @@ pub struct Shared {
     _file: File,
 }
 
-/// The file that says whose a folder is, and what keeps this machine's other processes from taking it over at the same time.
+/// The file that says whose a folder is, and what keeps this machine's other processes from taking it over at
+/// the same time.
 #[derive(Debug)]
 struct Claim {
     path: PathBuf,
@@ -63,8 +65,8 @@ pub fn lock(folder: &Path, who: &str, advice: &str) -> Result<Lock> {
     system.lock(folder, who, advice)
 }
 
-/// Keeps those out who [`lock`] the folder, as far as the file system can, and lets others in who share it: for processes that write
-/// files of their own there.
+/// Keeps those out who [`lock`] the folder, as far as the file system can, and lets others in who share it:
+/// for processes that write files of their own there.
 ///
 /// # Errors
 /// As [`lock`], which says what `who` and `advice` are.

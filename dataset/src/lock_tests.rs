@@ -94,8 +94,8 @@ fn a_claim_of_another_machine_is_left_and_the_error_says_how_to_remove_it() {
 
 #[test]
 fn a_process_id_of_another_namespace_says_nothing_here() {
-    // Containers of one machine share its name and its start, and each counts processes from 1: there the holder runs, whether or not
-    // a process of that id runs here.
+    // Containers of one machine share its name and its start, and each counts processes from 1: there the
+    // holder runs, whether or not a process of that id runs here.
     for pid in [std::process::id(), 1, u32::MAX] {
         let folder = tempfile::tempdir().unwrap();
         let other = Process { machine: "container".to_owned(), pid, ..Process::this().clone() };

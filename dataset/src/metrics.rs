@@ -1,7 +1,8 @@
 //! Quality metrics of the paper's protocol: per tile, valid texels only, linear RGB.
 //!
-//! The protocol (NDGI, "Dataset Evaluation"): every lightmap is cut into 128×128 tiles ([`crate::tiles::TILE`]), each
-//! metric is computed inside the mask with the tile's own dynamic range, and averaged over all tiles of all frames.
+//! The protocol (NDGI, "Dataset Evaluation"): every lightmap is cut into 128×128 tiles
+//! ([`crate::tiles::TILE`]), each metric is computed inside the mask with the tile's own dynamic range, and
+//! averaged over all tiles of all frames.
 
 use crate::image::{Image, Mask};
 use crate::tiles::Rect;
@@ -38,15 +39,18 @@ pub struct TileQuality {
     pub range: f64,
     /// Mean valid value of the reference, over texels and channels.
     pub mean: f64,
-    /// True where every channel of the reference has one value at all valid texels (also with one or no valid texel).
+    /// True where every channel of the reference has one value at all valid texels (also with one or no valid
+    /// texel).
     pub constant: bool,
-    /// 10 log₁₀(peak² ÷ MSE), joint over RGB, capped; `None` for a tile that is all zero or has no valid texel.
+    /// 10 log₁₀(peak² ÷ MSE), joint over RGB, capped; `None` for a tile that is all zero or has no valid
+    /// texel.
     pub psnr_db: Option<f64>,
     /// The same with `range` for peak; `None` besides where the reference is constant.
     pub psnr_range_db: Option<f64>,
-    /// Structural similarity (11×11 Gaussian, σ 1.5, range = max − min, mean over channels and valid texels); `None`
-    /// as `psnr_range_db`. Windows are cut at the tile's edge; invalid texels weigh nothing, and the weights of the
-    /// rest are scaled to a sum of one; windows stand at valid texels. C₁ = (0.01 · range)², C₂ = (0.03 · range)².
+    /// Structural similarity (11×11 Gaussian, σ 1.5, range = max − min, mean over channels and valid texels);
+    /// `None` as `psnr_range_db`. Windows are cut at the tile's edge; invalid texels weigh nothing, and the
+    /// weights of the rest are scaled to a sum of one; windows stand at valid texels. C₁ = (0.01 · range)²,
+    /// C₂ = (0.03 · range)².
     pub ssim: Option<f64>,
     /// The same with a 7×7 box window.
     pub ssim_uniform: Option<f64>,
@@ -71,15 +75,15 @@ pub fn psnr_db(peak: f64, mse: f64) -> f64 {
 }
 
 /// The relative error, defined here for all crates: RMSE ÷ mean over valid texels, a mean below
-/// [`RELATIVE_FLOOR`] of its frame's mean being floored there. 0 for an exact black frame; infinite for an error where the
-/// whole frame is black.
+/// [`RELATIVE_FLOOR`] of its frame's mean being floored there. 0 for an exact black frame; infinite for an
+/// error where the whole frame is black.
 pub fn relative_error(mse: f64, mean: f64, set_mean: f64) -> f64 {
     let floored = mean.max(RELATIVE_FLOOR * set_mean);
     if mse == 0.0 { 0.0 } else { mse.sqrt() / floored }
 }
 
-/// Sum over valid texels and channels, and the number of valid texels. The mean of a frame is the sum over its pages
-/// ÷ (3 · texels).
+/// Sum over valid texels and channels, and the number of valid texels. The mean of a frame is the sum over
+/// its pages ÷ (3 · texels).
 pub fn valid_sum(texels: &[[f32; 3]], valid: &[bool]) -> (f64, usize) {
     let texels = texels.iter().zip(valid).filter(|(_, valid)| **valid);
     texels.fold((0.0, 0), |(sum, count), (texel, _)| {

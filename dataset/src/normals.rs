@@ -1,7 +1,8 @@
 //! The normals of a page, by which the sun's visibility becomes light.
 //!
-//! A PNG file, 16-bit RGB, of the page's size. Its samples s from 1 to 65535 are the components x, y (up), z as in the geometry:
-//! (s − 32768) ÷ 32767. Per texel, the mean of the shading normals there: shorter than 1 where they differ; 0 where there is no surface.
+//! A PNG file, 16-bit RGB, of the page's size. Its samples s from 1 to 65535 are the components x, y (up), z
+//! as in the geometry: (s − 32768) ÷ 32767. Per texel, the mean of the shading normals there: shorter than 1
+//! where they differ; 0 where there is no surface.
 
 use crate::image::{encode_png_by, read_png_of};
 use crate::{Error, Result};
@@ -34,7 +35,8 @@ impl Normals {
         let sample = |x: &f32| ((x * ONE as f32).round() as i32 + ZERO).clamp(1, 2 * ZERO - 1) as u16;
         let samples: Vec<u16> = self.normals.iter().flatten().map(sample).collect();
         let samples = bytemuck::cast_slice(&samples);
-        // Where charts are flat texels are those above, bit by bit; it is also the filter that readers undo with least work.
+        // Where charts are flat texels are those above, bit by bit; it is also the filter that readers undo
+        // with least work.
         let filter = image::codecs::png::FilterType::Up;
         encode_png_by(samples, self.width, self.height, image::ExtendedColorType::Rgb16, filter)
     }
@@ -42,8 +44,8 @@ impl Normals {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Unsupported`] of other kinds of PNG; [`Error::Invalid`] of damaged files, and with the texel whose normal
-    /// is longer than 1.
+    /// [`Error::Io`]; [`Error::Unsupported`] of other kinds of PNG; [`Error::Invalid`] of damaged files, and
+    /// with the texel whose normal is longer than 1.
     pub fn read_png(path: &Path) -> Result<Self> {
         let (width, height, bytes) = read_png_of(path, image::ColorType::Rgb16, "16-bit RGB")?;
         let component = |sample: &[u8]| {

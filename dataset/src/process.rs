@@ -68,7 +68,8 @@ fn is_told() -> bool {
 /// When a process started, in ticks; `None` where there is none.
 fn started(pid: u32) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // (The second word is the program's name in brackets, which may hold anything; the third, the process's state, follows.)
+    // (The second word is the program's name in brackets, which may hold anything; the third, the process's
+    // state, follows.)
     let words: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     // A process that ended, and that nobody asked about yet.
     if matches!(words.first(), Some(&"Z" | &"X")) {

@@ -1,7 +1,8 @@
 //! Requests to stop: Ctrl-C, a termination request, a terminal that closes.
 //!
-//! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. Code that cannot check (a library in C++, one long sort) is ended from
-//! the thread that waits for signals: every file is complete or absent, so the process may end anywhere, and the next run continues.
+//! Long loops look at [`interrupted`] and return [`Error::Interrupted`]. Code that cannot check (a library in
+//! C++, one long sort) is ended from the thread that waits for signals: every file is complete or absent, so
+//! the process may end anywhere, and the next run continues.
 
 use crate::system::{INTERRUPT, leave, on_signals};
 use crate::{Error, Result};
@@ -48,8 +49,9 @@ pub(crate) fn is_first_to_say() -> bool {
     !SAID.swap(true, Ordering::SeqCst)
 }
 
-/// Makes the three signals set [`INTERRUPTED`], and end the process after [`GRACE`] wherever it is; a second signal ends it at once.
-/// Signals that are ignored (by `nohup`, or for a background job) stay so. `say` writes an error's line.
+/// Makes the three signals set [`INTERRUPTED`], and end the process after [`GRACE`] wherever it is; a second
+/// signal ends it at once. Signals that are ignored (by `nohup`, or for a background job) stay so. `say`
+/// writes an error's line.
 pub(crate) fn catch(say: fn(&Error)) {
     on_signals(move |signal| {
         SIGNAL.store(signal, Ordering::SeqCst);

@@ -33,8 +33,8 @@ pub const UNFINISHED: &str = "the bake in it is not finished; the same `bake` co
 /// Hexadecimal digits of the hash in a file's name.
 const HASH_DIGITS: usize = 12;
 
-/// Fills a dataset folder. Files carry their content's hash in their name, so a running reader of the previous
-/// generation is never disturbed; [`Writer::commit`] renames `config.json` into place last.
+/// Fills a dataset folder. Files carry their content's hash in their name, so a running reader of the
+/// previous generation is never disturbed; [`Writer::commit`] renames `config.json` into place last.
 #[derive(Debug)]
 pub struct Writer {
     root: PathBuf,
@@ -45,8 +45,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Opens or creates the folder. Temporaries of dead runs are removed; a folder whose `config.json` is not a
-    /// dataset's is refused, so that nothing foreign is overwritten.
+    /// Opens or creates the folder. Temporaries of dead runs are removed; a folder whose `config.json` is not
+    /// a dataset's is refused, so that nothing foreign is overwritten.
     pub fn create(root: &Path) -> Result<Self> {
         let data = root.join(DATA);
         let manifest = root.join(MANIFEST);
@@ -59,10 +59,10 @@ impl Writer {
         Ok(Writer { root: root.to_owned(), added: BTreeMap::new(), aliases: Vec::new() })
     }
 
-    /// Writes `bytes` as `data/<stem>-<hash12>.<extension>`, or finds that content among what this writer added, whatever
-    /// its stem. A file of that name with that content, left by an earlier run, is reused. What is found does not
-    /// depend on what else the folder holds, so the manifest does not either. Characters of `stem` other than letters,
-    /// digits, `.` and `_` become `-`.
+    /// Writes `bytes` as `data/<stem>-<hash12>.<extension>`, or finds that content among what this writer
+    /// added, whatever its stem. A file of that name with that content, left by an earlier run, is reused.
+    /// What is found does not depend on what else the folder holds, so the manifest does not either.
+    /// Characters of `stem` other than letters, digits, `.` and `_` become `-`.
     pub fn add(&mut self, stem: &str, extension: &str, bytes: &[u8]) -> Result<FileRef> {
         let blake3 = blake3::hash(bytes).to_hex().to_string();
         if let Some(known) = self.added.get(&blake3) {
@@ -82,8 +82,8 @@ impl Writer {
         Ok(file)
     }
 
-    /// Gives an added file a plain `name` in the dataset's folder as well (a hard link where possible) once the
-    /// manifest is in place, for people and tools that do not read `config.json`.
+    /// Gives an added file a plain `name` in the dataset's folder as well (a hard link where possible) once
+    /// the manifest is in place, for people and tools that do not read `config.json`.
     ///
     /// # Panics
     /// If `name` is not one plain component, or that of the manifest or the data folder.
@@ -111,7 +111,8 @@ impl Writer {
         for (path, name) in &self.aliases {
             files::link_or_copy(&self.root.join(path), &self.root.join(name))?;
         }
-        // The new generation is in place; files that nothing refers to any more can be removed, now or in the next run.
+        // The new generation is in place; files that nothing refers to any more can be removed, now or in the
+        // next run.
         let data = self.root.join(DATA);
         for entry in fs::read_dir(&data).map_err(Error::io(&data))?.flatten() {
             let Some(path) = entry.file_name().to_str().map(|name| format!("{DATA}/{name}")) else {
@@ -153,7 +154,8 @@ fn content_hash(path: &str) -> Option<&str> {
     made.then_some(hash)
 }
 
-/// The stem by which the file at a path was added; that of its name, for a path that [`Writer::add`] did not make.
+/// The stem by which the file at a path was added; that of its name, for a path that [`Writer::add`] did not
+/// make.
 pub(crate) fn stem_of(path: &str) -> &str {
     let name = path.rsplit_once('/').map_or(path, |(_, name)| name);
     let stem = match content_hash(path) {
@@ -270,7 +272,8 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Reads and checks `config.json` of any version, and that the files it names exist with the lengths it states.
+    /// Reads and checks `config.json` of any version, and that the files it names exist with the lengths it
+    /// states.
     pub fn open(root: &Path) -> Result<Self> {
         let dataset = Self::open_manifest(root)?;
         check::files(root, &dataset.config)?;
@@ -327,8 +330,8 @@ impl Dataset {
         Ok(mask)
     }
 
-    /// The lightmap of a frame on a page: size and checksum checked; non-finite or negative texels are an error with file,
-    /// (x, y), channel, value.
+    /// The lightmap of a frame on a page: size and checksum checked; non-finite or negative texels are an
+    /// error with file, (x, y), channel, value.
     ///
     /// # Panics
     /// If `frame` or `page` is not below the number of frames or pages.
@@ -352,8 +355,8 @@ impl Dataset {
         Ok(image)
     }
 
-    /// Rows `y0 .. y1` of [`Dataset::map`], with the same checks but the checksum; memory does not grow with the page's
-    /// height.
+    /// Rows `y0 .. y1` of [`Dataset::map`], with the same checks but the checksum; memory does not grow with
+    /// the page's height.
     ///
     /// # Panics
     /// If `frame` or `page` is not below the number of frames or pages.
@@ -361,8 +364,8 @@ impl Dataset {
         self.image_rows(&self.config.frames[frame].maps[page], page, y0, y1)
     }
 
-    /// Rows `y0 .. y1` of [`Dataset::image`], with the checks of [`Dataset::map_rows`]; an error if they do not lie inside
-    /// the image.
+    /// Rows `y0 .. y1` of [`Dataset::image`], with the checks of [`Dataset::map_rows`]; an error if they do
+    /// not lie inside the image.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
@@ -377,8 +380,8 @@ impl Dataset {
         Ok(texels)
     }
 
-    /// The light that the lightmap of a frame on a page holds of one light: the sum of its layers, with the checks of [`Dataset::map`].
-    /// Black also if layers are not stored.
+    /// The light that the lightmap of a frame on a page holds of one light: the sum of its layers, with the
+    /// checks of [`Dataset::map`]. Black also if layers are not stored.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
@@ -391,8 +394,8 @@ impl Dataset {
         Ok(Image { width, height, texels })
     }
 
-    /// Rows `y0 .. y1` of the sum of images in their order, with the checks of [`Dataset::map_rows`]; one alone keeps every bit, none
-    /// is black.
+    /// Rows `y0 .. y1` of the sum of images in their order, with the checks of [`Dataset::map_rows`]; one
+    /// alone keeps every bit, none is black.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.

@@ -1,4 +1,5 @@
-//! The sun over the day, and what it gives a surface: the file that [`crate::config`] names as the sun's path.
+//! The sun over the day, and what it gives a surface: the file that [`crate::config`] names as the sun's
+//! path.
 
 use crate::store::read_json;
 use crate::visibility::Between;
@@ -6,17 +7,18 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The sun by the minute. Between two times direction and irradiance are interpolated linearly, component by component; outside of all times
-/// there is no sun.
+/// The sun by the minute. Between two times direction and irradiance are interpolated linearly, component by
+/// component; outside of all times there is no sun.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SunPath {
     /// Ascending, in hours from 0 to 24; at least one.
     pub hours: Vec<f64>,
-    /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
-    /// one. x, y (up), z as in the geometry.
+    /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a
+    /// small disc and less for a wide one. x, y (up), z as in the geometry.
     pub direction: Vec<[f32; 3]>,
-    /// Per time, the irradiance of a surface that faces the disc, red, green and blue, in the unit of the lightmaps.
+    /// Per time, the irradiance of a surface that faces the disc, red, green and blue, in the unit of the
+    /// lightmaps.
     pub irradiance: Vec<[f32; 3]>,
 }
 
@@ -83,7 +85,8 @@ impl SunPath {
         Error::invalid(place, format!("hour {hour}; expected {from} to {to}, the range that was baked"))
     }
 
-    /// The direct irradiance of a texel at an hour, red, green and blue: `visibility` · (`normal` · direction)⁺ · irradiance.
+    /// The direct irradiance of a texel at an hour, red, green and blue: `visibility` · (`normal` ·
+    /// direction)⁺ · irradiance.
     pub fn light(&self, hour: f64, normal: [f32; 3], visibility: [f32; 3]) -> [f32; 3] {
         let Some((direction, irradiance)) = self.at(hour) else { return [0.0; 3] };
         let cosine: f32 = (0..3).map(|axis| normal[axis] * direction[axis]).sum();

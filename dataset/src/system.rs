@@ -1,5 +1,5 @@
-//! What differs between operating systems, in one place. The rest of the workspace is portable Rust, apart from advice on memory
-//! pages in `baker/src/trace/pages.rs`.
+//! What differs between operating systems, in one place. The rest of the workspace is portable Rust, apart
+//! from advice on memory pages in `baker/src/trace/pages.rs`.
 //!
 //! Linux is what is tested. Elsewhere this compiles and does less: see each function.
 
@@ -86,12 +86,14 @@ mod lock {
     #[derive(Debug)]
     pub(crate) enum Guard {}
 
-    /// No names that end with their process: two processes that take over a dead one's claim at the same instant may both succeed.
+    /// No names that end with their process: two processes that take over a dead one's claim at the same
+    /// instant may both succeed.
     pub(crate) fn guard(_folder: &Path) -> io::Result<Guard> {
         Err(io::ErrorKind::Unsupported.into())
     }
 
-    /// Windows locks files on its network drives too, for all machines; of other systems that is not known, and a claim is made besides.
+    /// Windows locks files on its network drives too, for all machines; of other systems that is not known,
+    /// and a claim is made besides.
     pub(crate) fn is_local(_folder: &Path) -> bool {
         cfg!(windows)
     }
@@ -106,8 +108,8 @@ mod stop {
     /// The number of the signal that Ctrl-C sends.
     pub(crate) const INTERRUPT: i32 = SIGINT;
 
-    /// Calls `told` on a thread of its own for each request to stop, by its signal. Signals that are ignored (by `nohup`, or for a
-    /// background job) stay so.
+    /// Calls `told` on a thread of its own for each request to stop, by its signal. Signals that are ignored
+    /// (by `nohup`, or for a background job) stay so.
     pub(crate) fn on_signals(told: impl Fn(i32) + Send + 'static) {
         let ignored = ignored();
         let signals = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);

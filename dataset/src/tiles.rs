@@ -1,4 +1,5 @@
-//! The grid of tiles metrics are computed on: non-overlapping squares from texel (0, 0), smaller at the right and bottom edge.
+//! The grid of tiles metrics are computed on: non-overlapping squares from texel (0, 0), smaller at the right
+//! and bottom edge.
 
 /// Side of the paper's evaluation tiles.
 pub const TILE: usize = 128;

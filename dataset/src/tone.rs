@@ -10,8 +10,8 @@ pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// The exposure that suits pixels of these luminances, as a power of two: their log-average becomes middle grey, or less where the 95th
-/// percentile would come out above 1; 0 where all are black.
+/// The exposure that suits pixels of these luminances, as a power of two: their log-average becomes middle
+/// grey, or less where the 95th percentile would come out above 1; 0 where all are black.
 pub fn automatic_exposure(luminances: impl Iterator<Item = f32>) -> f64 {
     /// What is darker than this share of the mean counts as it: black corners do not burn out the rest.
     const DARKEST: f64 = 0.01;
@@ -51,7 +51,8 @@ mod tests {
 
     #[test]
     fn the_curve_is_linear_below_its_knee_and_never_above_white() {
-        // sRGB of 0.18 is 0.4614, of 0.5 is 0.7354, of 0.7 is 0.8545; 1 becomes 1 − 0.3 e⁻¹ = 0.8896, whose sRGB is 0.9498.
+        // sRGB of 0.18 is 0.4614, of 0.5 is 0.7354, of 0.7 is 0.8545; 1 becomes 1 − 0.3 e⁻¹ = 0.8896, whose
+        // sRGB is 0.9498.
         let expected =
             [(-1.0, 0), (0.0, 0), (0.001, 3), (0.18, 118), (0.5, 188), (0.7, 218), (1.0, 242), (1e9, 255)];
         for (exposed, shown) in expected {

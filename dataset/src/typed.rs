@@ -44,8 +44,9 @@ pub fn time_limit(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "expected a time from 1s to 2777h, such as 90s, 5m or 2h".to_owned())
 }
 
-/// Ends the process with what was meant where the first argument is nearly the name of a command, for programs whose first argument
-/// may also be a path; `expected` is what that is, such as "a dataset's folder".
+/// Ends the process with what was meant where the first argument is nearly the name of a command, for
+/// programs whose first argument may also be a path; `expected` is what that is, such as "a dataset's
+/// folder".
 pub fn refuse_misspelt<Cli: CommandFactory>(expected: &str) {
     let mut command = Cli::command();
     if let Some(typed) = std::env::args().nth(1)

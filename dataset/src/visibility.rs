@@ -1,7 +1,8 @@
 //! The sun's visibility as a function of time: the file of one page.
 //!
-//! A value from 0 to 1 per texel and time, in tiles of 128 × 128 texels, each of which can be read alone. Between two times the values
-//! are interpolated linearly; before the first time and after the last they hold.
+//! A value from 0 to 1 per texel and time, in tiles of 128 × 128 texels, each of which can be read alone.
+//! Between two times the values are interpolated linearly; before the first time and after the last they
+//! hold.
 //!
 //! | bytes | what (integers little-endian) |
 //! |---|---|
@@ -13,8 +14,8 @@
 //! | 8 per tile, row by row | two u32: length of the tile's payload and its channels C: 1, or 3 (red, green, blue) where coloured glass stands before the sun; both 0 for a tile that is 0 at all times |
 //! | | the payloads, one after the other, each an .xz stream whose dictionary is at most 1.5 times what it unpacks to, or 64 KiB |
 //!
-//! A payload unpacked is C × N images of the tile's size, channel by channel, time by time, row by row: one byte a texel, the level
-//! (0 to L); the value is level ÷ L.
+//! A payload unpacked is C × N images of the tile's size, channel by channel, time by time, row by row: one
+//! byte a texel, the level (0 to L); the value is level ÷ L.
 
 use crate::tiles::{Rect, TILE, tiles};
 use crate::{Error, Result};
@@ -62,8 +63,8 @@ impl Planes {
     }
 }
 
-/// Compresses bytes to an .xz stream. A byte is like those of the same place at other times, and little like the one before it: so
-/// neither that one nor the position is part of its context.
+/// Compresses bytes to an .xz stream. A byte is like those of the same place at other times, and little like
+/// the one before it: so neither that one nor the position is part of its context.
 fn pack(bytes: &[u8]) -> Vec<u8> {
     const PRESET: u32 = 6;
     /// Matches examined for each byte.
@@ -78,7 +79,8 @@ fn pack(bytes: &[u8]) -> Vec<u8> {
     packed.finish().expect("memory takes all bytes")
 }
 
-/// The bytes of a file. `hours`: the times; `payloads`: of its tiles row by row, as [`Planes::to_payload`] gave them.
+/// The bytes of a file. `hours`: the times; `payloads`: of its tiles row by row, as [`Planes::to_payload`]
+/// gave them.
 ///
 /// # Panics
 /// If there are more than [`MOST_TIMES`] times or none, or not as many payloads as tiles.
@@ -142,7 +144,8 @@ impl Visibility {
     /// Opens a file and reads all but its tiles.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Invalid`] where a value is not what the format allows, [`Error::Unsupported`] for another version.
+    /// [`Error::Io`]; [`Error::Invalid`] where a value is not what the format allows, [`Error::Unsupported`]
+    /// for another version.
     pub fn open(path: &Path) -> Result<Self> {
         let invalid = |what: String| Error::invalid(path.display(), what);
         let mut file = File::open(path).map_err(Error::io(path))?;

@@ -1,7 +1,7 @@
 use super::*;
 
-/// A page of 130 × 3 texels: a tile of 128 columns whose texel i is lit from time i % 5 on, through glass from column 100 on if `is_tinted`,
-/// and one of 2 columns that is dark.
+/// A page of 130 × 3 texels: a tile of 128 columns whose texel i is lit from time i % 5 on, through glass
+/// from column 100 on if `is_tinted`, and one of 2 columns that is dark.
 fn file(is_tinted: bool) -> (Vec<u8>, Planes) {
     let (texels, hours) = (128 * 3, [6.0, 6.25, 6.5, 7.0]);
     let mut levels = vec![0; 3 * hours.len() * texels];

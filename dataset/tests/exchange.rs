@@ -42,7 +42,8 @@ fn a_dataset_in_layout_2_keeps_every_bit_in_a_round_trip() {
     let config = import_folder(Layout::Hprc2, &source, &set);
     assert_eq!(faults(&set), Vec::<String>::new());
 
-    // Pages in the file's order, whatever their ids; hours sorted; lamps told by the hours beside their switches.
+    // Pages in the file's order, whatever their ids; hours sorted; lamps told by the hours beside their
+    // switches.
     let dataset = Dataset::open(&set).unwrap();
     assert_eq!(dataset.config, config);
     let sizes: Vec<_> = config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect();

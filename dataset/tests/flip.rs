@@ -23,7 +23,8 @@ fn waves(x: f64, y: f64) -> [f64; 3] {
     [1.0 + (x / 5.0).sin() + step, 0.5 + 0.5 * (y / 7.0).cos(), 0.1 + 0.02 * x]
 }
 
-/// The expected values are those of the package `flip-evaluator` 1.7 of its authors, `evaluate(reference, decoded, "HDR")`.
+/// The expected values are those of the package `flip-evaluator` 1.7 of its authors,
+/// `evaluate(reference, decoded, "HDR")`.
 #[test]
 fn values_are_those_of_its_authors() {
     let falling = |x: f64, y: f64| waves(x, y).map(|value| value * (-12.0 * x / 64.0).exp2());
@@ -76,7 +77,8 @@ fn invalid_and_black_texels_are_distinguished_from_others() {
     let half = Mask { width: 40, height: 20, valid: (0..800).map(|i| i % 40 < 20).collect() };
     let differs = image(40, 20, |x, y| if x < 20.0 { waves(x, y) } else { [f64::NAN; 3] });
     assert_eq!(error(&differs, &reference, &half), Some(0.0));
-    // Most texels are black: the median of all would be none. Ratios of 1 : 10¹⁰ are no longer than others to look at.
+    // Most texels are black: the median of all would be none. Ratios of 1 : 10¹⁰ are no longer than others to
+    // look at.
     let lamp = |x: f64, y: f64| if x < 8.0 { waves(x, y) } else { [0.0; 3] };
     let dim = |x: f64, y: f64| if x < 1.0 { [1e10; 3] } else { waves(x, y) };
     for light in [&lamp as &dyn Fn(f64, f64) -> [f64; 3], &dim] {

@@ -208,7 +208,8 @@ fn glb(json: &serde_json::Value) -> Vec<u8> {
 
 const HOURS: [f64; 3] = [6.0, 12.0, 18.0];
 
-/// Adds a sun to a dataset of one page: every block of 2×2 texels looks one way, one in four of which is split over two ways. Glass in the second tile.
+/// Adds a sun to a dataset of one page: every block of 2×2 texels looks one way, one in four of which is
+/// split over two ways. Glass in the second tile.
 fn add_sun(root: &Path, config: &mut Config) {
     let (width, height) = (config.pages[0].width as usize, config.pages[0].height as usize);
     let mut random = Random(5);

@@ -1,4 +1,5 @@
-//! A stopped import, export, halving or release leaves nothing. A test file of its own: the request to stop is the whole process's.
+//! A stopped import, export, halving or release leaves nothing. A test file of its own: the request to stop
+//! is the whole process's.
 
 mod common;
 

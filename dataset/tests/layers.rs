@@ -14,7 +14,8 @@ fn reported(root: &Path, manifest: &impl serde::Serialize) -> Result<(), String>
     Dataset::open(root).map(drop).map_err(|error| error.to_string())
 }
 
-/// A layer of the sun (its direct and its indirect part are layers 0 and 1), the sky (2), the porch (3, 4) or the garden (5, 6).
+/// A layer of the sun (its direct and its indirect part are layers 0 and 1), the sky (2), the porch (3, 4) or
+/// the garden (5, 6).
 fn layer(config: &Config, index: usize) -> Layer {
     config.layers[index].clone()
 }

@@ -85,9 +85,11 @@ fn compare_agrees_with_the_definitions() {
 }
 
 /// The expected values were computed with numpy 2.4.6, scipy 1.17.1 and scikit-image 0.26.0: PSNR by
-/// `skimage.metrics.peak_signal_noise_ratio` of the valid texels with data_range = peak, and max − min; each time of SSIM by
-/// `scipy.ndimage.correlate(a · mask, window, mode="constant")` ÷ that of the mask. Where no window is cut these maps equal those of
-/// `skimage.metrics.structural_similarity(gaussian_weights=True, sigma=1.5 | win_size=7, use_sample_covariance=False)` to 1e-14.
+/// `skimage.metrics.peak_signal_noise_ratio` of the valid texels with data_range = peak, and max − min; each
+/// time of SSIM by `scipy.ndimage.correlate(a · mask, window, mode="constant")` ÷ that of the mask. Where no
+/// window is cut these maps equal those of
+/// `skimage.metrics.structural_similarity(gaussian_weights=True, sigma=1.5 | win_size=7, use_sample_covariance=False)`
+/// to 1e-14.
 #[test]
 fn values_are_those_of_numpy_scipy_and_scikit_image() {
     let (width, height) = (24, 20);

@@ -1,5 +1,6 @@
-//! The reader in Python, `python/read_dataset.py`, against our own. It needs Python with numpy and OpenEXR: that of `NDGI_PYTHON`,
-//! which must work, or else `python3`, without which the test says that it was skipped.
+//! The reader in Python, `python/read_dataset.py`, against our own. It needs Python with numpy and OpenEXR:
+//! that of `NDGI_PYTHON`, which must work, or else `python3`, without which the test says that it was
+//! skipped.
 
 mod common;
 
@@ -12,7 +13,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What prints an array's shape and the sum of its bytes times their places, both of which our side knows too.
+/// What prints an array's shape and the sum of its bytes times their places, both of which our side knows
+/// too.
 const TOLD: &str = "
 import sys, numpy as np
 def told(array):

@@ -126,7 +126,8 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
         assert!(datasheet.contains(word), "{word}: {datasheet}");
     }
 
-    // The datasets alone are a dataset; with the layers and the manifest that names them, it is the one that was packaged.
+    // The datasets alone are a dataset; with the layers and the manifest that names them, it is the one that
+    // was packaged.
     let unpacked = released.at("unpacked");
     unpack(&folder.join("hut-sets.tar.zst"), &unpacked);
     let sets = Dataset::open(&unpacked.join("hut")).unwrap();

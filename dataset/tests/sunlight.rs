@@ -1,4 +1,5 @@
-//! The sun's path, visibility and normals of a dataset: each rule that they can break is named; what they give is light.
+//! The sun's path, visibility and normals of a dataset: each rule that they can break is named; what they
+//! give is light.
 
 mod common;
 

@@ -12,7 +12,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The court on 22 × 22 texels, by `bake` 0.1.0: three frames, a lamp that is always on, a sign that switches.
+/// The court on 22 × 22 texels, by `bake` 0.1.0: three frames, a lamp that is always on, a sign that
+/// switches.
 const BAKED: &str = "version1-baked";
 /// A lightmap of 4 × 3 texels at 24 hours with its shares, by `dataset import` 0.1.0 from the layout hprc1.
 const IMPORTED: &str = "version1-imported";

@@ -13,8 +13,8 @@ use std::path::Path;
 const SIDE: usize = 8;
 const PIXELS: usize = 16;
 
-/// A floor of 2 × 2 m about zero whose lightmap coordinates go over the page from north-west to south-east, and above its north-east
-/// quarter, at half a metre, a shelf without texels. Both are white.
+/// A floor of 2 × 2 m about zero whose lightmap coordinates go over the page from north-west to south-east,
+/// and above its north-east quarter, at half a metre, a shelf without texels. Both are white.
 fn floor_and_shelf() -> Value {
     let place = json!({ "lightmapScale": [1, 1], "lightmapOffset": [0, 0], "lightmapPage": 0 });
     json!({
@@ -134,7 +134,8 @@ fn texels_show_where_they_lie() {
         let found = gradient[row * PIXELS + column];
         assert!(found.abs_diff(expected) <= 1, "({column}, {row}): {found}, expected {expected}");
     }
-    // The corner is sky; the shelf has no texels, and gets the median light of what has some in view, whatever lies below it.
+    // The corner is sky; the shelf has no texels, and gets the median light of what has some in view,
+    // whatever lies below it.
     let shares = view.with_texels();
     assert_eq!((shares[0], shares[3 * PIXELS + 12], shares[12 * PIXELS + 3]), (0.0, 0.0, 1.0));
     let lit = codes(&view, &light(|_, _| 0.3));
@@ -146,7 +147,8 @@ fn texels_show_where_they_lie() {
 
 #[test]
 fn what_reaches_behind_the_camera_is_cut_off() {
-    // Half a metre above the floor's middle, level: the horizon is the middle row, and its edge lies a metre ahead.
+    // Half a metre above the floor's middle, level: the horizon is the middle row, and its edge lies a metre
+    // ahead.
     let view = view(&floor_and_shelf(), camera([-0.5, 0.5, 0.0], [-0.5, 0.5, -1.0])).unwrap().unwrap();
     let shares = view.with_texels();
     let row = |y: usize| shares[y * PIXELS + 4];

@@ -14,8 +14,8 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Texels of surface points within `radius` metres of `at`, on faces whose normal is within 25° of `normal`: found
-    /// through the lightmap coordinates of the dataset's own geometry, as a game would.
+    /// Texels of surface points within `radius` metres of `at`, on faces whose normal is within 25° of
+    /// `normal`: found through the lightmap coordinates of the dataset's own geometry, as a game would.
     pub fn new(dataset: &Dataset, at: [f32; 3], normal: [f32; 3], radius: f32) -> Self {
         let pages = 0..dataset.config.pages.len();
         let probes = pages.map(|page| Probe::on_page(dataset, page, at, normal, radius));

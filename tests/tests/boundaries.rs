@@ -1,4 +1,5 @@
-//! The dependency rule: `baker → dataset ← compressor`; the decoder, `ndgi`, depends on none of them and serves both sides.
+//! The dependency rule: `baker → dataset ← compressor`; the decoder, `ndgi`, depends on none of them and
+//! serves both sides.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -61,7 +61,8 @@ fn each_has_its_light(name: &str, pages: usize) {
     let tops =
         [[0.0, 1.0, 0.0], [50.0, 1.0, 0.0], [0.0, 2.0, 50.0], [50.0, 3.0, 50.0]].map(|at| light(at, up));
     assert!(tops.iter().all(|top| (top / tops[0] - 1.0).abs() < 0.02), "{tops:?}");
-    // A crate turned by an angle about Y has sides that face ±(sin, 0, cos) of it; 200° gives the same sides as 20°.
+    // A crate turned by an angle about Y has sides that face ±(sin, 0, cos) of it; 200° gives the same sides
+    // as 20°.
     for (centre, degrees, size) in
         [([0.0, 0.0], 0.0f32, 1.0), ([50.0, 0.0], 30.0, 1.0), ([0.0, 50.0], 20.0, 2.0)]
     {

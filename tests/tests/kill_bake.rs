@@ -1,13 +1,16 @@
 //! `bake`, killed at every call by which it changes the disk, and left by a power failure there.
 //!
-//! The program runs under a library ([`pipeline_tests::faults`]) that counts those calls (entries created, linked, renamed, removed;
-//! files and folders synced; files cut), and kills the process before call number N: for every N of a run with one thread. What then lies
-//! on the disk is looked at as it is, and as a power failure may leave it, in four ways: content that was not synced is gone or half gone,
-//! whatever its name is by then; entries of folders that were not synced are undone; all is undone but the last entry. Every state must be
-//! whole or clearly unfinished, the same command without `--force` must end well on it with the bytes of an undisturbed run, no temporaries
-//! or work folders may stay, and a power failure right after its end must take nothing. States that are equal are looked at once.
+//! The program runs under a library ([`pipeline_tests::faults`]) that counts those calls (entries created,
+//! linked, renamed, removed; files and folders synced; files cut), and kills the process before call number
+//! N: for every N of a run with one thread. What then lies on the disk is looked at as it is, and as a power
+//! failure may leave it, in four ways: content that was not synced is gone or half gone, whatever its name is
+//! by then; entries of folders that were not synced are undone; all is undone but the last entry. Every state
+//! must be whole or clearly unfinished, the same command without `--force` must end well on it with the bytes
+//! of an undisturbed run, no temporaries or work folders may stay, and a power failure right after its end
+//! must take nothing. States that are equal are looked at once.
 //!
-//! `cargo test --release -p pipeline-tests --test kill_bake -- --nocapture` prints the calls; `--ignored` sweeps a larger scene.
+//! `cargo test --release -p pipeline-tests --test kill_bake -- --nocapture` prints the calls; `--ignored`
+//! sweeps a larger scene.
 
 use dataset::store::{Dataset, MANIFEST};
 use pipeline_tests::faults::{Faults, Sweep, Swept, Tree, court, program, text};

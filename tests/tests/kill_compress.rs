@@ -1,8 +1,11 @@
-//! `compress`, killed at every call by which it changes the disk, and left by a power failure there: see `kill_bake.rs` for how.
+//! `compress`, killed at every call by which it changes the disk, and left by a power failure there: see
+//! `kill_bake.rs` for how.
 //!
-//! Whatever happened, a bundle that is there is the one of before or the one that is made, byte for byte, and opens.
+//! Whatever happened, a bundle that is there is the one of before or the one that is made, byte for byte, and
+//! opens.
 //!
-//! `cargo test --release -p pipeline-tests --test kill_compress -- --nocapture` prints the calls; `--ignored` sweeps more ways to compress.
+//! `cargo test --release -p pipeline-tests --test kill_compress -- --nocapture` prints the calls; `--ignored`
+//! sweeps more ways to compress.
 
 use ndgi::Bundle;
 use pipeline_tests::faults::{Faults, Sweep, Swept, copy, court, program, text};

@@ -1,5 +1,5 @@
-//! `dataset release`, and what else makes a new folder (`export`, `halve`), killed at every call by which it changes the disk, and left by a
-//! power failure there: see `kill_bake.rs` for how.
+//! `dataset release`, and what else makes a new folder (`export`, `halve`), killed at every call by which it
+//! changes the disk, and left by a power failure there: see `kill_bake.rs` for how.
 //!
 //! The folder is there whole or not at all.
 //!
@@ -56,7 +56,8 @@ fn sweep(
             false => Vec::new(),
         }
     };
-    // A folder that is there is not made again: that is refused, and no fault. (Whoever goes on with it makes its name durable.)
+    // A folder that is there is not made again: that is refused, and no fault. (Whoever goes on with it makes
+    // its name durable.)
     let again = |folder: &Path| match folder.join("new").exists() {
         true => {
             let mut command = Command::new("sync");

@@ -1,5 +1,6 @@
-//! Every reader on the fuzz corpus and on some thousand changes of it: no panic, and no more memory than the bytes account for.
-//! The functions are those of the fuzz targets (`tests/fuzz`); the changes are the same in every run.
+//! Every reader on the fuzz corpus and on some thousand changes of it: no panic, and no more memory than the
+//! bytes account for. The functions are those of the fuzz targets (`tests/fuzz`); the changes are the same in
+//! every run.
 
 #[path = "../fuzz/src/readers.rs"]
 mod readers;

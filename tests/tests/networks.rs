@@ -1,6 +1,6 @@
-//! `bake`, `compress` and `dataset release` in folders of a network: without `flock`, where open files can be neither replaced nor removed,
-//! where what another machine did is not seen at once, with other machines' processes and clocks. The programs run under a library
-//! ([`pipeline_tests::faults`]) that makes it so.
+//! `bake`, `compress` and `dataset release` in folders of a network: without `flock`, where open files can be
+//! neither replaced nor removed, where what another machine did is not seen at once, with other machines'
+//! processes and clocks. The programs run under a library ([`pipeline_tests::faults`]) that makes it so.
 //!
 //! `cargo test --release -p pipeline-tests --test networks`
 

@@ -1,4 +1,5 @@
-//! The real pipeline in process, on a small scene: geometry → dataset → bundle → light, probed at named places.
+//! The real pipeline in process, on a small scene: geometry → dataset → bundle → light, probed at named
+//! places.
 
 use baker::bake::run::{Options, bake};
 use baker::light::schedule::parse_hours;
@@ -61,7 +62,8 @@ fn a_day_in_the_court() {
     let dataset = Dataset::open(&out).unwrap();
     assert_eq!(faults(&out), Vec::<String>::new());
 
-    // The hours, and both sides of each switch. 18:00, 6:00 and 22:00 stand as sets and show the lamp off themselves.
+    // The hours, and both sides of each switch. 18:00, 6:00 and 22:00 stand as sets and show the lamp off
+    // themselves.
     let hours: Vec<f64> = dataset.config.frames.iter().map(|s| s.hour).collect();
     let mut expected: Vec<f64> = (0..24).map(f64::from).collect();
     expected.extend([5.9, 18.1, 20.4, 20.6, 21.9]);

@@ -1,4 +1,5 @@
-//! The example `play` of `ndgi-stream` on a small scene: baked, compressed, and walked through on whatever device there is.
+//! The example `play` of `ndgi-stream` on a small scene: baked, compressed, and walked through on whatever
+//! device there is.
 //!
 //! `NDGI_PLAY` is the example's path; without it this test says that it was skipped.
 

@@ -1,5 +1,6 @@
-//! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, ten thousand tiny charts, a
-//! compressed file with instances and vertex colours, glass, and what shines. And what many copies of a scene cost, counted in rays.
+//! Meshes as they are found in the wild, from a file and a few lines of TOML to a bundle: slivers, ten
+//! thousand tiny charts, a compressed file with instances and vertex colours, glass, and what shines. And
+//! what many copies of a scene cost, counted in rays.
 
 use baker::bake::options::Preset;
 use baker::bake::run::{Denoise, Integrator, Options, bake, prepare};
@@ -13,13 +14,15 @@ use pipeline_tests::Probe;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Bakes and compresses a stress scene under an even sky; warnings must be none, or some of which one holds `warning`.
+/// Bakes and compresses a stress scene under an even sky; warnings must be none, or some of which one holds
+/// `warning`.
 fn bake_and_compress(mesh: &str, size: u32, warning: Option<&str>) {
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
     bake_and_compress_under(sky, mesh, [size, 2], warning);
 }
 
-/// The same under any light, with this size of page and these samples. Gives the dataset and the folder it lies in.
+/// The same under any light, with this size of page and these samples. Gives the dataset and the folder it
+/// lies in.
 fn bake_and_compress_under(
     light: &str,
     mesh: &str,
@@ -78,8 +81,9 @@ fn compressed_instances_with_coloured_vertices() {
     bake_and_compress("packed", 128, None);
 }
 
-/// What noise and the size of texels may do to the mean over some hundred texels of 64 samples, relative to it: each sample's light has a
-/// standard deviation of about its mean, so a ratio of two such means one of 2 %, and ten deviations never happen.
+/// What noise and the size of texels may do to the mean over some hundred texels of 64 samples, relative to
+/// it: each sample's light has a standard deviation of about its mean, so a ratio of two such means one of 2
+/// %, and ten deviations never happen.
 const NOISE: f64 = 0.1;
 
 #[test]
@@ -114,8 +118,8 @@ fn what_shines_in_a_file_lights_what_is_near_it() {
     let (bright, dark) = (at("screen", 0.5, -0.6), at("screen", 1.5, -0.6));
     assert!(bright > 2.0 * dark && dark > 0.0, "{bright} {dark}");
     assert!(at("sign", -3.0, -2.5) > 10.0 * at("sign", 3.0, 3.0));
-    // Under the bulb I / h² = 0.4 kcd / 4 m², a little of it as reflections of the screen; under the spot 0.9 / 4, and beside its cone
-    // nothing but reflections.
+    // Under the bulb I / h² = 0.4 kcd / 4 m², a little of it as reflections of the screen; under the spot 0.9
+    // / 4, and beside its cone nothing but reflections.
     let (bulb, spot) = (at("bulb", -2.0, 2.0), at("spot", 2.5, 2.5));
     assert!((bulb / 0.1 - 1.0).abs() < NOISE && (spot / 0.225 - 1.0).abs() < NOISE, "{bulb} {spot}");
     assert!(at("spot", -2.0, 2.0) < 0.01 * spot);

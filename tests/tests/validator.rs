@@ -1,5 +1,6 @@
-//! The geometry files of datasets under Khronos' glTF validator. It needs node and the npm package `gltf-validator`, in the folder
-//! that `NDGI_GLTF_VALIDATOR` names, where it must work; without the variable the test says that it was skipped.
+//! The geometry files of datasets under Khronos' glTF validator. It needs node and the npm package
+//! `gltf-validator`, in the folder that `NDGI_GLTF_VALIDATOR` names, where it must work; without the variable
+//! the test says that it was skipped.
 
 use baker::bake::run::{Options, prepare};
 use baker::bake::scene_glb::to_glb;

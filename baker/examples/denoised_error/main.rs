@@ -1,12 +1,15 @@
-//! What denoising is worth, and whether its error is estimated truly: two bakes of a scene that differ in seed and samples are compared, layer
-//! by layer, in their indirect light. `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft] [--peer FOLDER]`; the
-//! hours are those of both bakes, which had `--extra-times 0`. What the dataset's layers are filtered to is kept beside them.
+//! What denoising is worth, and whether its error is estimated truly: two bakes of a scene that differ in
+//! seed and samples are compared, layer by layer, in their indirect light.
+//! `denoised_error SCENE DATASET REFERENCE_SCENE REFERENCE_DATASET HOURS [--draft] [--peer FOLDER]`; the
+//! hours are those of both bakes, which had `--extra-times 0`. What the dataset's layers are filtered to is
+//! kept beside them.
 //!
-//! Of each layer with light: the error of cells of 16×16 texels relative to their own light, median and 95th percentile, before and after;
-//! cells that became worse by more than 5 % and by half; by eighths of the reference's brightness the estimated ÷ the true error, before and
-//! after; light gained in all, and charts that gained or lost more than three standard errors. The reference's own noise is taken out of what
-//! is measured. With `CELLS` in the environment also the cells that became worse by a third. With `--peer FOLDER` another denoiser is judged
-//! too (`peer`).
+//! Of each layer with light: the error of cells of 16×16 texels relative to their own light, median and 95th
+//! percentile, before and after; cells that became worse by more than 5 % and by half; by eighths of the
+//! reference's brightness the estimated ÷ the true error, before and after; light gained in all, and charts
+//! that gained or lost more than three standard errors. The reference's own noise is taken out of what is
+//! measured. With `CELLS` in the environment also the cells that became worse by a third. With
+//! `--peer FOLDER` another denoiser is judged too (`peer`).
 
 mod peer;
 

@@ -1,10 +1,12 @@
-//! Another denoiser beside the own filters: the light of each layer as images for it to read, what it made of them, and the error of all
-//! three.
+//! Another denoiser beside the own filters: the light of each layer as images for it to read, what it made of
+//! them, and the error of all three.
 //!
-//! The folder gets, of layer 3, `03.traced.pfm`, `03.own.pfm` and `03.reference.pfm`: images of the virtual page, black where no texel is
-//! valid; and `charts.pfm`, with 1 + the number of each texel's chart, 0 where it is of none alone. Where `03.peer.pfm` lies beside them,
-//! and so for every layer, that is judged too, as the baker judges bakes (`bake::local`), but by the distance to the reference: by the indirect
-//! light of each set, and by that of each layer; likewise `03.apart.pfm`, a second way of the peer's. `judged.json` tells.
+//! The folder gets, of layer 3, `03.traced.pfm`, `03.own.pfm` and `03.reference.pfm`: images of the virtual
+//! page, black where no texel is valid; and `charts.pfm`, with 1 + the number of each texel's chart, 0 where
+//! it is of none alone. Where `03.peer.pfm` lies beside them, and so for every layer, that is judged too, as
+//! the baker judges bakes (`bake::local`), but by the distance to the reference: by the indirect light of
+//! each set, and by that of each layer; likewise `03.apart.pfm`, a second way of the peer's. `judged.json`
+//! tells.
 
 use baker::Rgb;
 use baker::bake::denoise::METHOD;
@@ -87,7 +89,8 @@ impl Peer {
         std::fs::write(path, serde_json::to_string_pretty(&judged).unwrap()).unwrap();
     }
 
-    /// Per cell with valid texels, what is measured of each way: the local error, with the reference's own noise taken out.
+    /// Per cell with valid texels, what is measured of each way: the local error, with the reference's own
+    /// noise taken out.
     fn cells(&self, ways: &[Vec<Rgb>], reference: &[Value]) -> Vec<Cell> {
         let (width, grid) = (self.size.0, self.places.grid());
         let place = |index: usize| (index % width, index / width);
@@ -169,7 +172,8 @@ impl Cell {
     }
 }
 
-/// Of cells, by each way: local error; how many texels are in cells that are worse than traced by more than 5 and 50 %; light gained.
+/// Of cells, by each way: local error; how many texels are in cells that are worse than traced by more than 5
+/// and 50 %; light gained.
 fn told(cells: &[Cell]) -> Json {
     let texels: u64 = cells.iter().map(|cell| cell.texels).sum();
     let of_way = |way: usize| {

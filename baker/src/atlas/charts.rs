@@ -1,5 +1,5 @@
-//! From world-space triangles to flat charts in metres: authored layouts where they are valid, xatlas elsewhere. Instances of
-//! one shape are flattened once.
+//! From world-space triangles to flat charts in metres: authored layouts where they are valid, xatlas
+//! elsewhere. Instances of one shape are flattened once.
 
 use super::ffi;
 use super::islands::{islands, surfaces};
@@ -87,8 +87,8 @@ enum Layout {
     Unwrapped(Option<String>),
 }
 
-/// Flattens all lightmapped instances; one task per shape, joined in order. `hidden`, ascending, get no texels where they are hidden in
-/// every instance of a shape. What `kept` has is not unwrapped again.
+/// Flattens all lightmapped instances; one task per shape, joined in order. `hidden`, ascending, get no
+/// texels where they are hidden in every instance of a shape. What `kept` has is not unwrapped again.
 pub fn flatten(geometry: &Geometry, hidden: &[u32], kept: &dyn Unwraps) -> Result<Flat> {
     geometry
         .instances
@@ -176,7 +176,8 @@ pub fn is_degenerate(corners: [DVec3; 3]) -> bool {
     area(corners).is_none()
 }
 
-/// The area of a triangle in m²; `None` when its height is within rounding of its corners (f32 relative to the origin).
+/// The area of a triangle in m²; `None` when its height is within rounding of its corners (f32 relative to
+/// the origin).
 fn area(corners: [DVec3; 3]) -> Option<f64> {
     let [a, b, c] = corners;
     let magnitude = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
@@ -190,7 +191,8 @@ fn signed_area(corners: [DVec2; 3]) -> f64 {
     0.5 * (corners[1] - corners[0]).perp_dot(corners[2] - corners[0])
 }
 
-/// The islands of the authored layout, all scaled alike so that the instance keeps its area. An error says why it is unusable.
+/// The islands of the authored layout, all scaled alike so that the instance keeps its area. An error says
+/// why it is unusable.
 fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>>, &'static str> {
     let vertices = |s: &Source| geometry.triangles[s.triangle as usize];
     let uvs = |s: &Source| vertices(s).map(|v| geometry.lightmap_uvs[v as usize].as_dvec2());
@@ -221,13 +223,15 @@ fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>
     Ok(grouped(faces, &labels))
 }
 
-/// Faces that xatlas segments at a time at most: its time grows with their square where the surface is smooth.
+/// Faces that xatlas segments at a time at most: its time grows with their square where the surface is
+/// smooth.
 const MOST_FACES: usize = 1 << 12;
 
 /// Changes whenever the same triangles would come apart otherwise.
 const METHOD: &str = "unwrap-1";
 
-/// Charts by xatlas, each scaled to its area in the world; what it leaves out or gets wrong lies flat triangle by triangle.
+/// Charts by xatlas, each scaled to its area in the world; what it leaves out or gets wrong lies flat
+/// triangle by triangle.
 fn unwrapped(geometry: &Geometry, sources: &[Source], kept: &dyn Unwraps) -> Vec<Vec<FlatFace>> {
     let key = Mesh::of(geometry, sources).key();
     let unwrap = kept.get(&key, sources.len()).unwrap_or_else(|| {
@@ -357,7 +361,8 @@ impl Mesh {
 /// xatlas' charts of triangles, those alone that are sound.
 fn unwrap(geometry: &Geometry, sources: &[Source]) -> Unwrap {
     let mut unwrap = Unwrap { triangles: vec![Unwrapped::ALONE; sources.len()] };
-    // xatlas has absolute tolerances: a face of mean area gets unit area, the instance's centre becomes the origin.
+    // xatlas has absolute tolerances: a face of mean area gets unit area, the instance's centre becomes the
+    // origin.
     let low = sources.iter().flat_map(|s| s.corners).fold(DVec3::INFINITY, DVec3::min);
     let high = sources.iter().flat_map(|s| s.corners).fold(DVec3::NEG_INFINITY, DVec3::max);
     let (centre, extent) = (0.5 * (low + high), (high - low).max_element());
@@ -397,7 +402,8 @@ fn is_sound(chart: &[FlatFace], flat_area: f64) -> bool {
         && !overlaps(&corners, 512)
 }
 
-/// Whether two triangles cover the same cell centre of a grid with `cells` cells along the longer side of their bounds.
+/// Whether two triangles cover the same cell centre of a grid with `cells` cells along the longer side of
+/// their bounds.
 fn overlaps(triangles: &[[DVec2; 3]], cells: usize) -> bool {
     let (low, high) = extent(triangles.iter().copied());
     let scale = cells as f64 / (high - low).max_element();
@@ -433,7 +439,8 @@ fn grouped(faces: Vec<FlatFace>, labels: &[usize]) -> Vec<Vec<FlatFace>> {
     groups
 }
 
-/// Turns a chart so that its bounding box is the smallest and lies along the axes, longer side along x, from (0, 0).
+/// Turns a chart so that its bounding box is the smallest and lies along the axes, longer side along x, from
+/// (0, 0).
 fn place_upright(mut faces: Vec<FlatFace>, density: f64) -> (Vec<FlatFace>, DVec2) {
     let hull = convex_hull(faces.iter().flat_map(|f| f.corners).collect());
     // The smallest box shares a direction with an edge of the hull; a later one must be clearly smaller.

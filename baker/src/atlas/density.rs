@@ -13,7 +13,8 @@ use dataset::tiles::TILE;
 /// Longest side of a page in texels.
 pub const LARGEST: u32 = 16384;
 
-/// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than 1/256 of a texel.
+/// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than
+/// 1/256 of a texel.
 pub const MOST_ROWS: u32 = 131_072;
 
 /// A page is at least this many times as long as its padding is wide.
@@ -22,7 +23,8 @@ const PADDING_OF_PAGE: u32 = 8;
 /// Width of the bilinear filter in texels.
 const LEAST_PADDING: u32 = 2;
 
-/// The part of the density that remains where charts that lie together in space do so on the page: 3 % of the texels go.
+/// The part of the density that remains where charts that lie together in space do so on the page: 3 % of the
+/// texels go.
 const FOR_LOCALITY: f64 = 0.985;
 
 /// Pages with every chart on them.
@@ -142,8 +144,8 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
     Ok(Filled::new(height, best.0, best.1, &sheets, stack))
 }
 
-/// The highest density that may fit, to half a percent: at a higher one charts own more blocks than there are. Found by areas,
-/// without packing pages. `may_fit` holds at `low`.
+/// The highest density that may fit, to half a percent: at a higher one charts own more blocks than there
+/// are. Found by areas, without packing pages. `may_fit` holds at `low`.
 fn limit(low: f64, high: f64, may_fit: impl Fn(f64) -> bool) -> f64 {
     let (mut fits, mut fails) = (low, high);
     let mut probe = 0.8 * high;
@@ -157,8 +159,8 @@ fn limit(low: f64, high: f64, may_fit: impl Fn(f64) -> bool) -> f64 {
     fails
 }
 
-/// Pages about square, as large as the density needs: one of at most `largest` texels each way, or as few more as it takes up to
-/// `pages`, of one size.
+/// Pages about square, as large as the density needs: one of at most `largest` texels each way, or as few
+/// more as it takes up to `pages`, of one size.
 pub fn grow(
     meshes: &[FlatMesh],
     texels_per_metre: f64,
@@ -200,8 +202,8 @@ pub fn grow(
             width = (width * 1.2).min(side);
         }
     }
-    // The remedies: a density at which the boxes, each rounded to whole blocks, leave a quarter of the pages free, or pages
-    // enough to do so.
+    // The remedies: a density at which the boxes, each rounded to whole blocks, leave a quarter of the pages
+    // free, or pages enough to do so.
     let blocks = |side: f64| (side / BLOCK as f64).ceil() * BLOCK as f64;
     let pages = pages.min(most);
     let room = |pages: f64| pages * (0.85 * side).powi(2);
@@ -228,8 +230,8 @@ pub fn grow(
     })
 }
 
-/// Pages of at most 3 % more texels than `sheets`, which hold everything at this density, on which what lies together in space does so on
-/// the page. `None` where that takes more, and for a page of one tile.
+/// Pages of at most 3 % more texels than `sheets`, which hold everything at this density, on which what lies
+/// together in space does so on the page. `None` where that takes more, and for a page of one tile.
 fn together(
     meshes: &[FlatMesh],
     ranks: &[Vec<u32>],
@@ -251,7 +253,8 @@ fn together(
     })
 }
 
-/// Texels at a density: the longest thing to be placed, and the area of the boxes of all, with padding and rounded.
+/// Texels at a density: the longest thing to be placed, and the area of the boxes of all, with padding and
+/// rounded.
 fn demand(
     meshes: &[FlatMesh],
     texels_per_metre: f64,

@@ -22,10 +22,12 @@ pub struct Unwrapped {
     pub charts: Vec<Option<u32>>,
 }
 
-/// Segments a mesh and flattens its charts. `None` when xatlas fails; the result may still hold bad charts, so check them.
+/// Segments a mesh and flattens its charts. `None` when xatlas fails; the result may still hold bad charts,
+/// so check them.
 ///
-/// xatlas has absolute tolerances: positions should be finite, with faces of about unit area and not much further than
-/// 10⁵ units from the origin. Runs on the calling thread and depends on nothing but its arguments.
+/// xatlas has absolute tolerances: positions should be finite, with faces of about unit area and not much
+/// further than 10⁵ units from the origin. Runs on the calling thread and depends on nothing but its
+/// arguments.
 pub fn unwrap(positions: &[Vec3], normals: &[Vec3], faces: &[[u32; 3]]) -> Option<Unwrapped> {
     let vertex_count = u32::try_from(positions.len()).ok()?;
     // Three indices and three edges per face must be countable in 32 bits.
@@ -38,10 +40,11 @@ pub fn unwrap(positions: &[Vec3], normals: &[Vec3], faces: &[[u32; 3]]) -> Optio
     }
     let mut uvs = vec![0.0f32; faces.len() * 6];
     let mut charts = vec![u32::MAX; faces.len()];
-    // SAFETY: `Vec3` is three packed `f32` and `[u32; 3]` three `u32`, so the four slices hold exactly the counts passed:
-    // 3 floats per vertex, 3 indices per face (each checked above to be below `vertex_count`), 6 uvs and 1 chart per face.
-    // The shim writes only those, keeps no pointer, catches every C++ exception, and works on an atlas of its own:
-    // xatlas' only global state is the allocator, set once under C++'s guard for local statics.
+    // SAFETY: `Vec3` is three packed `f32` and `[u32; 3]` three `u32`, so the four slices hold exactly the
+    // counts passed: 3 floats per vertex, 3 indices per face (each checked above to be below `vertex_count`),
+    // 6 uvs and 1 chart per face. The shim writes only those, keeps no pointer, catches every C++ exception,
+    // and works on an atlas of its own: xatlas' only global state is the allocator, set once under C++'s
+    // guard for local statics.
     let count = unsafe {
         baker_xatlas_unwrap(
             positions.as_ptr().cast(),

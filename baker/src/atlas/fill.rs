@@ -1,4 +1,5 @@
-//! Fills one page with outlines: large ones first, bottom-left; then window by window what lies together in space.
+//! Fills one page with outlines: large ones first, bottom-left; then window by window what lies together in
+//! space.
 
 use super::footprint::{BLOCK, Footprint, Place};
 use super::page::Page;
@@ -37,7 +38,8 @@ impl Windows {
     ];
 }
 
-/// How many windows before its own an item may still go to, the earliest first: it fills what larger ones left there.
+/// How many windows before its own an item may still go to, the earliest first: it fills what larger ones
+/// left there.
 const BACK: usize = 4;
 
 /// How many items a window hands on to the next one at most.
@@ -52,8 +54,8 @@ pub struct Filler<'a> {
     filling: Filling,
     /// The block that outlines of one block share now, and for how many more it has room.
     shared: Option<((usize, usize), usize)>,
-    /// Per outline, the first row not searched: blocks are only ever taken, so a footprint never fits above the row where the
-    /// same one was placed or refused before.
+    /// Per outline, the first row not searched: blocks are only ever taken, so a footprint never fits above
+    /// the row where the same one was placed or refused before.
     first_row: BTreeMap<&'a [u64], BTreeMap<(usize, usize), usize>>,
 }
 
@@ -69,7 +71,8 @@ impl<'a> Filler<'a> {
         self.place_in(turns, &columns, None)
     }
 
-    /// The same, starting in these columns and in these rows. (Without rows the search goes on where it ended for the same outline.)
+    /// The same, starting in these columns and in these rows. (Without rows the search goes on where it ended
+    /// for the same outline.)
     fn place_in(
         &mut self,
         turns: &'a [Footprint],
@@ -114,8 +117,8 @@ impl<'a> Filler<'a> {
         Some(place)
     }
 
-    /// Places all of these items, indices into `items` in the order of space, so that what lies together there does so on the page;
-    /// tells each that is placed. Gives those that did not fit.
+    /// Places all of these items, indices into `items` in the order of space, so that what lies together
+    /// there does so on the page; tells each that is placed. Gives those that did not fit.
     pub fn place_all(
         &mut self,
         items: &[&'a [Footprint]],
@@ -140,7 +143,8 @@ impl<'a> Filler<'a> {
                 None => refused.push(i),
             }
         }
-        // Each window takes from the queue what would fill it, the largest first; what it has no place for goes to the next one.
+        // Each window takes from the queue what would fill it, the largest first; what it has no place for
+        // goes to the next one.
         let mut queue = VecDeque::from(small);
         let (mut batch, mut rest): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
         let all = self.filling.windows.map_or(Vec::new(), |w| windows(self.size, w.tiles * TILE / BLOCK));

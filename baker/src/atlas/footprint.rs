@@ -5,7 +5,8 @@ use super::raster::{Bits, TOLERANCE};
 use dataset::tiles::TILE;
 use glam::{DVec2, Vec2Swizzles};
 
-/// Side in texels of the blocks that pages are packed by: the block of the GPU formats, and a texel of the second mip.
+/// Side in texels of the blocks that pages are packed by: the block of the GPU formats, and a texel of the
+/// second mip.
 pub const BLOCK: usize = 4;
 
 /// The pages to pack, all alike.
@@ -35,19 +36,21 @@ impl Pages {
         (self.width.div_ceil(BLOCK), self.height.div_ceil(BLOCK))
     }
 
-    /// Texels: what is nearer to a triangle than this counts as touched. Twice the rounding of a corner to `f32` on the virtual
-    /// page of all pages.
+    /// Texels: what is nearer to a triangle than this counts as touched. Twice the rounding of a corner to
+    /// `f32` on the virtual page of all pages.
     pub fn tolerance(&self) -> f64 {
         let rows = self.stride(self.height) * (self.count - 1) + self.height;
         TOLERANCE.max(rows.max(self.width).next_power_of_two() as f64 / f64::from(1 << 24))
     }
 
-    /// Texels from a block's corner to the lower corner of a chart that starts there: as far as the filter reads.
+    /// Texels from a block's corner to the lower corner of a chart that starts there: as far as the filter
+    /// reads.
     pub fn start(&self) -> f64 {
         self.padding as f64 / 2.0 - 0.5
     }
 
-    /// Texels around a chart's surface whose squares the filter reads: those whose centres lie within half of its width.
+    /// Texels around a chart's surface whose squares the filter reads: those whose centres lie within half of
+    /// its width.
     pub fn reach(&self) -> f64 {
         self.padding as f64 / 2.0 - 0.5 + self.tolerance()
     }
@@ -136,7 +139,8 @@ pub struct Run {
     pub length: usize,
 }
 
-/// The largest offsets in blocks of what ends here in texels, so that all that filtering reads for it lies inside the page.
+/// The largest offsets in blocks of what ends here in texels, so that all that filtering reads for it lies
+/// inside the page.
 pub fn last_offset(end: DVec2, pages: &Pages) -> Option<(usize, usize)> {
     let room = DVec2::new(pages.width as f64, pages.height as f64) - pages.tolerance() - pages.reach() - end;
     (room.min_element() >= 0.0).then_some((room.x as usize / BLOCK, room.y as usize / BLOCK))

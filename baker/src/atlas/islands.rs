@@ -2,8 +2,8 @@
 
 use crate::geometry::Geometry;
 
-/// Per triangle, the lowest place in the list of a triangle of its island. Triangles of one island are joined by edges, that is, by two
-/// corners alike in position and lightmap coordinates.
+/// Per triangle, the lowest place in the list of a triangle of its island. Triangles of one island are joined
+/// by edges, that is, by two corners alike in position and lightmap coordinates.
 pub fn islands(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
     joined(triangles.len(), |i, k| {
         let v = geometry.triangles[triangles[i] as usize][k] as usize;
@@ -12,8 +12,8 @@ pub fn islands(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
     })
 }
 
-/// The same for triangles that lie on pages already: corners are alike where they are so in position, page and place on it. `at` gives
-/// page, u and v of a corner of the triangle at a place in the list.
+/// The same for triangles that lie on pages already: corners are alike where they are so in position, page
+/// and place on it. `at` gives page, u and v of a corner of the triangle at a place in the list.
 pub fn laid_islands(
     geometry: &Geometry,
     triangles: &[u32],
@@ -26,13 +26,14 @@ pub fn laid_islands(
     })
 }
 
-/// Per triangle, the lowest place in the list of a triangle of its piece of surface: joined by edges in space.
+/// Per triangle, the lowest place in the list of a triangle of its piece of surface: joined by edges in
+/// space.
 pub fn surfaces(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
     joined(triangles.len(), |i, k| geometry.corners(triangles[i] as usize)[k].to_array())
 }
 
-/// Per triangle of so many, the lowest place of one that edges join it to. Corners (of a triangle, from 0 to 2) are one where their keys
-/// are equal.
+/// Per triangle of so many, the lowest place of one that edges join it to. Corners (of a triangle, from 0
+/// to 2) are one where their keys are equal.
 fn joined<const N: usize>(triangles: usize, key: impl Fn(usize, usize) -> [f32; N]) -> Vec<usize> {
     let mut edges = Vec::with_capacity(3 * triangles);
     for i in 0..triangles {

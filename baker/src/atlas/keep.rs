@@ -1,5 +1,5 @@
-//! The files' own lightmap coordinates as places on the page (`uv = "keep"`), so that a lightmap that an engine has already can be
-//! replaced by one of the same layout. Nothing is packed, moved or turned.
+//! The files' own lightmap coordinates as places on the page (`uv = "keep"`), so that a lightmap that an
+//! engine has already can be replaced by one of the same layout. Nothing is packed, moved or turned.
 
 use super::charts::is_degenerate;
 use super::density::{LARGEST, MOST_ROWS};
@@ -27,7 +27,8 @@ const MOST_LISTED: usize = 50;
 /// Cells along a page's longer side on which overlaps are looked for, and most cells along a texel.
 const CELLS: u32 = 8192;
 const MOST_CELLS: u32 = 8;
-/// Texels around an island whose squares bilinear filtering reads, but for rounding: those whose centres lie within a texel.
+/// Texels around an island whose squares bilinear filtering reads, but for rounding: those whose centres lie
+/// within a texel.
 const READ: f64 = 0.5 - 1.0 / 64.0;
 
 /// A triangle where its file puts it.
@@ -39,18 +40,20 @@ struct Laid {
     corners: [DVec2; 3],
 }
 
-/// Triangles with something wrong, by instance: how many, and where the first one lies, in lightmap coordinates.
+/// Triangles with something wrong, by instance: how many, and where the first one lies, in lightmap
+/// coordinates.
 #[derive(Default)]
 struct Named(BTreeMap<usize, (usize, DVec2)>);
 
 /// Lays every lightmapped triangle where its file puts it.
 ///
-/// Of triangles that overlap, the first in the order of the files has the texels: a later one at least half of which lies on them gets none.
-/// (Where less of it does, texels hold the mean of both.) Triangles that leave their page get none.
+/// Of triangles that overlap, the first in the order of the files has the texels: a later one at least half
+/// of which lies on them gets none. (Where less of it does, texels hold the mean of both.) Triangles that
+/// leave their page get none.
 ///
 /// # Errors
-/// `Invalid` where a lightmapped mesh has no lightmap coordinates, a node names a page beyond those asked for, or no triangle is left;
-/// `Unsupported` where the pages are too large.
+/// `Invalid` where a lightmapped mesh has no lightmap coordinates, a node names a page beyond those asked
+/// for, or no triangle is left; `Unsupported` where the pages are too large.
 pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     let LightmapSize::Fixed { width, height } = lightmap.size else {
         return Err(Error::invalid(ASKED, "expected `size`, the page's size in texels"));
@@ -271,7 +274,8 @@ fn without_overlaps(
     });
 }
 
-/// The number of texels touched, and the islands of which bilinear filtering reads a texel that it reads for another, too.
+/// The number of texels touched, and the islands of which bilinear filtering reads a texel that it reads for
+/// another, too.
 fn neighbours(all: &[Laid], charts: &[usize], sheets: &Pages) -> (usize, Named) {
     let mut bits: Vec<Bits> = (0..sheets.count).map(|_| Bits::new(sheets.width, sheets.height)).collect();
     // What is read: page, row, columns and island.

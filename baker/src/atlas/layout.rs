@@ -1,5 +1,5 @@
-//! A shared layout: the charts of a mesh packed on a small page of their own, which goes on the page once per member, scaled and
-//! moved but not turned.
+//! A shared layout: the charts of a mesh packed on a small page of their own, which goes on the page once per
+//! member, scaled and moved but not turned.
 
 use super::charts::FlatMesh;
 use super::fill::{Filler, Filling};
@@ -12,9 +12,9 @@ pub fn largest_scale(mesh: &FlatMesh) -> f64 {
     mesh.members.iter().map(|m| m.scale).fold(1.0, f64::max)
 }
 
-/// The filter width to keep charts of a layout apart by, so that the page's is kept at every member's scale. Where nothing scales, the
-/// texels are the same for all. Else they fall differently on the charts: with 2 texels more, charts are further apart than the page's
-/// filter is wide, wherever they lie.
+/// The filter width to keep charts of a layout apart by, so that the page's is kept at every member's scale.
+/// Where nothing scales, the texels are the same for all. Else they fall differently on the charts: with 2
+/// texels more, charts are further apart than the page's filter is wide, wherever they lie.
 fn padding(mesh: &FlatMesh, pages: &Pages) -> usize {
     if largest_scale(mesh) == 1.0 { pages.padding } else { pages.padding + 2 }
 }
@@ -29,7 +29,8 @@ pub fn width(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> f64 {
     boxes.sqrt().max(longest)
 }
 
-/// Packs a mesh's charts into a layout that at the largest member's scale fits a page; `None` if none is found.
+/// Packs a mesh's charts into a layout that at the largest member's scale fits a page; `None` if none is
+/// found.
 pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages, stack: usize) -> Option<Vec<Place>> {
     let largest = largest_scale(mesh);
     let most = |texels: usize| (texels as f64 / largest) as usize;

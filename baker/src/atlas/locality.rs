@@ -1,4 +1,5 @@
-//! The order in which surfaces are put on pages: what is near in space comes near in it, so that streaming needs fewer tiles for a view.
+//! The order in which surfaces are put on pages: what is near in space comes near in it, so that streaming
+//! needs fewer tiles for a view.
 
 use super::charts::{Chart, FlatMesh};
 use glam::DVec3;
@@ -68,7 +69,8 @@ mod tests {
 
     #[test]
     fn what_is_near_in_space_is_near_in_the_order() {
-        // Cells of a 16 × 16 × 4 grid, in a scrambled order: the quarters of the order are quarters of the plan.
+        // Cells of a 16 × 16 × 4 grid, in a scrambled order: the quarters of the order are quarters of the
+        // plan.
         let cell = |i: u32| DVec3::new(f64::from(i % 16), f64::from(i / 256), f64::from(i / 16 % 16));
         let pieces: Vec<Piece> =
             (0..1024u32).map(|i| Piece { centre: cell(i * 37 % 1024), weight: 1.0 }).collect();

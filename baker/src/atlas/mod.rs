@@ -1,10 +1,12 @@
 //! Lightmap coordinates: unwrapping into charts and packing them on pages.
 //!
-//! `sharing` says which instances share a layout, `raster` which texels a triangle touches or covers, `islands` what is connected; `charts`
-//! flattens each shape once (authored layout, or xatlas through `ffi`; `unwraps` keeps what that gave). `footprint` says which blocks of 4×4 texels a chart owns where it
-//! may lie, `outline` which charts share blocks, `locality` the order of space. `page` keeps the free blocks, `fill` fills one page,
-//! `spread` several, `layout` packs the charts of a shared layout, `pack` places charts and layouts at a given density, `density` searches
-//! for the density or the pages. `owners` tells which chart a texel belongs to. `keep` takes the files' own coordinates instead of all this.
+//! `sharing` says which instances share a layout, `raster` which texels a triangle touches or covers,
+//! `islands` what is connected; `charts` flattens each shape once (authored layout, or xatlas through `ffi`;
+//! `unwraps` keeps what that gave). `footprint` says which blocks of 4×4 texels a chart owns where it may
+//! lie, `outline` which charts share blocks, `locality` the order of space. `page` keeps the free blocks,
+//! `fill` fills one page, `spread` several, `layout` packs the charts of a shared layout, `pack` places
+//! charts and layouts at a given density, `density` searches for the density or the pages. `owners` tells
+//! which chart a texel belongs to. `keep` takes the files' own coordinates instead of all this.
 
 mod sharing;
 mod ffi;
@@ -36,10 +38,12 @@ use pack::Origin;
 use std::ops::Range;
 use unwraps::{Anew, Unwraps};
 
-/// The layout of the texels over all lightmapped instances: pages of equal size, one below the other on one tall virtual page.
+/// The layout of the texels over all lightmapped instances: pages of equal size, one below the other on one
+/// tall virtual page.
 ///
-/// Page p takes the rows `p × stride .. p × stride + page_height` of the virtual page ([`Atlas::page_rows`]); the rows between
-/// pages hold nothing. Everything that works on texels works on the virtual page and need not know of pages.
+/// Page p takes the rows `p × stride .. p × stride + page_height` of the virtual page ([`Atlas::page_rows`]);
+/// the rows between pages hold nothing. Everything that works on texels works on the virtual page and need
+/// not know of pages.
 #[derive(Clone, Debug)]
 pub struct Atlas {
     /// Texels of every page, and of the virtual page.
@@ -50,9 +54,9 @@ pub struct Atlas {
     pub pages: u32,
     /// Texels of every page.
     pub page_height: u32,
-    /// Rows of the virtual page from one page's first row to the next one's. `page_height` where there is one page; else that
-    /// plus what dilation reaches, so that it does not go from page to page, rounded up to whole metric tiles (128), so that no tile
-    /// and no block of texels lies on two.
+    /// Rows of the virtual page from one page's first row to the next one's. `page_height` where there is one
+    /// page; else that plus what dilation reaches, so that it does not go from page to page, rounded up to
+    /// whole metric tiles (128), so that no tile and no block of texels lies on two.
     pub stride: u32,
     /// Texels per metre reached (at density 1).
     pub texels_per_metre: f64,
@@ -70,15 +74,15 @@ pub struct Atlas {
     pub notes: Vec<String>,
     /// What the user may not have meant.
     pub warnings: Vec<String>,
-    /// Per instance of the geometry, its place on each page that has texels of it, ascending by page: none where it has no
-    /// texels, several only where its charts are too many for one page.
+    /// Per instance of the geometry, its place on each page that has texels of it, ascending by page: none
+    /// where it has no texels, several only where its charts are too many for one page.
     pub placements: Vec<Vec<Placement>>,
     /// The layouts that several instances share.
     pub layouts: Vec<Layout>,
 }
 
-/// Where the layout of an instance lies: page coordinates = `scale` × layout coordinates + `offset`, per axis. Page coordinates
-/// run from (0, 0), the page's top left corner, to (1, 1).
+/// Where the layout of an instance lies: page coordinates = `scale` × layout coordinates + `offset`, per
+/// axis. Page coordinates run from (0, 0), the page's top left corner, to (1, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// The page, below [`Atlas::pages`].
@@ -107,8 +111,8 @@ pub struct Skipped {
 pub struct Layout {
     /// The instance it was made from, an index into `Geometry::instances`.
     pub instance: u32,
-    /// Its triangles, ascending, each with the layout coordinates of its corners in [0, 1]: the first number is an index into
-    /// `Geometry::triangles`.
+    /// Its triangles, ascending, each with the layout coordinates of its corners in [0, 1]: the first number
+    /// is an index into `Geometry::triangles`.
     pub faces: Vec<(u32, [Vec2; 3])>,
 }
 
@@ -119,13 +123,15 @@ impl Atlas {
         top..top + self.page_height
     }
 
-    /// How many texels faces touch: the length of [`Atlas::touched`], which was counted when the atlas was made.
+    /// How many texels faces touch: the length of [`Atlas::touched`], which was counted when the atlas was
+    /// made.
     pub fn texels(&self) -> usize {
         let all = f64::from(self.width) * f64::from(self.page_height) * f64::from(self.pages);
         (self.utilisation * all).round() as usize
     }
 
-    /// The texels of the virtual page that faces touch, row by row: those that surface covers, and a few that it only grazes.
+    /// The texels of the virtual page that faces touch, row by row: those that surface covers, and a few that
+    /// it only grazes.
     pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
         let width = self.width as usize;
         (0..self.pages).flat_map(move |number| {
@@ -174,13 +180,15 @@ impl Atlas {
 pub struct Face {
     /// Index into `Geometry::triangles`.
     pub triangle: u32,
-    /// Corner positions in texels of the virtual page: (0, 0) is its top left corner, texel (x, y) covers [x, x+1) × [y, y+1).
+    /// Corner positions in texels of the virtual page: (0, 0) is its top left corner, texel (x, y) covers [x,
+    /// x+1) × [y, y+1).
     pub corners: [Vec2; 3],
     /// Its chart.
     pub chart: u32,
 }
 
-/// The lightmapped instances by shape: all members of a list share one layout, and have their triangles in the same order.
+/// The lightmapped instances by shape: all members of a list share one layout, and have their triangles in
+/// the same order.
 pub fn shapes(geometry: &Geometry) -> Vec<Vec<usize>> {
     let groups = sharing::groups(geometry).into_iter();
     groups.map(|group| group.members.iter().map(|member| member.instance).collect()).collect()
@@ -202,32 +210,36 @@ pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -
     build_from(geometry, lightmap, hidden, &Anew)
 }
 
-/// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread count.
+/// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread
+/// count.
 ///
-/// Charts keep their shape (one scale, quarter turns and mirror images only) and stay half a texel inside their page. No texel is read
-/// for two charts by a filter `padding` texels wide (2, the least, is bilinear, 4 bicubic), and no block of 4×4 texels on a 4-texel
-/// boundary holds texels that are read for two, except charts less than a texel wide, of which up to four share a block. So the GPU's
-/// block formats and the first two mips mix no charts either. On a page with more charts than blocks for them, several of the smallest
+/// Charts keep their shape (one scale, quarter turns and mirror images only) and stay half a texel inside
+/// their page. No texel is read for two charts by a filter `padding` texels wide (2, the least, is bilinear,
+/// 4 bicubic), and no block of 4×4 texels on a 4-texel boundary holds texels that are read for two, except
+/// charts less than a texel wide, of which up to four share a block. So the GPU's block formats and the first
+/// two mips mix no charts either. On a page with more charts than blocks for them, several of the smallest
 /// lie on each other, with a warning.
 ///
 /// What is near in space lies near on the page, where that costs no more than 3 % of its texels.
 ///
-/// Instances of one mesh share one layout, which lies on the page once for each, scaled to its density and moved: see
-/// [`Placement`]. They do when they are of the same shape ([`crate::geometry::Similarity`]) and differ in texels per metre of the
-/// mesh by a factor of 4 at most. Shared layouts start on 4-texel boundaries, their charts too where nothing scales them. (Charts of one that
-/// is scaled are further apart, but may share blocks with each other.)
+/// Instances of one mesh share one layout, which lies on the page once for each, scaled to its density and
+/// moved: see [`Placement`]. They do when they are of the same shape ([`crate::geometry::Similarity`]) and
+/// differ in texels per metre of the mesh by a factor of 4 at most. Shared layouts start on 4-texel
+/// boundaries, their charts too where nothing scales them. (Charts of one that is scaled are further apart,
+/// but may share blocks with each other.)
 ///
-/// A mesh's charts lie on one page, and so does every member of a shared layout, unless a mesh that shares with none is so large
-/// that it would fill the emptiest page by a tenth more than its share: then its charts lie on several. Pages that would be
-/// empty are left out.
+/// A mesh's charts lie on one page, and so does every member of a shared layout, unless a mesh that shares
+/// with none is so large that it would fill the emptiest page by a tenth more than its share: then its charts
+/// lie on several. Pages that would be empty are left out.
 ///
-/// Triangles of `hidden`, ascending, get no texels where they are hidden in every instance that shares their layout.
+/// Triangles of `hidden`, ascending, get no texels where they are hidden in every instance that shares their
+/// layout.
 ///
 /// Meshes whose unwrap `kept` has are not unwrapped again; that changes nothing in the atlas.
 ///
 /// # Errors
-/// `Invalid` when no triangle is to be lightmapped; `Unsupported` when a page has less than 2×2 texels, the density asked for needs
-/// pages larger than 16384 texels, or all pages together have more than 131072 rows.
+/// `Invalid` when no triangle is to be lightmapped; `Unsupported` when a page has less than 2×2 texels, the
+/// density asked for needs pages larger than 16384 texels, or all pages together have more than 131072 rows.
 pub fn build_from(
     geometry: &Geometry,
     lightmap: &Lightmap,
@@ -288,7 +300,8 @@ pub fn build_from(
         let first = &geometry.instances[mesh.members[0].instance];
         let page_of =
             |chart: usize, origin: Origin| if mesh.is_shared() { origin.page } else { packed.places[chart].page } as u32;
-        // The layout's unit square in texels of the smallest member: whole texels, half a one at least past the last chart.
+        // The layout's unit square in texels of the smallest member: whole texels, half a one at least past
+        // the last chart.
         let layout_size = (packed.end + 0.5).ceil();
         for (member, &origin) in mesh.members.iter().zip(&packed.origins) {
             let instance = &geometry.instances[member.instance];
@@ -376,8 +389,8 @@ const COSTLY: f64 = 3.0;
 /// How many parts such a warning names.
 const MOST_COSTLY: usize = 10;
 
-/// What the user may not have meant: layouts of files that are not used, more hidden than not, texels so wide that the model may not be
-/// in metres, and parts in so many pieces that little of the page is surface.
+/// What the user may not have meant: layouts of files that are not used, more hidden than not, texels so wide
+/// that the model may not be in metres, and parts in so many pieces that little of the page is surface.
 fn warnings(
     geometry: &Geometry,
     flat: &charts::Flat,

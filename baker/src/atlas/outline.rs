@@ -1,4 +1,5 @@
-//! The charts of a mesh as things to place: each by itself, but four tiny ones to a block and two thin ones side by side.
+//! The charts of a mesh as things to place: each by itself, but four tiny ones to a block and two thin ones
+//! side by side.
 
 use super::charts::Chart;
 use super::footprint::{BLOCK, Footprint, Pages, Place, Turn, footprints, last_offset, owned};
@@ -77,7 +78,8 @@ pub fn outlines(charts: &[Chart], ranks: &[u32], texels_per_metre: f64, pages: &
     all
 }
 
-/// The footprints of several charts: as they lie, and with the axes swapped. (Mirrored, their steps would not be whole texels.)
+/// The footprints of several charts: as they lie, and with the axes swapped. (Mirrored, their steps would not
+/// be whole texels.)
 fn together(
     charts: &[Chart],
     parts: &[(usize, DVec2)],

@@ -19,8 +19,8 @@ pub struct Owners {
 }
 
 impl Owners {
-    /// A cell belongs to the chart for which bilinear filtering reads texels of it; else to the chart of its block of 4×4, where that
-    /// is one alone.
+    /// A cell belongs to the chart for which bilinear filtering reads texels of it; else to the chart of its
+    /// block of 4×4, where that is one alone.
     pub fn new(atlas: &Atlas) -> Self {
         let (width, height) = (atlas.width as usize, atlas.height as usize);
         // Whole blocks.

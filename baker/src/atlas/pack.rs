@@ -21,7 +21,8 @@ pub struct Packed {
     pub pages: usize,
 }
 
-/// Where a mesh's charts lie. A point at texel p of the layout lies at texel `p × member.scale + origin` of the page.
+/// Where a mesh's charts lie. A point at texel p of the layout lies at texel `p × member.scale + origin` of
+/// the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     /// Per chart, its place in the layout: a block of its own if the mesh is shared, else a page.

@@ -34,8 +34,8 @@ impl Page {
         self.free[rows].iter().flatten().map(inside).sum()
     }
 
-    /// The first row from `from` to `limit` with a place for the footprint that starts in one of the columns, and the leftmost column
-    /// there; if there is none, the first row not searched.
+    /// The first row from `from` to `limit` with a place for the footprint that starts in one of the columns,
+    /// and the leftmost column there; if there is none, the first row not searched.
     pub fn find(
         &mut self,
         footprint: &Footprint,
@@ -66,7 +66,8 @@ impl Page {
             if self.longest[row] < run.length {
                 return None;
             }
-            // Columns at which this run lies in a gap: those from `gap.0 − start` to `gap.1 − start − length`.
+            // Columns at which this run lies in a gap: those from `gap.0 − start` to
+            // `gap.1 − start − length`.
             let gaps = &self.free[row];
             self.narrowed.clear();
             for &(low, high) in &self.columns {

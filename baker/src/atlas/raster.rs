@@ -3,8 +3,9 @@
 use glam::DVec2;
 use std::ops::Range;
 
-/// Texels: everything nearer to a triangle than this counts as touched, so that rounding corners to `f32` on pages up to
-/// 16384 texels (half an ulp is 2⁻¹¹) never touches a texel that was not counted. Taller virtual pages need more.
+/// Texels: everything nearer to a triangle than this counts as touched, so that rounding corners to `f32` on
+/// pages up to 16384 texels (half an ulp is 2⁻¹¹) never touches a texel that was not counted. Taller virtual
+/// pages need more.
 pub const TOLERANCE: f64 = 1.0 / 1024.0;
 
 /// A bit per texel, rows of 64-bit words, the lowest bit leftmost.
@@ -67,15 +68,16 @@ impl Bits {
         met != 0
     }
 
-    /// Sets every texel whose closed square comes within `tolerance` of the triangle; what lies outside is clipped.
+    /// Sets every texel whose closed square comes within `tolerance` of the triangle; what lies outside is
+    /// clipped.
     pub fn touch(&mut self, triangle: [DVec2; 3], tolerance: f64) {
         for (y, columns) in touched(triangle, tolerance, self.width, self.height) {
             self.set_span(y, columns.start, columns.end);
         }
     }
 
-    /// Sets every texel whose centre lies inside the triangle by more than a thousandth of a texel along both axes; returns
-    /// whether one was set already, that is, whether the triangle overlaps one drawn before.
+    /// Sets every texel whose centre lies inside the triangle by more than a thousandth of a texel along both
+    /// axes; returns whether one was set already, that is, whether the triangle overlaps one drawn before.
     pub fn cover(&mut self, triangle: [DVec2; 3]) -> bool {
         let rows = covered(triangle, self.width, self.height);
         rows.fold(false, |overlaps, (y, columns)| self.set_span(y, columns.start, columns.end) || overlaps)
@@ -94,7 +96,8 @@ impl Bits {
     }
 }
 
-/// The rows of a page and their columns, none empty, whose texels' closed squares come within `tolerance` of the triangle.
+/// The rows of a page and their columns, none empty, whose texels' closed squares come within `tolerance` of
+/// the triangle.
 pub fn touched(
     triangle: [DVec2; 3],
     tolerance: f64,
@@ -103,7 +106,8 @@ pub fn touched(
 ) -> impl Iterator<Item = (usize, Range<usize>)> {
     let (low, high) = bounds(triangle);
     span(low.y - tolerance, high.y + tolerance, height).filter_map(move |y| {
-        // The triangle within the row's band is convex, so the texels it touches are those its x-interval touches.
+        // The triangle within the row's band is convex, so the texels it touches are those its x-interval
+        // touches.
         let band = (y as f64 - tolerance, (y + 1) as f64 + tolerance);
         let (x0, x1) = x_interval(triangle, band)?;
         let columns = span(x0 - tolerance, x1 + tolerance, width);
@@ -111,8 +115,8 @@ pub fn touched(
     })
 }
 
-/// The rows of a page and their columns, none empty, whose texels' centres lie inside the triangle by more than a thousandth of a texel
-/// along both axes.
+/// The rows of a page and their columns, none empty, whose texels' centres lie inside the triangle by more
+/// than a thousandth of a texel along both axes.
 pub fn covered(
     triangle: [DVec2; 3],
     width: usize,
@@ -154,8 +158,8 @@ fn x_interval(triangle: [DVec2; 3], (y0, y1): (f64, f64)) -> Option<(f64, f64)> 
     };
     for i in 0..3 {
         let (mut a, mut b) = (triangle[i], triangle[(i + 1) % 3]);
-        // The corners inside the band, and where each edge crosses its borders; upwards, so that both sides of a shared edge
-        // compute the same crossing.
+        // The corners inside the band, and where each edge crosses its borders; upwards, so that both sides
+        // of a shared edge compute the same crossing.
         if (y0..=y1).contains(&a.y) {
             add(a.x);
         }

@@ -1,8 +1,9 @@
 //! Which instances share a layout of charts.
 //!
-//! The rule: lightmapped instances of one mesh share a layout when their linear parts differ by rotation, mirroring and uniform
-//! scale (within 10⁻³) and their texels per metre of the mesh by no more than a factor of 4. Other stretches would stretch
-//! texels with them, and the gaps between charts, which the smallest member needs, grow with the scale.
+//! The rule: lightmapped instances of one mesh share a layout when their linear parts differ by rotation,
+//! mirroring and uniform scale (within 10⁻³) and their texels per metre of the mesh by no more than a factor
+//! of 4. Other stretches would stretch texels with them, and the gaps between charts, which the smallest
+//! member needs, grow with the scale.
 
 use crate::geometry::{Geometry, Instance};
 use glam::DVec3;
@@ -36,7 +37,8 @@ pub struct Member {
     pub centre: DVec3,
 }
 
-/// Groups all lightmapped instances, in the order of their first members: each joins the first group that takes it.
+/// Groups all lightmapped instances, in the order of their first members: each joins the first group that
+/// takes it.
 pub fn groups(geometry: &Geometry) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     // The groups of a mesh, ascending, by the stretch of their first members.
@@ -80,8 +82,9 @@ pub fn groups(geometry: &Geometry) -> Vec<Group> {
     groups
 }
 
-/// How a mesh is stretched, as a cell of a grid: the parts of two axes in the squared lengths of all three. Turns, mirrors and uniform
-/// scales do not change them. Those of equal shapes (within the 10⁻³ of [`Instance::similarity`]) differ by less than a cell, of 1/64.
+/// How a mesh is stretched, as a cell of a grid: the parts of two axes in the squared lengths of all three.
+/// Turns, mirrors and uniform scales do not change them. Those of equal shapes (within the 10⁻³ of
+/// [`Instance::similarity`]) differ by less than a cell, of 1/64.
 fn stretch(instance: &Instance) -> [i32; 2] {
     const CELLS: f64 = 64.0;
     let linear = instance.world_from_mesh.matrix3;
@@ -103,7 +106,8 @@ mod tests {
 
     #[test]
     fn equal_shapes_share_whatever_their_turn_and_scale() {
-        // Stretches on both sides of borders of cells, each turned, mirrored, scaled and off by nearly the tolerance.
+        // Stretches on both sides of borders of cells, each turned, mirrored, scaled and off by nearly the
+        // tolerance.
         let mut geometry = Geometry::default();
         for i in 0..40 {
             let stretch = DVec3::new(1.0, 1.0 + 0.05 * f64::from(i), 2.0 - 0.03 * f64::from(i));

@@ -1,20 +1,22 @@
-//! Spreads charts and shared layouts over several pages, so that a mesh stays on one page wherever that costs little.
+//! Spreads charts and shared layouts over several pages, so that a mesh stays on one page wherever that costs
+//! little.
 
 use super::fill::{Filler, Filling};
 use super::footprint::{BLOCK, Footprint, Pages, Place};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A mesh goes on a page as a whole unless that fills the page to more than this many times its fair share: at most a twentieth
-/// of the density is lost.
+/// A mesh goes on a page as a whole unless that fills the page to more than this many times its fair share:
+/// at most a twentieth of the density is lost.
 const OVERFULL: f64 = 1.1;
 
 /// Pages with their items, as indices, in the order of placing.
 type Lists = Vec<Vec<usize>>;
 
-/// Places one of the turns of every item. `unit_of` says, per item, which others it should share a page with (the charts of a
-/// mesh; equal ones stand side by side); `rank` is the order in which items lie in space. Gives the
-/// places, the most rows used of a page and the number of pages used, numbered from 0, or `None` if the items do not fit.
+/// Places one of the turns of every item. `unit_of` says, per item, which others it should share a page with
+/// (the charts of a mesh; equal ones stand side by side); `rank` is the order in which items lie in space.
+/// Gives the places, the most rows used of a page and the number of pages used, numbered from 0, or `None` if
+/// the items do not fit.
 pub fn spread(
     items: &[&[Footprint]],
     unit_of: &[usize],
@@ -91,8 +93,8 @@ fn assign(loads: &[f64], unit_of: &[usize], rank: &[u32], pages: usize) -> (Vec<
     }
     units.sort_by_key(|unit| (unit.0, unit.2.start));
 
-    // Each to the page where it lies when pages take equal shares in that order, or else to the emptiest one. One that would overfill
-    // that too is poured over the pages, each up to its fair share.
+    // Each to the page where it lies when pages take equal shares in that order, or else to the emptiest one.
+    // One that would overfill that too is poured over the pages, each up to its fair share.
     let fair_share = loads.iter().sum::<f64>() / pages as f64;
     let mut fill = vec![0.0; pages];
     let emptiest = |fill: &[f64]| (0..pages).min_by(|&a, &b| fill[a].total_cmp(&fill[b])).unwrap_or_default();
@@ -129,7 +131,8 @@ struct Filled<'a> {
     refused: BTreeMap<usize, Vec<usize>>,
 }
 
-/// Fills a page with the parts of its list that fit as a whole; `None` once the others load more than `allowance`.
+/// Fills a page with the parts of its list that fit as a whole; `None` once the others load more than
+/// `allowance`.
 fn fill<'a>(
     items: &[&'a [Footprint]],
     loads: &[f64],
@@ -148,7 +151,8 @@ fn fill<'a>(
         if homeless > allowance {
             return None;
         }
-        // A part of which anything is refused is refused as a whole; all over again if the rest of it was placed.
+        // A part of which anything is refused is refused as a whole; all over again if the rest of it was
+        // placed.
         let mut is_placed = vec![false; items.len()];
         placed.iter().for_each(|&(i, _)| is_placed[i] = true);
         let mut fresh: BTreeMap<usize, Vec<usize>> = BTreeMap::new();

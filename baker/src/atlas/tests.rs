@@ -91,7 +91,8 @@ fn fixed(width: u32, height: u32) -> Lightmap {
     Lightmap { size: LightmapSize::Fixed { width, height }, pages: 1, padding: 2, ..Lightmap::default() }
 }
 
-/// Checks every promise by drawing the faces again at sub-texel accuracy, and returns the fraction of texels touched.
+/// Checks every promise by drawing the faces again at sub-texel accuracy, and returns the fraction of texels
+/// touched.
 fn check(geometry: &Geometry, atlas: &Atlas, padding: i64) -> f64 {
     let (width, height) = (atlas.width as usize, atlas.height as usize);
     // Each lightmapped triangle once, ascending.
@@ -120,8 +121,8 @@ fn check(geometry: &Geometry, atlas: &Atlas, padding: i64) -> f64 {
     for face in &atlas.faces {
         assert!(!fine.cover(face.corners.map(|c| c.as_dvec2() * 4.0)), "{face:?} overlaps another");
     }
-    // No texel is read for two charts by a filter of `padding` texels: by the exact test (separating axes) of a triangle and the square in
-    // which the filter reads a texel, unlike the band clipping of the packer.
+    // No texel is read for two charts by a filter of `padding` texels: by the exact test (separating axes) of
+    // a triangle and the square in which the filter reads a texel, unlike the band clipping of the packer.
     let half = 0.5 * padding as f64;
     let mut owner = vec![u32::MAX; width * height];
     let mut touched = vec![false; width * height];
@@ -146,7 +147,8 @@ fn check(geometry: &Geometry, atlas: &Atlas, padding: i64) -> f64 {
             }
         }
     }
-    // Nor does a block hold texels of two that bilinear filtering reads, except thin ones and those of layouts, which may be scaled.
+    // Nor does a block hold texels of two that bilinear filtering reads, except thin ones and those of
+    // layouts, which may be scaled.
     let bilinear = padding == 2;
     let scaled = |chart: u32| {
         let face = atlas.faces.iter().find(|face| face.chart == chart).unwrap();
@@ -202,7 +204,8 @@ fn touches(t: [DVec2; 3], low: DVec2, side: f64) -> bool {
     })
 }
 
-/// Largest and smallest ratio of a face's length on the page to its length in space, over all edges, ÷ density.
+/// Largest and smallest ratio of a face's length on the page to its length in space, over all edges, ÷
+/// density.
 fn stretch(geometry: &Geometry, atlas: &Atlas) -> (f64, f64) {
     let mut range = (f64::INFINITY, 0.0f64);
     for face in &atlas.faces {
@@ -348,7 +351,8 @@ fn what_cannot_fit_is_an_error() {
         assert!(build(&geometry, &fixed(width, height)).is_err(), "{width} x {height}");
     }
     check(&geometry, &build(&geometry, &fixed(3, 3)).unwrap(), 2);
-    // A page with fewer blocks than charts still takes them all, with a warning that says which parts cost most.
+    // A page with fewer blocks than charts still takes them all, with a warning that says which parts cost
+    // most.
     let crowded = build(&boxes(500, 1.0), &fixed(32, 32)).unwrap();
     assert_eq!((crowded.faces.len(), crowded.width, crowded.height), (6000, 32, 32));
     assert!(

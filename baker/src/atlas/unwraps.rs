@@ -1,8 +1,10 @@
-//! How meshes come apart into charts, as bytes that outlive a layout: a mesh that is the same as before need not be unwrapped again.
+//! How meshes come apart into charts, as bytes that outlive a layout: a mesh that is the same as before need
+//! not be unwrapped again.
 
 use glam::Vec2;
 
-/// Names a mesh by all that decides how it comes apart: the digest of its triangles, and of how they are unwrapped.
+/// Names a mesh by all that decides how it comes apart: the digest of its triangles, and of how they are
+/// unwrapped.
 pub type Key = [u8; 32];
 
 /// Bytes of a triangle of [`Unwrap::to_bytes`].

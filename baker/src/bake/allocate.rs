@@ -1,8 +1,9 @@
-//! How many samples of indirect light a texel gets: in proportion to how much those of the texels around it differ.
+//! How many samples of indirect light a texel gets: in proportion to how much those of the texels around it
+//! differ.
 //!
-//! The first round decides it for all later ones. A texel's own samples have no say in it: were they asked, those that met a rare
-//! bright path would be given other numbers than those that did not, and the mean would be wrong. (By the pivot it has a say of the order of one
-//! in all texels: so few of them have none.)
+//! The first round decides it for all later ones. A texel's own samples have no say in it: were they asked,
+//! those that met a rare bright path would be given other numbers than those that did not, and the mean would
+//! be wrong. (By the pivot it has a say of the order of one in all texels: so few of them have none.)
 
 use super::errors::{Parts, cell_of};
 use super::state::{BlockState, CELLS};
@@ -10,10 +11,12 @@ use crate::Rgb;
 use crate::surface::BlockSurface;
 use crate::trace::lights::Lights;
 
-/// Texels so far to every side are asked. (Three find more of what is local, 5 % of the squared error in the yard and the room; but where bright
-/// paths are rare and nothing is local, chance then decides: 1.8 times the squared error of even samples, with six 1.3.)
+/// Texels so far to every side are asked. (Three find more of what is local, 5 % of the squared error in the
+/// yard and the room; but where bright paths are rare and nothing is local, chance then decides: 1.8 times
+/// the squared error of even samples, with six 1.3.)
 const REACH: usize = 6;
-/// log₂ of the least number of samples, relative to the mean: the dark, which differs little, is to be looked at too.
+/// log₂ of the least number of samples, relative to the mean: the dark, which differs little, is to be looked
+/// at too.
 const LEAST: i32 = -1;
 /// log₂ of the greatest.
 const MOST: i32 = 4;
@@ -24,8 +27,8 @@ const OCTAVES: i32 = 32;
 /// The outermost class.
 const LAST: i32 = STEPS * OCTAVES;
 
-/// How much samples differ around a texel: the logarithm of their standard deviation in steps; `None` where nobody could be asked, or nothing
-/// differed: there the next path may be the first.
+/// How much samples differ around a texel: the logarithm of their standard deviation in steps; `None` where
+/// nobody could be asked, or nothing differed: there the next path may be the first.
 pub type Class = Option<i16>;
 
 /// How many texels are of which class.
@@ -50,8 +53,9 @@ impl Histogram {
         self.0.iter_mut().zip(&other.0).for_each(|(sum, n)| *sum += n);
     }
 
-    /// The class that gets the mean number of samples: the lowest for which no more are drawn than if every texel got as many. `None`
-    /// where texels are so few that each would decide by it how many it gets itself.
+    /// The class that gets the mean number of samples: the lowest for which no more are drawn than if every
+    /// texel got as many. `None` where texels are so few that each would decide by it how many it gets
+    /// itself.
     pub fn pivot(&self) -> Option<i16> {
         /// Texels from which on there is one.
         const ENOUGH: u64 = 64;
@@ -124,8 +128,8 @@ pub fn distinct<'a>(sets: &'a [Parts], means: &[f64]) -> Vec<(&'a Parts, f64)> {
     (0..sets.len()).filter(is_new).map(|set| (&sets[set], means[set])).collect()
 }
 
-/// The classes of the covered texels of a block after its first round. Deviations are those of the sets' light, each in units of its
-/// mean, summed in squares over the sets.
+/// The classes of the covered texels of a block after its first round. Deviations are those of the sets'
+/// light, each in units of its mean, summed in squares over the sets.
 pub fn classes(
     sets: &[(&Parts, f64)],
     lights: &Lights,
@@ -156,7 +160,8 @@ pub fn classes(
     surface.covered().map(class).collect()
 }
 
-/// The mean over the places about one, without itself and without the greatest: one bright path is luck, two are a place.
+/// The mean over the places about one, without itself and without the greatest: one bright path is luck, two
+/// are a place.
 fn mean_around(squares: &[Option<f64>], width: usize, place: usize) -> Option<f64> {
     let (x, y) = (place % width, place / width);
     let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(width);
@@ -250,7 +255,8 @@ mod tests {
         squares[at(8, 8)] = Some(44.0);
         assert_eq!(mean_around(&squares, 17, at(7, 7)), Some(0.0));
         squares[at(9, 8)] = Some(69.0);
-        // What is reached of the first alone, and of both: 10 × 9 places without the texel itself and without the greatest.
+        // What is reached of the first alone, and of both: 10 × 9 places without the texel itself and without
+        // the greatest.
         assert_eq!(mean_around(&squares, 17, at(2, 2)), Some(0.0));
         assert_eq!(mean_around(&squares, 17, at(3, 2)), Some(44.0 / 88.0));
         // Neither.
@@ -272,8 +278,9 @@ mod tests {
         assert_eq!([0.0, f64::NAN].map(class_of), [None, None]);
     }
 
-    /// The mean, and the covariance of two halves, over pages of 16 × 16 texels of light 1 that comes by paths of one in `rare`, where every texel
-    /// draws four samples a half, and is then brought to eight times as many, times its share; `counts`: the mean of which squares decides.
+    /// The mean, and the covariance of two halves, over pages of 16 × 16 texels of light 1 that comes by
+    /// paths of one in `rare`, where every texel draws four samples a half, and is then brought to eight
+    /// times as many, times its share; `counts`: the mean of which squares decides.
     fn simulated(rare: u32, counts: impl Fn(&[Option<f64>], usize) -> Option<f64>) -> (f64, f64) {
         const PAGES: u32 = 600;
         let draw = |texel: u32, half: u32, from: u32, to: u32| -> f64 {
@@ -309,7 +316,8 @@ mod tests {
 
     #[test]
     fn rare_bright_paths_keep_their_light() {
-        // 153,600 texels of relative variance 10 ÷ 64 or a little more: the mean is known to 0.001, at 30 to 0.002.
+        // 153,600 texels of relative variance 10 ÷ 64 or a little more: the mean is known to 0.001, at 30 to
+        // 0.002.
         for rare in [10, 30] {
             let (mean, covariance) = simulated(rare, |squares, place| mean_around(squares, 16, place));
             assert!((mean - 1.0).abs() < 0.008 && covariance.abs() < 0.01, "{rare}: {mean} {covariance}");

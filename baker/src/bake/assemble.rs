@@ -57,7 +57,8 @@ pub struct Stored {
     pub pages: Vec<Page>,
     /// The layers of sun and sky, as far as they are baked.
     pub daylight: Vec<Layer>,
-    /// Per group of the scene, the parts of its light that are baked, each with an image per page; black is `None`.
+    /// Per group of the scene, the parts of its light that are baked, each with an image per page; black is
+    /// `None`.
     pub groups: Vec<Vec<Share>>,
     /// Groups that were traced and whose light reaches no texel.
     pub dark_groups: Vec<usize>,
@@ -88,7 +89,8 @@ pub struct WorstSet {
     pub set: usize,
     /// Per cell its local error, row by row.
     pub errors: Vec<f64>,
-    /// Of its layers, each with its share of the squared error in the cells with more than the first of [`OVER`]; the greatest first.
+    /// Of its layers, each with its share of the squared error in the cells with more than the first of
+    /// [`OVER`]; the greatest first.
     pub causes: Vec<(usize, f64)>,
 }
 
@@ -187,8 +189,8 @@ impl<'a> Assembler<'a> {
         Ok(sums)
     }
 
-    /// The valid texels, by their places among the covered ones, which is where layers hold them, each with its index on the page and the
-    /// sum of its light in all layers.
+    /// The valid texels, by their places among the covered ones, which is where layers hold them, each with
+    /// its index on the page and the sum of its light in all layers.
     pub fn valid_texels(&self) -> impl Iterator<Item = (Chosen, f32)> {
         let valid = self.texels.iter().enumerate().filter(|(_, texel)| self.mask.valid[texel.index as usize]);
         valid.map(|(place, texel)| (Chosen { place, index: texel.index }, self.light[place]))
@@ -224,7 +226,8 @@ impl<'a> Assembler<'a> {
         Ok(sum)
     }
 
-    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; adds them to `sum`.
+    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; adds them to
+    /// `sum`.
     fn store_parts(
         &self,
         writer: &mut Writer,
@@ -288,8 +291,8 @@ impl<'a> Assembler<'a> {
         if self.atlas.pages == 1 { stem.to_owned() } else { format!("{stem}-p{page}") }
     }
 
-    /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups. `baked` says which part of each
-    /// light they hold.
+    /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups. `baked`
+    /// says which part of each light they hold.
     pub fn store(&self, writer: &mut Writer, baked: &BakedParts, mut each: impl FnMut()) -> Result<Stored> {
         let pages = self.store_masks(writer)?;
         let first_group = self.plan.suns.len() + self.plan.sky_hours.len();
@@ -341,7 +344,8 @@ impl<'a> Assembler<'a> {
             let sun =
                 self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun), &mut total)?;
             let sky_layer = self.plan.sky_of[i].map(|s| self.plan.suns.len() + s);
-            // (Lightmaps hold one part of a sky: added to the sun's light, it is as if it were summed by itself first.)
+            // (Lightmaps hold one part of a sky: added to the sun's light, it is as if it were summed by
+            // itself first.)
             let sky = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky), &mut total)?;
             for (layers, shares) in [(&mut suns, sun), (&mut skies, sky)] {
                 layers.iter_mut().zip(shares).for_each(|(layer, (_, files))| layer.files.push(files));
@@ -422,8 +426,8 @@ impl<'a> Assembler<'a> {
         Ok(cells)
     }
 
-    /// Goes through the valid texels, with the sum of what lightmaps hold of some layers at each. Of all of these some texels at a time are
-    /// in memory.
+    /// Goes through the valid texels, with the sum of what lightmaps hold of some layers at each. Of all of
+    /// these some texels at a time are in memory.
     fn each_sum(&self, layers: &[usize], mut each: impl FnMut(usize, &Value)) -> Result<()> {
         let mut parts = Vec::new();
         for &layer in layers {

@@ -1,8 +1,8 @@
 //! The balance of light, E = source + T E, over all entries of the cache: a sparse linear system.
 //!
-//! It is solved by passes that trace no rays. In each, light goes one bounce further. Where surfaces are bright, that is slow; each
-//! layer and channel is therefore also rescaled as a whole, so that what all entries send out agrees with what they get (a one-group
-//! rebalance, known from neutron transport).
+//! It is solved by passes that trace no rays. In each, light goes one bounce further. Where surfaces are
+//! bright, that is slow; each layer and channel is therefore also rescaled as a whole, so that what all
+//! entries send out agrees with what they get (a one-group rebalance, known from neutron transport).
 
 use crate::trace::cache_half::CacheHalf;
 use crate::{Error, Result, Rgb};
@@ -17,8 +17,8 @@ pub const LEAST_WALKS: usize = 4;
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.
 const SETTLED: f64 = 1e-3;
-/// Largest change of the last pass at an entry relative to its own light, on average over each run of entries: a dim room beside
-/// a bright yard has to settle too.
+/// Largest change of the last pass at an entry relative to its own light, on average over each run of
+/// entries: a dim room beside a bright yard has to settle too.
 const STILL: f64 = 5e-4;
 /// Part of a layer's greatest light below which changes are judged by that.
 const FAINT: f32 = 1e-6;
@@ -26,11 +26,12 @@ const FAINT: f32 = 1e-6;
 const TURNS: u32 = 3;
 /// Entries of a run.
 const RUN: usize = 4096;
-/// Light of all bounces, as a multiple of that before the first, from which on it is taken to grow without end where surfaces
-/// absorb nothing.
+/// Light of all bounces, as a multiple of that before the first, from which on it is taken to grow without
+/// end where surfaces absorb nothing.
 const ENDLESS_GROWTH: f64 = 1e4;
 
-/// Part of a run's entries that, gaining a four-hundredth of their light by the last pass, keep it from settling.
+/// Part of a run's entries that, gaining a four-hundredth of their light by the last pass, keep it from
+/// settling.
 const ENDLESS_PART: f64 = 0.2;
 /// Bounces after which walks that kept half of their weight are without end.
 const ROUNDS: usize = 400;
@@ -49,8 +50,8 @@ pub struct Solution {
 pub struct Landing {
     /// Where; none: `u32::MAX`.
     pub entry: u32,
-    /// Irradiance at the start per unit of it there. (Not half floats: 0.999 would become 0.99902, and what a closed room of
-    /// it holds grow by 2.4 %.)
+    /// Irradiance at the start per unit of it there. (Not half floats: 0.999 would become 0.99902, and what a
+    /// closed room of it holds grow by 2.4 %.)
     pub weight: [f32; 3],
 }
 
@@ -71,9 +72,10 @@ pub struct System {
     pub share: Vec<f32>,
 }
 
-/// Walks per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries are few. What the cache
-/// finds by chance moves the light of a whole page alike, and no number of walks that read it mends that. Few samples are a quick look:
-/// below sixteen of them there are as few walks, so that the cache does not cost many times what reads it.
+/// Walks per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries
+/// are few. What the cache finds by chance moves the light of a whole page alike, and no number of walks that
+/// read it mends that. Few samples are a quick look: below sixteen of them there are as few walks, so that
+/// the cache does not cost many times what reads it.
 pub fn walks(entries: usize, samples: u32) -> usize {
     /// From so many over all entries on, few entries are no reason for more.
     const ENOUGH: usize = 1 << 17;
@@ -91,7 +93,8 @@ impl System {
         size_of::<Rgb>() * layers + walks * size_of::<Landing>()
     }
 
-    /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows without end.
+    /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows
+    /// without end.
     pub fn solve(
         &self,
         mut note: impl FnMut(usize),
@@ -114,7 +117,8 @@ impl System {
         if brightest > 1.0 - 1e-6 && self.is_endless() {
             return Err(endless());
         }
-        // A layer is taken as soon as it settles, whatever the others do: it does not depend on what it is traced with.
+        // A layer is taken as soon as it settles, whatever the others do: it does not depend on what it is
+        // traced with.
         let mut result = CacheHalf::new(n, &vec![0.0; self.layers]);
         let mut taken = vec![false; self.layers];
         // The light of each layer and channel over all entries as it is stored, and the passes made.
@@ -136,12 +140,14 @@ impl System {
                     *n = change / (*n + Rgb::splat(FAINT * most)).max(Rgb::splat(f32::MIN_POSITIVE));
                 }
             });
-            // Rescale: with r the part of what was sent out that arrived again, light is in balance at source ÷ (1 − r). (What arrived is
-            // taken before it is rounded: at albedo 0.999 a thousandth of it decides.)
+            // Rescale: with r the part of what was sent out that arrived again, light is in balance at source
+            // ÷ (1 − r). (What arrived is taken before it is rounded: at albedo 0.999 a thousandth of it
+            // decides.)
             let mut settled = vec![true; self.layers];
             let mut factors = vec![1.0; values];
             for i in (0..values).filter(|&i| source[i] > 0.0) {
-                // (In the first passes chance may bring back more than was sent out; a sum without end goes on growing.)
+                // (In the first passes chance may bring back more than was sent out; a sum without end goes
+                // on growing.)
                 let r = (again[i] - source[i]) / total[i];
                 if brightest > 1.0 - 1e-6 && total[i] > ENDLESS_GROWTH * source[i] {
                     return Err(endless());
@@ -150,7 +156,8 @@ impl System {
                     if r < 1.0 { (source[i] / (1.0 - r) / stored[i]).clamp(0.25, 8.0) } else { 8.0 };
                 turns[i] += u32::from((factor > 1.1 && last[i] < 0.9) || (factor < 0.9 && last[i] > 1.1));
                 last[i] = factor;
-                // Where few entries exchange light with many, one number for all may swing for ever: passes alone settle there.
+                // Where few entries exchange light with many, one number for all may swing for ever: passes
+                // alone settle there.
                 let swings = turns[i] >= TURNS;
                 if swings {
                     factor = 1.0;
@@ -174,8 +181,8 @@ impl System {
         }
     }
 
-    /// Whether light goes round without end in so many entries that they would never settle: found without any light, by what
-    /// part of the weight of walks is left after [`ROUNDS`] of them.
+    /// Whether light goes round without end in so many entries that they would never settle: found without
+    /// any light, by what part of the weight of walks is left after [`ROUNDS`] of them.
     fn is_endless(&self) -> bool {
         let n = self.share.len();
         let mut left = vec![1f32; n];
@@ -222,8 +229,8 @@ impl System {
         }
     }
 
-    /// Sums over the entries of what `value(spare, entry, out)` puts into `out`, per layer and channel, in an order that does
-    /// not depend on the threads.
+    /// Sums over the entries of what `value(spare, entry, out)` puts into `out`, per layer and channel, in an
+    /// order that does not depend on the threads.
     fn sums(&self, value: impl Fn(&mut [Rgb], usize, &mut [Rgb]) + Sync) -> Vec<f64> {
         let mut all = vec![0.0; 3 * self.layers];
         for (run, _) in self.runs(value) {
@@ -264,7 +271,8 @@ impl System {
 mod tests {
     use super::*;
 
-    /// `pocket` entries that pass all their light round, `albedo` of it each time, and as many that lose half.
+    /// `pocket` entries that pass all their light round, `albedo` of it each time, and as many that lose
+    /// half.
     fn system(pocket: usize, albedo: f32, light: Rgb) -> System {
         let landing = |entry: usize| {
             let (next, weight) = if entry < pocket {

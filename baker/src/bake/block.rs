@@ -1,5 +1,5 @@
-//! What works on blocks of texels: the points of their samples. (Which points are surface: `probe`. What light they get: `direct`,
-//! `indirect`.)
+//! What works on blocks of texels: the points of their samples. (Which points are surface: `probe`. What
+//! light they get: `direct`, `indirect`.)
 
 use super::state::{ALL_PROBES, PROBES};
 use crate::atlas::Atlas;
@@ -43,7 +43,8 @@ pub struct Worker<'a> {
     pub bins: &'a FaceBins,
     /// Seed of all randomness.
     pub seed: u64,
-    /// Samples of indirect light per texel that are sure to be drawn: what comes before them costs no more than they are worth.
+    /// Samples of indirect light per texel that are sure to be drawn: what comes before them costs no more
+    /// than they are worth.
     pub certain: u32,
 }
 
@@ -64,8 +65,9 @@ impl Worker<'_> {
         Sequence::new(self.seed, Kind::Texel, index as u32, stream as u32 + half as u32)
     }
 
-    /// The point of a sample. Where only some of the texel's probed points are its surface (`probes` says which), it lies
-    /// around one of those: in the sixteenth of the texel that the probed point stands for, as far as it is seen from there.
+    /// The point of a sample. Where only some of the texel's probed points are its surface (`probes` says
+    /// which), it lies around one of those: in the sixteenth of the texel that the probed point stands for,
+    /// as far as it is seen from there.
     pub fn receiver(
         &self,
         surface: &BlockSurface,
@@ -95,7 +97,8 @@ impl Worker<'_> {
         self.transport.space.receiver(&surface.sample(self.atlas, texel, point_pair(sample)))
     }
 
-    /// Whether points of a texel that are not its surface lie outside solids all the same: on the other side of a wall.
+    /// Whether points of a texel that are not its surface lie outside solids all the same: on the other side
+    /// of a wall.
     pub fn is_split(
         &self,
         surface: &BlockSurface,
@@ -128,8 +131,8 @@ impl Worker<'_> {
         surface.sample(self.atlas, texel, Self::probed(probe))
     }
 
-    /// Where a texel is probed: at the same places in all, whatever the seed. A wall that stands along a row of texels then leaves them
-    /// all the same side, not one or the other by chance.
+    /// Where a texel is probed: at the same places in all, whatever the seed. A wall that stands along a row
+    /// of texels then leaves them all the same side, not one or the other by chance.
     fn probed(probe: u32) -> Vec2 {
         // A sequence that stands well apart and has a point near every corner.
         const SPREAD: u32 = 239;

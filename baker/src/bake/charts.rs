@@ -1,4 +1,5 @@
-//! How the meshes of a bake come apart into charts, kept beside the dataset: a later bake or plan of the same meshes need not unwrap them.
+//! How the meshes of a bake come apart into charts, kept beside the dataset: a later bake or plan of the same
+//! meshes need not unwrap them.
 //!
 //! One file, sealed, holds all meshes of the last bake or plan, by key. Of each:
 //!
@@ -8,8 +9,9 @@
 //! | 8 | number of triangles, little-endian |
 //! | 28 each | the triangles, as [`Unwrap::to_bytes`] gives them |
 //!
-//! The triangles are those of the geometry, about the scene's centre: where that moves, every mesh is another.
-//! What is damaged, or of another version, is not there. Nothing fails because the file cannot be read or written.
+//! The triangles are those of the geometry, about the scene's centre: where that moves, every mesh is
+//! another. What is damaged, or of another version, is not there. Nothing fails because the file cannot be
+//! read or written.
 
 use super::layers::{CHARTS, FOLDER};
 use super::sealed;

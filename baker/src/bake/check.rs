@@ -1,10 +1,11 @@
 //! How wrong a bake really is: seeded texels, traced again by long walks to their end.
 //!
-//! Walks to the end have no bias; their own noise is known from two independent halves and taken out of the difference. What is
-//! left of the difference beyond the noise that the bake itself reports is its bias.
+//! Walks to the end have no bias; their own noise is known from two independent halves and taken out of the
+//! difference. What is left of the difference beyond the noise that the bake itself reports is its bias.
 //!
-//! Measured by the mean light of all checked texels, a dim room beside a bright yard may lose most of its light unseen. The difference is
-//! therefore also measured by each texel's own light, and summed over eighths of the texels from the darkest to the brightest.
+//! Measured by the mean light of all checked texels, a dim room beside a bright yard may lose most of its
+//! light unseen. The difference is therefore also measured by each texel's own light, and summed over eighths
+//! of the texels from the darkest to the brightest.
 
 use super::block::{Stream, Worker};
 use super::endless;
@@ -38,8 +39,8 @@ pub struct Check {
 pub struct SetCheck {
     /// Which set.
     pub set: usize,
-    /// Root mean square difference from the reference, its noise taken out: the true error. `None` where the difference is no larger than
-    /// that noise, so that nothing is known but that.
+    /// Root mean square difference from the reference, its noise taken out: the true error. `None` where the
+    /// difference is no larger than that noise, so that nothing is known but that.
     pub true_error: Option<f64>,
     /// Root mean square of the errors that the bake estimates for these texels.
     pub estimated_error: f64,
@@ -49,7 +50,8 @@ pub struct SetCheck {
     pub mean_difference: f64,
     /// Root mean square of the reference's own standard error.
     pub reference_error: f64,
-    /// Median over the texels of |difference| ÷ the texel's own reference light; the noise of the reference is in it.
+    /// Median over the texels of |difference| ÷ the texel's own reference light; the noise of the reference
+    /// is in it.
     pub own_error: f64,
     /// Median over the texels of the reference's own standard error ÷ the texel's own reference light.
     pub own_reference_error: f64,
@@ -95,8 +97,8 @@ pub struct Eighth {
     pub standard_error: f64,
 }
 
-/// Standard errors from which on a difference is taken for real: of 24 sets, eighth by eighth, chance alone passes them once in
-/// thirty bakes or so (Student's t for 64 texels).
+/// Standard errors from which on a difference is taken for real: of 24 sets, eighth by eighth, chance alone
+/// passes them once in thirty bakes or so (Student's t for 64 texels).
 const SIGNIFICANT: f64 = 4.0;
 /// Parts that the texels are sorted into by brightness.
 const EIGHTHS: usize = 8;
@@ -125,8 +127,9 @@ impl Check {
     }
 }
 
-/// What of an eighth's difference is beyond chance. Texels of like brightness are alike noisy: an eighth that happens to miss the
-/// few texels that hold most of the light scatters too little, so the scatter of those beside it counts too.
+/// What of an eighth's difference is beyond chance. Texels of like brightness are alike noisy: an eighth that
+/// happens to miss the few texels that hold most of the light scatters too little, so the scatter of those
+/// beside it counts too.
 fn beyond_chance(eighth: &Eighth, all: &[Eighth]) -> f64 {
     let beside = all.iter().filter(|other| other.place.abs_diff(eighth.place) <= 1);
     let noise = beside.map(|other| other.standard_error).fold(0.0, f64::max);
@@ -153,14 +156,16 @@ pub struct Chosen {
     pub index: u32,
 }
 
-/// Chooses [`TEXELS`] of the valid texels, each given with its light, by the seed: as many of every octave of light, so that a dark room
-/// counts as much as the field around it.
+/// Chooses [`TEXELS`] of the valid texels, each given with its light, by the seed: as many of every octave of
+/// light, so that a dark room counts as much as the field around it.
 ///
-/// All that are valid may be chosen, those too at which the bake found no light: that may be its error. Where the reference finds
-/// none either they say nothing and do no harm, for errors are relative to the mean over all of them, or to the light of an eighth.
-/// Texels that are not valid have no light to compare: they show their neighbours'.
+/// All that are valid may be chosen, those too at which the bake found no light: that may be its error. Where
+/// the reference finds none either they say nothing and do no harm, for errors are relative to the mean over
+/// all of them, or to the light of an eighth. Texels that are not valid have no light to compare: they show
+/// their neighbours'.
 pub fn choose(valid: impl Iterator<Item = (Chosen, f32)>, seed: u64) -> Vec<Chosen> {
-    /// Octaves that hold a smaller part of the texels count as one with the next brighter: creases, which nobody sees.
+    /// Octaves that hold a smaller part of the texels count as one with the next brighter: creases, which
+    /// nobody sees.
     const FEWEST: f64 = 0.005;
     #[derive(Default)]
     struct Octave {
@@ -207,7 +212,8 @@ pub fn choose(valid: impl Iterator<Item = (Chosen, f32)>, seed: u64) -> Vec<Chos
     chosen
 }
 
-/// Checks the chosen texels. `layers` holds each layer's values in their order; `sets` are made of the worker's layers.
+/// Checks the chosen texels. `layers` holds each layer's values in their order; `sets` are made of the
+/// worker's layers.
 pub fn check(
     worker: &Worker,
     chosen: &[Chosen],
@@ -284,8 +290,8 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
     })
 }
 
-/// Errors as estimated and as they are, by eighths. (Sorted by what was baked, the darkest would be those that missed the light, and with it
-/// their own error.)
+/// Errors as estimated and as they are, by eighths. (Sorted by what was baked, the darkest would be those
+/// that missed the light, and with it their own error.)
 fn told(texels: &[Checked]) -> Vec<Told> {
     let sorted = sorted(texels);
     let eighth = |place: usize| {
@@ -338,8 +344,9 @@ fn bounds(place: usize, texels: usize) -> Range<usize> {
     place * texels / EIGHTHS..(place + 1) * texels / EIGHTHS
 }
 
-/// The texels sorted by brightness and cut into eighths. Sorted and compared by the same noisy light, the darkest would be those
-/// whose reference came out too dark; so one half of the reference sorts and the other compares, and the other way round.
+/// The texels sorted by brightness and cut into eighths. Sorted and compared by the same noisy light, the
+/// darkest would be those whose reference came out too dark; so one half of the reference sorts and the other
+/// compares, and the other way round.
 fn eighths(texels: &[Checked]) -> Vec<Eighth> {
     let sorted = sorted(texels);
     let eighth = |place: usize| {
@@ -359,8 +366,9 @@ fn eighths(texels: &[Checked]) -> Vec<Eighth> {
     (0..EIGHTHS).filter_map(eighth).collect()
 }
 
-/// Of pairs (baked, reference): the mean reference light, Σ baked ÷ Σ reference − 1, and the standard error of that, from the
-/// scatter about it (the ratio estimator of sampling theory); too small where few texels hold most of the light. `None` without light or scatter to judge by.
+/// Of pairs (baked, reference): the mean reference light, Σ baked ÷ Σ reference − 1, and the standard error
+/// of that, from the scatter about it (the ratio estimator of sampling theory); too small where few texels
+/// hold most of the light. `None` without light or scatter to judge by.
 fn ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<(f64, f64, f64)> {
     let (mut n, mut baked, mut light) = (0.0, 0.0, 0.0);
     for (b, l) in pairs.clone() {
@@ -421,8 +429,9 @@ mod tests {
         }
     }
 
-    /// A bake of 512 texels: three quarters a yard of light about 100, the rest a room of light about 1, of which the bake found
-    /// the part `kept`. A tenth of noise in the bake, a fifth in each half of the reference.
+    /// A bake of 512 texels: three quarters a yard of light about 100, the rest a room of light about 1, of
+    /// which the bake found the part `kept`. A tenth of noise in the bake, a fifth in each half of the
+    /// reference.
     fn bake(seed: u64, kept: f64, room: f64) -> Vec<Checked> {
         bake_checked_to(0.2, seed, kept, room)
     }
@@ -471,7 +480,8 @@ mod tests {
 
     #[test]
     fn errors_are_told_as_they_are_by_eighths() {
-        // All eighths of twenty bakes: the ratio is 1 on average, and within its own bounds as often as it should.
+        // All eighths of twenty bakes: the ratio is 1 on average, and within its own bounds as often as it
+        // should.
         let (mut ratios, mut beyond) = (Vec::new(), 0);
         for seed in 1..=20 {
             for told in told(&bake_checked_to(0.05, seed, 1.0, 1.0)) {
@@ -550,8 +560,8 @@ mod tests {
 
     #[test]
     fn noise_that_a_few_texels_hold_is_no_loss() {
-        // One texel of the room in 32 holds 32 times its light, the others none: right on average. By its own scatter alone an
-        // eighth would be called dark in a tenth of such bakes.
+        // One texel of the room in 32 holds 32 times its light, the others none: right on average. By its own
+        // scatter alone an eighth would be called dark in a tenth of such bakes.
         let false_alarms = (1..=100).filter(|&seed| {
             let mut texels = bake(seed, 1.0, 1.0);
             for (i, texel) in texels.iter_mut().enumerate().filter(|(i, _)| i.is_multiple_of(4)) {

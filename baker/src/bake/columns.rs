@@ -1,8 +1,10 @@
-//! The bytes of a block, made fewer without loss: arrays of records, one record a texel, are written column by column and compressed.
+//! The bytes of a block, made fewer without loss: arrays of records, one record a texel, are written column
+//! by column and compressed.
 //!
-//! A column is one byte of a record over all texels. Neighbouring texels have the same signs and exponents, a light that does not reach a
-//! block is a column of zeros, and counters are alike: all these are long runs. The low bytes of a mantissa stay what they are, noise. The
-//! compressor is Zstandard at its fastest level, which costs less than the disk does for the bytes it saves.
+//! A column is one byte of a record over all texels. Neighbouring texels have the same signs and exponents, a
+//! light that does not reach a block is a column of zeros, and counters are alike: all these are long runs.
+//! The low bytes of a mantissa stay what they are, noise. The compressor is Zstandard at its fastest level,
+//! which costs less than the disk does for the bytes it saves.
 
 /// The fastest level that also codes single bytes by how often they occur.
 const LEVEL: i32 = 1;

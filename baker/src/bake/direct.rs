@@ -1,11 +1,12 @@
 //! Direct light of suns and groups at the texels of a block: samples where they are worth their rays.
 //!
-//! How many they are is decided once, by a few *trial* samples that count for nothing else. Were it decided by the samples that
-//! count, the lucky ones would be kept; were each half to decide for the other, both would miss the same thin shadow together
-//! and agree on a light without it.
+//! How many they are is decided once, by a few *trial* samples that count for nothing else. Were it decided
+//! by the samples that count, the lucky ones would be kept; were each half to decide for the other, both
+//! would miss the same thin shadow together and agree on a light without it.
 //!
-//! Where light groups are many, each texel's samples go to those that give it most, beside what each gives all in all: the others have
-//! their numbers halved, once or more. By how much is a matter of places alone, not of samples.
+//! Where light groups are many, each texel's samples go to those that give it most, beside what each gives
+//! all in all: the others have their numbers halved, once or more. By how much is a matter of places alone,
+//! not of samples.
 
 use super::block::{Stream, Worker, sum};
 use super::errors::cell_of;
@@ -19,9 +20,11 @@ use rayon::prelude::*;
 
 /// Trial samples of each texel and light.
 const TRIALS: u16 = 4;
-/// Samples in each half that every texel and light gets where those of indirect light are eight or more; see [`first`].
+/// Samples in each half that every texel and light gets where those of indirect light are eight or more; see
+/// [`first`].
 const FIRST: u16 = 4;
-/// The `log2` of twice as many direct samples as there are of indirect light on average; one less is half as many.
+/// The `log2` of twice as many direct samples as there are of indirect light on average; one less is half as
+/// many.
 const TWICE: u8 = 4;
 
 /// How many direct samples a texel and light gets.
@@ -43,8 +46,9 @@ impl Want {
         Want { log2: byte & 15, halvings: byte >> 4 }
     }
 
-    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial samples did not differ
-    /// (`log2` 0) one for 32, for they may all have missed a thin shadow; elsewhere samples × 2^(log2 − [`TWICE`]).
+    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial
+    /// samples did not differ (`log2` 0) one for 32, for they may all have missed a thin shadow; elsewhere
+    /// samples × 2^(log2 − [`TWICE`]).
     fn samples(self, samples: u32, first: u16) -> u16 {
         /// What a counter holds.
         const MOST: u64 = 1 << 15;
@@ -56,8 +60,8 @@ impl Want {
     }
 }
 
-/// Samples in each half that every texel and light gets where `samples` of indirect light are sure to be drawn: no more than of those,
-/// but two at least.
+/// Samples in each half that every texel and light gets where `samples` of indirect light are sure to be
+/// drawn: no more than of those, but two at least.
 fn first(samples: u32) -> u16 {
     (samples / 2).clamp(2, u32::from(FIRST)) as u16
 }
@@ -86,8 +90,8 @@ impl Worker<'_> {
         trial + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
-    /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means` holds the mean of
-    /// each light over all pages.
+    /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means`
+    /// holds the mean of each light over all pages.
     pub fn more_direct(
         &self,
         surface: &BlockSurface,
@@ -113,10 +117,11 @@ impl Worker<'_> {
         self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
-    /// How often the samples of each covered texel and light are halved (`[texel][light]`): as often as the chance with which the group would be
-    /// asked among all of them. Suns are never.
+    /// How often the samples of each covered texel and light are halved (`[texel][light]`): as often as the
+    /// chance with which the group would be asked among all of them. Suns are never.
     fn halvings_of(&self, surface: &BlockSurface, probes: &[u16]) -> Vec<u8> {
-        /// A group's light is looked at with one sample at least: more halvings change nothing but what goes with a thousand samples.
+        /// A group's light is looked at with one sample at least: more halvings change nothing but what goes
+        /// with a thousand samples.
         const MOST: f32 = 4.0;
         /// Light groups, of many, that get all of their samples.
         const ASKED: usize = 4;
@@ -136,8 +141,8 @@ impl Worker<'_> {
         covered.par_iter().zip(probes).with_min_len(64).flat_map_iter(of_texel).collect()
     }
 
-    /// Brings the direct light of each texel, stream and light (as `records` are ordered) to as many samples as `goals` says of
-    /// its texel and light.
+    /// Brings the direct light of each texel, stream and light (as `records` are ordered) to as many samples
+    /// as `goals` says of its texel and light.
     fn draw_direct(
         &self,
         surface: &BlockSurface,
@@ -191,8 +196,8 @@ impl Worker<'_> {
 /// The streams of the samples that count.
 const HALVES: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Direct, 1)];
 
-/// The [`Want`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth their rays, by its trial samples and
-/// those of the texels beside.
+/// The [`Want`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth their rays,
+/// by its trial samples and those of the texels beside.
 fn wants(
     surface: &BlockSurface,
     covered: &[usize],
@@ -201,16 +206,18 @@ fn wants(
     means: &[f32],
     suns: usize,
 ) -> Vec<u8> {
-    /// The most for groups: four times as many again take twice the time in the scene `room`, for a third off the error at noon.
+    /// The most for groups: four times as many again take twice the time in the scene `room`, for a third off
+    /// the error at noon.
     const MOST: f32 = TWICE as f32 + 2.0;
-    /// Of suns there are many, and their noise is little beside that of indirect light: they get half of what groups would. (In the
-    /// yard that costs 3 % of error and saves a fifth of the time; a quarter costs 12 % and saves a tenth more.)
+    /// Of suns there are many, and their noise is little beside that of indirect light: they get half of what
+    /// groups would. (In the yard that costs 3 % of error and saves a fifth of the time; a quarter costs 12 %
+    /// and saves a tenth more.)
     const LESS: u8 = 1;
     let lights = means.len();
     // Of many groups each has its own bright texels, and those of all together are many.
     let fewer = if lights - suns > ALL_UP_TO { LESS } else { 0 };
-    // The place of each texel of the block among the covered ones. (Neighbours in other blocks are not asked: along their borders
-    // some edges of shadows are found less surely.)
+    // The place of each texel of the block among the covered ones. (Neighbours in other blocks are not asked:
+    // along their borders some edges of shadows are found less surely.)
     let mut place = vec![None; surface.width * surface.height];
     covered.iter().enumerate().for_each(|(i, &texel)| place[texel] = Some(i));
     let mut wants = vec![0; trials.len()];
@@ -229,8 +236,9 @@ fn wants(
             let edges = beside().filter(|n| own.differs_from(n));
             let step = edges.map(|n| (n.mean() - own.mean()).element_sum().abs()).reduce(f32::max);
             let less = if light < suns { LESS } else { 0 };
-            // Where nothing is known but that samples differ: as many as of indirect light for suns, half as many for groups, whose rays
-            // cost more. Beside texels whose samples vary a quarter as many: a thin shadow that crosses them may have been missed here.
+            // Where nothing is known but that samples differ: as many as of indirect light for suns, half as
+            // many for groups, whose rays cost more. Beside texels whose samples vary a quarter as many: a
+            // thin shadow that crosses them may have been missed here.
             let most = if light < suns { TWICE - LESS } else { TWICE - 2 };
             let usual = match own.varies() || step.is_some() {
                 true => most,

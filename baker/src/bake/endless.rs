@@ -1,4 +1,5 @@
-//! Light that nothing absorbs: found before the rounds by following some paths, and told with the surfaces that reflect it.
+//! Light that nothing absorbs: found before the rounds by following some paths, and told with the surfaces
+//! that reflect it.
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
@@ -16,7 +17,8 @@ const PATHS: u32 = 1 << 14;
 const ENOUGH: usize = 4;
 /// Most triangles of bright surfaces that a path is followed from.
 const MOST_TRIANGLES: usize = 1 << 15;
-/// Paths that are followed from one of them where the first had no end. Half of them tell a closed space from a long way out.
+/// Paths that are followed from one of them where the first had no end. Half of them tell a closed space from
+/// a long way out.
 const AGAIN: u32 = 16;
 /// Most names that the error lists.
 const MOST_NAMED: usize = 5;
@@ -47,8 +49,9 @@ fn listed(names: &[&str]) -> String {
     }
 }
 
-/// Refuses a scene in which many paths go on without end in lit places, or most paths from one of them. Gives a warning where many do so
-/// in the dark: that is no error, but takes time. Costs nothing where all surfaces absorb some light.
+/// Refuses a scene in which many paths go on without end in lit places, or most paths from one of them. Gives
+/// a warning where many do so in the dark: that is no error, but takes time. Costs nothing where all surfaces
+/// absorb some light.
 ///
 /// # Errors
 /// Those paths' surfaces, by name.
@@ -102,8 +105,8 @@ fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<Endless> {
     if areas.is_empty() { Vec::new() } else { (0..PATHS).into_par_iter().filter_map(endless).collect() }
 }
 
-/// Triangles that paths without end met, where at least half of those from one bright triangle have none. A small closed space, in which
-/// hardly any path that starts by area begins, is found so.
+/// Triangles that paths without end met, where at least half of those from one bright triangle have none. A
+/// small closed space, in which hardly any path that starts by area begins, is found so.
 fn in_a_pocket(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
     let geometry = transport.space.geometry;
     let is_bright: Vec<bool> =

@@ -1,7 +1,8 @@
-//! How wrong the bake is at this moment: the difference of two independently scrambled halves, per tile and set.
+//! How wrong the bake is at this moment: the difference of two independently scrambled halves, per tile and
+//! set.
 //!
-//! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by ((A − B)/2)².
-//! (A running variance of low-discrepancy points would overestimate it.)
+//! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by
+//! ((A − B)/2)². (A running variance of low-discrepancy points would overestimate it.)
 
 use super::state::CELL;
 use super::value::Value;
@@ -23,7 +24,8 @@ pub struct Sums {
     pub variance_before: f64,
     /// Sum of values.
     pub light: f64,
-    /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece ([`super::local`]); 0 where nobody asks for it.
+    /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece
+    /// ([`super::local`]); 0 where nobody asks for it.
     pub local: f64,
     /// `squared_bias`, made relative in the same way.
     pub local_squared_bias: f64,
@@ -116,8 +118,8 @@ impl Errors {
         (all.light > 0.0).then(|| relative_error(all.mse(), all.mean(), all.mean()))
     }
 
-    /// Relative error of every (tile, set) with light, by the project's one definition. Where something `shines` and no set has
-    /// light, all of it may be missing: 1.
+    /// Relative error of every (tile, set) with light, by the project's one definition. Where something
+    /// `shines` and no set has light, all of it may be missing: 1.
     pub fn relative(&self, shines: bool) -> Vec<f64> {
         let mut all = Vec::new();
         for (set, tiles) in self.tiles.iter().enumerate() {

@@ -53,8 +53,8 @@ pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> 
     })
 }
 
-/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do. `samples`: those of the bake;
-/// `is_denoised`: it is, or cannot be.
+/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do.
+/// `samples`: those of the bake; `is_denoised`: it is, or cannot be.
 pub fn advice(
     scene: &Scene,
     plan: &Plan,
@@ -82,7 +82,8 @@ pub fn advice(
         }
         _ => "",
     };
-    // Errors fall with the square root of the samples, and those of denoised light a little more slowly (NUMERICS, "Denoising").
+    // Errors fall with the square root of the samples, and those of denoised light a little more slowly
+    // (NUMERICS, "Denoising").
     let power = if is_denoised { 2.4 } else { 2.0 };
     let needed = f64::from(samples) * (local.p95 / OVER[0]).powf(power);
     let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
@@ -96,7 +97,8 @@ pub fn advice(
     ))
 }
 
-/// The moments at which something shines and no light was found. Whether it is shut out or was missed, no estimate can tell.
+/// The moments at which something shines and no light was found. Whether it is shut out or was missed, no
+/// estimate can tell.
 fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
     let is_unseen = |&set: &usize| !plan.layers_of(set).is_empty() && stored.errors.set(set).light <= 0.0;
     let unseen: Vec<usize> = (0..plan.moments.len()).filter(is_unseen).collect();

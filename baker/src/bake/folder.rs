@@ -29,7 +29,8 @@ pub fn create(out: &Path) -> Result<()> {
     probed.map_err(|e| refused("cannot be written to", e))
 }
 
-/// Begins the work in the dataset's folder. The folder of the work comes first: by it a later run knows the folder for a bake's own.
+/// Begins the work in the dataset's folder. The folder of the work comes first: by it a later run knows the
+/// folder for a bake's own.
 pub fn begin(out: &Path) -> Result<()> {
     let work = out.join(store::WORK);
     files::create_folders(&work).map_err(Error::io(&work))

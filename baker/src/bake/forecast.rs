@@ -1,5 +1,5 @@
-//! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how far rays go, and on
-//! the machine.)
+//! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how
+//! far rays go, and on the machine.)
 
 use super::balance;
 use super::denoise;
@@ -35,7 +35,8 @@ use serde::Serialize;
 pub struct Forecast {
     /// Width and height of a page in texels.
     pub size: [u32; 2],
-    /// How many times as wide the texels of the layout were by which all this is estimated: 1 where it is that of a bake.
+    /// How many times as wide the texels of the layout were by which all this is estimated: 1 where it is
+    /// that of a bake.
     pub finer: u32,
     /// Pages.
     pub pages: u32,
@@ -65,7 +66,8 @@ pub struct Forecast {
     pub views: Vec<View>,
     /// Tiles that hold surface.
     pub lit_tiles: usize,
-    /// Of [`OPEN_RAYS`] rays from covered texels, those that leave the scene; `None` where there is neither sun nor sky.
+    /// Of [`OPEN_RAYS`] rays from covered texels, those that leave the scene; `None` where there is neither
+    /// sun nor sky.
     pub open: Option<usize>,
 }
 
@@ -75,13 +77,15 @@ pub const OPEN_RAYS: usize = OPEN_BLOCKS * PER_BLOCK;
 const OPEN_BLOCKS: usize = 256;
 const PER_BLOCK: usize = 16;
 
-/// Bytes of a block and its surroundings in one layer, while it is denoised; of its neighbours; and of its light afterwards.
+/// Bytes of a block and its surroundings in one layer, while it is denoised; of its neighbours; and of its
+/// light afterwards.
 const DENOISED_LAYER: u64 = 2_700_000;
 const DENOISED_NEIGHBOURS: u64 = 20_000_000;
 const DENOISED_RESULT: u64 = (BLOCK * BLOCK * size_of::<Filtered>()) as u64;
 /// Bytes of the program itself.
 const PROGRAM: u64 = 10 << 20;
-/// Bytes per triangle of geometry, hierarchy and charts that are held while light is traced, as measured at ten million of them.
+/// Bytes per triangle of geometry, hierarchy and charts that are held while light is traced, as measured at
+/// ten million of them.
 const TRIANGLE: u64 = 275;
 /// Bytes per triangle while hierarchy and charts are made, as measured there too.
 const TRIANGLE_MADE: u64 = 340;
@@ -97,8 +101,8 @@ pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
     let all: Vec<usize> = (0..plan.layers()).collect();
     let disk = Disk::of(prepared, sketch, &all);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
-    // While sets are put together: three images (a part of a layer, the sum of all, that of the groups), the file of one, and what is known
-    // of texels.
+    // While sets are put together: three images (a part of a layer, the sum of all, that of the groups), the
+    // file of one, and what is known of texels.
     let assembling = 4 * IMAGE * sketch.virtual_texels() + 32 * n;
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
@@ -139,8 +143,8 @@ pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
     })
 }
 
-/// About the most memory in bytes that is held at once: while hierarchy and charts are made, or while light is traced and put together,
-/// which takes `light` bytes.
+/// About the most memory in bytes that is held at once: while hierarchy and charts are made, or while light
+/// is traced and put together, which takes `light` bytes.
 fn memory(triangles: u64, light: u64) -> u64 {
     PROGRAM + (TRIANGLE_MADE * triangles).max(TRIANGLE * triangles + light)
 }

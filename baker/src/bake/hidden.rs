@@ -1,8 +1,9 @@
 //! Which faces nobody can see: found before texels are laid out, so that none are spent on them.
 //!
-//! A face is hidden if every point of a lattice on it is, on the side that its texels show and, where it is two-sided, on the other
-//! one too: inside a body, or pressed against another surface ([`Space::is_hidden`]). One point that can be seen is enough for all of
-//! its texels. The same scene has the same hidden faces, whatever the seed, the backend and the number of threads.
+//! A face is hidden if every point of a lattice on it is, on the side that its texels show and, where it is
+//! two-sided, on the other one too: inside a body, or pressed against another surface ([`Space::is_hidden`]).
+//! One point that can be seen is enough for all of its texels. The same scene has the same hidden faces,
+//! whatever the seed, the backend and the number of threads.
 
 use super::block::sum;
 use crate::atlas;
@@ -17,7 +18,8 @@ use rayon::prelude::*;
 
 /// Fewest intervals between lattice points along a side of a face: 15 points.
 const FEWEST: f64 = 4.0;
-/// Most of them: 131,841 points. A face that would need more keeps its texels, since a part of it that can be seen might lie between them.
+/// Most of them: 131,841 points. A face that would need more keeps its texels, since a part of it that can be
+/// seen might lie between them.
 const MOST: f64 = 512.0;
 /// Intervals along a texel.
 const PER_TEXEL: f64 = 2.0;
@@ -31,7 +33,8 @@ const GAP_OF_SCENE: f64 = 1e-4;
 /// Faces that nobody can see.
 #[derive(Clone, Debug, Default)]
 pub struct Hidden {
-    /// Triangles of lightmapped instances, ascending: those hidden in every instance that shares their layout.
+    /// Triangles of lightmapped instances, ascending: those hidden in every instance that shares their
+    /// layout.
     pub triangles: Vec<u32>,
     /// The rays that it took to find them.
     pub rays: RayCounts,
@@ -53,7 +56,8 @@ pub fn is_sought(lightmap: &Lightmap) -> bool {
 
 /// Finds the hidden faces of lightmapped instances. The space is to know its solids.
 ///
-/// Instances that share a layout have texels on a face unless all of them hide it: the first one that shows it ends the search.
+/// Instances that share a layout have texels on a face unless all of them hide it: the first one that shows
+/// it ends the search.
 pub fn find_in(space: &Space, lightmap: &Lightmap) -> Hidden {
     let geometry = space.geometry;
     let texel = texel_length(geometry, lightmap);
@@ -116,8 +120,9 @@ fn opposite_longest([a, b, c]: [Vec3; 3]) -> usize {
     (1..3).fold(0, |longest, k| if opposite[k] > opposite[longest] { k } else { longest })
 }
 
-/// The points of a lattice on a triangle, in barycentric coordinates, in an order that soon comes to all parts. Rows run along the edge
-/// opposite the first corner, which has `along` intervals, and there are `across` intervals from there to the corner: a sliver needs few.
+/// The points of a lattice on a triangle, in barycentric coordinates, in an order that soon comes to all
+/// parts. Rows run along the edge opposite the first corner, which has `along` intervals, and there are
+/// `across` intervals from there to the corner: a sliver needs few.
 fn lattice(along: u32, across: u32) -> impl Iterator<Item = Vec3> {
     // A prime larger than any side: every place of the rectangle is met once.
     const STEP: u32 = 7919;

@@ -124,7 +124,8 @@ fn a_block_in_a_block_is_hidden_and_one_in_a_room_is_not() {
 fn a_hole_of_a_texel_in_what_covers_a_wall_is_found_wherever_it_is() {
     let small = page();
     for k in 0..24 {
-        // A wall of 2 × 2 m, its front 10 and 11, and a covering of four blocks about a hole of 4 cm; texels are longer.
+        // A wall of 2 × 2 m, its front 10 and 11, and a covering of four blocks about a hole of 4 cm; texels
+        // are longer.
         let [x, y] = [0.37 * f64::from(k), 0.53 * f64::from(k)].map(|at| at % 1.9 - 0.95);
         let hole = 0.04;
         let wall = Obj::default().block([-1.0, -1.0, -0.1], [1.0, 1.0, 0.0]);
@@ -317,7 +318,8 @@ fn faces_of_random_boxes_are_hidden_where_others_fill_what_they_look_into() {
         for triangle in 0..geometry.triangles.len() {
             let normal = geometry.normal(triangle).as_dvec3();
             let [a, b, c] = geometry.corners(triangle).map(|p| p.as_dvec3() + geometry.origin);
-            // Points in every part of the triangle that lies in another square metre, and the cell before each.
+            // Points in every part of the triangle that lies in another square metre, and the cell before
+            // each.
             let n = 24;
             let points = (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j)));
             let is_hidden = points.into_iter().all(|(i, j)| {

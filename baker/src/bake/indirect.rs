@@ -73,8 +73,8 @@ impl<'a> Cache<'a> {
         Cache { map, halves, reflectors, index, of_many, views }
     }
 
-    /// Each view with the chance of a look: where groups are many, in proportion to the light that arrives beside the mean of their layers.
-    /// Daylight is always looked at.
+    /// Each view with the chance of a look: where groups are many, in proportion to the light that arrives
+    /// beside the mean of their layers. Daylight is always looked at.
     fn sights(&self, views: Vec<Option<View>>) -> Vec<Option<Sight>> {
         let mut taken = vec![1.0; views.len()];
         let of_many = &mut taken[self.of_many.clone()];
@@ -97,13 +97,15 @@ const MANY_CLUSTERS: usize = 1024;
 /// Those that a group has at least.
 const LEAST_CLUSTERS: usize = 16;
 
-/// Light groups whose bright surfaces are looked at with each walk, on average, where there are more than [`ALL_UP_TO`].
+/// Light groups whose bright surfaces are looked at with each walk, on average, where there are more than
+/// [`ALL_UP_TO`].
 const LOOKS: usize = 2;
 
 /// Of one group's look, whether it is taken: the random number for that.
 const LOOK: u32 = 0x6c6f_6f6b;
 
-/// An entry of the cache that a walk ended at, to be read a few samples later: by then it has come from memory.
+/// An entry of the cache that a walk ended at, to be read a few samples later: by then it has come from
+/// memory.
 pub struct Reading {
     entry: u32,
     /// Irradiance at the texel per unit of it there.
@@ -112,7 +114,8 @@ pub struct Reading {
     layers: Range<usize>,
 }
 
-/// What is nearer to a texel than so many lengths of its own entries is not read: there light differs over an entry, and walks go on.
+/// What is nearer to a texel than so many lengths of its own entries is not read: there light differs over an
+/// entry, and walks go on.
 const NEAR: f64 = 2.0;
 
 /// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
@@ -137,7 +140,8 @@ impl Reader<'_> {
 }
 
 impl Worker<'_> {
-    /// Brings the indirect light of the texels of the `active` cells to `target` samples a half, times each texel's share.
+    /// Brings the indirect light of the texels of the `active` cells to `target` samples a half, times each
+    /// texel's share.
     pub fn indirect(
         &self,
         block: usize,
@@ -204,8 +208,9 @@ impl Worker<'_> {
         counts
     }
 
-    /// One walk, ended where the cache knows the light, and a look at its bright surfaces. What is to be read of the cache is put
-    /// down, and added with `Reader::read`; what is met straight of emissive surfaces goes to `met`.
+    /// One walk, ended where the cache knows the light, and a look at its bright surfaces. What is to be read
+    /// of the cache is put down, and added with `Reader::read`; what is met straight of emissive surfaces
+    /// goes to `met`.
     pub fn walk(
         &self,
         at: &Receiver,

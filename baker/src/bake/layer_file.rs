@@ -1,4 +1,5 @@
-//! The files of layers: records of texels, one after the other, and a checksum. Written under temporary names, read as a whole or here and there.
+//! The files of layers: records of texels, one after the other, and a checksum. Written under temporary
+//! names, read as a whole or here and there.
 
 use super::value::{Stored, Value};
 use crate::{Error, Result};
@@ -125,7 +126,8 @@ fn hasher(path: &Path) -> blake3::Hasher {
     hash
 }
 
-/// What stands before the checksum of the file that is to be called `path`, and is at `place` now; `None` where it is damaged or missing.
+/// What stands before the checksum of the file that is to be called `path`, and is at `place` now; `None`
+/// where it is damaged or missing.
 pub fn content(path: &Path, place: &Path) -> Option<Vec<u8>> {
     let mut bytes = std::fs::read(place).ok()?;
     let (content, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;

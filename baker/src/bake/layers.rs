@@ -1,12 +1,13 @@
-//! The layers of a bake, kept beside the dataset: what a later bake of the same scene under other schedules, colours or
-//! intensities is put together from, without a ray.
+//! The layers of a bake, kept beside the dataset: what a later bake of the same scene under other schedules,
+//! colours or intensities is put together from, without a ray.
 //!
-//! One file per layer, named by its digest, and for suns and light groups a second one of the light that comes straight from them: per
-//! covered texel, in the order of the blocks, the mean irradiance (3 × f32) and half the difference of the two halves (3 × bf16), which is
-//! an independent estimate of the standard error; both ÷ the scale of the layer's group. Beside them stands what filters made of them
-//! ([`super::denoise`]): the mean (3 × f32), what was added (3 × bf16) and half the difference that is left (3 × bf16). One file per page
-//! layout says which texels these are. Byte order: the machine's. All end in a checksum: 32 bytes of BLAKE3 of the file's name and of all
-//! before. What does not fit it is not there, and made again.
+//! One file per layer, named by its digest, and for suns and light groups a second one of the light that
+//! comes straight from them: per covered texel, in the order of the blocks, the mean irradiance (3 × f32) and
+//! half the difference of the two halves (3 × bf16), which is an independent estimate of the standard error;
+//! both ÷ the scale of the layer's group. Beside them stands what filters made of them ([`super::denoise`]):
+//! the mean (3 × f32), what was added (3 × bf16) and half the difference that is left (3 × bf16). One file
+//! per page layout says which texels these are. Byte order: the machine's. All end in a checksum: 32 bytes of
+//! BLAKE3 of the file's name and of all before. What does not fit it is not there, and made again.
 
 use super::json;
 use super::layer_file::{CHECKSUM, Partial, Source, content, file_name};
@@ -81,7 +82,8 @@ impl Layers {
         Layers { root: self.root.join("trial") }
     }
 
-    /// Takes over what a filter left of the layers of a trial, and forgets the rest of it. (What cannot be taken over is filtered again.)
+    /// Takes over what a filter left of the layers of a trial, and forgets the rest of it. (What cannot be
+    /// taken over is filtered again.)
     pub fn adopt(&self, trial: &Layers) {
         for entry in std::fs::read_dir(&trial.root).into_iter().flatten().flatten() {
             if entry.path().extension().is_some_and(|extension| extension == "filtered") {
@@ -240,8 +242,8 @@ impl Layers {
         self.change(&Changes { name: files, ..Changes::default() })
     }
 
-    /// Writes the layers that were traced, `digests` in their order, and the page's texels. Gives the rays of blocks that had to be
-    /// traced again.
+    /// Writes the layers that were traced, `digests` in their order, and the page's texels. Gives the rays of
+    /// blocks that had to be traced again.
     pub fn write(
         &self,
         tracer: &Tracer,
@@ -305,7 +307,8 @@ impl Layers {
         Ok(rays)
     }
 
-    /// Forgets some layers, all at once: a bake that is to trace them again, and is killed, finds them missing and goes on.
+    /// Forgets some layers, all at once: a bake that is to trace them again, and is killed, finds them
+    /// missing and goes on.
     pub fn forget<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
         let names =
             |digest: &String| [Part::Direct, Part::Rest].map(|part| file_name(&self.path(digest, part)));
@@ -319,7 +322,8 @@ impl Layers {
         serde_json::from_slice(&bytes).unwrap_or_default()
     }
 
-    /// Makes changes as one: a run that is killed amid them finds them written down, and the next makes the rest.
+    /// Makes changes as one: a run that is killed amid them finds them written down, and the next makes the
+    /// rest.
     fn change(&self, changes: &Changes) -> Result<()> {
         dataset::files::write_atomically(&self.root.join(CHANGES), &json::bytes(changes, CHANGES)?)?;
         self.settle()
@@ -347,9 +351,9 @@ impl Layers {
         fine_if_gone(&journal, std::fs::remove_file(&journal))
     }
 
-    /// Removes all files but those of these layers, before and after a filter, of this page and of the charts, and tells how many layers
-    /// that were. `visibility`: the folder of the tiles of the sun's visibility to keep; a bake that needs none keeps those of another for
-    /// a later one.
+    /// Removes all files but those of these layers, before and after a filter, of this page and of the
+    /// charts, and tells how many layers that were. `visibility`: the folder of the tiles of the sun's
+    /// visibility to keep; a bake that needs none keeps those of another for a later one.
     pub fn keep_only(
         &self,
         base: &str,

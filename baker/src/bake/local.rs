@@ -1,9 +1,10 @@
 //! The error that is seen: of cells of 16×16 texels, relative to the light where they are.
 //!
-//! Relative to the page's mean, a dark room beside a sunny field has no error at all, however it looks. Here every texel's error is
-//! taken relative to the mean light of its *piece*, the texels of its cell that belong to its chart, and a cell's error is the root mean
-//! square of those. What is too dark to be seen is not asked for more: nothing is judged as if it were darker than
-//! [`VISIBLE`] of what is seen from there, nor than [`LEAST`].
+//! Relative to the page's mean, a dark room beside a sunny field has no error at all, however it looks. Here
+//! every texel's error is taken relative to the mean light of its *piece*, the texels of its cell that belong
+//! to its chart, and a cell's error is the root mean square of those. What is too dark to be seen is not
+//! asked for more: nothing is judged as if it were darker than [`VISIBLE`] of what is seen from there, nor
+//! than [`LEAST`].
 
 use super::block::{Stream, Worker};
 use super::errors::{Parts, Sums, cell_of};
@@ -23,10 +24,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Of the light that an eye at a place is adapted to: what is darker is judged as if it were as bright as this. There, 5 % are about one
-/// step of an 8-bit sRGB picture that shows the light around as white.
+/// Of the light that an eye at a place is adapted to: what is darker is judged as if it were as bright as
+/// this. There, 5 % are about one step of an 8-bit sRGB picture that shows the light around as white.
 pub const VISIBLE: f64 = 1.0 / 30.0;
-/// Irradiance in klx that is judged as if nothing were darker: a tenth of a millilux, by which no eye sees edges.
+/// Irradiance in klx that is judged as if nothing were darker: a tenth of a millilux, by which no eye sees
+/// edges.
 pub const LEAST: f64 = 1e-7;
 /// The errors above which cells are counted.
 pub const OVER: [f64; 3] = [0.05, 0.1, 0.2];
@@ -71,8 +73,9 @@ impl Grid {
         y / CELL * self.columns + x / CELL
     }
 
-    /// Per cell, the squared relative bias of the filter. The estimate of one cell is as uncertain as it is large. So the ratio of squared bias
-    /// to variance before filtering is taken over the cells around, and multiplied by the cell's own variance; 0 where that is negative.
+    /// Per cell, the squared relative bias of the filter. The estimate of one cell is as uncertain as it is
+    /// large. So the ratio of squared bias to variance before filtering is taken over the cells around, and
+    /// multiplied by the cell's own variance; 0 where that is negative.
     pub fn squared_biases(&self, cells: &[Sums]) -> Vec<f64> {
         /// Cells to each side.
         const AROUND: usize = 2;
@@ -99,7 +102,8 @@ impl Grid {
         (0..cells.len()).map(bias).collect()
     }
 
-    /// A grey PNG file with a pixel per cell, its error in steps of [`PICTURE_STEP`], 255 also where it is more; black where there is no light.
+    /// A grey PNG file with a pixel per cell, its error in steps of [`PICTURE_STEP`], 255 also where it is
+    /// more; black where there is no light.
     pub fn picture(&self, errors: Option<&[f64]>) -> Vec<u8> {
         let code =
             |error: f64| if error > 0.0 { (error / PICTURE_STEP).round().clamp(1.0, 255.0) as u8 } else { 0 };
@@ -301,7 +305,8 @@ impl Places {
         self.owners.of(x, y)
     }
 
-    /// Per cell of a set, the light below which nothing is judged: by the median of its own light and that of the cells seen from it.
+    /// Per cell of a set, the light below which nothing is judged: by the median of its own light and that of
+    /// the cells seen from it.
     pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
         let floor = |place: usize| {
             let looks = self.seen[place].iter().filter(|seen| **seen != NONE).map(|seen| *seen as usize);
@@ -330,8 +335,9 @@ impl Places {
     }
 }
 
-/// The local error of a cell: every texel's ÷ the light of its piece or ÷ the floor, whichever is more. (Per texel: of the sums the lesser
-/// error is taken, which is no less.) `bias` is the filter's squared relative bias, as [`Grid::squared_biases`] gives it.
+/// The local error of a cell: every texel's ÷ the light of its piece or ÷ the floor, whichever is more. (Per
+/// texel: of the sums the lesser error is taken, which is no less.) `bias` is the filter's squared relative
+/// bias, as [`Grid::squared_biases`] gives it.
 pub fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
     if sums.values == 0 {
         return 0.0;
@@ -406,7 +412,8 @@ mod tests {
 
     #[test]
     fn squared_bias_is_shared_out_by_noise() {
-        // Four cells in a row as traced wrong by 20, 20, 1 and 20 %; filters left a tenth of each variance, and a bias that two of them tell.
+        // Four cells in a row as traced wrong by 20, 20, 1 and 20 %; filters left a tenth of each variance,
+        // and a bias that two of them tell.
         let grid = Grid { columns: 4, rows: 1 };
         let cell = |noise: f64, bias: f64| Sums {
             values: 3,

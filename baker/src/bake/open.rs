@@ -1,14 +1,15 @@
 //! Which cells go on towards a target error: those that miss it, and those whose surroundings do.
 //!
-//! A cell's own samples must not end it alone. Where light comes by few paths, a cell that met none of them sees no error, one that met
-//! some sees a great one: were the former ended and the latter brought on, the mean over both would be too dark. The texels around know
-//! of paths that this cell's have not found.
+//! A cell's own samples must not end it alone. Where light comes by few paths, a cell that met none of them
+//! sees no error, one that met some sees a great one: were the former ended and the latter brought on, the
+//! mean over both would be too dark. The texels around know of paths that this cell's have not found.
 
 use super::errors::Sums;
 use super::local::{Grid, Places, error};
 use super::state::CELLS;
 
-/// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them after the first round.
+/// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them
+/// after the first round.
 const REACH: usize = 2;
 /// A target is met where no more than this share of the texels lies in cells that miss it, in every set.
 const MISSED: f64 = 0.05;
@@ -46,10 +47,11 @@ impl OpenCells {
         OpenCells { grid, open: vec![false; grid.cells()], missed: 0.0, is_dark: false }
     }
 
-    /// The cells that miss the `target` (a local error) in one of the sets, by themselves or together with those around them; one
-    /// without exposed texels never. Together, errors count beside what is tolerated of the cell they are of, or of the one that is
-    /// judged, whichever is more: what is bright does not hide what its dim neighbours miss, nor go on for their sake.
-    /// Where no set has light yet, or hardly a texel has seen any, nearly all of it may be missing: all cells are open.
+    /// The cells that miss the `target` (a local error) in one of the sets, by themselves or together with
+    /// those around them; one without exposed texels never. Together, errors count beside what is tolerated
+    /// of the cell they are of, or of the one that is judged, whichever is more: what is bright does not hide
+    /// what its dim neighbours miss, nor go on for their sake. Where no set has light yet, or hardly a texel
+    /// has seen any, nearly all of it may be missing: all cells are open.
     pub fn find<'a>(
         places: &Places,
         target: f64,
@@ -272,7 +274,8 @@ mod tests {
 
     #[test]
     fn what_is_too_dark_to_be_seen_from_where_it_is_is_not_asked_for_more() {
-        // Every cell sees the first, which is bright: errors of all their light are seen down to a thirtieth of its.
+        // Every cell sees the first, which is bright: errors of all their light are seen down to a thirtieth
+        // of its.
         let places = Places::for_tests(2 * BLOCK, BLOCK, |_| Some(0));
         let judged = |light: f32| {
             let mut cells = vec![Sums::default(); places.grid().cells()];

@@ -79,7 +79,8 @@ impl Opening {
 
     /// Whether light comes in by one side of it only: there few rays meet anything.
     fn leads_out(&self, rays: &Rays, axes: &[Vec3; 3]) -> bool {
-        /// Least share of the rays that leave the scene on the outside, and how many times that of the inside.
+        /// Least share of the rays that leave the scene on the outside, and how many times that of the
+        /// inside.
         const LEAST: f32 = 0.2;
         const TIMES: f32 = 3.0;
         let [a, b] = self.leaving(rays, axes);
@@ -146,8 +147,8 @@ impl Opening {
     }
 }
 
-/// Openings in the walls and roofs of rooms, the most important one first; none in a scene without rooms, or where walls are
-/// sheets without thickness.
+/// Openings in the walls and roofs of rooms, the most important one first; none in a scene without rooms, or
+/// where walls are sheets without thickness.
 pub fn openings(geometry: &Geometry, rays: &Rays) -> Vec<Portal> {
     let axes = axes(geometry);
     let leaving = leaving(geometry, rays);
@@ -346,7 +347,8 @@ mod tests {
         }
     }
 
-    /// A room of 6 × 3 × 4 m with walls 30 cm thick, and in its wall at +Z a window from (1, 1) to (2.4, 2.2).
+    /// A room of 6 × 3 × 4 m with walls 30 cm thick, and in its wall at +Z a window from (1, 1) to (2.4,
+    /// 2.2).
     fn room() -> Geometry {
         let mut g = Geometry::default();
         let mut block =

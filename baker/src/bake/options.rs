@@ -25,7 +25,8 @@ pub struct Options {
     pub transfer: bool,
     /// Of the sun only what surfaces reflect, as if the scene said `baked = "indirect"` of it.
     pub indirect: bool,
-    /// Samples of indirect light per texel; `None`: the scene's, or up to 65536 towards a target or under a time limit.
+    /// Samples of indirect light per texel; `None`: the scene's, or up to 65536 towards a target or under a
+    /// time limit.
     pub samples: Option<u32>,
     /// Relative error at which 16×16 texels get no more samples.
     pub target_error: Option<f64>,
@@ -45,7 +46,8 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// Forget earlier work on this dataset, and replace it by less if need be.
     pub force: bool,
-    /// Tells the bytes that are free on the file system of a folder, where that is known. (A test says otherwise.)
+    /// Tells the bytes that are free on the file system of a folder, where that is known. (A test says
+    /// otherwise.)
     pub free_bytes: fn(&Path) -> Option<u64>,
 }
 
@@ -157,7 +159,8 @@ pub struct Outcome {
     pub out_of_time: bool,
     /// Wall-clock seconds of this run, from scene file to dataset.
     pub seconds: f64,
-    /// Rays traced by this run, by purpose: for the layers it traced, to lay out their texels, to look around from their cells, and to denoise. Not those of its check.
+    /// Rays traced by this run, by purpose: for the layers it traced, to lay out their texels, to look around
+    /// from their cells, and to denoise. Not those of its check.
     pub rays: RayCounts,
     /// Error against time, round by round.
     pub rounds: Vec<Round>,

@@ -48,7 +48,8 @@ pub struct Plan {
     pub left_out: Vec<String>,
 }
 
-/// A group to trace, in units of its own brightest light: a change of its colour or intensity changes `scale` alone.
+/// A group to trace, in units of its own brightest light: a change of its colour or intensity changes `scale`
+/// alone.
 #[derive(Debug)]
 pub struct PlannedGroup {
     /// Its name.
@@ -246,7 +247,8 @@ impl Plan {
         }
     }
 
-    /// The parts in which a layer is kept: what comes straight from suns and groups lies apart; from the sky only where it is not baked.
+    /// The parts in which a layer is kept: what comes straight from suns and groups lies apart; from the sky
+    /// only where it is not baked.
     pub fn parts_of(&self, layer: usize) -> &'static [Part] {
         let is_sky = self.suns.get(layer).is_none() && self.group_of_layer(layer).is_none();
         if is_sky && self.sky_baked.is_all() { &[Part::Rest] } else { &[Part::Direct, Part::Rest] }
@@ -257,7 +259,8 @@ impl Plan {
         if self.baked_of(layer) == Baked::All { self.parts_of(layer) } else { &[Part::Rest] }
     }
 
-    /// Radiance of the ground below the horizon in those of some layers that are suns or skies; none where the scene has no ground.
+    /// Radiance of the ground below the horizon in those of some layers that are suns or skies; none where
+    /// the scene has no ground.
     fn ground(&self, scene: &Scene, layers: &[usize]) -> Vec<Rgb> {
         let (Some(albedo), Some(sky)) = (scene.ground, &scene.sky) else { return Vec::new() };
         let of_layer = |&layer: &usize| match self.suns.get(layer) {

@@ -3,11 +3,13 @@
 use crate::atlas::owners::Owners;
 use dataset::image::{Image, Mask};
 
-/// Fills invalid texels around valid ones with the mean of their filled 8-neighbours, ring by ring. Linear in the layer's values, so layers
-/// may be dilated one by one and summed. Which texels are filled from which is found once for all images of one mask.
+/// Fills invalid texels around valid ones with the mean of their filled 8-neighbours, ring by ring. Linear in
+/// the layer's values, so layers may be dilated one by one and summed. Which texels are filled from which is
+/// found once for all images of one mask.
 ///
-/// First texels that belong to a chart are filled from that chart's alone, then all that is left. So neither what bilinear samples read for
-/// a chart, nor any other texel of its blocks of 4×4, holds light of another one.
+/// First texels that belong to a chart are filled from that chart's alone, then all that is left. So neither
+/// what bilinear samples read for a chart, nor any other texel of its blocks of 4×4, holds light of another
+/// one.
 #[derive(Clone, Debug)]
 pub struct Dilation {
     width: usize,
@@ -25,7 +27,8 @@ impl Dilation {
         let mut fills = Vec::new();
         let mut filled = mask.valid.clone();
         rings(&mut filled, (width, height), distance, of_one_chart, &mut fills);
-        // (By now the rings of charts count as valid: all within the distance of a valid texel is filled, and some beyond.)
+        // (By now the rings of charts count as valid: all within the distance of a valid texel is filled, and
+        // some beyond.)
         rings(&mut filled, (width, height), distance, |_, _| true, &mut fills);
         Dilation { width, height, fills }
     }
@@ -219,8 +222,9 @@ mod tests {
 
     #[test]
     fn neither_bilinear_samples_nor_blocks_mix_charts() {
-        // Every chart has a light of its own, from 1 to 10⁸: after dilation bilinear samples on a chart give that very light, and every block
-        // of 4×4 with a valid texel holds one light, except where charts less than a texel wide share it.
+        // Every chart has a light of its own, from 1 to 10⁸: after dilation bilinear samples on a chart give
+        // that very light, and every block of 4×4 with a valid texel holds one light, except where charts
+        // less than a texel wide share it.
         for instances in [true, false] {
             let geometry = sheets(300, instances);
             for side in [96, 160, 257] {

@@ -76,7 +76,8 @@ impl Prepared {
         self.base.to_hex().to_string()
     }
 
-    /// The digest of the work of tracing some layers. A target is judged by sets of denoised light: what decides those decides the work too.
+    /// The digest of the work of tracing some layers. A target is judged by sets of denoised light: what
+    /// decides those decides the work too.
     pub fn work(&self, layers: &[usize]) -> String {
         let digests = layers.iter().map(|&l| self.digests[l].as_str()).collect::<String>();
         let judged = self.limits.target_error.map(|_| format!("{:?}{:?}", self.denoise, self.sets(layers)));
@@ -126,8 +127,8 @@ impl Prepared {
         self.atlas_from(&Charts::none())
     }
 
-    /// Lays out the texels, none of them on faces that nobody can see; gives also the rays that it took to find those. Meshes that an
-    /// earlier bake unwrapped are not unwrapped again.
+    /// Lays out the texels, none of them on faces that nobody can see; gives also the rays that it took to
+    /// find those. Meshes that an earlier bake unwrapped are not unwrapped again.
     ///
     /// # Errors
     /// As [`atlas::build_from`]; what does not fit names the line that asks for it.
@@ -149,7 +150,8 @@ impl Prepared {
         Ok((atlas, hidden.rays))
     }
 
-    /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each is multiplied by.
+    /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each
+    /// is multiplied by.
     pub fn sets(&self, layers: &[usize]) -> Vec<Parts> {
         let of_moment = |moment| {
             let parts = self.plan.layers_of(moment).into_iter();
@@ -261,7 +263,8 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
     })
 }
 
-/// The digest of the day's bake of a scene, which its transfer goes with. (That bake is prepared for no more than this.)
+/// The digest of the day's bake of a scene, which its transfer goes with. (That bake is prepared for no more
+/// than this.)
 fn inputs_of_the_day(scene_file: &Path, options: &Options) -> Result<String> {
     let day = Options { hours: Hours::day(), transfer: false, ..options.clone() };
     let (_, inputs) = prepare(scene_file, &day, &Console::silent())?.manifest(&day)?;
@@ -324,7 +327,8 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The sun's course over the time that is baked, where its visibility is to be found; else why it is not, where there is a sun.
+/// The sun's course over the time that is baked, where its visibility is to be found; else why it is not,
+/// where there is a sun.
 ///
 /// # Errors
 /// [`Error::Unsupported`] of a course with more times than a dataset holds.

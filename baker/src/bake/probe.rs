@@ -1,10 +1,12 @@
-//! Which points of texels are their surface: outside solids, and on the side of a wall that the texel stands for.
+//! Which points of texels are their surface: outside solids, and on the side of a wall that the texel stands
+//! for.
 //!
-//! Most texels lie in the open: nothing stands on them, and they are outside all bodies. That is found out for squares of texels at
-//! once. Where nothing stands on a flat square ([`crate::trace::space::Space::is_clear`]), all of its points reach each other, and all
-//! lie in the same closed solids, because the surface of a solid would have to pass between them. Then the point in the middle tells
-//! whether they lie in a solid, and that one and the corners whether they lie in a body that is open a little. Other squares are cut in
-//! four, down to single texels, whose points are asked one by one.
+//! Most texels lie in the open: nothing stands on them, and they are outside all bodies. That is found out
+//! for squares of texels at once. Where nothing stands on a flat square
+//! ([`crate::trace::space::Space::is_clear`]), all of its points reach each other, and all lie in the same
+//! closed solids, because the surface of a solid would have to pass between them. Then the point in the
+//! middle tells whether they lie in a solid, and that one and the corners whether they lie in a body that is
+//! open a little. Other squares are cut in four, down to single texels, whose points are asked one by one.
 
 use super::block::{Worker, sum};
 use super::state::{ALL_PROBES, BlockState, PROBES, is_enough};
@@ -21,8 +23,9 @@ type Point = (u16, Receiver);
 /// Side of the largest squares that are looked at as a whole, in texels; a power of two.
 const SQUARE: usize = 16;
 
-/// The height above a square, as a part of its longer side, up to which nothing may stand on it. Under a body that hangs higher, rays
-/// close to the surface meet it only where the body is wider than the square: then a corner of the square tells.
+/// The height above a square, as a part of its longer side, up to which nothing may stand on it. Under a body
+/// that hangs higher, rays close to the surface meet it only where the body is wider than the square: then a
+/// corner of the square tells.
 const HEADROOM: f32 = 0.5;
 
 /// What is known of the texels of a square of the block.
@@ -86,7 +89,8 @@ impl Worker<'_> {
         }
     }
 
-    /// Whether points lie on a flat surface on which nothing stands, outside all bodies. `along` is a direction on the surface.
+    /// Whether points lie on a flat surface on which nothing stands, outside all bodies. `along` is a
+    /// direction on the surface.
     fn is_in_the_open<'p, I: Iterator<Item = &'p Receiver>>(
         &self,
         points: impl Fn() -> I,
@@ -118,8 +122,9 @@ impl Worker<'_> {
         !is_inside && !corners.into_iter().any(|(at, _)| space.is_enclosed(at, &mut Look::default(), counts))
     }
 
-    /// Which probed points of a texel are its surface, one bit each: those outside solids, and where a wall stands on the texel, only
-    /// the largest group of those that reach each other. No texel mixes the light of two rooms.
+    /// Which probed points of a texel are its surface, one bit each: those outside solids, and where a wall
+    /// stands on the texel, only the largest group of those that reach each other. No texel mixes the light
+    /// of two rooms.
     pub fn surface_probes(&self, surface: &BlockSurface, texel: usize, counts: &mut RayCounts) -> u16 {
         self.probes_of(surface, texel, self.points(surface, texel), counts)
     }
@@ -163,8 +168,8 @@ impl Worker<'_> {
         if 4 * probes.count_ones() < all.count_ones() {
             return all;
         }
-        // All probed points may lie on one side of a wall, and a corner on the other or in the wall: the point next to it is given up,
-        // so that samples keep to where the others are.
+        // All probed points may lie on one side of a wall, and a corner on the other or in the wall: the
+        // point next to it is given up, so that samples keep to where the others are.
         match beyond {
             Some(beyond) if probes == ALL_PROBES => {
                 let away = |(_, at): &&Point| at.distance_squared(&beyond.1);
@@ -176,8 +181,8 @@ impl Worker<'_> {
         }
     }
 
-    /// Leaves out of a texel's groups what lies in solids, even if they are open a little. Gives also one of the points left out, if
-    /// there are any.
+    /// Leaves out of a texel's groups what lies in solids, even if they are open a little. Gives also one of
+    /// the points left out, if there are any.
     fn in_the_open(
         &self,
         mut groups: Vec<Vec<Point>>,
@@ -199,8 +204,9 @@ impl Worker<'_> {
                 });
                 looks = vec![Look::default(); group.len()];
             }
-            // What lies in a body that is open a little is divided from what does not, unless the body ends above the surface: of a
-            // whole texel, the first points tell (of a (0, 2)-sequence four lie one in each quarter).
+            // What lies in a body that is open a little is divided from what does not, unless the body ends
+            // above the surface: of a whole texel, the first points tell (of a (0, 2)-sequence four lie one
+            // in each quarter).
             let mut is_enclosed = |k: usize, at: &Receiver| space.is_enclosed(at, &mut looks[k], counts);
             if !is_whole || (0..group.len().min(4)).any(|k| is_enclosed(k, &group[k].1)) {
                 let mut k = 0..;
@@ -211,7 +217,8 @@ impl Worker<'_> {
         (groups, buried)
     }
 
-    /// The largest group, and a point of another if there is one. What lies under open ground is the lesser side, however large.
+    /// The largest group, and a point of another if there is one. What lies under open ground is the lesser
+    /// side, however large.
     fn largest(
         &self,
         mut groups: Vec<Vec<Point>>,
@@ -220,7 +227,8 @@ impl Worker<'_> {
         let is_one = groups.len() == 1;
         let points = |group: &[Point]| bits_of(group).count_ones();
         let size_of = |open: u32, points: u32| (if is_enough(open) { open } else { 0 }, points);
-        // From the group of most points on, so that the others need not be asked: none has more in the open than it has points.
+        // From the group of most points on, so that the others need not be asked: none has more in the open
+        // than it has points.
         let mut order: Vec<usize> = (0..groups.len()).collect();
         order.sort_by_key(|&i| std::cmp::Reverse(points(&groups[i])));
         let mut best: Option<((u32, u32), usize)> = None;

@@ -70,7 +70,8 @@ impl Builder {
         self.mesh(&(0..8).map(corner).collect::<Vec<_>>(), &triangles, false, false)
     }
 
-    /// Per texel: its probed points that are its surface, whether it is split, and the centre of those points.
+    /// Per texel: its probed points that are its surface, whether it is split, and the centre of those
+    /// points.
     fn probes(self, texels_per_metre: f64) -> Vec<(u16, bool, Vec3)> {
         self.probes_by(texels_per_metre, 1)
     }
@@ -158,7 +159,8 @@ fn bulging_surfaces_keep_all_points_of_long_texels() {
 
 #[test]
 fn a_ball_that_rests_on_the_floor_keeps_all_points() {
-    // Nothing but the ball is between the points about its lowest one, but there is hardly room for a way around it.
+    // Nothing but the ball is between the points about its lowest one, but there is hardly room for a way
+    // around it.
     let floor = bulging(false).quad(vec3(-3.0, -1.0001, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, false, false);
     for (probes, _, at) in floor.probes(3.0) {
         assert_eq!(probes, ALL_PROBES, "{at}");
@@ -193,7 +195,8 @@ fn fins_divide_a_pipe() {
 #[test]
 fn walls_of_all_kinds_divide_a_floor_and_leave_nothing_below_them() {
     for x in [-2.03, -2.004, -2.104] {
-        // (One of the last leaves a fiftieth of a texel beyond the wall's middle: charts may start half a texel in.)
+        // (One of the last leaves a fiftieth of a texel beyond the wall's middle: charts may start half a
+        // texel in.)
         expect_divided(x);
     }
 }
@@ -218,7 +221,8 @@ fn expect_divided(x: f32) {
         let mut divided = 0;
         for (probes, is_split, at) in scene.probes(5.0) {
             divided += u32::from(probes != ALL_PROBES);
-            // (Texels of 20 cm; those within half of that of the wall reach across it. One point given up moves the centre by 7 mm.)
+            // (Texels of 20 cm; those within half of that of the wall reach across it. One point given up
+            // moves the centre by 7 mm.)
             let is_across = at.x.abs() < half + 0.112;
             match probes {
                 ALL_PROBES => assert!(at.x.abs() > half + 0.09, "{name}: {at}"),
@@ -251,7 +255,8 @@ fn a_wall_along_a_row_of_texels_leaves_all_the_same_side_whatever_the_seed() {
             found.filter(|f| f.1 && f.2.z.abs() < 1.8).map(|f| (f.0, f.2.x)).collect()
         };
         let [rows, again] = [1, 2].map(divided);
-        // (Up to three texels lie on the floor's diagonal, whose two triangles share the points in their own way.)
+        // (Up to three texels lie on the floor's diagonal, whose two triangles share the points in their own
+        // way.)
         let alike = rows.iter().filter(|row| row.0 == rows[0].0).count();
         assert!(alike >= 15 && alike + 3 >= rows.len(), "{x}: {rows:?}");
         assert_eq!(rows, again, "{x}");
@@ -311,8 +316,8 @@ fn ground_between_fine_things_is_ground() {
 
 #[test]
 fn air_is_outside_whatever_stands_about() {
-    // A room's shell within a house's, which are not connected; a roof of one sheet; sheets of two one-sided faces; a block wound
-    // inside out; a block that stands on nothing but one texel.
+    // A room's shell within a house's, which are not connected; a roof of one sheet; sheets of two one-sided
+    // faces; a block wound inside out; a block that stands on nothing but one texel.
     let sheets = |b: Builder| {
         let up = b.quad(vec3(-1.0, 0.5, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, false, false);
         up.quad(vec3(-1.0, 0.5, 1.0), Vec3::NEG_Z * 2.0, Vec3::X * 2.0, false, false)

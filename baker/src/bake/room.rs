@@ -1,4 +1,5 @@
-//! The disk that a bake takes at its peak, compared with what is free where it writes: told before light is traced, not after hours of it.
+//! The disk that a bake takes at its peak, compared with what is free where it writes: told before light is
+//! traced, not after hours of it.
 
 use super::forecast::cache_entries;
 use super::layer_file::CHECKSUM;
@@ -16,12 +17,14 @@ use std::path::Path;
 /// Bytes of a texel of an image.
 pub(super) const IMAGE: u64 = 12;
 
-/// Bytes of a texel of a block for each sum of a layer, and for the direct light of each sun or group. In memory they take 24, and 40 and
-/// at first 60; packed they came to 0.44 to 0.57 of that on the scenes measured, and these are bounds for light that is all noise.
+/// Bytes of a texel of a block for each sum of a layer, and for the direct light of each sun or group. In
+/// memory they take 24, and 40 and at first 60; packed they came to 0.44 to 0.57 of that on the scenes
+/// measured, and these are bounds for light that is all noise.
 const SUMS: u64 = 20;
 const DIRECT: u64 = 30;
 
-/// Bytes that a bake writes, by where they lie. The work goes once its layers are kept; layers and dataset stay.
+/// Bytes that a bake writes, by where they lie. The work goes once its layers are kept; layers and dataset
+/// stay.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Disk {
     /// Most bytes of the dataset's images.
@@ -42,7 +45,8 @@ impl Disk {
         let plan = &prepared.plan;
         let n = sketch.texels() as u64;
         let count = layers.len() as u64;
-        // The parts in which layers are kept, and the lights that walks can meet, which have a sum of their own.
+        // The parts in which layers are kept, and the lights that walks can meet, which have a sum of their
+        // own.
         let parts = layers.iter().map(|&layer| plan.parts_of(layer).len() as u64).sum::<u64>();
         let (suns, skies) = (plan.suns.len(), plan.sky_hours.len());
         let is_sky = |layer: &&usize| (suns..suns + skies).contains(layer);
@@ -60,7 +64,8 @@ impl Disk {
             _ => 0,
         };
         let cache = 2 * (entries * CacheHalf::bytes_per_entry(layers.len())) as u64;
-        // Towards a target layers are put together and denoised between rounds, too: beside those that are kept.
+        // Towards a target layers are put together and denoised between rounds, too: beside those that are
+        // kept.
         let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
         let trial = if is_judged { traced + filtered } else { 0 };
         let blocks = n * (15 + SUMS * (count + met) + DIRECT * (count - skies));
@@ -73,7 +78,8 @@ impl Disk {
         }
     }
 
-    /// What is still to be written to the folder `out`, at most: less what an earlier run of the same bake left there.
+    /// What is still to be written to the folder `out`, at most: less what an earlier run of the same bake
+    /// left there.
     pub fn left(prepared: &Prepared, sketch: &Sketch, out: &Path, options: &Options) -> Self {
         let layers = Layers::new(out);
         let is_missing = |&layer: &usize| options.force || !layers.holds(&prepared.digests[layer]);
@@ -134,7 +140,8 @@ fn bytes_below(folder: &Path) -> u64 {
     entries.map(bytes).sum()
 }
 
-/// The bytes that are free to this user on the file system of a folder that may not exist yet; `None` where the system does not tell.
+/// The bytes that are free to this user on the file system of a folder that may not exist yet; `None` where
+/// the system does not tell.
 pub fn free_bytes(folder: &Path) -> Option<u64> {
     let folder = std::path::absolute(folder).ok()?;
     let standing = folder.ancestors().find(|path| path.exists())?;

@@ -1,5 +1,5 @@
-//! Rounds of tracing: each brings more samples where they are wanted, so that an estimate with its error exists early and improves
-//! to the end. Here: when to stop, and what a round and all of them reached.
+//! Rounds of tracing: each brings more samples where they are wanted, so that an estimate with its error
+//! exists early and improves to the end. Here: when to stop, and what a round and all of them reached.
 
 use super::local::Local;
 use crate::trace::counts::RayCounts;
@@ -12,7 +12,8 @@ use std::time::Instant;
 pub struct Limits {
     /// Most samples of indirect light per texel, on average over the texels that still get any.
     pub samples: u32,
-    /// Local error below which a cell of 16×16 texels gets no more samples; met where 95 % of the texels lie in such cells, in every set.
+    /// Local error below which a cell of 16×16 texels gets no more samples; met where 95 % of the texels lie
+    /// in such cells, in every set.
     pub target_error: Option<f64>,
     /// When to stop whatever was reached; the first round is always made.
     pub deadline: Option<Instant>,
@@ -44,7 +45,8 @@ pub struct Round {
     pub set_errors: Vec<Option<f64>>,
     /// Mean light of every set over the whole page, of the layers this run traces.
     pub set_means: Vec<f64>,
-    /// Local errors over all cells and sets, of the layers this run traces ([`super::local`]); `None` without light.
+    /// Local errors over all cells and sets, of the layers this run traces ([`super::local`]); `None` without
+    /// light.
     #[serde(default)]
     pub local: Option<Local>,
     /// Those of every set.
@@ -112,12 +114,13 @@ impl Traced {
 /// Samples of the first round towards a target error or under a time limit.
 const FIRST_ROUND: u32 = 16;
 
-/// The samples per texel after each round: of a fixed number, an eighth, by which it is decided who gets how many, and all; towards a
-/// target or under a time limit, doublings from 16.
+/// The samples per texel after each round: of a fixed number, an eighth, by which it is decided who gets how
+/// many, and all; towards a target or under a time limit, doublings from 16.
 pub fn schedule(limits: &Limits) -> Vec<u32> {
     let most = limits.samples;
     if !limits.are_open() {
-        // (Nothing is decided between the first round and the last, and each one moves the sums of all blocks to the disk and back.)
+        // (Nothing is decided between the first round and the last, and each one moves the sums of all blocks
+        // to the disk and back.)
         let mut rounds = doublings(most);
         let first = rounds.next();
         return first.into_iter().chain(rounds.last()).collect();
@@ -131,8 +134,8 @@ fn doublings(samples: u32) -> impl Iterator<Item = u32> {
     (0..4).rev().map(move |k| samples >> k).filter(|&n| n >= 2)
 }
 
-/// The samples at which a block stops on its way from `before` to `target`, the last of them the target. (Sums are taken from one to the
-/// next: they decide the bytes of a bake, whatever the rounds.)
+/// The samples at which a block stops on its way from `before` to `target`, the last of them the target.
+/// (Sums are taken from one to the next: they decide the bytes of a bake, whatever the rounds.)
 pub fn stops(limits: &Limits, before: u32, target: u32) -> Vec<u32> {
     match limits.are_open() {
         true => vec![target],
@@ -140,7 +143,8 @@ pub fn stops(limits: &Limits, before: u32, target: u32) -> Vec<u32> {
     }
 }
 
-/// The samples that are sure to be drawn: all of them, or towards a target or under a time limit those of the first round.
+/// The samples that are sure to be drawn: all of them, or towards a target or under a time limit those of the
+/// first round.
 pub fn certain(limits: &Limits) -> u32 {
     let schedule = schedule(limits);
     if limits.are_open() { schedule[0] } else { total_of(&schedule) }

@@ -51,7 +51,8 @@ pub use super::prepare::{Prepared, prepare};
 /// Bakes a scene into a dataset.
 ///
 /// # Errors
-/// Bad input, a full disk, or [`Error::Interrupted`]; finished blocks are kept and the next call continues with them.
+/// Bad input, a full disk, or [`Error::Interrupted`]; finished blocks are kept and the next call continues
+/// with them.
 pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<Outcome> {
     let start = Instant::now();
     let prepared = prepare(scene_file, options, console)?;
@@ -226,7 +227,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     Ok(outcome)
 }
 
-/// Writes how light of sun and sky goes between frames, and names it in their layers. (The sun's direct light goes by its visibility.)
+/// Writes how light of sun and sky goes between frames, and names it in their layers. (The sun's direct light
+/// goes by its visibility.)
 fn add_curves(scene: &Scene, daylight: &mut [Layer], writer: &mut Writer) -> Result<()> {
     let place = scene.place.as_ref();
     for layer in daylight.iter_mut().filter(|layer| !layer.is_direct_sun()) {
@@ -326,7 +328,8 @@ impl Sunlight {
     }
 }
 
-/// Writes the sun's path and finds its visibility, as far as they are asked for. `base`: the digest of the texels.
+/// Writes the sun's path and finds its visibility, as far as they are asked for. `base`: the digest of the
+/// texels.
 fn sunlight(
     prepared: &Prepared,
     atlas: &Atlas,
@@ -369,8 +372,8 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were left, where they miss it by
-    /// this light. Warnings, too.
+    /// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were
+    /// left, where they miss it by this light. Warnings, too.
     fn provide_layers(&self, denoiser: &mut Option<Denoiser>) -> Result<(Traced, LayerCount, Vec<String>)> {
         let Run { prepared, layers, console, .. } = *self;
         let Prepared { plan, digests, .. } = prepared;
@@ -443,7 +446,8 @@ impl Run<'_> {
         Ok(target::Light { folder, layers, sets, texels, valid, places: self.places, width })
     }
 
-    /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those that are kept. Warnings, too.
+    /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those
+    /// that are kept. Warnings, too.
     fn trace(&self, chosen: &[usize], denoiser: &mut Option<Denoiser>) -> Result<(Traced, Vec<String>)> {
         let Run { prepared, atlas, places, out, layers, console } = *self;
         let Prepared { plan, digests, .. } = prepared;

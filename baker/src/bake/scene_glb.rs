@@ -1,8 +1,9 @@
-//! The baked geometry with its lightmap coordinates, as glTF binary: what a viewer or a game needs beside the maps.
+//! The baked geometry with its lightmap coordinates, as glTF binary: what a viewer or a game needs beside the
+//! maps.
 //!
-//! It is the scene's files put together: their nodes, names, transforms, materials, cameras, lights and extras as they are.
-//! `primitive` writes vertices, `carry` what goes over (`emission_glb` and `glass_glb` what the scene file changed), `transform` where files
-//! stand, `container` the bytes.
+//! It is the scene's files put together: their nodes, names, transforms, materials, cameras, lights and
+//! extras as they are. `primitive` writes vertices, `carry` what goes over (`emission_glb` and `glass_glb`
+//! what the scene file changed), `transform` where files stand, `container` the bytes.
 
 mod container;
 mod emission_glb;
@@ -28,8 +29,8 @@ pub const NAME: &str = "scene.glb";
 /// Changes whenever the same scene would give another file.
 pub const VERSION: &str = "scene-glb-2";
 
-/// Files that stand further from zero than this, in metres, are placed about a point near them: readers in single precision
-/// then lose nothing.
+/// Files that stand further from zero than this, in metres, are placed about a point near them: readers in
+/// single precision then lose nothing.
 const FAR: f64 = 4096.0;
 
 /// The geometry file, and the places on the pages that its nodes tell, in their order.
@@ -42,10 +43,11 @@ pub struct Written {
 
 /// Writes every placed file as a node that holds the file's own.
 ///
-/// Meshes get `TEXCOORD_1`, which holds layout coordinates (v down, as glTF); a node that has texels says in its `extras` where they
-/// lie: page coordinates = `lightmapScale` × TEXCOORD_1 + `lightmapOffset`, on page `lightmapPage`. Nodes whose meshes share a
-/// layout, or have no texels, share a mesh. Where the parts of a mesh lie at several places of that kind, or a node has instances,
-/// these are children of its name. Animations, skins and morph targets are left out.
+/// Meshes get `TEXCOORD_1`, which holds layout coordinates (v down, as glTF); a node that has texels says in
+/// its `extras` where they lie: page coordinates = `lightmapScale` × TEXCOORD_1 + `lightmapOffset`, on page
+/// `lightmapPage`. Nodes whose meshes share a layout, or have no texels, share a mesh. Where the parts of a
+/// mesh lie at several places of that kind, or a node has instances, these are children of its name.
+/// Animations, skins and morph targets are left out.
 ///
 /// # Errors
 /// [`Error::Unsupported`] where it would be larger than a GLB can be.
@@ -130,7 +132,8 @@ impl Writer<'_> {
         children.as_array_mut().into_iter().for_each(|list| list.push(json!(child)));
     }
 
-    /// A placed file; gives the node that stands for it. `instances` are those of the geometry that are yet to be written.
+    /// A placed file; gives the node that stands for it. `instances` are those of the geometry that are yet
+    /// to be written.
     fn object(
         &mut self,
         number: usize,
@@ -229,7 +232,8 @@ impl Writer<'_> {
         at
     }
 
-    /// Lets a node show some instances of the geometry: as one mesh, or as children where their places differ.
+    /// Lets a node show some instances of the geometry: as one mesh, or as children where their places
+    /// differ.
     fn show(&mut self, node: usize, instances: &[usize]) -> Result<()> {
         let mut pieces: Vec<(Option<Placement>, Key)> = Vec::new();
         for &i in instances {

@@ -223,7 +223,8 @@ fn sheared_and_far_files_stand_where_they_do_in_the_scene() {
     }
 }
 
-/// A hierarchy: `lamp post` with a light and a camera holds `left` and `right`, which show one mesh of two primitives.
+/// A hierarchy: `lamp post` with a light and a camera holds `left` and `right`, which show one mesh of two
+/// primitives.
 fn asset() -> Value {
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let mut png = std::io::Cursor::new(Vec::new());

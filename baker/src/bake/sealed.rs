@@ -1,4 +1,5 @@
-//! Files of the work in progress that can be told to be whole: a header with the length and the checksum of what follows.
+//! Files of the work in progress that can be told to be whole: a header with the length and the checksum of
+//! what follows.
 //!
 //! | bytes | what |
 //! |---|---|
@@ -6,8 +7,8 @@
 //! | 8 | length of the payload, little-endian |
 //! | 32 | BLAKE3 of the label's length, the label and the payload |
 //!
-//! The label says what the payload is of (which work, which file of it); it is not stored. A file that was cut short, damaged, or copied
-//! from other work therefore does not fit.
+//! The label says what the payload is of (which work, which file of it); it is not stored. A file that was
+//! cut short, damaged, or copied from other work therefore does not fit.
 
 use dataset::files;
 use std::fs::{self, File};
@@ -55,7 +56,8 @@ pub fn payload<'a>(label: &str, bytes: &'a [u8]) -> Option<&'a [u8]> {
     (found == header(label, &[payload])).then_some(payload)
 }
 
-/// The payload of a file; `None` where it is missing or is not whole. A file of another length than its header says is not read.
+/// The payload of a file; `None` where it is missing or is not whole. A file of another length than its
+/// header says is not read.
 pub fn read(path: &Path, label: &str) -> Option<Vec<u8>> {
     let found = fs::metadata(path).ok().filter(fs::Metadata::is_file)?.len();
     let mut header = [0; HEADER];

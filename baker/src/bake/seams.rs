@@ -1,13 +1,13 @@
-//! Charts that meet along an edge of one surface agree across it: least-squares optimisation of the texels at seams (Iwanicki,
-//! "Lighting technology of The Last of Us", SIGGRAPH 2013 talks).
+//! Charts that meet along an edge of one surface agree across it: least-squares optimisation of the texels at
+//! seams (Iwanicki, "Lighting technology of The Last of Us", SIGGRAPH 2013 talks).
 //!
-//! At points along both sides of every seam the bilinear samples are to be equal. Gutter texels are nearly free to make them so;
-//! baked texels may move a little from their values. What is minimised is quadratic, so its solution is linear in the image:
-//! layers may be stitched one by one and summed.
+//! At points along both sides of every seam the bilinear samples are to be equal. Gutter texels are nearly
+//! free to make them so; baked texels may move a little from their values. What is minimised is quadratic, so
+//! its solution is linear in the image: layers may be stitched one by one and summed.
 //!
-//! Where a jump is noise, baked texels move by about half of their noise. Where it is not, because sunlight or its shadow changes
-//! within a texel and the two sides average different parts of it, they move by more: the mean of both sides hides the jump, but
-//! the step goes on in the texels behind the seam.
+//! Where a jump is noise, baked texels move by about half of their noise. Where it is not, because sunlight
+//! or its shadow changes within a texel and the two sides average different parts of it, they move by more:
+//! the mean of both sides hides the jump, but the step goes on in the texels behind the seam.
 
 mod weld;
 mod edges;
@@ -22,18 +22,21 @@ use glam::Vec2;
 use rayon::prelude::*;
 use system::{Freedom, Point, System};
 
-/// Points per texel along the longer side of a seam: bilinear samples along a line are parabolas between the rows and columns of
-/// texel centres it crosses, less than three per texel.
+/// Points per texel along the longer side of a seam: bilinear samples along a line are parabolas between the
+/// rows and columns of texel centres it crosses, less than three per texel.
 const POINTS_PER_TEXEL: f32 = 3.0;
-/// Price of moving a baked texel, per square, beside 1 for a jump along one texel of a seam. Where both sides have only baked texels
-/// in reach, each moves by 1 / (2 + price) of the jump: a little less than to the mean of both sides.
+/// Price of moving a baked texel, per square, beside 1 for a jump along one texel of a seam. Where both sides
+/// have only baked texels in reach, each moves by 1 / (2 + price) of the jump: a little less than to the mean
+/// of both sides.
 const PRICE_BAKED: f64 = 0.05;
-/// Price of moving a gutter texel: low, and not zero, because one that a seam hardly reaches would have to move by many times the jump.
+/// Price of moving a gutter texel: low, and not zero, because one that a seam hardly reaches would have to
+/// move by many times the jump.
 const PRICE_GUTTER: f64 = 0.005;
 /// Bilinear weights below this are rounding.
 const LEAST_WEIGHT: f32 = 1e-4;
 
-/// How far both sides of seams are apart, over all points of all seams and the three channels, relative to the mean light there.
+/// How far both sides of seams are apart, over all points of all seams and the three channels, relative to
+/// the mean light there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jump {
     /// Root of the mean square.
@@ -63,10 +66,11 @@ enum Texel {
 }
 
 impl Seams {
-    /// Finds the edges that two faces share in space, within a hundredth of a texel, but not on the page. Edges whose vertex normals
-    /// differ by more than 15° between the faces are hard and keep their jump, as do edges with another surface standing on them.
-    /// `mask` holds the valid texels; parts of seams where covered texels that are not valid weigh more than valid ones are left out,
-    /// and such texels are never changed.
+    /// Finds the edges that two faces share in space, within a hundredth of a texel, but not on the page.
+    /// Edges whose vertex normals differ by more than 15° between the faces are hard and keep their jump, as
+    /// do edges with another surface standing on them. `mask` holds the valid texels; parts of seams where
+    /// covered texels that are not valid weigh more than valid ones are left out, and such texels are never
+    /// changed.
     ///
     /// # Panics
     /// If the mask is not of the atlas' size.
@@ -117,8 +121,9 @@ impl Seams {
         self.system.texels().len()
     }
 
-    /// Changes gutter texels at seams, and baked ones a little, so that both sides agree. To be called after dilation. Linear in the
-    /// image, save that negative results become zero; the same whatever the number of threads.
+    /// Changes gutter texels at seams, and baked ones a little, so that both sides agree. To be called after
+    /// dilation. Linear in the image, save that negative results become zero; the same whatever the number of
+    /// threads.
     ///
     /// # Panics
     /// If the image is not of the atlas' size.
@@ -173,7 +178,8 @@ fn add_points(edge: &SeamEdge, width: usize, height: usize, points: &mut Vec<Poi
     }
 }
 
-/// The texels under a point of the page, in texels, and their weights; beyond its rim the outermost texels go on.
+/// The texels under a point of the page, in texels, and their weights; beyond its rim the outermost texels go
+/// on.
 fn bilinear(p: Vec2, width: usize, height: usize) -> [(u32, f32); 4] {
     let p = p - 0.5;
     let f = p - p.floor();

@@ -1,5 +1,6 @@
-//! The layout that a plan is told by. Of a large page it is one of coarser texels: to unwrap and fill a page of 16384 × 16384 texels takes
-//! minutes, and what a plan tells of it follows from a smaller one to a few percent.
+//! The layout that a plan is told by. Of a large page it is one of coarser texels: to unwrap and fill a page
+//! of 16384 × 16384 texels takes minutes, and what a plan tells of it follows from a smaller one to a few
+//! percent.
 
 use super::charts::Charts;
 use super::prepare::Prepared;
@@ -16,7 +17,8 @@ const LONGEST: u32 = 2048;
 pub struct Sketch {
     /// The layout.
     pub atlas: Atlas,
-    /// Texels of a bake along the side of one of the layout's: a power of two, 1 where it is the very layout of a bake.
+    /// Texels of a bake along the side of one of the layout's: a power of two, 1 where it is the very layout
+    /// of a bake.
     pub finer: u32,
     /// Rays that it took.
     pub rays: RayCounts,
@@ -30,7 +32,7 @@ impl Sketch {
         Sketch { finer: 1, rays, size: [atlas.width, atlas.page_height], atlas }
     }
 
-    /// For a plan: pages whose sides are longer than [`LONGEST`] are laid out at a half, a quarter … of them.
+    /// For a plan: pages whose sides are longer than `LONGEST` are laid out at a half, a quarter … of them.
     ///
     /// # Errors
     /// As [`Prepared::atlas_from`].

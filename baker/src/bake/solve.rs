@@ -1,7 +1,7 @@
 //! Fills the cache: the irradiance of every layer, all bounces, at every entry.
 //!
-//! Its entries are laid out; a few walks from each (`pilot`) give a source, their own light and the entry's direct light, and the
-//! entries they land on; the balance of all of them (`balance`) is the light.
+//! Its entries are laid out; a few walks from each (`pilot`) give a source, their own light and the entry's
+//! direct light, and the entries they land on; the balance of all of them (`balance`) is the light.
 
 use super::balance::{LEAST_WALKS, ORDINARY_WALKS, Solution, System, walks};
 use super::block::{Worker, sum};
@@ -24,8 +24,9 @@ const MEMORY: u64 = 4 << 30;
 /// log₂ of the side of the largest entries: no entry may lie in two blocks.
 const LARGEST: u32 = BLOCK.ilog2();
 
-/// log₂ of the side of the cache's entries, so that those of lightmapped surfaces and their solution take about 4 GiB at most: 0 up to
-/// about 1600² texels of 34 layers. (Whatever the samples, for they are no part of what an entry is.)
+/// log₂ of the side of the cache's entries, so that those of lightmapped surfaces and their solution take
+/// about 4 GiB at most: 0 up to about 1600² texels of 34 layers. (Whatever the samples, for they are no part
+/// of what an entry is.)
 pub fn shift(covered: usize, layers: usize) -> u32 {
     (0..LARGEST).find(|shift| covered >> (2 * shift) <= most_entries(layers)).unwrap_or(LARGEST)
 }
@@ -35,8 +36,8 @@ pub fn most_entries(layers: usize) -> usize {
     (MEMORY / bytes(1, layers, ORDINARY_WALKS)) as usize
 }
 
-/// Memory in bytes that this number of entries takes while they are solved for: both halves, what the passes hold, and their system with
-/// `walks` per entry.
+/// Memory in bytes that this number of entries takes while they are solved for: both halves, what the passes
+/// hold, and their system with `walks` per entry.
 pub fn bytes(entries: usize, layers: usize, walks: usize) -> u64 {
     (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers, walks))) as u64
 }
@@ -50,8 +51,8 @@ pub struct Covered {
     counts: RayCounts,
 }
 
-/// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a walk that lands on the other must not
-/// carry its light through the wall.
+/// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a walk that
+/// lands on the other must not carry its light through the wall.
 pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Covered {
     let place = |texel: usize| surface.page_index(worker.atlas, texel) as u32;
     let mut found = Covered {
@@ -70,7 +71,8 @@ pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Cover
     found
 }
 
-/// The map of the cache for what is covered. `layers` are all of the bake, traced now or not: they decide the size of an entry.
+/// The map of the cache for what is covered. `layers` are all of the bake, traced now or not: they decide the
+/// size of an entry.
 pub fn map<'a>(worker: &Worker<'a>, found: Vec<Covered>, layers: usize) -> (CacheMap<'a>, RayCounts) {
     let shift = shift(found.iter().map(|f| f.texels.len()).sum(), layers);
     let covered = found.iter().flat_map(|f| f.texels.iter().map(|&texel| texel as usize));
@@ -82,8 +84,8 @@ pub fn map<'a>(worker: &Worker<'a>, found: Vec<Covered>, layers: usize) -> (Cach
     (map, counts)
 }
 
-/// Fills both halves from the direct light of the blocks, which `state` gives for a half: all of the first before any of the second.
-/// `samples`: those that a texel is sure to get; `are_all`: it gets no more.
+/// Fills both halves from the direct light of the blocks, which `state` gives for a half: all of the first
+/// before any of the second. `samples`: those that a texel is sure to get; `are_all`: it gets no more.
 pub fn fill<'a>(
     worker: &Worker<'a>,
     state: &(dyn Fn(usize, usize) -> Result<(BlockState, RayCounts)> + Sync),
@@ -111,9 +113,10 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-/// Walks per patch and half where a texel gets `samples` walks, both halves together: in a half, all patches have no more of them than all squares of the cache have samples
-/// in both, but each patch has [`LEAST_WALKS`], however many there are. (What a city has without texels is
-/// mostly small triangles: they are many, and none matters much by itself.)
+/// Walks per patch and half where a texel gets `samples` walks, both halves together: in a half, all patches
+/// have no more of them than all squares of the cache have samples in both, but each patch has
+/// [`LEAST_WALKS`], however many there are. (What a city has without texels is mostly small triangles: they
+/// are many, and none matters much by itself.)
 fn patch_walks(map: &CacheMap, walks: usize, samples: u32) -> usize {
     let reads = map.squares() * samples as usize;
     let worth = reads / map.patches().max(1);

@@ -1,4 +1,5 @@
-//! What stands where a bake will write: whether it is this very bake, else what of it would be lost, told before any ray is traced.
+//! What stands where a bake will write: whether it is this very bake, else what of it would be lost, told
+//! before any ray is traced.
 
 use super::folder;
 use super::kept;
@@ -19,7 +20,8 @@ use std::time::Instant;
 
 /// The outcome of a run, beside the manifest.
 pub const RUN: &str = "run.json";
-/// A picture of local errors, beside it: a pixel per cell of 16×16 texels, at the set whose 95th percentile is greatest; grey 1 is 0.2 %.
+/// A picture of local errors, beside it: a pixel per cell of 16×16 texels, at the set whose 95th percentile
+/// is greatest; grey 1 is 0.2 %.
 pub const ERRORS: &str = "local-error.png";
 /// The report, beside it.
 pub const REPORT: &str = "report.html";
@@ -42,7 +44,8 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
 }
 
-/// Writes cameras into a manifest that has others: they are no part of a bake, and reports show the scene by them.
+/// Writes cameras into a manifest that has others: they are no part of a bake, and reports show the scene by
+/// them.
 ///
 /// # Errors
 /// A dataset that cannot be written.
@@ -60,8 +63,9 @@ pub fn keep_cameras(out: &Path, settings: &serde_json::Value) -> Result<()> {
     Writer::create(out)?.commit(&config)
 }
 
-/// Whether the geometry stands in a dataset as it was written, under both of its names. It is what games and viewers load, and unlike
-/// the lightmaps nothing reads it again: a copy that was cut short or changed would stay.
+/// Whether the geometry stands in a dataset as it was written, under both of its names. It is what games and
+/// viewers load, and unlike the lightmaps nothing reads it again: a copy that was cut short or changed would
+/// stay.
 fn has_geometry(dataset: &Dataset) -> bool {
     let Some(file) = &dataset.config.geometry else { return true };
     // (The plain name is a second link to the same file, or a copy of it.)
@@ -69,8 +73,8 @@ fn has_geometry(dataset: &Dataset) -> bool {
     dataset.check_content(file).is_ok() && dataset.check_content(&named).is_ok()
 }
 
-/// Refuses a folder that is no dataset's, nor holds the work of a bake, and in which files of those names stand: they would be written over.
-/// `reads` are the files of the scene.
+/// Refuses a folder that is no dataset's, nor holds the work of a bake, and in which files of those names
+/// stand: they would be written over. `reads` are the files of the scene.
 ///
 /// # Errors
 /// [`Error::Invalid`], also where a file of the scene is one that the dataset has.
@@ -107,12 +111,13 @@ pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>)
     Ok(())
 }
 
-/// Refuses a bake that would put less in the place of the dataset in `out`; says of any other which one it replaces.
+/// Refuses a bake that would put less in the place of the dataset in `out`; says of any other which one it
+/// replaces.
 ///
 /// # Errors
-/// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or fewer texels. A quick
-/// look at one hour must not cost a day's bake; `--force` says that it may. Also, forced or not, where a manifest stands there that
-/// cannot be read.
+/// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or
+/// fewer texels. A quick look at one hour must not cost a day's bake; `--force` says that it may. Also,
+/// forced or not, where a manifest stands there that cannot be read.
 pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
     let standing = match Dataset::open_manifest(out) {
         Ok(dataset) => dataset.config,
@@ -145,8 +150,8 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
     Ok(())
 }
 
-/// Refuses to drop what an unfinished bake of other settings has traced, in favour of the work of this digest; whether it would drop
-/// work without a finished round.
+/// Refuses to drop what an unfinished bake of other settings has traced, in favour of the work of this
+/// digest; whether it would drop work without a finished round.
 ///
 /// # Errors
 /// [`Error::Invalid`] where such work has a finished round.
@@ -213,7 +218,8 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
             |files: &BTreeSet<String>| files.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
         lost.push(format!("it is of {}, not of {}", names(&before), names(&now)));
     }
-    // The hours that were asked for: the sets beside a switch move with the schedule, and are not missed where it changed.
+    // The hours that were asked for: the sets beside a switch move with the schedule, and are not missed
+    // where it changed.
     let settings = &standing.settings;
     let hours: Vec<f64> = serde_json::from_value(settings["hours"].clone())
         .unwrap_or_else(|_| standing.frames.iter().map(|set| set.hour).collect());
@@ -235,7 +241,8 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     lost
 }
 
-/// In words, where the dataset was baked from another scene file that is still there. (One that is gone was moved or renamed.)
+/// In words, where the dataset was baked from another scene file that is still there. (One that is gone was
+/// moved or renamed.)
 fn other_file(out: &Path, standing: &Config, prepared: &Prepared) -> Option<String> {
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
     let before = out.join(run.scene_file.filter(|_| run.inputs == standing.inputs)?).canonicalize().ok()?;
@@ -256,7 +263,8 @@ fn files(settings: &serde_json::Value) -> BTreeSet<String> {
     objects.filter_map(|object| Some(object["file"].as_str()?.to_owned())).collect()
 }
 
-/// In words, where a page has fewer texels than before. (A size and a density cannot be compared before the atlas is made.)
+/// In words, where a page has fewer texels than before. (A size and a density cannot be compared before the
+/// atlas is made.)
 fn coarser(before: LightmapSize, now: LightmapSize) -> Option<String> {
     match (before, now) {
         (LightmapSize::Fixed { width: w0, height: h0 }, LightmapSize::Fixed { width, height }) => {

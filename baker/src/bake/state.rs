@@ -84,18 +84,20 @@ impl Direct {
 pub struct BlockState {
     /// Rounds completed.
     pub round: u32,
-    /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and on the side of a wall that the
-    /// texel stands for ([`super::block::Worker::surface_probes`]). Empty before they were probed.
+    /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and on the
+    /// side of a wall that the texel stands for ([`super::block::Worker::surface_probes`]). Empty before they
+    /// were probed.
     pub probes: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
-    /// `[texel][sampled light]`: trial samples, by which it is decided how many are wanted; empty before they are drawn and after
-    /// the decision.
+    /// `[texel][sampled light]`: trial samples, by which it is decided how many are wanted; empty before they
+    /// are drawn and after the decision.
     pub trials: Vec<Direct>,
-    /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]); empty before that.
+    /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]);
+    /// empty before that.
     pub wants: Vec<u8>,
-    /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its cell's) it gets of indirect
-    /// light ([`super::allocate`]); empty before that is decided.
+    /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its
+    /// cell's) it gets of indirect light ([`super::allocate`]); empty before that is decided.
     pub log2_shares: Vec<i8>,
     /// Per texel, the samples of indirect light drawn in each half.
     pub drawn: Vec<u32>,
@@ -103,8 +105,8 @@ pub struct BlockState {
     pub taken: Vec<[u32; 2]>,
     /// `[texel][half][layer]`: sums of irradiance samples, without what comes straight from sampled lights.
     pub sums: Vec<Rgb>,
-    /// `[texel][half][light that walks can meet]`: sums of what they met of it straight from their start ([`Lights::layers_of_met`]), which is no
-    /// part of `sums`.
+    /// `[texel][half][light that walks can meet]`: sums of what they met of it straight from their start
+    /// ([`Lights::layers_of_met`]), which is no part of `sums`.
     pub met: Vec<Rgb>,
 }
 
@@ -202,7 +204,8 @@ impl BlockState {
 }
 
 const MAGIC: &[u8; 8] = b"TLMBLK09";
-/// Magic, round, texels, layers, sampled lights, lights that walks can meet, and which arrays follow: [`PROBED`] and so on.
+/// Magic, round, texels, layers, sampled lights, lights that walks can meet, and which arrays follow:
+/// [`PROBED`] and so on.
 const HEADER: usize = 8 + 6 * 4;
 /// Whether texels were probed.
 const PROBED: u32 = 1;
@@ -212,11 +215,13 @@ const TRIED: u32 = 2;
 const DECIDED: u32 = 4;
 /// Whether it is decided how the samples of indirect light are shared.
 const SHARED: u32 = 8;
-/// Whether samples of indirect light were drawn: else all that is counted of them is zero, and takes no bytes.
+/// Whether samples of indirect light were drawn: else all that is counted of them is zero, and takes no
+/// bytes.
 const DRAWN: u32 = 16;
 
 impl BlockState {
-    /// What [`BlockState::to_bytes`] gave for a block of so many texels and these kinds of sums; `None` where the bytes are of another.
+    /// What [`BlockState::to_bytes`] gave for a block of so many texels and these kinds of sums; `None` where
+    /// the bytes are of another.
     pub fn from_bytes(bytes: &[u8], texels: usize, kinds: Kinds) -> Option<BlockState> {
         let Kinds { layers, sampled, met } = kinds;
         let mut state = BlockState::empty(texels, kinds);

@@ -6,7 +6,8 @@ use super::state::CELLS;
 use crate::surface::BlockSurface;
 use std::time::Instant;
 
-/// One round. It depends on nothing but the rounds before, so a block that was lost is brought through the same steps again.
+/// One round. It depends on nothing but the rounds before, so a block that was lost is brought through the
+/// same steps again.
 pub struct Step {
     /// Counted from 1.
     pub round: u32,
@@ -14,7 +15,8 @@ pub struct Step {
     pub before: u32,
     /// Samples per texel, both halves together.
     pub target: u32,
-    /// Samples per texel at which blocks stop on the way, the last of them the target ([`super::rounds::stops`]).
+    /// Samples per texel at which blocks stop on the way, the last of them the target
+    /// ([`super::rounds::stops`]).
     pub stops: Vec<u32>,
     /// When to stop amid the round; none for a round that is traced again.
     pub deadline: Option<Instant>,
@@ -27,8 +29,9 @@ pub struct Step {
 }
 
 impl Step {
-    /// Samples per texel at which a block looks at the clock. A round takes as long as all before it, and on a small page that is
-    /// the time of one block: under a time limit it is traced in sixteen slices, which draw the same samples as the whole.
+    /// Samples per texel at which a block looks at the clock. A round takes as long as all before it, and on
+    /// a small page that is the time of one block: under a time limit it is traced in sixteen slices, which
+    /// draw the same samples as the whole.
     pub fn slices(&self) -> impl Iterator<Item = u32> + '_ {
         const SLICES: u32 = 16;
         let before = self.before;

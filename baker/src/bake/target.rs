@@ -1,4 +1,5 @@
-//! What misses a target error of light as it would be stored: with its noise taken out, where that is asked for.
+//! What misses a target error of light as it would be stored: with its noise taken out, where that is asked
+//! for.
 
 use super::errors::{Parts, Sums};
 use super::layers::{FilteredLayer, Layers, Part, Texel};

@@ -1,7 +1,9 @@
-//! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of them reached.
+//! Tracing the rounds: block by block, each brought to the samples of the round and written, and what all of
+//! them reached.
 //!
-//! A run that continues trusts no block that is missing, damaged, or behind the finished rounds: such a block is brought through the
-//! same steps again, which gives the same sums. Where something else that later work was decided by is lost, all of it starts over.
+//! A run that continues trusts no block that is missing, damaged, or behind the finished rounds: such a block
+//! is brought through the same steps again, which gives the same sums. Where something else that later work
+//! was decided by is lost, all of it starts over.
 
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
@@ -137,7 +139,8 @@ impl Tracer<'_> {
         // The rounds that every block was brought through.
         let whole = traced.resumed - usize::from(out_of_time);
         let start = Instant::now();
-        // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its own.
+        // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its
+        // own.
         let is_open = limits.are_open();
         let certain = self.worker.certain;
         let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
@@ -156,7 +159,8 @@ impl Tracer<'_> {
         let is_beyond_first = begun.furthest > 1 || traced.resumed > 1;
         let mut is_solved = false;
         if self.is_cached() {
-            // What the cache is solved from is what its light rests on: as much as is known to be drawn anyway.
+            // What the cache is solved from is what its light rests on: as much as is known to be drawn
+            // anyway.
             way.certain = Some(certain);
             let Some(solved) = self.cache(&blocks, begun.covered, &way, is_begun, console, &mut traced)?
             else {
@@ -205,7 +209,8 @@ impl Tracer<'_> {
                 return Ok(None);
             };
             let late = AtomicBool::new(false);
-            // Per block sums, merged afterwards in block order: floating-point sums must not depend on the threads.
+            // Per block sums, merged afterwards in block order: floating-point sums must not depend on the
+            // threads.
             let of_block = |(&block, known): (&usize, Option<Done>)| {
                 let surface = self.worker.surface(block);
                 let done = match known.filter(|_| !step.concerns(&surface)) {
@@ -255,8 +260,8 @@ impl Tracer<'_> {
         Ok(Some((traced, way)))
     }
 
-    /// The round that comes after `rounds`, which goes for `target` samples; `None` where what decides it is lost.
-    /// `is_beyond_first`: blocks were brought beyond the first round before this run.
+    /// The round that comes after `rounds`, which goes for `target` samples; `None` where what decides it is
+    /// lost. `is_beyond_first`: blocks were brought beyond the first round before this run.
     fn step(
         &self,
         target: u32,
@@ -303,9 +308,9 @@ impl Tracer<'_> {
         Ok(bytes.and_then(|bytes| OpenCells::from_bytes(self.places.grid(), &bytes)))
     }
 
-    /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct light, and the first that
-    /// count. `None` where the blocks hold more than what is kept of the decisions about them. Of the `finished` rounds every block was
-    /// brought through `whole`.
+    /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct
+    /// light, and the first that count. `None` where the blocks hold more than what is kept of the decisions
+    /// about them. Of the `finished` rounds every block was brought through `whole`.
     fn before_rounds(
         &self,
         blocks: &[usize],
@@ -337,8 +342,8 @@ impl Tracer<'_> {
         };
         let mut found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
         let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
-        // A block goes one round further than the last finished one, at most. A run that continues finds no trials in blocks that were
-        // decided: what is decided by stays what it was.
+        // A block goes one round further than the last finished one, at most. A run that continues finds no
+        // trials in blocks that were decided: what is decided by stays what it was.
         let kept = self.folder.read(DIRECT)?;
         if furthest > finished + 1 || kept.is_none() && found.iter().any(|block| block.is_decided) {
             return Ok(None);
@@ -360,7 +365,8 @@ impl Tracer<'_> {
         Ok(Some(Begun { direct_means, lost, furthest, rays, covered }))
     }
 
-    /// Probes a block's texels and draws its trial samples and its first ones; whether there was anything to do.
+    /// Probes a block's texels and draws its trial samples and its first ones; whether there was anything to
+    /// do.
     fn first_light(&self, surface: &BlockSurface, state: &mut BlockState, rays: &mut RayCounts) -> bool {
         let is_new = state.probes.is_empty() && !state.taken.is_empty();
         if is_new {
@@ -370,7 +376,8 @@ impl Tracer<'_> {
         is_new
     }
 
-    /// The cache. `None` where it is lost and cannot be made as it was, because rounds came after it (`is_begun`).
+    /// The cache. `None` where it is lost and cannot be made as it was, because rounds came after it
+    /// (`is_begun`).
     fn cache(
         &self,
         blocks: &[usize],
@@ -396,7 +403,8 @@ impl Tracer<'_> {
             return Ok(None);
         }
         let samples = way.certain.unwrap_or(0);
-        // The first half is traced block by block, as more direct light comes to it; the second reads what that left.
+        // The first half is traced block by block, as more direct light comes to it; the second reads what
+        // that left.
         let refined = |block: usize, half: usize| match half {
             0 => self.refine_direct(block, samples, &way.direct_means),
             _ => Ok((
@@ -472,7 +480,8 @@ impl Tracer<'_> {
         let texels = surface.covered().count();
         let found = self.folder.read_block(block, texels)?;
         let is_whole = |state: &BlockState| {
-            // (Of a block that has no round yet, the direct light may be less than what the cache was solved from.)
+            // (Of a block that has no round yet, the direct light may be less than what the cache was solved
+            // from.)
             let is_refined = way.certain.is_none() || !state.wants.is_empty() || state.direct.is_empty();
             let mut left = way.steps.iter().skip(state.round as usize);
             is_refined && !left.any(|step| step.concerns(surface))

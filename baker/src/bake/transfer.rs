@@ -9,8 +9,9 @@ use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
 
-/// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of these hours; and what that
-/// stands for. `inputs` is the digest of the day's bake that it goes with, which has at most `most` extra times.
+/// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of
+/// these hours; and what that stands for. `inputs` is the digest of the day's bake that it goes with, which
+/// has at most `most` extra times.
 ///
 /// # Errors
 /// A scene whose light is that of lamps alone.

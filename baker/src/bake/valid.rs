@@ -1,5 +1,5 @@
-//! Which texels of a page are valid: covered by surface, not inside a solid, and reached by light in some layer, or amid such
-//! texels. In a scene without any light the last does not count.
+//! Which texels of a page are valid: covered by surface, not inside a solid, and reached by light in some
+//! layer, or amid such texels. In a scene without any light the last does not count.
 
 use super::layers::{Layers, Part, Texel};
 use crate::Result;
@@ -21,8 +21,8 @@ pub struct ValidTexels {
 }
 
 impl ValidTexels {
-    /// Of the covered `texels`, by some layers of the folder: by all that is kept of them, so that the mask does not hang on which part of a
-    /// light lightmaps hold.
+    /// Of the covered `texels`, by some layers of the folder: by all that is kept of them, so that the mask
+    /// does not hang on which part of a light lightmaps hold.
     pub fn find<'l>(
         atlas: &Atlas,
         owners: &Owners,
@@ -63,8 +63,9 @@ impl ValidTexels {
     }
 }
 
-/// Whether valid texels lie in all four quadrants about a texel. Then it got no light by chance: to leave it out, and keep the lucky
-/// ones about it, would make dim places as bright as these. (What is buried in something has its lit neighbours on some sides.)
+/// Whether valid texels lie in all four quadrants about a texel. Then it got no light by chance: to leave it
+/// out, and keep the lucky ones about it, would make dim places as bright as these. (What is buried in
+/// something has its lit neighbours on some sides.)
 ///
 /// Only texels of the same chart count, or of none known.
 fn is_amid(mask: &Mask, owners: &Owners, texel: usize) -> bool {

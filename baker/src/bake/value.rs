@@ -9,11 +9,13 @@ use half::bf16;
 pub struct Value {
     /// Mean irradiance.
     pub mean: Rgb,
-    /// Half the difference of the halves as they were traced: an estimate of the standard error of what was traced, with a sign.
+    /// Half the difference of the halves as they were traced: an estimate of the standard error of what was
+    /// traced, with a sign.
     pub noise: Rgb,
     /// What a filter has added.
     pub shift: Rgb,
-    /// Half the difference of the halves after filtering: an estimate of the standard error that is left, bias apart.
+    /// Half the difference of the halves after filtering: an estimate of the standard error that is left,
+    /// bias apart.
     pub residual: Rgb,
 }
 
@@ -48,7 +50,8 @@ impl Value {
         self.residual.as_dvec3().length_squared()
     }
 
-    /// An unbiased estimate of the filter's squared bias, summed over the channels. It may be negative at a texel, and is 0 where nothing was filtered.
+    /// An unbiased estimate of the filter's squared bias, summed over the channels. It may be negative at a
+    /// texel, and is 0 where nothing was filtered.
     pub fn squared_bias(&self) -> f64 {
         let lost = (self.noise - self.residual).as_dvec3();
         self.shift.as_dvec3().length_squared() - lost.length_squared()

@@ -1,4 +1,5 @@
-//! How many tiles of the pages the scene's cameras see: what a game would have to hold of them, were it to load tiles on demand.
+//! How many tiles of the pages the scene's cameras see: what a game would have to hold of them, were it to
+//! load tiles on demand.
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
@@ -23,7 +24,8 @@ pub struct View {
     pub tiles: usize,
 }
 
-/// The views of these cameras, by a ray through the middle of every pixel. `tile_side`: the side of a tile in texels of the atlas.
+/// The views of these cameras, by a ray through the middle of every pixel. `tile_side`: the side of a tile in
+/// texels of the atlas.
 pub fn views(
     cameras: &[Camera],
     geometry: &Geometry,
@@ -82,7 +84,8 @@ mod tests {
 
     #[test]
     fn a_camera_sees_the_tiles_in_front_of_it() {
-        // A floor of 2 × 2 m on a page of 256 × 256, up to its edges; a camera above its first quarter, and one that looks away.
+        // A floor of 2 × 2 m on a page of 256 × 256, up to its edges; a camera above its first quarter, and
+        // one that looks away.
         let mut geometry = Geometry::default();
         geometry.positions =
             [[0.0, 0.0], [0.0, 2.0], [2.0, 2.0], [2.0, 0.0]].map(|[x, z]| Vec3::new(x, 0.0, z)).to_vec();

@@ -1,7 +1,7 @@
 //! The work folder: what a bake has done so far, inside the dataset's folder, until the dataset stands.
 //!
-//! While tracing, memory holds the blocks being worked on, never the page; a killed bake continues with what was written. Blocks, cells
-//! and cache carry a checksum ([`sealed`]). It holds
+//! While tracing, memory holds the blocks being worked on, never the page; a killed bake continues with what
+//! was written. Blocks, cells and cache carry a checksum ([`sealed`]). It holds
 //!
 //! | file | what | written |
 //! |---|---|---|
@@ -14,8 +14,8 @@
 //! | `open-R.bin` | the cells that go on towards a target after round R | after each round |
 //! | [`ROUNDS`] | what each round reached | after each round |
 //!
-//! Whatever later work is decided by is kept, and read by a run that continues: it finds more samples than were there when that was
-//! decided, and would decide otherwise.
+//! Whatever later work is decided by is kept, and read by a run that continues: it finds more samples than
+//! were there when that was decided, and would decide otherwise.
 
 use super::json;
 use super::sealed;
@@ -54,8 +54,8 @@ pub struct WorkFolder {
 }
 
 impl WorkFolder {
-    /// Opens or creates the folder of the work with this digest below `dataset`, which traces the layers of these digests as sums of these
-    /// kinds, and removes those of other work.
+    /// Opens or creates the folder of the work with this digest below `dataset`, which traces the layers of
+    /// these digests as sums of these kinds, and removes those of other work.
     pub fn open(dataset: &Path, digest: &str, layers: &[String], kinds: Kinds) -> Result<Self> {
         for other in Self::others(dataset, digest) {
             let _ = std::fs::remove_dir_all(other);
@@ -79,8 +79,8 @@ impl WorkFolder {
         dataset.join(FOLDER).join(&digest[..16])
     }
 
-    /// The unfinished work of other bakes, each with whether it has a finished round. What was left behind when all of its layers were
-    /// kept (which `is_kept` tells by their digests) is none.
+    /// The unfinished work of other bakes, each with whether it has a finished round. What was left behind
+    /// when all of its layers were kept (which `is_kept` tells by their digests) is none.
     pub fn unfinished(dataset: &Path, digest: &str, is_kept: impl Fn(&str) -> bool) -> Vec<bool> {
         let unfinished =
             Self::others(dataset, digest).into_iter().filter(|path| !is_finished(path, &is_kept));
@@ -94,12 +94,14 @@ impl WorkFolder {
         }
     }
 
-    /// Removes it, for all that was traced is kept; what cannot be removed is found to be finished by a later bake.
+    /// Removes it, for all that was traced is kept; what cannot be removed is found to be finished by a later
+    /// bake.
     pub fn remove(self) {
         let _ = std::fs::remove_dir_all(&self.root);
     }
 
-    /// Forgets all work below `dataset`. The folder of it stays, by which a later run knows the dataset's folder for a bake's own.
+    /// Forgets all work below `dataset`. The folder of it stays, by which a later run knows the dataset's
+    /// folder for a bake's own.
     pub fn clear(dataset: &Path) -> Result<()> {
         Self::others(dataset, "").iter().try_for_each(|path| dataset::files::remove_folder(path))
     }
@@ -113,8 +115,8 @@ impl WorkFolder {
     pub fn restart(&self) -> Result<()> {
         let entries = std::fs::read_dir(&self.root).map_err(Error::io(&self.root))?;
         let paths = entries.flatten().map(|entry| entry.path());
-        // What is believed without a look at the blocks goes first: a run that is killed here finds blocks that went too far, and
-        // begins anew too.
+        // What is believed without a look at the blocks goes first: a run that is killed here finds blocks
+        // that went too far, and begins anew too.
         let (mut files, blocks): (Vec<PathBuf>, Vec<PathBuf>) =
             paths.filter(|path| !path.ends_with(LAYERS)).partition(|path| path.ends_with(ROUNDS));
         files.extend(blocks);
@@ -146,7 +148,8 @@ impl WorkFolder {
         self.read_block(block, texels)?.ok_or_else(|| self.changed())
     }
 
-    /// Writes a block, replacing what was there: whole or absent for a run that is killed, and durable after [`Self::sync_blocks`].
+    /// Writes a block, replacing what was there: whole or absent for a run that is killed, and durable after
+    /// [`Self::sync_blocks`].
     pub fn write_block(&self, block: usize, state: &BlockState) -> Result<()> {
         let (name, bytes) = (block_name(block), state.to_bytes(self.kinds));
         sealed::write_unsynced(&self.path(&name), &self.label(&name), &[&bytes])
@@ -166,7 +169,8 @@ impl WorkFolder {
         Ok(())
     }
 
-    /// The content of a file that [`Self::write_sealed`] wrote; `None` where there is none, or it is not whole.
+    /// The content of a file that [`Self::write_sealed`] wrote; `None` where there is none, or it is not
+    /// whole.
     pub fn read_sealed(&self, name: &str) -> Result<Option<Vec<u8>>> {
         let path = self.path(name);
         match std::fs::read(&path) {
@@ -181,7 +185,8 @@ impl WorkFolder {
         sealed::write(&self.path(name), &self.label(name), parts)
     }
 
-    /// What a checksum is of, beside the content: a file of other work, or of another block, does not pass for this one.
+    /// What a checksum is of, beside the content: a file of other work, or of another block, does not pass
+    /// for this one.
     fn label(&self, name: &str) -> String {
         format!("{}/{name}", self.digest)
     }
@@ -223,8 +228,8 @@ fn block_name(block: usize) -> String {
     format!("block-{block:07}.bin")
 }
 
-/// Whether all layers that a folder's work is of are kept, or their list is gone: it is written before all else, so that a run without it
-/// was killed while it removed the folder, or before it had done anything.
+/// Whether all layers that a folder's work is of are kept, or their list is gone: it is written before all
+/// else, so that a run without it was killed while it removed the folder, or before it had done anything.
 fn is_finished(folder: &Path, is_kept: impl Fn(&str) -> bool) -> bool {
     let layers: Option<Vec<String>> = match std::fs::read(folder.join(LAYERS)) {
         Err(e) if e.kind() == ErrorKind::NotFound => return true,

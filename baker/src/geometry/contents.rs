@@ -1,4 +1,5 @@
-//! Lamps and cameras of a geometry file, as the file gives them: for what places lamps and writes scene files.
+//! Lamps and cameras of a geometry file, as the file gives them: for what places lamps and writes scene
+//! files.
 
 use glam::{DMat4, DVec3};
 

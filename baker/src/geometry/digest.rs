@@ -3,7 +3,8 @@
 use super::{Geometry, LightmapPlace};
 
 impl Geometry {
-    /// Feeds everything but light that a bake depends on into a hash. Neither names nor what materials emit count.
+    /// Feeds everything but light that a bake depends on into a hash. Neither names nor what materials emit
+    /// count.
     pub fn update_digest(&self, hash: &mut blake3::Hasher) {
         hash.update(bytemuck::cast_slice(&self.origin.to_array()));
         hash.update(bytemuck::cast_slice(&self.positions));

@@ -10,7 +10,8 @@ const LEAST_STEPS: u32 = 4;
 const MOST_STEPS: u32 = 64;
 
 impl Geometry {
-    /// What the emission of the triangle's material is multiplied by at a point, in [0, 1]: its map there, or 1.
+    /// What the emission of the triangle's material is multiplied by at a point, in [0, 1]: its map there,
+    /// or 1.
     pub fn emission_map_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = &self.materials[self.material_of[triangle] as usize];
         match material.emission.and_then(|emission| emission.map) {
@@ -23,7 +24,8 @@ impl Geometry {
         }
     }
 
-    /// The mean of [`Geometry::emission_map_at`] over a triangle, by points as far apart as the map's texels (farther on large triangles).
+    /// The mean of [`Geometry::emission_map_at`] over a triangle, by points as far apart as the map's texels
+    /// (farther on large triangles).
     pub fn emission_map_mean(&self, triangle: usize) -> Rgb {
         let material = &self.materials[self.material_of[triangle] as usize];
         let Some(map) = material.emission.and_then(|emission| emission.map) else { return Rgb::ONE };
@@ -35,7 +37,8 @@ impl Geometry {
         let mut sum = DVec3::ZERO;
         for i in 0..steps {
             for j in 0..steps - i {
-                // The middles of the small triangles that stand upright, and of those that stand on their heads.
+                // The middles of the small triangles that stand upright, and of those that stand on their
+                // heads.
                 let middle = |third: f32| {
                     let (u, v) = ((i as f32 + third) / steps as f32, (j as f32 + third) / steps as f32);
                     self.emission_map_at(triangle, Vec3::new(1.0 - u - v, u, v)).as_dvec3()
@@ -67,7 +70,8 @@ impl Geometry {
         if sum.is_finite() && sum > 0.0 { (weights / sum).as_vec3() } else { Vec3::splat(1.0 / 3.0) }
     }
 
-    /// Digest of where the materials of a light group emit: the maps, and how they lie on the surfaces. `None`: it has no maps.
+    /// Digest of where the materials of a light group emit: the maps, and how they lie on the surfaces.
+    /// `None`: it has no maps.
     pub fn emission_map_digest(&self, group: u32) -> Option<blake3::Hash> {
         let mut hash = blake3::Hasher::new();
         let mut has_maps = false;

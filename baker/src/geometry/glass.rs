@@ -55,7 +55,8 @@ impl Geometry {
         self.has_glass() && self.glass_of(self.material_of[triangle]).is_some()
     }
 
-    /// Per channel, the share of light that passes straight through a point, from either side; zero of an opaque material.
+    /// Per channel, the share of light that passes straight through a point, from either side; zero of an
+    /// opaque material.
     pub fn transmittance_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let index = self.material_of[triangle];
         let Some(glass) = self.glass_of(index) else { return Rgb::ZERO };
@@ -78,7 +79,8 @@ impl Geometry {
         (through * coverage + (1.0 - coverage)).clamp(Rgb::ZERO, Rgb::ONE)
     }
 
-    /// What of its albedo a point of a glass material keeps, per channel: what neither passes through it nor beside it.
+    /// What of its albedo a point of a glass material keeps, per channel: what neither passes through it nor
+    /// beside it.
     pub(super) fn kept_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let Some(glass) = self.glass_of(self.material_of[triangle]) else { return Rgb::ONE };
         let coverage = if glass.is_blended { self.alpha_at(triangle, barycentrics) } else { 1.0 };
@@ -97,8 +99,9 @@ impl Geometry {
         !self.is_glass(triangle) || self.transmittance_at(triangle, barycentrics).max_element() < OPENS_FROM
     }
 
-    /// Whether a point lies on an edge of its triangle that counts for the triangle on the other side: a ray meets both there, and would
-    /// pass one pane twice. Of the two, which run along the edge against each other, it counts for the one that does so upwards.
+    /// Whether a point lies on an edge of its triangle that counts for the triangle on the other side: a ray
+    /// meets both there, and would pass one pane twice. Of the two, which run along the edge against each
+    /// other, it counts for the one that does so upwards.
     pub fn is_of_neighbour(&self, triangle: usize, barycentrics: Vec3) -> bool {
         /// Weights below this are zero but for rounding.
         const ZERO: f32 = 1e-9;

@@ -83,8 +83,8 @@ impl<'a> Groups<'a> {
         }
     }
 
-    /// The group of something with these names, the first of which is its own, by the first that a group of the scene file has or lists; else
-    /// a group of its own name.
+    /// The group of something with these names, the first of which is its own, by the first that a group of
+    /// the scene file has or lists; else a group of its own name.
     pub fn of(&mut self, names: &[&str]) -> u32 {
         let own = names.first().copied().unwrap_or("unnamed");
         self.names.insert(own.to_owned());
@@ -115,8 +115,9 @@ impl<'a> Groups<'a> {
         }
     }
 
-    /// What a material of a file emits under a look: what that says, else what the file says. `named` are the names of node, mesh and
-    /// material that are not empty; `place` is the material's file and its number there.
+    /// What a material of a file emits under a look: what that says, else what the file says. `named` are the
+    /// names of node, mesh and material that are not empty; `place` is the material's file and its number
+    /// there.
     pub fn emission(
         &mut self,
         look: &Look,
@@ -153,7 +154,8 @@ impl<'a> Groups<'a> {
         Some(Emission { radiance, group, map: emission.texture })
     }
 
-    /// The lights of the files, told in `warnings`; and the group that all emission of later groups belongs to, where there are too many.
+    /// The lights of the files, told in `warnings`; and the group that all emission of later groups belongs
+    /// to, where there are too many.
     pub fn finish(
         self,
         scene: &Scene,

@@ -177,7 +177,8 @@ struct Placed<'a> {
     density: f64,
 }
 
-/// Lists the placed meshes of an object, instance by instance; `first_object` is the first of its places among those of the scene.
+/// Lists the placed meshes of an object, instance by instance; `first_object` is the first of its places
+/// among those of the scene.
 #[expect(clippy::too_many_arguments, reason = "one call")]
 fn place<'a>(
     object: &Object,
@@ -319,7 +320,8 @@ fn write_out(placed: &[Placed], has_emission_maps: bool) -> Result<Geometry> {
     geometry.lightmap_uvs.reserve_exact(vertices);
     geometry.triangles.reserve_exact(triangles);
     geometry.material_of.reserve_exact(triangles);
-    // Meshes are told apart by where they lie in memory; their numbers go by first appearance, so addresses do not show.
+    // Meshes are told apart by where they lie in memory; their numbers go by first appearance, so addresses
+    // do not show.
     let mut known: BTreeMap<(*const Mesh, u32, bool), u32> = BTreeMap::new();
     for p in placed {
         let next = known.len() as u32;
@@ -415,7 +417,8 @@ fn write_mesh(p: &Placed, number: u32, has_emission_maps: bool, geometry: &mut G
     });
 }
 
-/// Appends the vertex colours of a placed mesh whose vertices start at `first`. As long as there are none, nothing is held.
+/// Appends the vertex colours of a placed mesh whose vertices start at `first`. As long as there are none,
+/// nothing is held.
 fn write_colours(p: &Placed, first: usize, geometry: &mut Geometry) {
     let (mesh, count) = (p.mesh, geometry.positions.len());
     if mesh.colours.is_empty() {
@@ -450,8 +453,8 @@ fn flat_normal(corners: [Vec3; 3]) -> Vec3 {
     area_vector(corners).try_normalize().unwrap_or(DVec3::Y).as_vec3()
 }
 
-/// The inverse transpose up to a positive factor: cofactors, which exist for flattening transforms too, with the sign
-/// of the determinant.
+/// The inverse transpose up to a positive factor: cofactors, which exist for flattening transforms too, with
+/// the sign of the determinant.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

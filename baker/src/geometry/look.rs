@@ -31,7 +31,8 @@ pub(super) fn fits(pattern: &str, name: &str) -> bool {
     pattern[p..].iter().all(|&c| c == '*')
 }
 
-/// What holds for a mesh with these names: the object's look, then its parts in order. Sets `met` of the parts that fit.
+/// What holds for a mesh with these names: the object's look, then its parts in order. Sets `met` of the
+/// parts that fit.
 pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look {
     let mut look = object.look.clone();
     for (part, met) in object.parts.iter().zip(met) {
@@ -53,7 +54,8 @@ pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look
     look
 }
 
-/// An error about a part that fits no mesh; `names` are those it could have fitted, `lamps` the names of the file's lamps.
+/// An error about a part that fits no mesh; `names` are those it could have fitted, `lamps` the names of the
+/// file's lamps.
 pub(super) fn unmet<'a>(
     object: &Object,
     part: &Part,
@@ -105,9 +107,9 @@ impl MaterialStore {
         glass.as_ref().is_some_and(|glass| most_kept(glass, material.alpha) == 0.0)
     }
 
-    /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does not limit the
-    /// look's own albedo). `tint` is the brightest of the vertex colours, where there are any; `emission` is what it emits under
-    /// that look.
+    /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does
+    /// not limit the look's own albedo). `tint` is the brightest of the vertex colours, where there are any;
+    /// `emission` is what it emits under that look.
     pub fn add(
         &mut self,
         file: &FileMaterial,

@@ -37,7 +37,8 @@ pub use survey::contents;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 
-/// All triangles of a scene. Positions are relative to `origin`, so that `f32` keeps its precision far from zero.
+/// All triangles of a scene. Positions are relative to `origin`, so that `f32` keeps its precision far from
+/// zero.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// World position of the local origin (centre of the bounding box).
@@ -50,7 +51,8 @@ pub struct Geometry {
     pub uvs: Vec<Vec2>,
     /// Authored lightmap coordinates (TEXCOORD_1), zero where absent.
     pub lightmap_uvs: Vec<Vec2>,
-    /// Linear colour and alpha of each vertex, which multiply those of its material; empty where no file gives any.
+    /// Linear colour and alpha of each vertex, which multiply those of its material; empty where no file
+    /// gives any.
     pub colours: Vec<Vec4>,
     /// Vertex indices, front face counter-clockwise (also for mirrored instances).
     pub triangles: Vec<[u32; 3]>,
@@ -79,10 +81,12 @@ pub struct Geometry {
 pub struct Instance {
     /// Node, mesh and material names for messages, e.g. `yard.glb: shed/planks`.
     pub name: String,
-    /// Which mesh was placed: instances of one mesh, material and choice of `lightmap` have the same number, their triangles and
-    /// vertices in the same order (a mirrored one with the last two corners of each triangle swapped). Dense, by first appearance.
+    /// Which mesh was placed: instances of one mesh, material and choice of `lightmap` have the same number,
+    /// their triangles and vertices in the same order (a mirrored one with the last two corners of each
+    /// triangle swapped). Dense, by first appearance.
     pub mesh: u32,
-    /// The transform that placed it: metres in the world (not relative to the geometry's origin) from the mesh's coordinates.
+    /// The transform that placed it: metres in the world (not relative to the geometry's origin) from the
+    /// mesh's coordinates.
     pub world_from_mesh: DAffine3,
     /// Its triangles.
     pub triangles: std::ops::Range<usize>,
@@ -98,7 +102,8 @@ pub struct Instance {
     pub density: f64,
 }
 
-/// Where a file says that the lightmap of an instance lies: a glTF by the `extras` of its nodes, as the baker's own `scene.glb` does.
+/// Where a file says that the lightmap of an instance lies: a glTF by the `extras` of its nodes, as the
+/// baker's own `scene.glb` does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum LightmapPlace {
     /// The file tells of no mesh where its lightmap lies.

@@ -133,8 +133,8 @@ pub(super) struct FileEmission {
 }
 
 impl Mesh {
-    /// Checks indices and that every used value is finite, drops triangles that name a vertex twice and vertices that
-    /// no triangle names; tells how many triangles it dropped. `place` names file and mesh.
+    /// Checks indices and that every used value is finite, drops triangles that name a vertex twice and
+    /// vertices that no triangle names; tells how many triangles it dropped. `place` names file and mesh.
     pub fn finish(&mut self, place: &str) -> Result<usize> {
         let count = self.positions.len();
         let mut new_from_old = vec![u32::MAX; count];

@@ -7,7 +7,8 @@ use glam::Vec3;
 /// Illumination models of glass, whose `Tf` counts without a `d` too.
 const GLASS: [u8; 4] = [4, 6, 7, 9];
 
-/// Reads what a material lets through: 1 − `d` (or `Tr`) times `Tf`; where neither makes it transparent and `illum` says glass, `Tf`.
+/// Reads what a material lets through: 1 − `d` (or `Tr`) times `Tf`; where neither makes it transparent and
+/// `illum` says glass, `Tf`.
 ///
 /// A `Tf` alone is no glass: exporters write `Tf 1 1 1` into opaque materials.
 pub(super) fn read(material: &tobj::Material, file: &str, notes: &mut Notes) -> Option<Glass> {

@@ -20,7 +20,8 @@ struct Kind {
 }
 
 impl Notes {
-    /// Notes something about a thing in a file: `noun` (singular) and `name` say which, `what` holds for one and for many.
+    /// Notes something about a thing in a file: `noun` (singular) and `name` say which, `what` holds for one
+    /// and for many.
     pub fn add(
         &mut self,
         file: &str,

@@ -15,8 +15,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-/// The library that holds a stand-in for every material the OBJ names, so that one that is defined nowhere keeps its
-/// name; read first, as a line of its own, so that real definitions replace its.
+/// The library that holds a stand-in for every material the OBJ names, so that one that is defined nowhere
+/// keeps its name; read first, as a line of its own, so that real definitions replace its.
 const STAND_INS: &str = "\u{1}stand-ins";
 
 /// Bytes of a line that an error quotes.
@@ -143,8 +143,9 @@ fn material_name(line: &[u8]) -> Option<String> {
     (name.starts_with([' ', '\t']) && !name.trim().is_empty()).then(|| name.trim().to_owned())
 }
 
-/// A material library with nothing in its other lines, so that what the baker does not use cannot be wrong; `Kd r`
-/// means `Kd r r r`. A `Kd` of two numbers, which the reader does not survive, becomes one that it refuses.
+/// A material library with nothing in its other lines, so that what the baker does not use cannot be wrong;
+/// `Kd r` means `Kd r r r`. A `Kd` of two numbers, which the reader does not survive, becomes one that it
+/// refuses.
 fn statements_used(library: &[u8]) -> Vec<u8> {
     let mut used = Vec::with_capacity(library.len());
     for line in library.split_inclusive(|&b| b == b'\n') {

@@ -4,7 +4,8 @@ use super::Geometry;
 use crate::Rgb;
 use glam::{Vec2, Vec3, Vec4};
 
-/// Points on triangles are given by their barycentric weights (of the three vertices, in order, summing to 1).
+/// Points on triangles are given by their barycentric weights (of the three vertices, in order, summing to
+/// 1).
 impl Geometry {
     /// The corners, relative to the origin.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
@@ -62,8 +63,8 @@ impl Geometry {
         Some(a * barycentrics.x + b * barycentrics.y + c * barycentrics.z)
     }
 
-    /// Linear diffuse albedo, factor times texture times vertex colour, from 0 to the material's limit; of glass, what it does
-    /// not let through of that.
+    /// Linear diffuse albedo, factor times texture times vertex colour, from 0 to the material's limit; of
+    /// glass, what it does not let through of that.
     pub fn albedo_at(&self, triangle: usize, barycentrics: Vec3) -> Rgb {
         let albedo = self.whole_albedo_at(triangle, barycentrics);
         if self.has_glass() { albedo * self.kept_at(triangle, barycentrics) } else { albedo }

@@ -2,8 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-/// Cuts a simple polygon, nearly flat, into `corners.len() − 2` triangles of the same orientation. `out` gets indices
-/// into `corners`. A polygon that crosses itself or has no area falls back to a fan for what is left of it.
+/// Cuts a simple polygon, nearly flat, into `corners.len() − 2` triangles of the same orientation. `out` gets
+/// indices into `corners`. A polygon that crosses itself or has no area falls back to a fan for what is left
+/// of it.
 pub(super) fn triangulate(corners: &[DVec3], out: &mut Vec<[usize; 3]>) {
     if corners.len() < 3 {
         return;

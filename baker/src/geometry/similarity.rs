@@ -1,9 +1,11 @@
-//! Whether two instances of a mesh have the same shape: one is the other turned, mirrored, moved and scaled uniformly.
+//! Whether two instances of a mesh have the same shape: one is the other turned, mirrored, moved and scaled
+//! uniformly.
 
 use super::Instance;
 use glam::{DAffine3, DMat3, DVec3};
 
-/// How far a linear part may be from rotation × uniform scale, relative to the scale: texels then stretch by no more.
+/// How far a linear part may be from rotation × uniform scale, relative to the scale: texels then stretch by
+/// no more.
 const TOLERANCE: f64 = 1e-3;
 
 /// A map that keeps shapes, from one instance of a mesh to another.
@@ -18,8 +20,9 @@ pub struct Similarity {
 }
 
 impl Instance {
-    /// The map from this instance to another of the same mesh, about `origin`; `None` when they show different meshes, have
-    /// different shapes (a linear part M′·M⁻¹ that stretches by more than 10⁻³), or this one is flattened.
+    /// The map from this instance to another of the same mesh, about `origin`; `None` when they show
+    /// different meshes, have different shapes (a linear part M′·M⁻¹ that stretches by more than 10⁻³), or
+    /// this one is flattened.
     pub fn similarity(&self, other: &Instance, origin: DVec3) -> Option<Similarity> {
         if self.mesh != other.mesh
             || self.triangles.len() != other.triangles.len()
@@ -33,12 +36,14 @@ impl Instance {
             true => DMat3::IDENTITY,
             false => to.matrix3 * from.matrix3.inverse(),
         };
-        // L = s·Q with Q orthogonal means LᵀL = s²·1, and s³ = |det L|. Anything not finite fails the comparison.
+        // L = s·Q with Q orthogonal means LᵀL = s²·1, and s³ = |det L|. Anything not finite fails the
+        // comparison.
         let determinant = linear.determinant();
         let scale = determinant.abs().cbrt();
         let gram = linear.transpose() * linear * (scale * scale).recip();
         let same_shape = gram.abs_diff_eq(DMat3::IDENTITY, 2.0 * TOLERANCE);
-        // Rotation and scale go by the mesh's coordinates; the rest of p ↦ L(p + o − t) + t′ − o is the translation.
+        // Rotation and scale go by the mesh's coordinates; the rest of p ↦ L(p + o − t) + t′ − o is the
+        // translation.
         let translation = linear * (origin - from.translation) + (to.translation - origin);
         let map = DAffine3 { matrix3: linear, translation };
         (scale > 0.0 && same_shape && map.is_finite()).then_some(Similarity {

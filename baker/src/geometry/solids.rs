@@ -1,8 +1,9 @@
-//! Which triangles bound solids: closed surfaces that are seen from outside. What first meets the back of one began inside it.
+//! Which triangles bound solids: closed surfaces that are seen from outside. What first meets the back of one
+//! began inside it.
 //!
-//! Triangles are connected where they share an edge, its ends equal to the bit. Where two meet, once in each direction, they
-//! belong together. Where more do (blocks that share an edge, duplicates, a sheet attached to a block), surfaces that are closed
-//! there by themselves stay apart, and the others are taken together.
+//! Triangles are connected where they share an edge, its ends equal to the bit. Where two meet, once in each
+//! direction, they belong together. Where more do (blocks that share an edge, duplicates, a sheet attached to
+//! a block), surfaces that are closed there by themselves stay apart, and the others are taken together.
 
 use super::Geometry;
 use glam::Vec3;
@@ -20,16 +21,17 @@ pub struct Solids {
 /// A side of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Edge {
-    /// The same for both directions: a hash of the ends. (Of 30 million edges two get the same by chance once in 40,000 scenes;
-    /// then one that is open may count as closed.)
+    /// The same for both directions: a hash of the ends. (Of 30 million edges two get the same by chance once
+    /// in 40,000 scenes; then one that is open may count as closed.)
     key: u64,
     triangle: u32,
     is_forward: bool,
 }
 
 impl Solids {
-    /// Finds the closed surfaces of one-sided triangles, no cut-outs and no glass, whose fronts look outwards. The memory taken
-    /// meanwhile is 64 MiB and 18 bytes per triangle, more where edges of more than two triangles are the rule.
+    /// Finds the closed surfaces of one-sided triangles, no cut-outs and no glass, whose fronts look
+    /// outwards. The memory taken meanwhile is 64 MiB and 18 bytes per triangle, more where edges of more
+    /// than two triangles are the rule.
     pub fn new(geometry: &Geometry) -> Self {
         let triangles = geometry.triangles.len();
         let is_glass = |index: usize| geometry.glass_of(index as u32).is_some();
@@ -40,7 +42,8 @@ impl Solids {
         let mut parts = Parts::new(triangles);
         // Triangles with an edge at which their part is not closed.
         let mut open = vec![false; triangles];
-        // Edges of more than two triangles, or of two that are wound against each other, all of one key together.
+        // Edges of more than two triangles, or of two that are wound against each other, all of one key
+        // together.
         let mut crowded: Vec<Edge> = Vec::new();
         let runs = (3 * triangles).div_ceil(AT_A_TIME) as u64;
         for run in 0..runs {

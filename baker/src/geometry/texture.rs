@@ -129,7 +129,8 @@ pub(super) struct TextureStore {
 }
 
 impl TextureStore {
-    /// Decodes the bytes of a PNG, JPEG or (with the feature `webp`) WebP file, or finds the texture they gave before. `place` is for messages.
+    /// Decodes the bytes of a PNG, JPEG or (with the feature `webp`) WebP file, or finds the texture they
+    /// gave before. `place` is for messages.
     pub fn add(&mut self, bytes: &[u8], wrap_u: Wrap, wrap_v: Wrap, place: &str) -> Result<u32> {
         let key = (*blake3::hash(bytes).as_bytes(), wrap_u, wrap_v);
         if let Some(&index) = self.index.get(&key) {

@@ -11,17 +11,20 @@ const FINEST: i64 = 24;
 /// The steps of the levels, coarsest first, in units of 2.5 minutes: 60, 30, 15, 7.5 and 2.5 minutes.
 const STEPS: [i64; 5] = [24, 12, 6, 3, 1];
 
-/// The level of quarters of an hour. Where steps are finer, all is asked for as often: beams through narrow gaps show for a few minutes.
+/// The level of quarters of an hour. Where steps are finer, all is asked for as often: beams through narrow
+/// gaps show for a few minutes.
 const QUARTERS: usize = 2;
 
-/// The times at which the sun's visibility is asked for, ascending, and the sun at each: none at which it gives no light.
+/// The times at which the sun's visibility is asked for, ascending, and the sun at each: none at which it
+/// gives no light.
 #[derive(Clone, Debug)]
 pub struct Course {
     /// The finest step of the clock, in minutes.
     pub minutes: f64,
     /// In hours from midnight, at most 24.
     pub hours: Vec<f64>,
-    /// Per time, its level: 0 is always asked for, others where light changes between those of lower levels around it.
+    /// Per time, its level: 0 is always asked for, others where light changes between those of lower levels
+    /// around it.
     pub levels: Vec<u8>,
     /// Per time, the sun.
     pub suns: Vec<SunDisc>,
@@ -30,8 +33,8 @@ pub struct Course {
 impl Course {
     /// The course of a sun between two hours. `minutes`: the finest step, 15 or 2.5.
     ///
-    /// The times are those of the clock at that step, both ends, the keys of an authored course, the first and last second of sun, and the
-    /// middle of every time of sun that lies between two others.
+    /// The times are those of the clock at that step, both ends, the keys of an authored course, the first
+    /// and last second of sun, and the middle of every time of sun that lies between two others.
     pub fn new(sun: &Sun, place: Option<&Place>, [from, to]: [f64; 2], minutes: f64) -> Self {
         let step = (minutes / 2.5).round().max(1.0) as i64;
         let finest = (from * FINEST as f64).ceil() as i64..=(to * FINEST as f64).floor() as i64;
@@ -74,7 +77,8 @@ impl Course {
         self.suns.is_empty()
     }
 
-    /// The times of one level, each with the nearest times of lower levels before and after it, where there are any.
+    /// The times of one level, each with the nearest times of lower levels before and after it, where there
+    /// are any.
     pub fn of_level(&self, level: u8) -> Vec<(usize, Option<usize>, Option<usize>)> {
         let is_coarser = |&time: &usize| self.levels[time] < level;
         let times = (0..self.hours.len()).filter(|&time| self.levels[time] == level);
@@ -99,8 +103,8 @@ fn is_moving(sun: &Sun) -> bool {
     }
 }
 
-/// The sun by the minute between two hours, as datasets hold it; the keys of an authored course, and the first and last second of sun,
-/// are times of their own. None of it where there is no sun at all.
+/// The sun by the minute between two hours, as datasets hold it; the keys of an authored course, and the
+/// first and last second of sun, are times of their own. None of it where there is no sun at all.
 pub fn by_the_minute(sun: &Sun, place: Option<&Place>, [from, to]: [f64; 2]) -> SunPath {
     let at = |hour: f64| sun::at(sun, place, hour);
     let mut hours = vec![from, to];
@@ -163,8 +167,9 @@ fn end_of_day([from, to]: [f64; 2], at: &impl Fn(f64) -> Option<SunDisc>) -> Opt
     Some(day)
 }
 
-/// The mean direction towards the visible part of a sun's disc: a vector of length 1 for a small disc, less for a wide one. Its product
-/// with the normal of a surface that sees all of it, times the disc's irradiance, is the irradiance of the surface.
+/// The mean direction towards the visible part of a sun's disc: a vector of length 1 for a small disc, less
+/// for a wide one. Its product with the normal of a surface that sees all of it, times the disc's irradiance,
+/// is the irradiance of the surface.
 pub fn mean_direction(disc: &SunDisc) -> DVec3 {
     let (direction, half_angle) = (disc.direction.as_dvec3(), f64::from(disc.half_angle));
     if half_angle == 0.0 {

@@ -1,5 +1,5 @@
-//! What smooth light goes with between frames: the sky's with its irradiance on level ground, what surfaces reflect of the sun with the
-//! sun's irradiance on what is around.
+//! What smooth light goes with between frames: the sky's with its irradiance on level ground, what surfaces
+//! reflect of the sun with the sun's irradiance on what is around.
 
 use super::course;
 use super::sky_model::irradiance;
@@ -10,8 +10,9 @@ use rayon::prelude::*;
 /// Curves are true to this share of themselves, and have as few times as that takes.
 const SHARE: f64 = 1e-3;
 
-/// Of the sun's irradiance on a surface that faces it, what counts as falling on the scene beside what falls on level ground: walls catch
-/// it when it stands low. (Of 0, 0.02, 0.05 and 0.1, that of least error in `yard`, `room` and `farmland`.)
+/// Of the sun's irradiance on a surface that faces it, what counts as falling on the scene beside what falls
+/// on level ground: walls catch it when it stands low. (Of 0, 0.02, 0.05 and 0.1, that of least error in
+/// `yard`, `room` and `farmland`.)
 const WALLS: f32 = 0.05;
 
 /// Of a sky that follows the sun; `None` of others, which are the same all day.
@@ -22,8 +23,8 @@ pub fn of_sky(sky: &Sky, place: Option<&Place>) -> Option<Curve> {
     Some(Curve { hours, values }.thinned(SHARE))
 }
 
-/// Of what surfaces reflect of a computed sun; `None` of an authored one: where it jumps or shines from below the horizon, light is far from
-/// in proportion to any such quantity.
+/// Of what surfaces reflect of a computed sun; `None` of an authored one: where it jumps or shines from below
+/// the horizon, light is far from in proportion to any such quantity.
 pub fn of_reflected_sun(sun: &Sun, place: Option<&Place>) -> Option<Curve> {
     if matches!(sun.track, SunTrack::Authored(_)) {
         return None;

@@ -1,6 +1,8 @@
-//! A disc as a light. From afar points are uniform in its area (the concentric map of Shirley & Chiu 1997); near, where
-//! solid angle and area part, directions are uniform in the solid angle of the square around it (Ureña, Fajardo & King
-//! 2013) and those that miss the disc give nothing: the density never falls below 1/2π, so that the variance stays finite
+//! A disc as a light. From afar points are uniform in its area (the concentric map of Shirley & Chiu 1997);
+//! near, where solid angle and area part, directions are uniform in the solid angle of the square around it
+//! (Ureña, Fajardo & King
+//! 2013) and those that miss the disc give nothing: the density never falls below 1/2π, so that the variance
+//!       stays finite
 //! down to touch.
 
 use super::cos_bound;
@@ -8,8 +10,8 @@ use super::rectangle::{Rectangle, Seen as SeenSquare};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_4, PI};
 
-/// Nearer to the disc's nearest point than this, in radii, sampling by its square has less variance than by its area (on the axis the
-/// two are equal at 0.85).
+/// Nearer to the disc's nearest point than this, in radii, sampling by its square has less variance than by
+/// its area (on the axis the two are equal at 0.85).
 const NEAR: f64 = 0.85;
 
 /// A one-sided disc.

@@ -1,8 +1,8 @@
-//! Emissive triangles of a mesh as lights: directions uniform in the spherical triangle, points uniform in area where its
-//! solid angle is too small to matter.
+//! Emissive triangles of a mesh as lights: directions uniform in the spherical triangle, points uniform in
+//! area where its solid angle is too small to matter.
 //!
-//! The map is the half-vector form of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", which needs no angles
-//! of the spherical triangle (Arvo 1995) and keeps its digits for slivers.
+//! The map is the half-vector form of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", which
+//! needs no angles of the spherical triangle (Arvo 1995) and keeps its digits for slivers.
 
 use super::cos_bound;
 use super::lamp::Outline;
@@ -27,7 +27,8 @@ pub struct Emitter {
 
 /// The emissive triangles of a light group that are worth sampling.
 ///
-/// Left to the walks that meet them: cut-outs (a sampled point may lie in a hole) and triangles without area or light.
+/// Left to the walks that meet them: cut-outs (a sampled point may lie in a hole) and triangles without area
+/// or light.
 pub fn emitters(geometry: &Geometry, group: u32) -> Vec<Emitter> {
     let mut found = Vec::new();
     for (triangle, &material) in geometry.material_of.iter().enumerate() {
@@ -48,8 +49,8 @@ pub fn emitters(geometry: &Geometry, group: u32) -> Vec<Emitter> {
     found
 }
 
-/// Twice the area over the longest edge squared, below which a triangle counts as having no area: rounding to `f32` has left
-/// nothing of its plane.
+/// Twice the area over the longest edge squared, below which a triangle counts as having no area: rounding to
+/// `f32` has left nothing of its plane.
 const FLAT: f64 = 1e-9;
 
 /// Heights over the plane, relative to the triangle's size, that count as in it.
@@ -88,7 +89,8 @@ impl Emitter {
         let cross = (b - a).cross(c - a);
         let twice_area = cross.length();
         let height = -a.dot(cross) / twice_area;
-        // (So close to its plane the map has no digits left: nothing is sampled, and walks that meet it count in full.)
+        // (So close to its plane the map has no digits left: nothing is sampled, and walks that meet it count
+        // in full.)
         if height * height <= TOUCHING * TOUCHING * twice_area {
             return None;
         }
@@ -132,7 +134,8 @@ impl Emitter {
 
 /// A triangle as seen from a point in front of it.
 pub(super) struct Seen {
-    /// Corners relative to the point, counter-clockwise as seen from the point's side, and unit vectors to them.
+    /// Corners relative to the point, counter-clockwise as seen from the point's side, and unit vectors to
+    /// them.
     corners: [DVec3; 3],
     v: [DVec3; 3],
     /// Unit normal on the point's side.
@@ -169,7 +172,8 @@ impl Seen {
             let distance = offset.length();
             return (distance > 0.0).then(|| (offset / distance, distance));
         }
-        // w on the arc v₀v₂ such that (v₀, v₁, w) has the u-th part of the solid angle: the half vector of v₀ and w.
+        // w on the arc v₀v₂ such that (v₀, v₁, w) has the u-th part of the solid angle: the half vector of v₀
+        // and w.
         let [v0, v1, v2] = self.v;
         let (sin, cos) = (0.5 * self.solid_angle * u.x).sin_cos();
         let half = v0 * (self.g[0] * cos - self.g[1] * sin) + v2 * (self.g[2] * sin);

@@ -64,8 +64,8 @@ fn sample_and_invert_agree() {
     }
 }
 
-/// Lambert's polygon formula against the sampled mean of cosine ÷ pdf, on a grid of 512² cells: each error is far below 10⁻³
-/// of the value (but for the nearly edge-on one).
+/// Lambert's polygon formula against the sampled mean of cosine ÷ pdf, on a grid of 512² cells: each error is
+/// far below 10⁻³ of the value (but for the nearly edge-on one).
 #[test]
 fn irradiance_matches_lambert() {
     for (k, corners) in shapes().into_iter().enumerate() {

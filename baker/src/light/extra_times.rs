@@ -1,8 +1,8 @@
 //! Extra times: where lightmaps of the hours asked for, interpolated, would miss how smooth light goes.
 //!
-//! Smooth light is what comes from the sky and what surfaces reflect of the sun; lightmaps are interpolated linearly between times. At dawn
-//! and dusk it falls by powers of ten in an hour. How the mean of a page goes is known well enough from the sun and the sky alone, so that
-//! the times are found before any ray is traced.
+//! Smooth light is what comes from the sky and what surfaces reflect of the sun; lightmaps are interpolated
+//! linearly between times. At dawn and dusk it falls by powers of ten in an hour. How the mean of a page goes
+//! is known well enough from the sun and the sky alone, so that the times are found before any ray is traced.
 
 use super::schedule::{self, Hours, Moment, is_on};
 use super::sky::Illuminance;
@@ -16,14 +16,17 @@ pub const MOST: u32 = 6;
 /// Times are added until interpolated light errs by no more than this share of itself, at any minute.
 pub const BOUND: f64 = 0.05;
 
-/// Times no farther apart than this many micro-hours get none between them: ten minutes, so that 240 hours a day are what was asked for.
+/// Times no farther apart than this many micro-hours get none between them: ten minutes, so that 240 hours a
+/// day are what was asked for.
 const CLOSE: i64 = 10 * 1_000_000 / 60;
 
-/// Light below this share of the day's greatest counts as this much: by night an error is none that anyone sees.
+/// Light below this share of the day's greatest counts as this much: by night an error is none that anyone
+/// sees.
 const FLOOR: f64 = 1e-3;
 
-/// What surfaces reflect of the sun, next to the light of a sky of the same irradiance on level ground: of the sun's on level ground, and
-/// of that on walls that face it. Between those of a yard (0.11, 0.007) and of a room with windows to the sun (0.6, 0.3).
+/// What surfaces reflect of the sun, next to the light of a sky of the same irradiance on level ground: of
+/// the sun's on level ground, and of that on walls that face it. Between those of a yard (0.11, 0.007) and of
+/// a room with windows to the sun (0.6, 0.3).
 const GROUND: f64 = 0.25;
 const WALLS: f64 = 0.05;
 
@@ -35,8 +38,8 @@ const DAY: i64 = 24_000_000;
 pub struct ExtraTimes {
     /// Ascending.
     pub added: Vec<ExtraTime>,
-    /// The greatest error at any minute without them, as a share of the light; `None` where it is not looked for: nothing changes, or there
-    /// is nothing to interpolate for more than ten minutes.
+    /// The greatest error at any minute without them, as a share of the light; `None` where it is not looked
+    /// for: nothing changes, or there is nothing to interpolate for more than ten minutes.
     pub error_before: Option<f64>,
     /// The greatest error with them.
     pub error_after: Option<f64>,
@@ -47,7 +50,8 @@ pub struct ExtraTimes {
 pub struct ExtraTime {
     /// A whole minute, in [0, 24).
     pub hour: f64,
-    /// The greatest error between its neighbours among the hours asked for and the switches, as a share of the light.
+    /// The greatest error between its neighbours among the hours asked for and the switches, as a share of
+    /// the light.
     pub error_before: f64,
     /// The greatest error between it and the times next to it.
     pub error_after: f64,
@@ -78,7 +82,8 @@ pub fn percent(share: f64) -> String {
     if share < 0.0995 { format!("{:.1} %", share * 100.0) } else { format!("{:.0} %", share * 100.0) }
 }
 
-/// The moments of a bake: those of [`schedule::moments`], and at most `most` more where interpolated light would err.
+/// The moments of a bake: those of [`schedule::moments`], and at most `most` more where interpolated light
+/// would err.
 pub fn moments(scene: &Scene, hours: &Hours, most: u32) -> (Vec<Moment>, ExtraTimes) {
     let mut moments = schedule::moments(hours, &scene.groups);
     if hours.ranges.is_empty() {
@@ -146,8 +151,8 @@ impl<'a> Smooth<'a> {
 /// The time between two neighbouring moments between which light is interpolated.
 #[derive(Clone, Debug)]
 struct Gap {
-    /// Times in micro-hours, the first and the last those of moments, the others whole minutes; and the light at each. The last may be past
-    /// midnight.
+    /// Times in micro-hours, the first and the last those of moments, the others whole minutes; and the light
+    /// at each. The last may be past midnight.
     light: Vec<(i64, f64)>,
     /// Light below this counts as this much.
     floor: f64,
@@ -185,7 +190,8 @@ impl Gap {
         (a + 1..b).all(|at| self.error_at(at, a, b) <= bound)
     }
 
-    /// The fewest minutes to cut at so that no part errs by more than a bound, none if that takes more than `most`.
+    /// The fewest minutes to cut at so that no part errs by more than a bound, none if that takes more than
+    /// `most`.
     fn cuts(&self, bound: f64, most: usize) -> Option<Vec<usize>> {
         let last = self.light.len() - 1;
         let (mut cuts, mut at) = (Vec::new(), 0);
@@ -222,8 +228,8 @@ impl Gap {
     }
 }
 
-/// The stretches of time over which light is interpolated: within the ranges that were asked for, between moments that show the same
-/// lamps and are not close to each other.
+/// The stretches of time over which light is interpolated: within the ranges that were asked for, between
+/// moments that show the same lamps and are not close to each other.
 fn gaps(moments: &[Moment], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     let micro = |hour: f64| (hour * 1e6).round() as i64;
     let next = |k: usize| match moments.get(k + 1) {
@@ -242,7 +248,8 @@ fn gaps(moments: &[Moment], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     gaps
 }
 
-/// Per gap where to cut it: the cuts, no more than `most` in all, that leave the least error, or as few as leave [`BOUND`].
+/// Per gap where to cut it: the cuts, no more than `most` in all, that leave the least error, or as few as
+/// leave [`BOUND`].
 fn cuts(gaps: &[Gap], most: usize) -> Vec<Vec<usize>> {
     let within = |bound: f64| {
         let mut left = most;

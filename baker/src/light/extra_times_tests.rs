@@ -51,7 +51,8 @@ fn hours_of(extra: &ExtraTimes) -> Vec<f64> {
     extra.added.iter().map(|time| time.hour).collect()
 }
 
-/// The greatest error at any minute of light interpolated between some hours, each half minute looked at anew.
+/// The greatest error at any minute of light interpolated between some hours, each half minute looked at
+/// anew.
 fn error_of(scene: &Scene, hours: &[f64]) -> f64 {
     let smooth = Smooth::new(scene);
     let greatest = (0..1440).map(|m| smooth.at(f64::from(m) / 60.0)).fold(0.0, f64::max);

@@ -1,4 +1,5 @@
-//! The ground below the horizon: a level plane without end, far below all that is modelled, lit by the open sky and the sun.
+//! The ground below the horizon: a level plane without end, far below all that is modelled, lit by the open
+//! sky and the sun.
 
 use super::sky;
 use super::sun::SunDisc;
@@ -7,7 +8,8 @@ use crate::scene::{Place, Sky};
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Rings of the upper hemisphere that the sky's irradiance is summed over; there are twice as many directions around.
+/// Rings of the upper hemisphere that the sky's irradiance is summed over; there are twice as many directions
+/// around.
 const RINGS: usize = 128;
 /// Points along a side of the square that a sun's disc is averaged over.
 const SIDE: usize = 8;

@@ -1,4 +1,5 @@
-//! All lights of a group as one: its lamps and the emissive triangles of its meshes, one chosen for each sample.
+//! All lights of a group as one: its lamps and the emissive triangles of its meshes, one chosen for each
+//! sample.
 
 use super::emitter::Emitter;
 use super::lamp::{LampSample, LampSampler, Outline};
@@ -12,8 +13,8 @@ pub use super::emitter::emitters;
 /// From this many lights on the choice is a tree's; below, every light's importance is computed.
 const TREE_FROM: usize = 8;
 
-/// The part of choices that goes evenly to all lights, whatever their importance: a faint lamp may be the only one that is
-/// not hidden.
+/// The part of choices that goes evenly to all lights, whatever their importance: a faint lamp may be the
+/// only one that is not hidden.
 const EVEN: f32 = 1.0 / 64.0;
 
 /// Samples one light of a group at a time.
@@ -29,8 +30,8 @@ pub struct GroupSampler {
 }
 
 impl GroupSampler {
-    /// Prepares a group's lights; `origin` is the world position of the local origin. Lights without power or area are
-    /// dropped.
+    /// Prepares a group's lights; `origin` is the world position of the local origin. Lights without power or
+    /// area are dropped.
     pub fn new(lamps: &[Lamp], emitters: &[Emitter], origin: DVec3) -> Self {
         let lamps: Vec<LampSampler> = lamps.iter().map(|lamp| LampSampler::new(lamp, origin)).collect();
         let lamps: Vec<LampSampler> = lamps.into_iter().filter(|lamp| lamp.luminance() > 0.0).collect();
@@ -54,8 +55,9 @@ impl GroupSampler {
         self.lamps.len() + self.emitters.len()
     }
 
-    /// Samples one of the lights as seen from `point` with unit `normal`. `choice` in [0, 1) and `u` in [0, 1)² choose the light and
-    /// the point of it. The irradiance is already divided by the probability of the choice. `None`: this sample is 0.
+    /// Samples one of the lights as seen from `point` with unit `normal`. `choice` in [0, 1) and `u` in [0,
+    /// 1)² choose the light and the point of it. The irradiance is already divided by the probability of the
+    /// choice. `None`: this sample is 0.
     pub fn sample(&self, point: Vec3, normal: Vec3, choice: f32, u: Vec2) -> Option<LampSample> {
         let (light, probability, left) = self.choose(point, normal, choice, u.x)?;
         let u = Vec2::new(left, u.y);
@@ -82,7 +84,8 @@ impl GroupSampler {
             .then_some(sample)
     }
 
-    /// A guess of the irradiance of all its lights together, per unit of their intensity: 0 only where `sample` gives nothing.
+    /// A guess of the irradiance of all its lights together, per unit of their intensity: 0 only where
+    /// `sample` gives nothing.
     pub fn worth(&self, point: Vec3, normal: Vec3) -> f32 {
         let importance = |light| self.importance(light, point, normal);
         let guess = match &self.tree {
@@ -93,8 +96,9 @@ impl GroupSampler {
         if guess > 0.0 { relative.clamp(f32::MIN_POSITIVE, 1e30) } else { 0.0 }
     }
 
-    /// The density over solid angle with which [`GroupSampler::sample`] gives the unit direction from `point` to the point at
-    /// `distance` on `triangle`; 0 if that is no emitter of this group, or is not sampled from there.
+    /// The density over solid angle with which [`GroupSampler::sample`] gives the unit direction from `point`
+    /// to the point at `distance` on `triangle`; 0 if that is no emitter of this group, or is not sampled
+    /// from there.
     pub fn emitter_pdf(
         &self,
         point: Vec3,
@@ -114,8 +118,8 @@ impl GroupSampler {
         (seen.pdf(f64::from(distance)) * f64::from(probability)) as f32
     }
 
-    /// One light, the probability of that choice, and what is left of `u` for the point of it (few lights are chosen by `u`, whose
-    /// numbers are spread evenly over the samples; the tree by `choice`).
+    /// One light, the probability of that choice, and what is left of `u` for the point of it (few lights are
+    /// chosen by `u`, whose numbers are spread evenly over the samples; the tree by `choice`).
     fn choose(&self, point: Vec3, normal: Vec3, choice: f32, u: f32) -> Option<(u32, f32, f32)> {
         match &self.tree {
             None => {

@@ -1,5 +1,5 @@
-//! Tests of the choice among many lights: its probabilities against each other, its sums against the lights one by one, its
-//! variance against the exact choice.
+//! Tests of the choice among many lights: its probabilities against each other, its sums against the lights
+//! one by one, its variance against the exact choice.
 
 use super::*;
 use crate::Rgb;
@@ -169,8 +169,8 @@ fn the_choice_follows_its_probabilities() {
     }
 }
 
-/// Irradiance by `n` samples in each of 16 independent seeds: |z| < 4.5 for the mean of seeds (Student's t with 15 degrees of
-/// freedom: p = 4·10⁻⁴).
+/// Irradiance by `n` samples in each of 16 independent seeds: |z| < 4.5 for the mean of seeds (Student's t
+/// with 15 degrees of freedom: p = 4·10⁻⁴).
 fn check(group: &GroupSampler, p: Vec3, normal: Vec3, n: u32, expected: f64) {
     let means: Vec<f64> = (0..16)
         .map(|seed| {
@@ -282,8 +282,8 @@ fn densities_of_met_triangles_are_the_samples() {
     assert!(found > 1000, "{found}");
 }
 
-/// A ceiling of 500 lamps of which every other one, at random, is hidden: the variance of the tree's choice against that of the
-/// exact one, over receivers below, between and beside the lamps.
+/// A ceiling of 500 lamps of which every other one, at random, is hidden: the variance of the tree's choice
+/// against that of the exact one, over receivers below, between and beside the lamps.
 #[test]
 fn variance_is_near_that_of_the_exact_choice() {
     let mut random = Random::new(4);
@@ -326,7 +326,8 @@ fn variance_is_near_that_of_the_exact_choice() {
     let ratios = [0, 1].map(|i| tree[i] / exact[i]);
     println!("variance {ratios:?} of the exact choice's, worst second moments {worst:?}");
     assert!(ratios.iter().all(|ratio| *ratio < 1.5) && worst[0] < 2.0);
-    // There the lamps' light falls with the fourth power of distance, which a bound of many follows less well.
+    // There the lamps' light falls with the fourth power of distance, which a bound of many follows less
+    // well.
     assert!(worst[1] < 8.0);
 }
 

@@ -1,8 +1,8 @@
-//! Where sky light is worth looking for beyond the cosine of the walk: through portals, and at the bright parts of a
-//! picture.
+//! Where sky light is worth looking for beyond the cosine of the walk: through portals, and at the bright
+//! parts of a picture.
 //!
-//! A guide only proposes directions; with the balance heuristic of its density and the cosine's, no light is lost or counted
-//! twice, whatever it proposes.
+//! A guide only proposes directions; with the balance heuristic of its density and the cosine's, no light is
+//! lost or counted twice, whatever it proposes.
 
 use super::rectangle::Rectangle;
 use super::sky::SkyTable;
@@ -31,8 +31,9 @@ struct Opening {
 }
 
 impl SkyGuide {
-    /// A guide for the scene's portals and its sky's picture; `origin` is the world position of the local origin. `None` where
-    /// the cosine is as good: no sky, or neither portals nor a picture with bright parts.
+    /// A guide for the scene's portals and its sky's picture; `origin` is the world position of the local
+    /// origin. `None` where the cosine is as good: no sky, or neither portals nor a picture with bright
+    /// parts.
     pub fn new(scene: &Scene, sky: &SkyTable, origin: DVec3) -> Option<Self> {
         if sky.lit.is_empty() {
             return None;
@@ -42,9 +43,9 @@ impl SkyGuide {
         (!portals.is_empty() || picture.is_some()).then_some(Self { portals, picture })
     }
 
-    /// A direction and its density over solid angle ([`SkyGuide::pdf`] of it); it may lie below the receiver's horizon. `choice`
-    /// in [0, 1) chooses where to look, `u` in [0, 1)² the direction. `None` where no portal can be seen (and there is no
-    /// picture): the density is then 0 everywhere.
+    /// A direction and its density over solid angle ([`SkyGuide::pdf`] of it); it may lie below the
+    /// receiver's horizon. `choice` in [0, 1) chooses where to look, `u` in [0, 1)² the direction. `None`
+    /// where no portal can be seen (and there is no picture): the density is then 0 everywhere.
     pub fn sample(&self, point: Vec3, normal: Vec3, choice: f32, u: Vec2) -> Option<(Vec3, f32)> {
         let (p, n, u) = (point.as_dvec3(), normal.as_dvec3(), u.as_dvec2());
         let shares = self.shares(p, n)?;
@@ -52,8 +53,8 @@ impl SkyGuide {
         let direction = if choice < shares.picture {
             self.picture.as_ref()?.sample(u)
         } else {
-            // One portal, in proportion to importance, by the first number: what is left of it chooses the point, so that
-            // the points on every portal are spread evenly.
+            // One portal, in proportion to importance, by the first number: what is left of it chooses the
+            // point, so that the points on every portal are spread evenly.
             let mut left = u.x * shares.total;
             let mut chosen = None;
             for (i, opening) in self.portals.iter().enumerate() {
@@ -74,8 +75,8 @@ impl SkyGuide {
         (direction.is_finite() && pdf > 0.0 && pdf.is_finite()).then_some((direction, pdf))
     }
 
-    /// Density over solid angle of [`SkyGuide::sample`] in a unit direction, by whatever way it may be found: through any of
-    /// the portals in that direction, or in the picture.
+    /// Density over solid angle of [`SkyGuide::sample`] in a unit direction, by whatever way it may be found:
+    /// through any of the portals in that direction, or in the picture.
     pub fn pdf(&self, point: Vec3, normal: Vec3, direction: Vec3) -> f32 {
         let (p, n) = (point.as_dvec3(), normal.as_dvec3());
         match self.shares(p, n) {
@@ -100,7 +101,8 @@ impl SkyGuide {
         (shares.picture * picture + (1.0 - shares.picture) * through) as f32
     }
 
-    /// The part of samples that looks at the picture, and the portals' importances. Even, where there are both.
+    /// The part of samples that looks at the picture, and the portals' importances. Even, where there are
+    /// both.
     fn shares(&self, p: DVec3, n: DVec3) -> Option<ShareOf> {
         let (mut total, mut first) = (0.0, [0.0; KNOWN]);
         for (i, opening) in self.portals.iter().enumerate() {
@@ -163,7 +165,8 @@ impl Opening {
         distance2 - along * along.abs() <= self.radius2 * (1.0 + 1e-3) + 1e-6 * distance2
     }
 
-    /// A guess of its solid angle times the cosine; 0 in its plane, wholly below the horizon, and outside of its room.
+    /// A guess of its solid angle times the cosine; 0 in its plane, wholly below the horizon, and outside of
+    /// its room.
     fn importance(&self, p: DVec3, n: DVec3) -> f64 {
         if p.cmplt(self.room[0]).any() || p.cmpgt(self.room[1]).any() {
             return 0.0;
@@ -186,9 +189,9 @@ impl Opening {
 /// Most columns of a picture's table of importance.
 const MOST_COLUMNS: usize = 2048;
 
-/// The bright parts of a picture: a density over the sphere that is constant in each cell of a lat-long grid, in proportion
-/// to how far the cell's luminance is above the picture's mean. (What the mean explains, the cosine finds: Karlík et al. 2019,
-/// "MIS Compensation".)
+/// The bright parts of a picture: a density over the sphere that is constant in each cell of a lat-long grid,
+/// in proportion to how far the cell's luminance is above the picture's mean. (What the mean explains, the
+/// cosine finds: Karlík et al. 2019, "MIS Compensation".)
 #[derive(Clone, Debug)]
 struct Picture {
     frame: LatLong,
@@ -291,8 +294,9 @@ fn solid_angle(row: usize, columns: usize, rows: usize) -> f64 {
     TAU / columns as f64 * (cos_of(row, rows) - cos_of(row + 1, rows))
 }
 
-/// The mean over each cell of the bilinear picture between the cells' middles: weights ⅛, ¾, ⅛ either way. Without it, what the
-/// look-up spreads from a bright cell into its neighbours would be found with their small density.
+/// The mean over each cell of the bilinear picture between the cells' middles: weights ⅛, ¾, ⅛ either way.
+/// Without it, what the look-up spreads from a bright cell into its neighbours would be found with their
+/// small density.
 fn blurred(cells: &[f64], columns: usize, rows: usize) -> Vec<f64> {
     let blur = |a: f64, b: f64, c: f64| 0.125 * a + 0.75 * b + 0.125 * c;
     let mut across = vec![0.0; cells.len()];

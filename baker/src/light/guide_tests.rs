@@ -128,7 +128,8 @@ fn guides() -> Vec<SkyGuide> {
     ]
 }
 
-/// ∫ pdf = 1 over the sphere, by 32 strata of 8000 points each: |z| < 4.5 (31 degrees of freedom: p = 9·10⁻⁵).
+/// ∫ pdf = 1 over the sphere, by 32 strata of 8000 points each: |z| < 4.5 (31 degrees of freedom: p =
+/// 9·10⁻⁵).
 #[test]
 fn densities_integrate_to_one() {
     for (k, guide) in guides().iter().enumerate() {
@@ -154,8 +155,8 @@ fn densities_integrate_to_one() {
     }
 }
 
-/// Samples tell the density that `pdf` tells, and fall where it says: the mean of 1/pdf over the samples within a cap is the
-/// solid angle of the part of the cap that has a density, counted on a grid.
+/// Samples tell the density that `pdf` tells, and fall where it says: the mean of 1/pdf over the samples
+/// within a cap is the solid angle of the part of the cap that has a density, counted on a grid.
 #[test]
 fn samples_follow_the_density() {
     for (k, guide) in guides().iter().enumerate() {
@@ -204,7 +205,8 @@ fn samples_follow_the_density() {
     }
 }
 
-/// One window behind another: a direction through both has the sum of their densities, through one alone its own.
+/// One window behind another: a direction through both has the sum of their densities, through one alone its
+/// own.
 #[test]
 fn overlapping_portals_add_up() {
     let (near, far) = (window(2.0, -0.5, 1.0), window(4.0, -1.0, 2.0));
@@ -256,8 +258,8 @@ fn awkward_places_give_no_nan() {
     assert_eq!(guide.pdf(Vec3::new(2.0, 0.5, 0.0), Vec3::X, Vec3::X), 0.0);
 }
 
-/// With the balance heuristic against the cosine, a picture's irradiance comes out, and with a hundredth of the cosine's variance when a
-/// small sun gives most of it.
+/// With the balance heuristic against the cosine, a picture's irradiance comes out, and with a hundredth of
+/// the cosine's variance when a small sun gives most of it.
 #[test]
 fn a_bright_sun_in_the_picture_is_found() {
     let sky = picture(256, 30.0, 2e4);

@@ -1,6 +1,8 @@
-//! Real spherical harmonics of bands 0 to 3, and their parts: the skies that a scene's transfer is baked under.
+//! Real spherical harmonics of bands 0 to 3, and their parts: the skies that a scene's transfer is baked
+//! under.
 //!
-//! Light is linear and never negative, so each function is baked as max(Y, 0) and, where it has one, max(−Y, 0).
+//! Light is linear and never negative, so each function is baked as max(Y, 0) and, where it has one, max(−Y,
+//! 0).
 
 use dataset::config::TransferPart;
 use glam::Vec3;
@@ -62,8 +64,9 @@ pub fn name(part: TransferPart) -> String {
 #[rustfmt::skip]
 pub fn harmonics(direction: Vec3) -> [f32; FUNCTIONS] {
     let Vec3 { x, y, z } = direction;
-    // The associated Legendre polynomials of y without their powers of the sine, which go with cos mφ and sin mφ as polynomials
-    // of x and z; the factors are √((2l+1)/4π · (l−m)!/(l+m)!), √2 times that where m is not 0.
+    // The associated Legendre polynomials of y without their powers of the sine, which go with cos mφ and sin
+    // mφ as polynomials of x and z; the factors are √((2l+1)/4π · (l−m)!/(l+m)!), √2 times that where m is
+    // not 0.
     let (cos2, sin2) = (x * x - z * z, 2.0 * x * z);
     let (cos3, sin3) = (x * cos2 - z * sin2, z * cos2 + x * sin2);
     let (p21, p31, p32) = (3.0 * y, 1.5 * (5.0 * y * y - 1.0), 15.0 * y);

@@ -1,8 +1,8 @@
 //! Sampling of lamps from a receiving point: each a trio `sample`, `pdf`, `invert`.
 //!
-//! Sphere: uniform in the cone it fills. Rectangle: uniform in its solid angle (Ureña, Fajardo & King 2013, "An Area-
-//! Preserving Parametrization for Spherical Rectangles"). Disc: by area from afar, near by the solid angle of its square.
-//! Spot and point: points. All inner arithmetic is f64: lamps of 10⁻⁴ m and
+//! Sphere: uniform in the cone it fills. Rectangle: uniform in its solid angle (Ureña, Fajardo & King 2013,
+//! "An Area- Preserving Parametrization for Spherical Rectangles"). Disc: by area from afar, near by the
+//! solid angle of its square. Spot and point: points. All inner arithmetic is f64: lamps of 10⁻⁴ m and
 //! distances of 10⁵ m keep their digits without special cases.
 
 use super::cone::Cone;
@@ -23,7 +23,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct LampSampler {
     shape: Shape,
-    /// Radiance in kcd/m², a spot's on-axis intensity in kcd; in a bake both in units of the group's brightest number.
+    /// Radiance in kcd/m², a spot's on-axis intensity in kcd; in a bake both in units of the group's
+    /// brightest number.
     light: Rgb,
     luminance: f64,
 }
@@ -45,7 +46,8 @@ struct Ies {
     axis: DVec3,
     cos_inner: f64,
     cos_outer: f64,
-    /// Towards horizontal angles 0 and 90°; those run counter-clockwise as seen against the axis, from above a ceiling lamp.
+    /// Towards horizontal angles 0 and 90°; those run counter-clockwise as seen against the axis, from above
+    /// a ceiling lamp.
     x: DVec3,
     y: DVec3,
     profile: Arc<Profile>,
@@ -58,10 +60,12 @@ pub struct LampSample {
     pub direction: Vec3,
     /// Distance to the emitting point.
     pub distance: f32,
-    /// Unoccluded irradiance estimate L·cosθ ÷ pdf at the receiver, for the receiver's normal; zero: no ray is needed.
+    /// Unoccluded irradiance estimate L·cosθ ÷ pdf at the receiver, for the receiver's normal; zero: no ray
+    /// is needed.
     pub irradiance: Rgb,
-    /// For a surface of the scene that emits, which a walk may meet too: its triangle, and the density over solid angle of
-    /// this direction, the choice among emitters included. `None` for a lamp, which no walk meets.
+    /// For a surface of the scene that emits, which a walk may meet too: its triangle, and the density over
+    /// solid angle of this direction, the choice among emitters included. `None` for a lamp, which no walk
+    /// meets.
     pub emitter: Option<(u32, f32)>,
 }
 
@@ -113,8 +117,8 @@ impl LampSampler {
         Self { shape, light, luminance: f64::from(luminance(light)) }
     }
 
-    /// Samples the lamp by solid angle as seen from `point` with unit `normal`. `None` when it cannot reach that side.
-    /// `u` in [0, 1)².
+    /// Samples the lamp by solid angle as seen from `point` with unit `normal`. `None` when it cannot reach
+    /// that side. `u` in [0, 1)².
     pub fn sample(&self, point: Vec3, normal: Vec3, u: Vec2) -> Option<LampSample> {
         let (p, n, u) = (point.as_dvec3(), normal.as_dvec3(), u.as_dvec2());
         // Direction, distance and 1/pdf; for a spot 1/pdf stands for falloff/distance².
@@ -164,8 +168,8 @@ impl LampSampler {
         (sample.direction.is_finite() && sample.distance > 0.0 && irradiance.is_finite()).then_some(sample)
     }
 
-    /// Density of [`LampSampler::sample`] over solid angle in a unit `direction` from `point`; 0 off the lamp. Spots and
-    /// points have no density: 0.
+    /// Density of [`LampSampler::sample`] over solid angle in a unit `direction` from `point`; 0 off the
+    /// lamp. Spots and points have no density: 0.
     #[cfg(test)]
     pub fn pdf(&self, point: Vec3, normal: Vec3, direction: Vec3) -> f32 {
         let (p, n, direction) = (point.as_dvec3(), normal.as_dvec3(), direction.as_dvec3());
@@ -192,7 +196,8 @@ impl LampSampler {
         pdf as f32
     }
 
-    /// The `u` for which [`LampSampler::sample`] gives a unit `direction` from `point`; `None` off the lamp, and for spots and points.
+    /// The `u` for which [`LampSampler::sample`] gives a unit `direction` from `point`; `None` off the lamp,
+    /// and for spots and points.
     #[cfg(test)]
     pub fn invert(&self, point: Vec3, normal: Vec3, direction: Vec3) -> Option<Vec2> {
         let (p, n, direction) = (point.as_dvec3(), normal.as_dvec3(), direction.as_dvec3());
@@ -232,7 +237,8 @@ impl LampSampler {
                 self.point(p).map_or(0.0, |(direction, _, weight)| weight * direction.dot(n).max(0.0))
             }
         };
-        // The smallest positive number keeps a faint lamp choosable; the largest finite one keeps sums finite.
+        // The smallest positive number keeps a faint lamp choosable; the largest finite one keeps sums
+        // finite.
         let guess = (received * self.luminance) as f32;
         if received > 0.0 && self.luminance > 0.0 { guess.clamp(f32::MIN_POSITIVE, 1e30) } else { 0.0 }
     }
@@ -297,7 +303,8 @@ impl LampSampler {
     }
 }
 
-/// What a spot's cone leaves at a cosine to its axis: smoothstep in the cosine, a hard edge where inner = outer.
+/// What a spot's cone leaves at a cosine to its axis: smoothstep in the cosine, a hard edge where inner =
+/// outer.
 fn cone_falloff(cosine: f64, cos_inner: f64, cos_outer: f64) -> Option<f64> {
     if cosine >= cos_inner {
         Some(1.0)

@@ -59,7 +59,8 @@ fn check(lamp: &LampSampler, point: Vec3, normal: Vec3, expected: f64) {
     assert!((mean / expected - 1.0).abs() < 0.01, "{mean} against {expected}");
 }
 
-/// Irradiance at `p` under unit radiance from a polygon, cut at the horizon (Lambert 1760): E = L/2 |Σ θᵢ n·Γᵢ|.
+/// Irradiance at `p` under unit radiance from a polygon, cut at the horizon (Lambert 1760): E = L/2 |Σ θᵢ
+/// n·Γᵢ|.
 fn lambert(polygon: &[DVec3], p: DVec3, n: DVec3) -> f64 {
     let corners: Vec<DVec3> = polygon.iter().map(|c| *c - p).collect();
     let mut cut = Vec::new();
@@ -96,7 +97,8 @@ fn sphere_matches_its_closed_form() {
     check(&sphere(DVec3::new(0.3, 0.4, 0.0), 1.0), Vec3::ZERO, up, PI);
 }
 
-/// On the axis E = π L R²/(R² + h²), from far to touch; off it and tilted, the disc as a polygon of 2000 corners.
+/// On the axis E = π L R²/(R² + h²), from far to touch; off it and tilted, the disc as a polygon of 2000
+/// corners.
 #[test]
 fn disc_matches_its_closed_form() {
     for height in [10.0, 2.0, 0.86, 0.84, 0.3, 1e-2, 1e-5, 1e-9] {
@@ -173,7 +175,8 @@ fn point_matches_its_closed_form() {
     assert!(point(DVec3::ZERO).sample(Vec3::ZERO, Vec3::Y, Vec2::ZERO).is_none());
 }
 
-/// In the plane of a flat lamp nothing arrives; a hair in front of it the light of a half space, or of its closed form.
+/// In the plane of a flat lamp nothing arrives; a hair in front of it the light of a half space, or of its
+/// closed form.
 #[test]
 fn the_plane_of_a_flat_lamp_is_its_edge() {
     let flat =
@@ -222,7 +225,8 @@ fn sphere_across_the_horizon() {
     assert!(sphere(DVec3::new(2.0, -1.1, 0.0), 1.0).sample(Vec3::ZERO, Vec3::Y, Vec2::splat(0.5)).is_none());
 }
 
-/// Parallel to the receiver over a corner: F = 1/2π [A/√(1+A²)·atan(B/√(1+A²)) + B/√(1+B²)·atan(A/√(1+B²))], E = π L F.
+/// Parallel to the receiver over a corner: F = 1/2π [A/√(1+A²)·atan(B/√(1+A²)) + B/√(1+B²)·atan(A/√(1+B²))],
+/// E = π L F.
 #[test]
 fn rectangle_over_a_corner() {
     for (a, b, h) in [(1.0f64, 2.0f64, 1.5f64), (4.0, 4.0, 0.05), (0.01, 0.02, 3.0), (1e-4, 1e-4, 1.0)] {
@@ -355,8 +359,9 @@ fn sample_pdf_and_invert_agree() {
     }
 }
 
-/// The pdf integrates to 1, and directions drawn with it independently (over the sphere, kept with probability pdf/peak)
-/// fall evenly into 8×8 cells of `u`: χ² with 63 degrees of freedom below 119 (p = 2·10⁻⁵).
+/// The pdf integrates to 1, and directions drawn with it independently (over the sphere, kept with
+/// probability pdf/peak) fall evenly into 8×8 cells of `u`: χ² with 63 degrees of freedom below 119 (p =
+/// 2·10⁻⁵).
 #[test]
 fn samples_follow_the_pdf() {
     for (k, lamp) in extended().iter().enumerate().filter(|(k, _)| ![3, 7, 8].contains(k)) {
@@ -389,8 +394,8 @@ fn samples_follow_the_pdf() {
     }
 }
 
-/// Points on, in, near and far from lamps, tiny and huge: everything finite, directions unit, the guess not zero where
-/// there is light.
+/// Points on, in, near and far from lamps, tiny and huge: everything finite, directions unit, the guess not
+/// zero where there is light.
 #[test]
 fn awkward_places_give_no_nan() {
     let mut lamps = extended();

@@ -1,4 +1,5 @@
-//! Sky and sun of a scene in terms of spherical harmonics: the least-squares fit over the directions that shine.
+//! Sky and sun of a scene in terms of spherical harmonics: the least-squares fit over the directions that
+//! shine.
 
 use super::harmonics::{FUNCTIONS, harmonics};
 use super::sky;
@@ -13,7 +14,8 @@ const RINGS: usize = 360;
 /// Points along a side of the square that a sun's disc is averaged over.
 const SIDE: usize = 8;
 
-/// Whether light comes from above the horizon alone: the model's sky ends there, and so does a sun that follows the date.
+/// Whether light comes from above the horizon alone: the model's sky ends there, and so does a sun that
+/// follows the date.
 pub fn is_upper(scene: &Scene) -> bool {
     let sky = !matches!(scene.sky, Some(Sky::Constant { .. } | Sky::Image(_)));
     let sun = scene.sun.as_ref().is_none_or(|sun| match &sun.track {
@@ -26,9 +28,9 @@ pub fn is_upper(scene: &Scene) -> bool {
     sky && sun
 }
 
-/// Per hour and function, the coefficients of sky + sun: those c for which Σ c Y has the least squared distance from the light over the
-/// support, which is c = G⁻¹ b with G the functions' products and b the light's product with each. A sun is an impulse of its
-/// irradiance.
+/// Per hour and function, the coefficients of sky + sun: those c for which Σ c Y has the least squared
+/// distance from the light over the support, which is c = G⁻¹ b with G the functions' products and b the
+/// light's product with each. A sun is an impulse of its irradiance.
 pub fn coefficients(scene: &Scene, hours: &[f64]) -> Vec<Vec<[f64; 3]>> {
     let rings = match &scene.sky {
         Some(Sky::Image(image)) => RINGS.max(image.radiance.height),
@@ -66,7 +68,8 @@ fn mean_over(disc: &SunDisc) -> [f64; FUNCTIONS] {
     sums.map(|sum| sum / (SIDE * SIDE) as f64)
 }
 
-/// Directions spread over the support: rings of equal angle, twice as many directions around as there are rings on a sphere.
+/// Directions spread over the support: rings of equal angle, twice as many directions around as there are
+/// rings on a sphere.
 struct Grid {
     rings: usize,
     upper: bool,

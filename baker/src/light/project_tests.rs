@@ -63,8 +63,8 @@ fn a_constant_sky_is_its_first_function_alone() {
     assert!(c[1..].iter().flatten().all(|c| c.abs() < 1e-4), "{c:?}");
 }
 
-/// On the sphere the functions are orthonormal, so a sun's coefficients are irradiance × Y, faded by the size of its disc by band:
-/// of a cap of half angle δ band 1 keeps (1 + cos δ) / 2.
+/// On the sphere the functions are orthonormal, so a sun's coefficients are irradiance × Y, faded by the size
+/// of its disc by band: of a cap of half angle δ band 1 keeps (1 + cos δ) / 2.
 #[test]
 fn a_sun_is_an_impulse_of_its_irradiance() {
     let direction = DVec3::new(0.48, -0.6, 0.64);
@@ -104,7 +104,8 @@ fn functions_end_at_the_horizon_where_all_light_does() {
     }
 }
 
-/// The light on level ground is ∫ L y dω, and y is one of the functions: the fit has it exactly, by the definition of least squares.
+/// The light on level ground is ∫ L y dω, and y is one of the functions: the fit has it exactly, by the
+/// definition of least squares.
 #[test]
 fn the_fit_keeps_the_light_on_level_ground() {
     let scene = scene(Some(MODEL), Some(Sun { disc_angle: 0.5, track: SunTrack::Place { turbidity: 3.0 } }));

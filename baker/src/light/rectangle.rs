@@ -1,5 +1,5 @@
-//! A rectangle as a light: its solid angle, and points uniform in it (Ureña, Fajardo & King 2013, "An Area-Preserving
-//! Parametrization for Spherical Rectangles").
+//! A rectangle as a light: its solid angle, and points uniform in it (Ureña, Fajardo & King 2013, "An
+//! Area-Preserving Parametrization for Spherical Rectangles").
 
 use super::cos_bound;
 use glam::{DVec2, DVec3};
@@ -75,8 +75,8 @@ impl Rectangle {
     }
 }
 
-/// Below this solid angle the differences of angles that the spherical rectangle is made of have lost half their digits;
-/// points are then chosen by area, which is nearly the same there.
+/// Below this solid angle the differences of angles that the spherical rectangle is made of have lost half
+/// their digits; points are then chosen by area, which is nearly the same there.
 const SMALL_SOLID_ANGLE: f64 = 1e-7;
 
 /// A rectangle as seen from a point in front of it, offsets relative to that point.
@@ -99,8 +99,9 @@ impl Seen<'_> {
         self.solid_angle < SMALL_SOLID_ANGLE
     }
 
-    /// z components of the unit normals of the planes through the point and the edges: y = low, x = `right`, y = high,
-    /// x = low (n₀ … n₃ of the paper, z pointing towards the rectangle's back as there, z₀ = −height).
+    /// z components of the unit normals of the planes through the point and the edges: y = low, x = `right`,
+    /// y = high, x = low (n₀ … n₃ of the paper, z pointing towards the rectangle's back as there, z₀ =
+    /// −height).
     fn edge_normals(&self, right: f64) -> [f64; 4] {
         let z2 = self.height * self.height;
         let over = |a: f64| a / (z2 + a * a).sqrt();

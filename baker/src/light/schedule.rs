@@ -1,7 +1,7 @@
 //! Which hours are baked, and which groups are lit at each.
 //!
-//! Times are compared as whole micro-hours (3.6 ms), so that 18 + 0.1 is 18.1 and no switch is missed by rounding.
-//! The day is a circle: 24 is 0.
+//! Times are compared as whole micro-hours (3.6 ms), so that 18 + 0.1 is 18.1 and no switch is missed by
+//! rounding. The day is a circle: 24 is 0.
 
 use crate::scene::{Baked, Group};
 use dataset::typed::clock;
@@ -11,11 +11,11 @@ use dataset::typed::clock;
 pub struct Hours {
     /// Ascending, distinct, in [0, 24).
     pub list: Vec<f64>,
-    /// Whether they cover the whole day (`0..24`): then every switch gets its extras, else only those strictly between
-    /// the first and the last hour.
+    /// Whether they cover the whole day (`0..24`): then every switch gets its extras, else only those
+    /// strictly between the first and the last hour.
     pub whole_day: bool,
-    /// The ranges among what was asked for, `[from, to]` in [0, 24]: ascending, apart from each other. Lightmaps within them stand for a
-    /// stretch of time, and not for single hours.
+    /// The ranges among what was asked for, `[from, to]` in [0, 24]: ascending, apart from each other.
+    /// Lightmaps within them stand for a stretch of time, and not for single hours.
     pub ranges: Vec<[f64; 2]>,
 }
 
@@ -25,8 +25,8 @@ impl Hours {
         Hours { list: (0..24).map(f64::from).collect(), whole_day: true, ranges: vec![[0.0, 24.0]] }
     }
 
-    /// Whether all of the time between two neighbouring lightmaps, `to` up to a day later than midnight, lies in a range that was asked
-    /// for.
+    /// Whether all of the time between two neighbouring lightmaps, `to` up to a day later than midnight, lies
+    /// in a range that was asked for.
     pub fn spans(&self, [from, to]: [f64; 2]) -> bool {
         let is_in = |[a, b]: [f64; 2]| self.ranges.iter().any(|range| range[0] <= a && b <= range[1]);
         if to < 24.0 { is_in([from, to]) } else { is_in([from, 24.0]) && is_in([0.0, to - 24.0]) }
@@ -51,7 +51,8 @@ pub struct Moment {
     pub groups_on: Vec<bool>,
     /// Whether it was added to show a side of a switch.
     pub extra: bool,
-    /// Whether it was added because light interpolated between the others would err there (`light::extra_times`).
+    /// Whether it was added because light interpolated between the others would err there
+    /// (`light::extra_times`).
     pub refines: bool,
 }
 
@@ -66,7 +67,8 @@ const FINEST_STEP: i64 = HOUR / 1000;
 /// Parses `0..24` (half-open, step 1), `6..18`, `12`, `6,12,18.5`, `0..24/0.5` (step), `18:30` (minutes).
 ///
 /// # Errors
-/// A sentence that names the offending part and what was expected: malformed, outside the day, empty, or an hour twice.
+/// A sentence that names the offending part and what was expected: malformed, outside the day, empty, or an
+/// hour twice.
 pub fn parse_hours(text: &str) -> Result<Hours, String> {
     let (mut list, mut ranges) = (Vec::new(), Vec::new());
     let mut whole_day = false;
@@ -140,20 +142,23 @@ fn parse_step(text: &str, item: &str) -> Result<i64, String> {
     })
 }
 
-/// Whether a group's open intervals contain `hour`. Both ends of an interval count as off, except where the group is lit
-/// on either side (`[0, 24]`, or one interval that begins where another ends): that is no switch.
+/// Whether a group's open intervals contain `hour`. Both ends of an interval count as off, except where the
+/// group is lit on either side (`[0, 24]`, or one interval that begins where another ends): that is no
+/// switch.
 pub fn is_on(on: &[[f64; 2]], hour: f64) -> bool {
     let time = micro(hour).rem_euclid(DAY);
     lit_before(on, time) && lit_after(on, time)
 }
 
-/// Whether a switch lies among the requested moments: anywhere in a whole day, else between the first and the last.
+/// Whether a switch lies among the requested moments: anywhere in a whole day, else between the first and the
+/// last.
 fn is_within(hours: &Hours, requested: &[i64], instant: i64) -> bool {
     let ends = requested.first().zip(requested.last());
     hours.whole_day || ends.is_some_and(|(a, b)| *a < instant && instant < *b)
 }
 
-/// The switches, in hours, that lie before the first or after the last of the hours, ascending: they get no sets beside them.
+/// The switches, in hours, that lie before the first or after the last of the hours, ascending: they get no
+/// sets beside them.
 pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
     let switches = sorted(baked(groups).flat_map(|g| switches_of(&g.on)).collect());
@@ -162,10 +167,11 @@ pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
 
 /// The hours and the extras that show both sides of every switch, ascending.
 ///
-/// A side of a switch is shown when a set stands strictly on it, no farther away than an extra would stand (0.1 h, or half
-/// the gap to the neighbouring switch of any group if that is less): a requested 18.05 shows what 18.1 would. A set at the
-/// very instant shows the side on which the group is off. Where several groups switch at once, the sides each of them
-/// lacks are added together. An extra for which less than two micro-hours are left is dropped.
+/// A side of a switch is shown when a set stands strictly on it, no farther away than an extra would stand
+/// (0.1 h, or half the gap to the neighbouring switch of any group if that is less): a requested 18.05 shows
+/// what 18.1 would. A set at the very instant shows the side on which the group is off. Where several groups
+/// switch at once, the sides each of them lacks are added together. An extra for which less than two
+/// micro-hours are left is dropped.
 pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
     let switches = sorted(baked(groups).flat_map(|g| switches_of(&g.on)).collect());
@@ -179,7 +185,8 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
         let previous = switches[(i + switches.len() - 1) % switches.len()];
         let next = switches[(i + 1) % switches.len()];
         for side in [-1, 1] {
-            // A set at the instant shows every group off: the side is lacking only for groups that are lit there.
+            // A set at the instant shows every group off: the side is lacking only for groups that are lit
+            // there.
             let lacking = baked(groups).any(|group| {
                 let (before, after) = (lit_before(&group.on, instant), lit_after(&group.on, instant));
                 before != after && (!at_instant || if side < 0 { before } else { after })
@@ -240,8 +247,8 @@ fn lit_after(on: &[[f64; 2]], time: i64) -> bool {
     })
 }
 
-/// An interval as start and length on the circle; `[0, 24]` is the whole of it, `[a, a]` nothing. Ends that round to the same
-/// instant are nothing or, across midnight, the whole.
+/// An interval as start and length on the circle; `[0, 24]` is the whole of it, `[a, a]` nothing. Ends that
+/// round to the same instant are nothing or, across midnight, the whole.
 fn arc([from, to]: [f64; 2]) -> (i64, i64) {
     let across_midnight = from > to;
     let (from, to) = (micro(from), micro(to));

@@ -1,4 +1,5 @@
-//! Tests of the schedule: the stated examples, and random schedules against a brute-force reading of the rule.
+//! Tests of the schedule: the stated examples, and random schedules against a brute-force reading of the
+//! rule.
 
 use super::*;
 use crate::scene::Baked;
@@ -337,7 +338,8 @@ fn two_hundred_schedules() {
     let all = check_sane("0..24", &groups);
     for (g, group) in groups.iter().enumerate() {
         for &[from, to] in &group.on {
-            // Between the ends some moment is lit, and just outside one is not, no farther than an extra reaches.
+            // Between the ends some moment is lit, and just outside one is not, no farther than an extra
+            // reaches.
             assert!(all.iter().any(|m| from < m.hour && m.hour < to && m.groups_on[g]), "{g}: {from}..{to}");
             let dark =
                 |low: f64, high: f64| all.iter().any(|m| (low..=high).contains(&m.hour) && !m.groups_on[g]);

@@ -10,9 +10,10 @@ use std::f32::consts::FRAC_PI_4;
 
 pub use super::sky_model::{Illuminance, radiance, radiances};
 
-/// Sky radiance of several hours over the sphere of directions, stored so that one lookup reads all hours from
-/// neighbouring memory. A constant sky, a picture and harmonics are what they are; others are bilinear in a map of the upper hemisphere that is equal-area in
-/// azimuth and finer towards the horizon, where clear skies change fastest.
+/// Sky radiance of several hours over the sphere of directions, stored so that one lookup reads all hours
+/// from neighbouring memory. A constant sky, a picture and harmonics are what they are; others are bilinear
+/// in a map of the upper hemisphere that is equal-area in azimuth and finer towards the horizon, where clear
+/// skies change fastest.
 #[derive(Clone, Debug)]
 pub struct SkyTable {
     /// Indices into the hours given to [`SkyTable::new`] whose sky is not black, in order.
@@ -28,8 +29,8 @@ enum Store {
     Image(ImageMap),
     /// Per lit hour, a part of a harmonic: all functions are evaluated where they are asked for.
     Harmonics(Vec<Harmonic>),
-    /// `[row][column][lit hour][channel]`: nodes of a grid over the square of [`square_from_direction`], on its border
-    /// too, so that the horizon is a node and nothing below it is ever mixed in.
+    /// `[row][column][lit hour][channel]`: nodes of a grid over the square of [`square_from_direction`], on
+    /// its border too, so that the horizon is a node and nothing below it is ever mixed in.
     Dome(Vec<f32>),
 }
 
@@ -150,9 +151,10 @@ fn tabulate(skies: &[SkyAt]) -> Vec<f32> {
     nodes
 }
 
-/// The map of the upper hemisphere to [−1, 1]²: to the disc with y = (1 − r²)², then the concentric map of Shirley & Chiu
-/// 1997 to the square. The zenith is the middle, the horizon the border. (Lambert's equal-area y = 1 − r² leaves 3 % of
-/// error in the irradiance of walls: a cell at its border is 1.8° high, at this one's 0.06°.)
+/// The map of the upper hemisphere to [−1, 1]²: to the disc with y = (1 − r²)², then the concentric map of
+/// Shirley & Chiu 1997 to the square. The zenith is the middle, the horizon the border. (Lambert's equal-area
+/// y = 1 − r² leaves 3 % of error in the irradiance of walls: a cell at its border is 1.8° high, at this
+/// one's 0.06°.)
 fn square_from_direction(direction: Vec3) -> [f32; 2] {
     // r/sinθ, r² = 1 − √y = (1 − y)/(1 + √y), sin²θ = (1 − y)(1 + y).
     let scale = ((1.0 + direction.y.sqrt()) * (1.0 + direction.y)).sqrt().recip();

@@ -50,7 +50,8 @@ impl ImageMap {
     }
 }
 
-/// The map of the sphere to [0, 1)²: x is the azimuth, clockwise seen from above, −Z in the middle if not turned; y the angle from +Y.
+/// The map of the sphere to [0, 1)²: x is the azimuth, clockwise seen from above, −Z in the middle if not
+/// turned; y the angle from +Y.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LatLong {
     /// Radians clockwise from −Z to the middle column.

@@ -29,7 +29,8 @@ fn the_map_is_its_own_inverse() {
     }
 }
 
-/// Eight columns numbered from 0, four rows of tens: each texel's middle is found where the conventions put it.
+/// Eight columns numbered from 0, four rows of tens: each texel's middle is found where the conventions put
+/// it.
 #[test]
 fn texels_hang_where_they_should() {
     let texels: Vec<[f32; 3]> = (0..32).map(|i| [(i % 8) as f32, (i / 8) as f32 * 10.0, 1.0]).collect();
@@ -45,7 +46,8 @@ fn texels_hang_where_they_should() {
             assert!((found - Vec3::from_array(*texel)).length() < 1e-4, "{rotation} {i}: {found}");
         }
     }
-    // The middle looks to −Z: between columns 3 and 4, rows 1 and 2; across the seam between 7 and 0; the poles are the end rows.
+    // The middle looks to −Z: between columns 3 and 4, rows 1 and 2; across the seam between 7 and 0; the
+    // poles are the end rows.
     let map = map(8, 0.0, texels);
     assert!((map.radiance(Vec3::NEG_Z) - Vec3::new(3.5, 15.0, 1.0)).length() < 1e-4);
     assert!((map.radiance(Vec3::Z) - Vec3::new(3.5, 15.0, 1.0)).length() < 1e-4);

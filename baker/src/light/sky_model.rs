@@ -1,8 +1,9 @@
 //! The sky's radiance by direction: Hosek–Wilkie by day, twilight, night.
 //!
-//! Hosek & Wilkie 2012, "An Analytic Model for Full Spectral Sky-Dome Radiance", covers solar elevations from 0 up. Below,
-//! a twilight follows that keeps the model's last picture, fades it into a smooth one (darker and bluer overhead, a warm
-//! glow over the sun) and scales both to published illuminances; from −18° on an even night sky stays.
+//! Hosek & Wilkie 2012, "An Analytic Model for Full Spectral Sky-Dome Radiance", covers solar elevations from
+//! 0 up. Below, a twilight follows that keeps the model's last picture, fades it into a smooth one (darker
+//! and bluer overhead, a warm glow over the sun) and scales both to published illuminances; from −18° on an
+//! even night sky stays.
 
 use super::harmonics::{Harmonic, harmonics, part_at};
 use super::sky_image::ImageMap;
@@ -25,14 +26,14 @@ pub fn radiances(sky: &Sky, place: Option<&Place>, hour: f64, directions: &[Vec3
     directions.iter().map(|&direction| at.radiance(direction)).collect()
 }
 
-/// From the model's unit to kcd/m². The RGB data are colour-matched spectral radiances in W m⁻² sr⁻¹ nm⁻¹ summed over
-/// wavelength, so luminance is their Rec. 709 luminance × 683 lm/W; checked, not fitted: see the tests for its distance
-/// from published clear-sky illuminances.
+/// From the model's unit to kcd/m². The RGB data are colour-matched spectral radiances in W m⁻² sr⁻¹ nm⁻¹
+/// summed over wavelength, so luminance is their Rec. 709 luminance × 683 lm/W; checked, not fitted: see the
+/// tests for its distance from published clear-sky illuminances.
 const KCD_PER_MODEL_UNIT: f32 = 0.683;
 
-/// Horizontal illuminance in lux at solar depressions of 0°, 1°, … 18°: the polynomials of Janiczek & DeYoung 1987 (US
-/// Naval Observatory Circular 171; also Seidelmann 1992, Urban & Seidelmann 2013), without moon. The last one is the
-/// night sky's floor, of the order of starlight and airglow (10⁻³ lx), which then stays.
+/// Horizontal illuminance in lux at solar depressions of 0°, 1°, … 18°: the polynomials of Janiczek & DeYoung
+/// 1987 (US Naval Observatory Circular 171; also Seidelmann 1992, Urban & Seidelmann 2013), without moon. The
+/// last one is the night sky's floor, of the order of starlight and airglow (10⁻³ lx), which then stays.
 const TWILIGHT_LUX: [f64; 19] = [
     758.6, 404.6, 189.4, 79.07, 29.93, 10.44, 3.412, 1.086, 0.3481, 0.1164, 0.04211, 0.01708, 8.056e-3,
     4.557e-3, 2.916e-3, 2.023e-3, 1.443e-3, 1.003e-3, 6.447e-4,
@@ -120,7 +121,8 @@ impl Dome {
         if depression <= 0.0 {
             return dome;
         }
-        // The pictures, each scaled to a horizontal illuminance of 1: the model with the sun on the horizon, …
+        // The pictures, each scaled to a horizontal illuminance of 1: the model with the sun on the horizon,
+        // …
         dome.sun = azimuth;
         let sunset = horizontal_illuminance(|d| dome.radiance(d));
         let twilight = horizontal_illuminance(|d| dome.glow(d));
@@ -151,7 +153,8 @@ impl Dome {
         radiance
     }
 
-    /// The twilight picture, in no unit: blue, twice as bright at the horizon as overhead, and a warm glow low over the sun.
+    /// The twilight picture, in no unit: blue, twice as bright at the horizon as overhead, and a warm glow
+    /// low over the sun.
     fn glow(&self, direction: Vec3) -> Rgb {
         let low = (-4.0 * direction.y).exp();
         let towards = 0.5 + 0.5 * direction.dot(self.azimuth);
@@ -159,7 +162,8 @@ impl Dome {
     }
 }
 
-/// Colours of luminance 1: the blue of twilight (a black body of 15,000 K) and the glow over the sun (3500 K).
+/// Colours of luminance 1: the blue of twilight (a black body of 15,000 K) and the glow over the sun (3500
+/// K).
 const TWILIGHT_BLUE: Rgb = Rgb::new(0.785, 0.993, 1.706);
 const TWILIGHT_WARM: Rgb = Rgb::new(1.564, 0.893, 0.405);
 
@@ -169,8 +173,8 @@ fn hosek_wilkie(elevation: f64, turbidity: f64, ground_albedo: f64) -> Option<Sk
     SkyState::new(&SkyParams { elevation, turbidity: turbidity.clamp(1.0, 10.0) as f32, albedo }).ok()
 }
 
-/// Horizontal illuminance in klx for a solar depression in degrees: the table, log-linear between its entries, led from
-/// the model's own value `at_horizon` into the table over the first 6°.
+/// Horizontal illuminance in klx for a solar depression in degrees: the table, log-linear between its
+/// entries, led from the model's own value `at_horizon` into the table over the first 6°.
 fn twilight_illuminance(depression: f64, at_horizon: f64) -> f64 {
     let at = depression.clamp(0.0, 18.0);
     let i = (at as usize).min(17);
@@ -196,7 +200,8 @@ fn horizontal_illuminance(sky: impl Fn(Vec3) -> Rgb) -> f32 {
     luminance(irradiance_by(64, sky))
 }
 
-/// Irradiance of a horizontal surface under a sky from `n`² directions, by a midpoint rule uniform in cosine-weighted solid angle.
+/// Irradiance of a horizontal surface under a sky from `n`² directions, by a midpoint rule uniform in
+/// cosine-weighted solid angle.
 fn irradiance_by(n: u32, sky: impl Fn(Vec3) -> Rgb) -> Rgb {
     let mut sum = Rgb::ZERO;
     for i in 0..n * n {
@@ -208,12 +213,14 @@ fn irradiance_by(n: u32, sky: impl Fn(Vec3) -> Rgb) -> Rgb {
     sum * (PI / (n * n) as f32)
 }
 
-/// Horizontal illuminance of a sky over time, without its directions: a hundred times cheaper than the sky itself.
+/// Horizontal illuminance of a sky over time, without its directions: a hundred times cheaper than the sky
+/// itself.
 pub struct Illuminance<'a> {
     place: Option<&'a Place>,
     /// Of a sky that is the same all day, kilolux.
     steady: f64,
-    /// Of a clear sky, kilolux by whole degrees of the sun's elevation from 0 to 90: by day it depends on nothing else.
+    /// Of a clear sky, kilolux by whole degrees of the sun's elevation from 0 to 90: by day it depends on
+    /// nothing else.
     by_degree: Vec<f64>,
 }
 

@@ -13,8 +13,9 @@ fn horizontal(elevation: f64, turbidity: f64) -> f64 {
     f64::from(horizontal_illuminance(|d| dome.radiance(d)))
 }
 
-/// Horizontal illuminance against the clear sky of IES RP-21 (1984, after Gillette): 0.8 + 15.5 √sin(elevation) klx; within
-/// 20 % at turbidity 2 (a very clear sky, whose sun is the same practice's too) and 30 % at 3, with no factor fitted.
+/// Horizontal illuminance against the clear sky of IES RP-21 (1984, after Gillette): 0.8 + 15.5
+/// √sin(elevation) klx; within 20 % at turbidity 2 (a very clear sky, whose sun is the same practice's too)
+/// and 30 % at 3, with no factor fitted.
 #[test]
 fn daylight_matches_published_clear_skies() {
     for (turbidity, tolerance) in [(2.0, 0.20), (3.0, 0.30)] {
@@ -29,8 +30,8 @@ fn daylight_matches_published_clear_skies() {
     }
 }
 
-/// Sun : sky on a horizontal plane at noon, against 128 exp(−0.21/sin e) sin e : 0.8 + 15.5 √sin e (IES RP-21), within 20 %
-/// at turbidity 2, at noons from midwinter to midsummer.
+/// Sun : sky on a horizontal plane at noon, against 128 exp(−0.21/sin e) sin e : 0.8 + 15.5 √sin e (IES
+/// RP-21), within 20 % at turbidity 2, at noons from midwinter to midsummer.
 #[test]
 fn noon_ratio_of_sun_to_sky_matches_published_clear_skies() {
     use crate::scene::{Sun, SunTrack};
@@ -61,9 +62,9 @@ fn directions() -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// Nowhere in the day does a hundredth of a degree change any direction by more than 3 % (at the steepest, light falls by
-/// 1.3 % in it), and at the joints 10⁻¹² of one changes nothing (the model
-/// takes the cube root of the elevation).
+/// Nowhere in the day does a hundredth of a degree change any direction by more than 3 % (at the steepest,
+/// light falls by 1.3 % in it), and at the joints 10⁻¹² of one changes nothing (the model takes the cube root
+/// of the elevation).
 #[test]
 fn no_jump_at_any_elevation() {
     let close = |a: &Dome, b: &Dome, tolerance: f32, at: f64| {
@@ -87,8 +88,9 @@ fn no_jump_at_any_elevation() {
     }
 }
 
-/// Horizontal illuminance falls at every turbidity, and so does the luminance of every direction, but for those the
-/// Hosek–Wilkie model itself leaves nearly black at sunset (low, square to the sun): the smooth twilight fills them.
+/// Horizontal illuminance falls at every turbidity, and so does the luminance of every direction, but for
+/// those the Hosek–Wilkie model itself leaves nearly black at sunset (low, square to the sun): the smooth
+/// twilight fills them.
 #[test]
 fn twilight_falls_without_a_rise() {
     for turbidity in [1.0, 2.0, 3.0, 5.0, 10.0] {
@@ -113,7 +115,8 @@ fn twilight_falls_without_a_rise() {
         // 0.2 of sunset's mean radiance, from turbidity 5 up only.
         assert!(worst.0 < if turbidity > 3.0 { 0.2 } else { 1e-6 }, "T {turbidity}: {worst:?}");
     }
-    // Published values by depression (AMS Glossary of Meteorology): 3.5 … 2 lx at 6°, 0.008 lx at 12°, 6·10⁻⁴ lx at 18°.
+    // Published values by depression (AMS Glossary of Meteorology): 3.5 … 2 lx at 6°, 0.008 lx at 12°, 6·10⁻⁴
+    // lx at 18°.
     for (elevation, low, high) in
         [(-6.0, 2e-3, 3.5e-3), (-12.0, 7e-6, 9e-6), (-18.0, 5.5e-7, 7e-7), (-60.0, 5.5e-7, 7e-7)]
     {

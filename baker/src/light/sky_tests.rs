@@ -39,7 +39,8 @@ fn tilted_planes_get_the_same_light() {
     let table = SkyTable::new(Some(&SKY), Some(&PLACE), &hours);
     assert_eq!(table.lit, (0..24).collect::<Vec<_>>());
     let skies: Vec<SkyAt> = hours.iter().map(|&h| SkyAt::new(&SKY, Some(&PLACE), h)).collect();
-    // No direction is off by more than 3 % of its own or the mean radiance (worst: within 0.03° of the horizon at sunrise).
+    // No direction is off by more than 3 % of its own or the mean radiance (worst: within 0.03° of the
+    // horizon at sunrise).
     let mean = |sky: &SkyAt| {
         points(1000).map(|u| luminance(sky.radiance(direction_from_square([u.x, u.y])))).sum::<f32>() / 1e3
     };

@@ -11,9 +11,10 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 pub struct SunDisc {
     /// Unit vector towards its centre.
     pub direction: Vec3,
-    /// Perpendicular irradiance of the visible part, kilolux: ∫ L dω over it, so that `irradiance · cos θ` averaged over
-    /// [`SunDisc::sample`] is the irradiance of a surface. (The perpendicular irradiance of a scene file, π L sin²δ for a
-    /// half angle δ, is that times (1 + cos δ) / 2, which the real sun's 0.27° put at 1 − 5·10⁻⁶.)
+    /// Perpendicular irradiance of the visible part, kilolux: ∫ L dω over it, so that `irradiance · cos θ`
+    /// averaged over [`SunDisc::sample`] is the irradiance of a surface. (The perpendicular irradiance of a
+    /// scene file, π L sin²δ for a half angle δ, is that times (1 + cos δ) / 2, which the real sun's 0.27°
+    /// put at 1 − 5·10⁻⁶.)
     pub irradiance: Rgb,
     /// Half angle in radians; 0: a direction.
     pub half_angle: f32,
@@ -30,8 +31,8 @@ impl SunDisc {
         if self.horizon { direction.with_y(direction.y.max(0.0)) } else { direction }
     }
 
-    /// Density of [`SunDisc::sample`] over solid angle: constant on the visible part, else 0. Infinite where the disc is a
-    /// mere direction.
+    /// Density of [`SunDisc::sample`] over solid angle: constant on the visible part, else 0. Infinite where
+    /// the disc is a mere direction.
     #[cfg(test)]
     pub fn pdf(&self, direction: Vec3) -> f32 {
         match Cap::new(self) {
@@ -41,8 +42,8 @@ impl SunDisc {
         }
     }
 
-    /// The `u` for which [`SunDisc::sample`] gives `direction`; `None` off the visible part, or where the disc is a mere
-    /// direction.
+    /// The `u` for which [`SunDisc::sample`] gives `direction`; `None` off the visible part, or where the
+    /// disc is a mere direction.
     #[cfg(test)]
     pub fn invert(&self, direction: Vec3) -> Option<Vec2> {
         let cap = Cap::new(self)?;
@@ -52,9 +53,9 @@ impl SunDisc {
 
 /// The part of a spherical cap above the horizon, in coordinates in which the horizon is a straight line.
 ///
-/// ω = s·right + √(1 − s²)·(cos ψ·centre + sin ψ·up): area is ds dψ (Archimedes), the horizon is ψ = −e for a centre at
-/// elevation e, and the cap with half angle δ is |s| ≤ sin δ·√(1 − x²), x = tan ψ / tan δ. Integrated over s, the density
-/// over x = sin a is cos²a / (1 + k² sin²a) da with k = tan δ.
+/// ω = s·right + √(1 − s²)·(cos ψ·centre + sin ψ·up): area is ds dψ (Archimedes), the horizon is ψ = −e for a
+/// centre at elevation e, and the cap with half angle δ is |s| ≤ sin δ·√(1 − x²), x = tan ψ / tan δ.
+/// Integrated over s, the density over x = sin a is cos²a / (1 + k² sin²a) da with k = tan δ.
 struct Cap {
     centre: DVec3,
     up: DVec3,
@@ -185,7 +186,8 @@ fn visible_fraction(elevation: f64, delta: f64) -> f64 {
     0.5 - 0.5 * cap_area(k, horizon_angle(elevation, delta)) / whole
 }
 
-/// Why no sun position can be computed for this place and date, in a sentence; `Ok` when one can, for any hour.
+/// Why no sun position can be computed for this place and date, in a sentence; `Ok` when one can, for any
+/// hour.
 pub fn check(place: &Place) -> Result<(), String> {
     for hour in [0.0, 24.0] {
         position(place, hour).map_err(|error| error.to_string())?;
@@ -215,8 +217,8 @@ fn position(place: &Place, hour: f64) -> solar_positioning::Result<(f64, f64)> {
     Ok((sun.azimuth(), sun.elevation_angle()))
 }
 
-/// The sun at `hour`; `None` when none of it is above the horizon or it gives no light (or it follows a place and there
-/// is none).
+/// The sun at `hour`; `None` when none of it is above the horizon or it gives no light (or it follows a place
+/// and there is none).
 pub fn at(sun: &Sun, place: Option<&Place>, hour: f64) -> Option<SunDisc> {
     let delta = (0.5 * sun.disc_angle).to_radians();
     // From perpendicular irradiance of the whole disc, π L sin²δ, to ∫ L dω = 2π L (1 − cos δ).
@@ -256,25 +258,26 @@ fn along_track(keys: &[SunKey], hour: f64) -> Option<(DVec3, DVec3)> {
     Some((direction, previous.irradiance.lerp(next.irradiance, t)))
 }
 
-/// Luminous solar constant, kilolux: 133.1 klx (Darula, Kittler & Gueymard 2005, "Reference luminous solar constant and
-/// solar luminance for illuminance calculations").
+/// Luminous solar constant, kilolux: 133.1 klx (Darula, Kittler & Gueymard 2005, "Reference luminous solar
+/// constant and solar luminance for illuminance calculations").
 const SOLAR_CONSTANT: f64 = 133.1;
 
-/// Linear Rec. 709 of sunlight outside the atmosphere, luminance 1: chromaticity x = 0.3233, y = 0.3326 (ASTM E490).
+/// Linear Rec. 709 of sunlight outside the atmosphere, luminance 1: chromaticity x = 0.3233, y = 0.3326 (ASTM
+/// E490).
 const SUN_COLOUR: DVec3 = DVec3::new(1.0968, 0.9770, 0.9437);
 
 /// Effective wavelengths of the Rec. 709 primaries, micrometres.
 const WAVELENGTH: DVec3 = DVec3::new(0.612, 0.549, 0.465);
 
-/// Optical depth of 0.35 cm (350 Dobson units) of ozone at these wavelengths (Chappuis band, Vigroux coefficients as in
-/// Iqbal 1983).
+/// Optical depth of 0.35 cm (350 Dobson units) of ozone at these wavelengths (Chappuis band, Vigroux
+/// coefficients as in Iqbal 1983).
 const OZONE: DVec3 = DVec3::new(0.042, 0.030, 0.004);
 
 /// Perpendicular irradiance of the unobscured sun in kilolux, linear Rec. 709, through clear air.
 ///
 /// Three bands (the RGB primaries' effective wavelengths λ) attenuated by exp(−m (τ_R + τ_a + τ_o)): Rayleigh
-/// τ_R = 0.008735 λ^−4.08, aerosol τ_a = β λ^−1.3 with β = 0.04608 T − 0.04586 for turbidity T (Preetham et al. 1999 after
-/// Iqbal 1983), ozone; m by Kasten & Young 1989. No fitted factor.
+/// τ_R = 0.008735 λ^−4.08, aerosol τ_a = β λ^−1.3 with β = 0.04608 T − 0.04586 for turbidity T (Preetham et
+/// al. 1999 after Iqbal 1983), ozone; m by Kasten & Young 1989. No fitted factor.
 fn clear_air_irradiance(elevation: f64, turbidity: f64) -> DVec3 {
     let m = air_mass(elevation);
     let beta = (0.04608 * turbidity - 0.04586).max(0.0);
@@ -282,7 +285,8 @@ fn clear_air_irradiance(elevation: f64, turbidity: f64) -> DVec3 {
     SOLAR_CONSTANT * SUN_COLOUR * (-m * depth).exp()
 }
 
-/// Relative optical air mass of Kasten & Young 1989 for an elevation in degrees, held at its horizon value below 0.
+/// Relative optical air mass of Kasten & Young 1989 for an elevation in degrees, held at its horizon value
+/// below 0.
 fn air_mass(elevation: f64) -> f64 {
     let elevation = elevation.max(0.0);
     (elevation.to_radians().sin() + 0.50572 * (elevation + 6.07995).powf(-1.6364)).recip()

@@ -1,11 +1,13 @@
-//! Tests of the sun: positions against references, irradiance against the IES clear sky, the disc against its solid angle.
+//! Tests of the sun: positions against references, irradiance against the IES clear sky, the disc against its
+//! solid angle.
 
 use super::*;
 
 const BERLIN: Place =
     Place { latitude: 52.5, longitude: 13.4, utc_offset: 2.0, date: (2024, 6, 21), north: 0.0 };
 
-/// NREL's worked example of the SPA (Reda & Andreas 2004, table A5.1): azimuth 194.34024°, elevation before refraction 39.87205°.
+/// NREL's worked example of the SPA (Reda & Andreas 2004, table A5.1): azimuth 194.34024°, elevation before
+/// refraction 39.87205°.
 #[test]
 fn position_matches_the_spa_example() {
     let golden = Place {
@@ -52,7 +54,8 @@ fn a_date_out_of_reach_is_an_error_not_a_panic() {
     }
 }
 
-/// IES RP-21 (1984) for a clear sky: E_dn = 128 exp(−0.21 m) klx, m = 1/sin(elevation); within 15 % at turbidity 2.
+/// IES RP-21 (1984) for a clear sky: E_dn = 128 exp(−0.21 m) klx, m = 1/sin(elevation); within 15 % at
+/// turbidity 2.
 #[test]
 fn irradiance_matches_the_ies_clear_sky() {
     for elevation in [10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0f64] {
@@ -70,7 +73,8 @@ fn irradiance_matches_the_ies_clear_sky() {
     assert!((luminance_of(SUN_COLOUR) - 1.0).abs() < 1e-3);
 }
 
-/// Flat-disc limit: the fraction above a line at distance h = e/δ below the centre is 1 − (acos h − h √(1 − h²))/π.
+/// Flat-disc limit: the fraction above a line at distance h = e/δ below the centre is 1 − (acos h − h √(1 −
+/// h²))/π.
 #[test]
 fn the_disc_fades_by_its_area() {
     let delta = 0.2665f64.to_radians();
@@ -100,8 +104,9 @@ fn disc(elevation: f64, delta: f64, horizon: bool) -> SunDisc {
     SunDisc { direction, irradiance: Rgb::ONE, half_angle: delta as f32, horizon }
 }
 
-/// Every sample lies on the visible part, `invert` undoes it, and equal cells of `u` get equal solid angle: the number of
-/// uniformly spread points that `invert` puts in each of 64 cells, χ² with 63 degrees of freedom below 119 (p = 2·10⁻⁵).
+/// Every sample lies on the visible part, `invert` undoes it, and equal cells of `u` get equal solid angle:
+/// the number of uniformly spread points that `invert` puts in each of 64 cells, χ² with 63 degrees of
+/// freedom below 119 (p = 2·10⁻⁵).
 #[test]
 fn disc_samples_are_uniform() {
     for (elevation, delta, horizon) in [
@@ -239,8 +244,8 @@ fn hour_at(place: &Place, elevation: f64, mut low: f64, mut high: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// A hundredth of a degree above and below, and everywhere the disc straddles the horizon: what is seen of it is all its light,
-/// samples stand above the horizon, and the light grows with the visible part.
+/// A hundredth of a degree above and below, and everywhere the disc straddles the horizon: what is seen of it
+/// is all its light, samples stand above the horizon, and the light grows with the visible part.
 #[test]
 fn the_sun_at_the_horizon() {
     let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
@@ -268,8 +273,8 @@ fn the_sun_at_the_horizon() {
     assert!(light(-0.01).is_none() && light(0.01).is_some());
 }
 
-/// At 80° N: a sun at every hour of midsummer, none at midwinter, and a sky that is finite and not negative all year. At the
-/// pole on an equinox the disc straddles the horizon all day.
+/// At 80° N: a sun at every hour of midsummer, none at midwinter, and a sky that is finite and not negative
+/// all year. At the pole on an equinox the disc straddles the horizon all day.
 #[test]
 fn polar_day_and_night() {
     use crate::scene::Sky;

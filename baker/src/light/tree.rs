@@ -1,9 +1,10 @@
-//! A light BVH: chooses one of many lights in proportion to a bound of what each may give (Conty Estevez & Kulla 2018,
-//! "Importance Sampling of Many Lights with Adaptive Tree Splitting").
+//! A light BVH: chooses one of many lights in proportion to a bound of what each may give (Conty Estevez &
+//! Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting").
 //!
-//! Splitting serves to know more, not to take more samples: from the root, those nodes that are large as seen from the
-//! receiver are opened until a front of [`FRONT`] nodes stands, one of which is chosen; below it the descent chooses
-//! between two children at a time. Where the front reaches single lights the choice is the exact one.
+//! Splitting serves to know more, not to take more samples: from the root, those nodes that are large as seen
+//! from the receiver are opened until a front of [`FRONT`] nodes stands, one of which is chosen; below it the
+//! descent chooses between two children at a time. Where the front reaches single lights the choice is the
+//! exact one.
 
 use super::lamp::Outline;
 use glam::{DVec3, Vec3};
@@ -73,8 +74,8 @@ impl LightTree {
         self.importance(0, p, n, &exact)
     }
 
-    /// A light and the probability of choosing it; `u` in [0, 1). `exact` is the importance of a single light. `None` where no
-    /// light has any.
+    /// A light and the probability of choosing it; `u` in [0, 1). `exact` is the importance of a single
+    /// light. `None` where no light has any.
     pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32, exact: impl Fn(u32) -> f32) -> Option<(u32, f32)> {
         let front = self.front(p, n, &exact);
         if front.total <= 0.0 {
@@ -229,8 +230,8 @@ impl LightTree {
         }
         let from_middle = from_middle / (distance * distance);
         let from_nearest = from_nearest / (near * near);
-        // Between the two; but in the box the nearest lights give most, whatever the cosines: of lights spread evenly over a
-        // ceiling of radius r, intensity / r² whatever its height.
+        // Between the two; but in the box the nearest lights give most, whatever the cosines: of lights
+        // spread evenly over a ceiling of radius r, intensity / r² whatever its height.
         let between = from_middle.sqrt() * from_nearest.sqrt();
         let within = (1.0 - 2.0 * nearest / radius).max(0.0);
         let guess = between + within * (1.0 / (radius * radius) - between);
@@ -284,9 +285,9 @@ fn build(outlines: &[Outline], lights: &mut [u32], first: u32, depth: u32, nodes
     build(outlines, high, first + middle as u32, depth + 1, nodes);
 }
 
-/// Orders the lights so that the first ones, whose number is returned, go to the first child: by the least sum of intensity ×
-/// extent² × solid angle of the cones (the surface area orientation heuristic, with the squared diagonal for the area, which lights in a row or
-/// on a ceiling have too).
+/// Orders the lights so that the first ones, whose number is returned, go to the first child: by the least
+/// sum of intensity × extent² × solid angle of the cones (the surface area orientation heuristic, with the
+/// squared diagonal for the area, which lights in a row or on a ceiling have too).
 fn split(outlines: &[Outline], lights: &mut [u32], depth: u32, whole: &Bound) -> usize {
     let middle_of = |light: u32| 0.5 * (outlines[light as usize].low + outlines[light as usize].high);
     let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);

@@ -44,8 +44,9 @@ impl Lookout<'_> {
         self.geometry.normal(hit.triangle as usize).dot(direction) > 0.0
     }
 
-    /// Whether a place lies outside all bodies, with nothing closer than `room`: of what is seen all around, hardly anything shows
-    /// its back. (Whether a material is two-sided says nothing here: many programs export all of them so.)
+    /// Whether a place lies outside all bodies, with nothing closer than `room`: of what is seen all around,
+    /// hardly anything shows its back. (Whether a material is two-sided says nothing here: many programs
+    /// export all of them so.)
     pub fn is_free(&self, place: DVec3, room: f64) -> bool {
         /// Part of what is seen that may show its back: leaves, and sheets.
         const BACKS: usize = AROUND / 4;
@@ -58,8 +59,8 @@ impl Lookout<'_> {
         backs <= BACKS && closest >= room
     }
 
-    /// How much a view shows: over its rays, the root of the distance to what is lit, in units of `length`, and more for
-    /// many materials. What is dimmer than `light` counts in proportion.
+    /// How much a view shows: over its rays, the root of the distance to what is lit, in units of `length`,
+    /// and more for many materials. What is dimmer than `light` counts in proportion.
     pub fn worth(&self, (place, look_at): View, length: f64, light: f32) -> f64 {
         let forward = (look_at - place).normalize_or(DVec3::NEG_Z);
         let right = forward.cross(DVec3::Y).normalize_or(DVec3::X);
@@ -105,8 +106,8 @@ impl Lookout<'_> {
         places.filter(|place| self.is_free(*place, TIGHT * length)).collect()
     }
 
-    /// `first`, if it lies outside all bodies and shows half of what the best view does; else the best view from a lattice of places in
-    /// a box; `first` all the same where none of them is free.
+    /// `first`, if it lies outside all bodies and shows half of what the best view does; else the best view
+    /// from a lattice of places in a box; `first` all the same where none of them is free.
     pub fn best(&self, first: View, low: DVec3, high: DVec3) -> View {
         let length = (high - low).length();
         let places = self.free_places(low, high);
@@ -149,8 +150,8 @@ pub(super) mod tests {
     use crate::geometry::Material;
     use glam::{Vec2, dvec3};
 
-    /// A room of 6 × 3 × 6 m, divided by a wall half a metre thick through its middle; all materials two-sided. In the eastern half
-    /// (x > 0) there is light.
+    /// A room of 6 × 3 × 6 m, divided by a wall half a metre thick through its middle; all materials
+    /// two-sided. In the eastern half (x > 0) there is light.
     pub fn divided() -> Geometry {
         let material = Material {
             albedo: Vec3::splat(0.5),

@@ -15,8 +15,9 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// The set of this hour; else its two neighbours on the circle of the day, linearly, or, where groups switch between them, the one
-    /// whose groups are as they are then; else the nearest set of all that has them so (as a bundle decodes).
+    /// The set of this hour; else its two neighbours on the circle of the day, linearly, or, where groups
+    /// switch between them, the one whose groups are as they are then; else the nearest set of all that has
+    /// them so (as a bundle decodes).
     pub fn new(config: &Config, hour: f64) -> Self {
         /// Two times of day nearer than this are one, in hours.
         const SAME: f64 = 1e-6;
@@ -73,8 +74,8 @@ impl Moment {
 }
 
 impl Moment {
-    /// A warning where all of its sets are hours away from what is asked for, and their light may be quite another; it says which
-    /// hours there are.
+    /// A warning where all of its sets are hours away from what is asked for, and their light may be quite
+    /// another; it says which hours there are.
     pub fn far(&self, config: &Config, hour: f64) -> Option<String> {
         /// As much of a day is interpolated without a word, in hours.
         const NEAR: f64 = 2.0;

@@ -8,15 +8,18 @@ use std::path::PathBuf;
 /// What to show, how, and where to.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// The hour, such as 18.5 or 18:30: where no set is of this hour, light goes linearly from the set before to the one after, or,
-    /// where lamps switch between them, is that of the one whose lamps are as they are at this hour. A bundle has light at every hour.
+    /// The hour, such as 18.5 or 18:30: where no set is of this hour, light goes linearly from the set before
+    /// to the one after, or, where lamps switch between them, is that of the one whose lamps are as they are
+    /// at this hour. A bundle has light at every hour.
     #[arg(long, value_name = "HOUR", value_parser = dataset::typed::hour)]
     pub hour: f64,
-    /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera; else one from the south-west,
-    /// above open scenes and single things, inside rooms, or where most that is lit is in view if a wall is there].
+    /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera;
+    /// else one from the south-west, above open scenes and single things, inside rooms, or where most that is
+    /// lit is in view if a wall is there].
     #[arg(long, value_name = "NAME|X,Y,Z", allow_hyphen_values = true)]
     pub camera: Option<String>,
-    /// The point in the middle of the picture [default: the camera's; else the middle of the lightmapped surfaces].
+    /// The point in the middle of the picture [default: the camera's; else the middle of the lightmapped
+    /// surfaces].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_point)]
     pub look_at: Option<DVec3>,
     /// Angle of view from left to right, in degrees [default: the camera's, else 60].
@@ -28,14 +31,16 @@ pub struct Options {
     /// Camera rays per pixel, stratified (16: 4 × 4); best a power of two.
     #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub samples: u32,
-    /// Radiance in kcd/m² is multiplied by 2 to the power of this: the same for several hours makes them comparable [default: so that the
-    /// surfaces' log-average luminance becomes 0.18, and its 95th percentile at most 1].
+    /// Radiance in kcd/m² is multiplied by 2 to the power of this: the same for several hours makes them
+    /// comparable [default: so that the surfaces' log-average luminance becomes 0.18, and its 95th percentile
+    /// at most 1].
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
     /// The dataset's folder [default: the scene's in dataset/].
     #[arg(long, value_name = "DIR")]
     pub dataset: Option<PathBuf>,
-    /// Show the light that a compressed bundle of this dataset decodes to, instead of the dataset's lightmaps.
+    /// Show the light that a compressed bundle of this dataset decodes to, instead of the dataset's
+    /// lightmaps.
     #[arg(long, value_name = "FILE.ndgi")]
     pub bundle: Option<PathBuf>,
     /// The picture to write [default: in the dataset's folder, named by camera, hour and bundle].

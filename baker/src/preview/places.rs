@@ -20,7 +20,8 @@ impl Places {
         Places(places)
     }
 
-    /// As a geometry file tells them, for pages of these sizes. What the file leaves out has (0, 0) at all corners.
+    /// As a geometry file tells them, for pages of these sizes. What the file leaves out has (0, 0) at all
+    /// corners.
     pub fn of_file(geometry: &Geometry, pages: &[Page]) -> Self {
         let mut places = vec![None; geometry.triangles.len()];
         for instance in &geometry.instances {

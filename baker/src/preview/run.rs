@@ -63,7 +63,8 @@ fn of_sets(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console:
     Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &moment, places)? })
 }
 
-/// What a bundle of the dataset decodes to. Where the bundle lacks the sun's direct light, `scene` loses it, too, for what has no texels.
+/// What a bundle of the dataset decodes to. Where the bundle lacks the sun's direct light, `scene` loses it,
+/// too, for what has no texels.
 fn of_bundle(
     bundle: &Compressed,
     dataset: &Dataset,

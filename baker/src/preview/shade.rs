@@ -27,7 +27,8 @@ pub struct Shader<'a> {
 }
 
 impl Shader<'_> {
-    /// Radiance that arrives along a camera ray, and whether it is a surface's; `number` is the ray's place in its pixel's `walks`.
+    /// Radiance that arrives along a camera ray, and whether it is a surface's; `number` is the ray's place
+    /// in its pixel's `walks`.
     pub fn radiance(&self, origin: Vec3, direction: Vec3, walks: Sequence, number: u32) -> (Rgb, bool) {
         /// Backs that one ray passes; more are the walls of an endless stack.
         const MOST_BACKS: usize = 256;
@@ -77,7 +78,8 @@ impl Shader<'_> {
         if is_back { None } else { self.baked.irradiance(hit.triangle, hit.barycentric) }
     }
 
-    /// Irradiance where nothing was baked: light straight from sun and lamps, and walks that end at the first baked surface.
+    /// Irradiance where nothing was baked: light straight from sun and lamps, and walks that end at the first
+    /// baked surface.
     fn estimate(&self, hit: &Hit, is_back: bool, walks: Sequence, number: u32) -> Rgb {
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
         let space = &self.transport.space;

@@ -43,7 +43,8 @@ pub fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<
     Err(Error::invalid(folder.display(), what))
 }
 
-/// Opens a dataset of a scene, and finds out on what to show it: on the scene's geometry where that was baked, else on the dataset's own.
+/// Opens a dataset of a scene, and finds out on what to show it: on the scene's geometry where that was
+/// baked, else on the dataset's own.
 ///
 /// # Errors
 /// [`Error::Invalid`] where it is of another scene, or has no geometry of its own where it needs one.
@@ -56,7 +57,8 @@ pub fn open(
 ) -> Result<Shown> {
     let dataset = Dataset::open(folder)?;
     dataset.expect_day()?;
-    // What has no texels shows the same part of each light as what has some: `--indirect` is not in the scene file.
+    // What has no texels shows the same part of each light as what has some: `--indirect` is not in the scene
+    // file.
     let baked = |key: &str| Baked::deserialize(&dataset.config.settings[key]).unwrap_or_default();
     (scene.sun_baked, scene.sky_baked) = (baked("sun_baked"), baked("sky_baked"));
     let Some(atlas) = as_baked(&dataset, &geometry, console)? else {
@@ -84,7 +86,8 @@ pub fn open(
     Ok(Shown { dataset, scene, geometry, places, warnings })
 }
 
-/// The texels of a geometry, if a dataset has the same; `None` where geometry, materials or layout are others.
+/// The texels of a geometry, if a dataset has the same; `None` where geometry, materials or layout are
+/// others.
 fn as_baked(dataset: &Dataset, geometry: &Geometry, console: &Console) -> Result<Option<Atlas>> {
     let config = &dataset.config;
     // As it was baked: a draft has other pages than the scene asks for.
@@ -98,7 +101,8 @@ fn as_baked(dataset: &Dataset, geometry: &Geometry, console: &Console) -> Result
         Err(error) => return Err(error),
     };
     progress.advance(1);
-    // The geometry with its lightmap coordinates is a file of the dataset: the same bytes, the same texels at the same places.
+    // The geometry with its lightmap coordinates is a file of the dataset: the same bytes, the same texels at
+    // the same places.
     let glb = blake3::hash(&to_glb(geometry, &atlas)?.glb).to_hex();
     let is_same = config.geometry.as_ref().is_some_and(|file| file.blake3 == glb.as_str());
     Ok(is_same.then_some(atlas))

@@ -100,8 +100,9 @@ impl Lit {
     }
 }
 
-/// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the middle from the south-west.
-/// Inside, where hardly any ray leaves the scene upwards from the middle, and that is no body alone, it stands on the same side of the room.
+/// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the
+/// middle from the south-west. Inside, where hardly any ray leaves the scene upwards from the middle, and
+/// that is no body alone, it stands on the same side of the room.
 fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
@@ -121,7 +122,8 @@ fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
         };
         (0..RAYS).filter(leaves).count() <= MOST_LEAVING
     };
-    // The middle of a trunk or a statue is covered, too, and nothing around it is. In a room a piece of furniture may stand there.
+    // The middle of a trunk or a statue is covered, too, and nothing around it is. In a room a piece of
+    // furniture may stand there.
     let is_room = || {
         if lookout.is_free(middle, 0.0) {
             return true;
@@ -193,7 +195,8 @@ mod tests {
     fn rooms_are_seen_from_inside_and_things_from_outside() {
         let (camera_of_room, is_within) = camera(&of_one_instance(divided()));
         assert!(is_within && camera_of_room.fov == INSIDE_FOV, "{camera_of_room:?}");
-        // A crate; a box that is open at the front, as a shelf; a tree of which the middle lies in the trunk below the crown.
+        // A crate; a box that is open at the front, as a shelf; a tree of which the middle lies in the trunk
+        // below the crown.
         let shelf = [
             [[0.0, 0.0, 0.0], [0.1, 2.0, 0.5]],
             [[0.9, 0.0, 0.0], [1.0, 2.0, 0.5]],

@@ -16,8 +16,9 @@ const RGB_FROM_XYZ: DMat3 = DMat3::from_cols(
 const LUMINANCE: DVec3 =
     DVec3::new(0.212_639_005_871_510_36, 0.715_168_678_767_756, 0.072_192_315_360_733_71);
 
-/// Linear Rec. 709 of a black body, scaled to luminance 1. Outside the gamut (below about 1900 K) it is mixed with
-/// white of the same luminance until no channel is negative. Out of [`KELVIN`], the nearest bound is used.
+/// Linear Rec. 709 of a black body, scaled to luminance 1. Outside the gamut (below about 1900 K) it is mixed
+/// with white of the same luminance until no channel is negative. Out of [`KELVIN`], the nearest bound is
+/// used.
 pub fn black_body(kelvin: f64) -> DVec3 {
     let kelvin = kelvin.clamp(*KELVIN.start(), *KELVIN.end());
     // XYZ = ∫ B(λ, T) (x̄, ȳ, z̄) dλ over the visible range.

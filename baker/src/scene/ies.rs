@@ -1,4 +1,5 @@
-//! Photometric files of luminaires, ANSI/IES LM-63 of 1986 to 2002 with type C goniometry: candela by direction.
+//! Photometric files of luminaires, ANSI/IES LM-63 of 1986 to 2002 with type C goniometry: candela by
+//! direction.
 
 use dataset::{Error, Result};
 use serde::Serializer;
@@ -9,14 +10,16 @@ const MOST_ANGLES: f64 = 2048.0;
 /// Largest file in bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// How a luminaire shines, by direction. Type C: vertical angles from its axis (0, the nadir of a ceiling lamp), horizontal ones about it.
+/// How a luminaire shines, by direction. Type C: vertical angles from its axis (0, the nadir of a ceiling
+/// lamp), horizontal ones about it.
 #[derive(Clone, Debug)]
 pub struct Profile {
     /// Degrees, ascending, at least two.
     vertical: Vec<f64>,
     /// Degrees, ascending; the values of others follow by symmetry. One: the same all round.
     horizontal: Vec<f64>,
-    /// Intensity relative to the greatest, per horizontal angle, for each vertical one; all 0 where that is 0.
+    /// Intensity relative to the greatest, per horizontal angle, for each vertical one; all 0 where that
+    /// is 0.
     relative: Vec<f64>,
     /// The greatest intensity in candela.
     pub peak: f64,
@@ -39,7 +42,8 @@ impl Profile {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the line, [`Error::Unsupported`] for goniometry of types A and B, [`Error::Io`].
+    /// [`Error::Invalid`] with the line, [`Error::Unsupported`] for goniometry of types A and B,
+    /// [`Error::Io`].
     pub fn read(path: &Path) -> Result<Self> {
         let length = std::fs::metadata(path).map_err(Error::io(path))?.len();
         if length > MOST_BYTES {
@@ -159,7 +163,8 @@ impl Profile {
         low + (column((h + 1).min(self.horizontal.len() - 1)) - low) * fh
     }
 
-    /// ∫ `at` × `falloff` of the vertical angle's cosine over all directions: lumens per candela of the greatest intensity.
+    /// ∫ `at` × `falloff` of the vertical angle's cosine over all directions: lumens per candela of the
+    /// greatest intensity.
     pub fn flux(&self, falloff: impl Fn(f64) -> f64) -> f64 {
         const RINGS: usize = 1440;
         let sectors = if self.is_round() { 1 } else { 360 };

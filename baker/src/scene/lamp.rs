@@ -22,8 +22,8 @@ const POINT: &[&str] = &["position", "intensity", "lumens", "kelvin", "ies", "di
 /// Names of lamps and materials of files, each with its group's index.
 type Names = Vec<(String, usize)>;
 
-/// Reads `[[group]]`; names must be unique. Gives also the `lights` of each, with its index. Files are relative to
-/// `folder`.
+/// Reads `[[group]]`; names must be unique. Gives also the `lights` of each, with its index. Files are
+/// relative to `folder`.
 pub(super) fn read(
     tables: Vec<Table>,
     folder: &Path,
@@ -137,7 +137,8 @@ fn spot(table: &Table, folder: &Path, warnings: &mut Vec<String>) -> Result<Lamp
     Ok(Lamp::Spot { position, direction, inner, outer, intensity })
 }
 
-/// A lamp by a photometric file. `intensity` (where it is greatest) or `lumens` scale it; `kelvin` gives its colour.
+/// A lamp by a photometric file. `intensity` (where it is greatest) or `lumens` scale it; `kelvin` gives its
+/// colour.
 fn ies(
     table: &Table,
     position: DVec3,
@@ -197,7 +198,8 @@ fn ies(
     Ok(Lamp::Ies { position, direction, up, inner, outer, intensity, profile: Arc::new(profile) })
 }
 
-/// What a spot's cone leaves at a cosine to its axis: smoothstep in the cosine, a hard edge where inner = outer.
+/// What a spot's cone leaves at a cosine to its axis: smoothstep in the cosine, a hard edge where inner =
+/// outer.
 fn cone(cosine: f64, inner: f64, outer: f64) -> f64 {
     let (inner, outer) = (inner.cos(), outer.cos());
     if cosine >= inner {
@@ -220,7 +222,8 @@ fn expect_ies(table: &Table, keys: &[&str]) -> Result<()> {
     }
 }
 
-/// `key` as RGB, or `lumens` and `kelvin`: RGB of luminance lumens ÷ 1000 ÷ `lumens_per_unit` (1 unit is 1000 lm/sr).
+/// `key` as RGB, or `lumens` and `kelvin`: RGB of luminance lumens ÷ 1000 ÷ `lumens_per_unit` (1 unit is 1000
+/// lm/sr).
 fn power(table: &Table, key: &str, lumens_per_unit: f64) -> Result<DVec3> {
     let expected = "[r, g, b], each 0 or more";
     match (table.get(key), table.get("lumens"), table.get("kelvin")) {

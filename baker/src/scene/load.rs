@@ -38,7 +38,8 @@ const MAX_SIDE: i64 = 16384;
 /// Reads a scene file and resolves it. Gives the scene and the warnings to show.
 ///
 /// # Errors
-/// [`Error::Invalid`] names file, line, key, value and what was expected; [`Error::Io`] if the file cannot be read.
+/// [`Error::Invalid`] names file, line, key, value and what was expected; [`Error::Io`] if the file cannot be
+/// read.
 pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
     let file = path.display().to_string();
     if path.is_dir() {
@@ -141,7 +142,8 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     Ok((scene, warnings))
 }
 
-/// Whether a scene may not have this name: the folder of the datasets has folders of these names that are no dataset's.
+/// Whether a scene may not have this name: the folder of the datasets has folders of these names that are no
+/// dataset's.
 pub fn is_reserved(name: &str) -> bool {
     ["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
 }

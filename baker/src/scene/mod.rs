@@ -35,7 +35,8 @@ pub const MAX_FOV: f64 = 170.0;
 /// Albedos above this are warned about: light hardly fades between bounces.
 pub(crate) const WHITE: f64 = 0.98;
 
-/// A scene file, resolved: no option left open, every value checked, every path joined to the scene file's folder.
+/// A scene file, resolved: no option left open, every value checked, every path joined to the scene file's
+/// folder.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scene {
     /// One path component, never `src`, `tests`, `benches` or `python`.
@@ -57,7 +58,8 @@ pub struct Scene {
     /// Which part of the sky's light they hold.
     #[serde(skip_serializing_if = "Baked::is_all")]
     pub sky_baked: Baked,
-    /// Albedo of the ground that is seen below the horizon, lit by sun and sky; `None`: what the sky shows there.
+    /// Albedo of the ground that is seen below the horizon, lit by sun and sky; `None`: what the sky shows
+    /// there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<DVec3>,
     /// Whether the scene file says so; a computed sky has a ground by default.
@@ -65,14 +67,16 @@ pub struct Scene {
     pub ground_is_written: bool,
     /// Openings to the sky, in file order.
     pub portals: Vec<Portal>,
-    /// Whether openings are found where none are authored. (What is found stands among them, where digests see it.)
+    /// Whether openings are found where none are authored. (What is found stands among them, where digests
+    /// see it.)
     #[serde(skip)]
     pub find_portals: bool,
     /// Geometry, in file order.
     pub objects: Vec<Object>,
     /// Light groups, in file order; names are unique.
     pub groups: Vec<Group>,
-    /// What becomes of the lamps and glowing materials of geometry files. (What they give stands among the groups, where digests see it.)
+    /// What becomes of the lamps and glowing materials of geometry files. (What they give stands among the
+    /// groups, where digests see it.)
     #[serde(skip)]
     pub lights: LightsOfFiles,
     /// Lightmap layout.
@@ -82,7 +86,8 @@ pub struct Scene {
     pub size_as_written: String,
     /// Sampling.
     pub bake: Sampling,
-    /// Viewpoints for pictures, in file order; names are unique. No part of what is baked, nor of any digest; the manifest keeps them for reports.
+    /// Viewpoints for pictures, in file order; names are unique. No part of what is baked, nor of any digest;
+    /// the manifest keeps them for reports.
     #[serde(skip)]
     pub cameras: Vec<Camera>,
 }
@@ -221,7 +226,8 @@ pub enum SunTrack {
         /// Linke-like turbidity of the Hosek–Wilkie model, 1 … 10.
         turbidity: f64,
     },
-    /// Authored keys by ascending hour, interpolated linearly and periodically (direction renormalised); a single key holds all day.
+    /// Authored keys by ascending hour, interpolated linearly and periodically (direction renormalised); a
+    /// single key holds all day.
     Authored(Vec<SunKey>),
 }
 
@@ -253,14 +259,16 @@ pub enum Sky {
     },
     /// A picture of the whole sphere, the same at all hours.
     Image(SkyImage),
-    /// A part of a spherical harmonic at each hour: what a scene's transfer is baked under. No scene file can ask for it.
+    /// A part of a spherical harmonic at each hour: what a scene's transfer is baked under. No scene file can
+    /// ask for it.
     Harmonics {
         /// Black below the horizon.
         upper: bool,
     },
 }
 
-/// A rectangle through which sky light is worth looking for, such as a window: it guides samples, it gives no light.
+/// A rectangle through which sky light is worth looking for, such as a window: it guides samples, it gives no
+/// light.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Portal {
     /// Corner, world.
@@ -319,7 +327,8 @@ pub struct Look {
     pub two_sided: Option<bool>,
     /// Radiance emitted from the front (both sides if two-sided), kcd/m².
     pub emission: Option<DVec3>,
-    /// The group that switches the emission, its own or the file's; must exist. Required with an `emission` above 0.
+    /// The group that switches the emission, its own or the file's; must exist. Required with an `emission`
+    /// above 0.
     pub group: Option<String>,
 }
 
@@ -347,7 +356,8 @@ impl Default for LightsOfFiles {
 pub struct Group {
     /// Unique.
     pub name: String,
-    /// Open on-intervals in hours within a day, normalised: sorted, disjoint, `from > to` crosses midnight, `[0, 24]` is always.
+    /// Open on-intervals in hours within a day, normalised: sorted, disjoint, `from > to` crosses midnight,
+    /// `[0, 24]` is always.
     pub on: Vec<[f64; 2]>,
     /// Its lamps.
     pub lamps: Vec<Lamp>,
@@ -397,7 +407,8 @@ pub enum Lamp {
         /// kcd/m².
         radiance: DVec3,
     },
-    /// A point with a cone: full intensity inside `inner`, smooth to none at `outer` (smoothstep in the cosine).
+    /// A point with a cone: full intensity inside `inner`, smooth to none at `outer` (smoothstep in the
+    /// cosine).
     Spot {
         /// World.
         position: DVec3,
@@ -512,7 +523,8 @@ pub enum LightmapSize {
         /// Texels.
         height: u32,
     },
-    /// This density; one page as large as needed, multiples of 4, at most 16384; more than one only where that is too small.
+    /// This density; one page as large as needed, multiples of 4, at most 16384; more than one only where
+    /// that is too small.
     TexelsPerMetre(f64),
 }
 
@@ -525,8 +537,8 @@ pub struct Sampling {
     pub bounces: Option<u32>,
     /// Seed of all randomness.
     pub seed: u64,
-    /// The most that materials of geometry files reflect in any channel, above 0 and at most 1; an albedo of the scene file is
-    /// taken as it is.
+    /// The most that materials of geometry files reflect in any channel, above 0 and at most 1; an albedo of
+    /// the scene file is taken as it is.
     pub albedo_max: f64,
 }
 

@@ -1,4 +1,5 @@
-//! The scene file as typed: TOML values that know their line, read key by key with the type and range each must have.
+//! The scene file as typed: TOML values that know their line, read key by key with the type and range each
+//! must have.
 
 use dataset::{Error, Result};
 use glam::DVec3;
@@ -49,7 +50,8 @@ pub(super) fn parse<T>(
     read(Table::new(source, "the scene file", 0, root.get_ref(), keys)?)
 }
 
-/// What to write in place of a number that TOML does not take, such as `0,05` or `2700K`; `offset` is where reading failed.
+/// What to write in place of a number that TOML does not take, such as `0,05` or `2700K`; `offset` is where
+/// reading failed.
 fn number_hint(text: &str, offset: usize) -> Option<String> {
     let (before, after) = text.split_at_checked(offset)?;
     let line = before.rsplit('\n').next().unwrap_or("").len();

@@ -63,7 +63,8 @@ fn clock(text: &str) -> Option<f64> {
     ok.then(|| f64::from(h) + f64::from(m) / 60.0 + f64::from(s) / 3600.0)
 }
 
-/// Merges overlapping and touching intervals of the day's circle; sorted, the one across midnight last as `from > to`.
+/// Merges overlapping and touching intervals of the day's circle; sorted, the one across midnight last as
+/// `from > to`.
 fn normalise(intervals: &[[f64; 2]]) -> Vec<[f64; 2]> {
     // Cut at midnight.
     let mut pieces: Vec<[f64; 2]> = intervals

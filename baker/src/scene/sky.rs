@@ -25,8 +25,9 @@ pub(super) const KEYS: &[&str] = &[
 /// Turbidity of a clear day.
 pub(super) const TURBIDITY: f64 = 3.0;
 
-/// A lat-long picture of the whole sphere: the top row is +Y, the middle column looks along −Z (before `rotation`), and
-/// columns run clockwise seen from above, so that +X is a quarter of the width to the right of the middle.
+/// A lat-long picture of the whole sphere: the top row is +Y, the middle column looks along −Z (before
+/// `rotation`), and columns run clockwise seen from above, so that +X is a quarter of the width to the right
+/// of the middle.
 #[derive(Clone, Debug, Serialize)]
 pub struct SkyImage {
     /// The file's name, without its folder.
@@ -47,8 +48,9 @@ pub(super) fn turbidity(table: &Table) -> Result<Option<f64>> {
     table.get("turbidity").map(|v| v.number(expected, |x| (1.0..=10.0).contains(&x))).transpose()
 }
 
-/// Reads `[sky] ground`: the albedo of the ground that is seen below the horizon, where nothing of the scene is; `None`: what the
-/// sky shows there. A computed sky has the ground of its `ground_albedo`, unless the key says otherwise.
+/// Reads `[sky] ground`: the albedo of the ground that is seen below the horizon, where nothing of the scene
+/// is; `None`: what the sky shows there. A computed sky has the ground of its `ground_albedo`, unless the key
+/// says otherwise.
 pub(super) fn ground(table: &Table, sky: &Sky) -> Result<Option<DVec3>> {
     let expected = "false, a number from 0 to 1, or [r, g, b]";
     match (table.get("ground"), sky) {

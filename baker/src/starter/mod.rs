@@ -1,6 +1,7 @@
 //! A scene file to begin with, written for a model: what `bake new` does.
 //!
-//! `glowing` knows names of lamps, `units` guesses the unit of length, [`crate::bake::openings`] finds windows, `write` makes the text.
+//! `glowing` knows names of lamps, `units` guesses the unit of length, [`crate::bake::openings`] finds
+//! windows, `write` makes the text.
 
 mod glowing;
 mod units;
@@ -53,7 +54,8 @@ pub struct Found {
 /// Where to write, and whether over a file that is there.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The scene file to write [default: beside the model, with its name, or that of its folder if it is called scene or model].
+    /// The scene file to write [default: beside the model, with its name, or that of its folder if it is
+    /// called scene or model].
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
     /// Replace a file that is there.
@@ -261,7 +263,8 @@ fn plain(text: &str) -> String {
     }
 }
 
-/// The path of a model as a scene file in another folder names it, with slashes also where folders are divided otherwise.
+/// The path of a model as a scene file in another folder names it, with slashes also where folders are
+/// divided otherwise.
 fn from_folder_of(scene_file: &Path, model: &Path) -> Result<String> {
     let absolute = |path: &Path| std::path::absolute(path).map_err(Error::io(path));
     let (model, scene) = (absolute(model)?, absolute(scene_file)?);

@@ -20,7 +20,8 @@ pub const UNITS: [Unit; 3] = [
 
 /// The longest side of most scenes lies between these, in metres.
 const EXTENT: [f64; 2] = [2.0, 500.0];
-/// The longest side of a scene of which nothing else is known, in metres; it decides between two units that fit.
+/// The longest side of a scene of which nothing else is known, in metres; it decides between two units that
+/// fit.
 const USUAL: f64 = 15.0;
 /// The median of the longest edges of its triangles lies between these, in metres.
 const EDGE: [f64; 2] = [0.005, 20.0];

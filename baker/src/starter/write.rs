@@ -5,7 +5,8 @@ use crate::scene::{Camera, Portal};
 use glam::DVec3;
 use std::fmt::Write;
 
-/// The scene file for what was found; `name` where the file's own name cannot be the scene's, `model` as the scene file names it.
+/// The scene file for what was found; `name` where the file's own name cannot be the scene's, `model` as the
+/// scene file names it.
 pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     let mut text = String::new();
     let mut line = |what: &str| {

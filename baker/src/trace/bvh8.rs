@@ -1,8 +1,8 @@
 //! An eight-wide bounding volume hierarchy over triangles, and a ray made ready for it.
 //!
-//! What a ray hits is a function of the triangles alone: [`super::triangle`] decides in double precision, of equally near
-//! triangles the one with the lower index counts, and boxes only leave out what cannot be hit. So neither the shape of the
-//! hierarchy nor the kernel changes a result.
+//! What a ray hits is a function of the triangles alone: [`super::triangle`] decides in double precision, of
+//! equally near triangles the one with the lower index counts, and boxes only leave out what cannot be hit.
+//! So neither the shape of the hierarchy nor the kernel changes a result.
 
 use super::triangle::Shear;
 use glam::Vec3;
@@ -86,7 +86,8 @@ impl Tier {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     pub origin: Vec3,
-    /// Reciprocal direction, less or more by [`ROBUST`]: for the planes where the ray enters and where it leaves.
+    /// Reciprocal direction, less or more by [`ROBUST`]: for the planes where the ray enters and where it
+    /// leaves.
     pub near: Vec3,
     pub far: Vec3,
     /// Which of a node's planes the ray enters by, per dimension: 0 low, 1 high.
@@ -96,8 +97,9 @@ pub(super) struct Line {
     pub exact: Shear,
 }
 
-/// The box test's distances carry at most 4 roundings (reciprocal, this factor, difference, product): each side is moved by
-/// twice that (Ize 2013, "Robust BVH Ray Traversal", with both sides moved rather than the far one twice as much).
+/// The box test's distances carry at most 4 roundings (reciprocal, this factor, difference, product): each
+/// side is moved by twice that (Ize 2013, "Robust BVH Ray Traversal", with both sides moved rather than the
+/// far one twice as much).
 const ROBUST: f32 = 8.0 * 0.5 * f32::EPSILON;
 
 /// Direction components below this count as zero, in all tests alike: their reciprocal would overflow.

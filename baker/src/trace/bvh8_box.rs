@@ -4,7 +4,8 @@ use super::bvh8::{Bvh8, CUT_OUT, LEAF, Node, Packet, STACK};
 use glam::Vec3;
 
 impl Bvh8 {
-    /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to `high`.
+    /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to
+    /// `high`.
     pub(super) fn any_in_box(
         &self,
         low: Vec3,

@@ -1,6 +1,7 @@
-//! Builds the eight-wide hierarchy: obvhs makes a binary one (PLOC, then reinsertion), and the cheapest way to merge its
-//! nodes into wide ones and its leaves into packets is found by dynamic programming (Ylitie, Karras & Laine 2017,
-//! "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3.1).
+//! Builds the eight-wide hierarchy: obvhs makes a binary one (PLOC, then reinsertion), and the cheapest way
+//! to merge its nodes into wide ones and its leaves into packets is found by dynamic programming (Ylitie,
+//! Karras & Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section
+//! 3.1).
 
 use super::bvh8::{Bvh8, CUT_OUT, LEAF, Node, Packet, STACK, Tier};
 use super::pages::in_large;
@@ -22,8 +23,9 @@ struct Binary {
     triangles: Vec<u32>,
 }
 
-/// How a binary node is best merged: 4 bits per number of places it may take. For 2..=7 places, how many go to its first
-/// child (0: one place less is as good); for 1, whether it is a leaf; bits 0..4 are the split of the 8 places of a wide node.
+/// How a binary node is best merged: 4 bits per number of places it may take. For 2..=7 places, how many go
+/// to its first child (0: one place less is as good); for 1, whether it is a leaf; bits 0..4 are the split of
+/// the 8 places of a wide node.
 #[derive(Clone, Copy, Default)]
 struct Merge(u32);
 
@@ -65,7 +67,8 @@ impl Bvh8 {
         self.nodes.clear();
         self.packets.clear();
         self.nodes.push(Node::EMPTY);
-        // Wide nodes to fill: (binary node, wide node, entries that a walk leaves on the stack on the way there).
+        // Wide nodes to fill: (binary node, wide node, entries that a walk leaves on the stack on the way
+        // there).
         let mut to_fill = vec![(0, 0, 0)];
         while let Some((root, number, waiting)) = to_fill.pop() {
             let mut children = Vec::with_capacity(8);
@@ -167,7 +170,8 @@ fn binary(geometry: &Geometry, solid: &[u32]) -> Binary {
     Binary { nodes, triangles }
 }
 
-/// The triangles in the order of `deep`'s leaves, under a hierarchy that halves their list down to single ones.
+/// The triangles in the order of `deep`'s leaves, under a hierarchy that halves their list down to single
+/// ones.
 fn balanced(geometry: &Geometry, deep: &Binary) -> Binary {
     let triangles = deep.triangles.clone();
     let mut nodes = vec![Bvh2Node::default()];
@@ -193,8 +197,8 @@ fn balanced(geometry: &Geometry, deep: &Binary) -> Binary {
     Binary { nodes, triangles }
 }
 
-/// For each binary node the cheapest merge, by expected cost: the sum over wide nodes and packets of their cost times the
-/// chance to be entered, which is their box's surface relative to the root's.
+/// For each binary node the cheapest merge, by expected cost: the sum over wide nodes and packets of their
+/// cost times the chance to be entered, which is their box's surface relative to the root's.
 fn best_merges(nodes: &[Bvh2Node]) -> Vec<Merge> {
     let mut merges = vec![Merge::default(); nodes.len()];
     // Depth first; each finished node leaves (cost with 1..=7 places, triangles) on a stack of its own.

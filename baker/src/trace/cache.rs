@@ -1,9 +1,11 @@
-//! Where walks read the light of surfaces: one ray then carries all bounces of the whole day. (What they read: `cache_half`.)
+//! Where walks read the light of surfaces: one ray then carries all bounces of the whole day. (What they
+//! read: `cache_half`.)
 //!
-//! Lightmapped surfaces have an entry per square of 1, 2 or 4 texels' side (charts start on 4-texel boundaries, so that a square
-//! hardly ever mixes two; those of scaled shared layouts may). On pages so large that these are too many, the squares of 4 texels that
-//! lie together and are of one chart share an entry. What has no texels (other triangles, and the backs of two-sided
-//! ones) is cut into patches about 4 entries long, or 16 where there would be too many.
+//! Lightmapped surfaces have an entry per square of 1, 2 or 4 texels' side (charts start on 4-texel
+//! boundaries, so that a square hardly ever mixes two; those of scaled shared layouts may). On pages so large
+//! that these are too many, the squares of 4 texels that lie together and are of one chart share an entry.
+//! What has no texels (other triangles, and the backs of two-sided ones) is cut into patches about 4 entries
+//! long, or 16 where there would be too many.
 
 use super::counts::RayCounts;
 use super::space::{Receiver, Space};
@@ -19,7 +21,8 @@ use std::collections::BTreeMap;
 const NONE: u32 = u32::MAX;
 /// Length of a patch in sides of an entry.
 const PATCH: f64 = 4.0;
-/// log₂ of the side in texels of the largest squares: those of larger entries are put together, chart by chart.
+/// log₂ of the side in texels of the largest squares: those of larger entries are put together, chart by
+/// chart.
 const LARGEST_SQUARE: u32 = 2;
 /// Most patches along a side of a triangle: larger ones are not cached, walks go on from them.
 const MOST_ALONG: u32 = 16;
@@ -86,8 +89,9 @@ impl Patch {
 }
 
 impl<'a> CacheMap<'a> {
-    /// A map of the squares with side 2^`shift` that hold one of the `covered` texels (page indices, in the order in which
-    /// entries are to be numbered), and of patches where they are not too many: no more than make `most` entries in all.
+    /// A map of the squares with side 2^`shift` that hold one of the `covered` texels (page indices, in the
+    /// order in which entries are to be numbered), and of patches where they are not too many: no more than
+    /// make `most` entries in all.
     pub fn new(
         atlas: &'a Atlas,
         geometry: &Geometry,
@@ -140,9 +144,10 @@ impl<'a> CacheMap<'a> {
         map
     }
 
-    /// Cuts what has no texels into patches [`PATCH`] entries long, or 4 times as long: the shorter of the two with which there are no
-    /// more entries in all than a million, or twice the squares; else into none. Where patches are few they are shorter, down to an eighth: a room
-    /// without texels amid large ones is not lit by the mean of its walls. There are never more than `limit` entries.
+    /// Cuts what has no texels into patches [`PATCH`] entries long, or 4 times as long: the shorter of the
+    /// two with which there are no more entries in all than a million, or twice the squares; else into none.
+    /// Where patches are few they are shorter, down to an eighth: a room without texels amid large ones is
+    /// not lit by the mean of its walls. There are never more than `limit` entries.
     fn cut(&mut self, geometry: &Geometry, limit: usize) {
         let most = (2 * self.squares).max(1 << 20).min(limit);
         let length = PATCH * self.entry_length();
@@ -160,8 +165,9 @@ impl<'a> CacheMap<'a> {
         }
     }
 
-    /// The sides without texels, cut into patches no longer than `length`, where that makes at most [`MOST_ALONG`]; these into up to `part` times as many along
-    /// each side. And the number of entries there would be.
+    /// The sides without texels, cut into patches no longer than `length`, where that makes at most
+    /// [`MOST_ALONG`]; these into up to `part` times as many along each side. And the number of entries there
+    /// would be.
     fn pieces_of(&self, geometry: &Geometry, length: f64, part: u32) -> (Vec<Piece>, usize) {
         let (mut pieces, mut entries) = (Vec::new(), self.squares);
         // No path is reflected by clear glass.
@@ -198,8 +204,9 @@ impl<'a> CacheMap<'a> {
         (y >> self.square_shift) * self.columns + (x >> self.square_shift)
     }
 
-    /// Says that a texel reaches across a wall, and gives a few points of the side it stands for. Only what they see is that side:
-    /// see [`CacheMap::entry`]. An entry of several texels is taken out: walks that land there go on.
+    /// Says that a texel reaches across a wall, and gives a few points of the side it stands for. Only what
+    /// they see is that side: see [`CacheMap::entry`]. An entry of several texels is taken out: walks that
+    /// land there go on.
     pub fn split(&mut self, texel: usize, witnesses: Vec<Receiver>) {
         let width = self.atlas.width as usize;
         let square = self.square(texel % width, texel / width);
@@ -212,7 +219,8 @@ impl<'a> CacheMap<'a> {
         }
     }
 
-    /// The entry of a point on the front or the back of a surface, on this side of any wall; `None` where there is none.
+    /// The entry of a point on the front or the back of a surface, on this side of any wall; `None` where
+    /// there is none.
     pub fn entry(&self, space: &Space, hit: &Hit, is_back: bool, counts: &mut RayCounts) -> Option<u32> {
         let entry = self.of_hit(hit, is_back)?;
         let place = self.witnesses_of.get(entry as usize).copied().unwrap_or(NONE);
@@ -297,7 +305,8 @@ impl<'a> CacheMap<'a> {
         (entry != NONE).then_some(entry)
     }
 
-    /// The entry of a point on the front or the back of a surface, whatever stands on it; `None` where there is none.
+    /// The entry of a point on the front or the back of a surface, whatever stands on it; `None` where there
+    /// is none.
     pub fn of_hit(&self, hit: &Hit, is_back: bool) -> Option<u32> {
         let piece = self.piece_of[hit.triangle as usize][usize::from(is_back)];
         if piece != NONE {
@@ -362,7 +371,8 @@ mod tests {
 
     #[test]
     fn large_entries_do_not_mix_charts() {
-        // Two charts on a page of 32 × 16 texels, apart by a block of four texels: one entry of 16 texels would hold both.
+        // Two charts on a page of 32 × 16 texels, apart by a block of four texels: one entry of 16 texels
+        // would hold both.
         let square = |x: f32, chart: u32, triangle: u32| {
             let corner = |dx: f32, y: f32| Vec2::new(x + dx, y);
             let (a, b, c, d) = (corner(0.5, 0.5), corner(0.5, 14.5), corner(6.5, 14.5), corner(6.5, 0.5));

@@ -2,8 +2,9 @@
 //!
 //! Kernel file (holds `unsafe`): reading and storing an entry.
 //!
-//! Values are half floats, scaled per layer and channel: 0.05 % of rounding, over a range of 10⁹. Two halves hold independently
-//! sampled estimates, so that the cache's own noise shows in the difference of the halves of a bake.
+//! Values are half floats, scaled per layer and channel: 0.05 % of rounding, over a range of 10⁹. Two halves
+//! hold independently sampled estimates, so that the cache's own noise shows in the difference of the halves
+//! of a bake.
 
 use super::pages::prefer_large;
 use crate::Rgb;
@@ -30,8 +31,8 @@ impl CacheHalf {
         let stride = (3 * layers).next_multiple_of(8);
         let mut scale = vec![0.0; stride];
         for (layer, &most) in most.iter().enumerate() {
-            // The greatest value becomes one of 2¹² … 2¹³; small ones keep their digits down to 2⁻¹⁴, there is room above for
-            // what further bounces add.
+            // The greatest value becomes one of 2¹² … 2¹³; small ones keep their digits down to 2⁻¹⁴, there
+            // is room above for what further bounces add.
             let exponent = if most > 0.0 { (most.log2().floor() as i32 - 12).clamp(-120, 110) } else { 0 };
             scale[3 * layer..3 * layer + 3].fill((exponent as f32).exp2());
         }
@@ -63,9 +64,10 @@ impl CacheHalf {
         fits.then(|| CacheHalf { stride, values: bytemuck::pod_collect_to_vec(bytes), scale, layers })
     }
 
-    /// Stores the irradiance of all layers at all entries, in parallel: `value(entry, out)` fills it in. Gives the sums over the entries
-    /// of what was to be stored, per layer and channel, in an order that does not depend on the threads. (Of what *is* stored they
-    /// would be off by up to 0.02 % where entries are alike, for then all are rounded to the same side.)
+    /// Stores the irradiance of all layers at all entries, in parallel: `value(entry, out)` fills it in.
+    /// Gives the sums over the entries of what was to be stored, per layer and channel, in an order that does
+    /// not depend on the threads. (Of what *is* stored they would be off by up to 0.02 % where entries are
+    /// alike, for then all are rounded to the same side.)
     pub fn set_all(&mut self, value: impl Fn(u32, &mut [Rgb]) + Sync) -> Vec<f64> {
         use rayon::prelude::*;
         /// Entries summed at a time.
@@ -137,7 +139,8 @@ impl CacheHalf {
         values.chunks_exact(3).take(self.layers).map(|c| c[0].max(c[1]).max(c[2])).collect()
     }
 
-    /// Fetches an entry that is soon to be read: the cache is larger than the processor's, and reading it is mostly waiting.
+    /// Fetches an entry that is soon to be read: the cache is larger than the processor's, and reading it is
+    /// mostly waiting.
     #[inline]
     pub fn prefetch(&self, entry: u32) {
         #[cfg(target_arch = "x86_64")]

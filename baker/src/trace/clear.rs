@@ -11,7 +11,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame of a point's surface; its first axis runs along `along` as far as the surface allows. `None` where that is nowhere.
+    /// The frame of a point's surface; its first axis runs along `along` as far as the surface allows. `None`
+    /// where that is nowhere.
     pub fn new(at: &Receiver, along: Vec3) -> Option<Self> {
         let normal = at.face_normal.as_dvec3().try_normalize()?;
         let u = along.as_dvec3().reject_from_normalized(normal).try_normalize()?;
@@ -30,8 +31,9 @@ impl Frame {
 }
 
 impl Space<'_> {
-    /// Whether points lie on a flat surface, nothing stands between any two of them, nor on the surface around them up to a height of
-    /// `headroom` times its longer side. If it holds, [`Space::sees`] does for every two of the points. False where nothing is known.
+    /// Whether points lie on a flat surface, nothing stands between any two of them, nor on the surface
+    /// around them up to a height of `headroom` times its longer side. If it holds, [`Space::sees`] does for
+    /// every two of the points. False where nothing is known.
     pub fn is_clear<'p>(
         &self,
         frame: &Frame,
@@ -66,7 +68,8 @@ impl Space<'_> {
         // (Rounded outwards.)
         let rounding = (middle.abs() + half) * f64::from(f32::EPSILON);
         let (from, to) = ((middle - half - rounding).as_vec3(), (middle + half + rounding).as_vec3());
-        // A triangle stands in the way unless it lies beside the surface, over it, or below all points, as the surface itself does.
+        // A triangle stands in the way unless it lies beside the surface, over it, or below all points, as
+        // the surface itself does.
         !self.rays.any_in_box(from, to, |_, corners| {
             let [a, b, c] = corners.map(|corner| frame.coordinates(corner));
             a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all()

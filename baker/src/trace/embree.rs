@@ -1,8 +1,10 @@
-//! Kernel file (holds `unsafe`): Intel's Embree 4 behind [`super::rays::Rays`], through the few functions declared here.
+//! Kernel file (holds `unsafe`): Intel's Embree 4 behind [`super::rays::Rays`], through the few functions
+//! declared here.
 //!
-//! Not through the crate `embree4-rs`: its newest release (0.0.16, over `embree4-sys` 0.0.12) vendors the headers of 4.2,
-//! where a hit ends before `instPrimID`. Libraries from 4.3 on write that field too, four bytes past the crate's struct.
-//! The structs here have the layout of 4.3 and newer, which older versions of 4 fill in part.
+//! Not through the crate `embree4-rs`: its newest release (0.0.16, over `embree4-sys` 0.0.12) vendors the
+//! headers of 4.2, where a hit ends before `instPrimID`. Libraries from 4.3 on write that field too, four
+//! bytes past the crate's struct. The structs here have the layout of 4.3 and newer, which older versions of
+//! 4 fill in part.
 
 use super::triangle::Hit;
 use crate::geometry::Geometry;
@@ -123,16 +125,16 @@ pub(super) struct Scene<'a> {
     scene: *mut c_void,
 }
 
-// SAFETY: Embree's queries on a committed scene may run in any number of threads at once; nothing else is called on it.
+// SAFETY: Embree's queries on a committed scene may run in any number of threads at once; nothing else is
+// called on it.
 unsafe impl Send for Scene<'_> {}
 // SAFETY: as above.
 unsafe impl Sync for Scene<'_> {}
 
 impl<'a> Scene<'a> {
     pub fn new(geometry: &'a Geometry) -> Result<Self> {
-        // One thread, so that the hierarchy, and with it which of equally near triangles is found, never depends on how
-        // many the machine has.
-        // SAFETY: a null-terminated string.
+        // One thread, so that the hierarchy, and with it which of equally near triangles is found, never
+        // depends on how many the machine has. SAFETY: a null-terminated string.
         let device = unsafe { rtcNewDevice(c"threads=1,set_affinity=0".as_ptr()) };
         if device.is_null() {
             // SAFETY: a null device asks for the error of making one.
@@ -267,7 +269,8 @@ fn arguments(context: &mut Context) -> Arguments {
     }
 }
 
-/// Refuses hits on the triangle the ray starts on, at the origin or the far end, where a cut-out is open, and where glass passes.
+/// Refuses hits on the triangle the ray starts on, at the origin or the far end, where a cut-out is open, and
+/// where glass passes.
 unsafe extern "C" fn filter(arguments: *const FilterArguments) {
     // SAFETY: Embree hands over a query of one ray, with the context of `arguments`.
     unsafe {

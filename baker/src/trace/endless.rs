@@ -27,8 +27,8 @@ pub struct Endless {
 }
 
 impl Transport<'_> {
-    /// Follows a path from the middle of a triangle's front, or its back, to its end; `None` if it has one. Where it is dark, it is
-    /// followed only if `in_the_dark`.
+    /// Follows a path from the middle of a triangle's front, or its back, to its end; `None` if it has one.
+    /// Where it is dark, it is followed only if `in_the_dark`.
     pub fn endless_path(
         &self,
         triangle: u32,
@@ -61,7 +61,8 @@ impl Transport<'_> {
         Some(Endless { triangles, is_lit })
     }
 
-    /// Whether light is found about a point of a walk that did not end: at its next vertices, or where it leaves the scene.
+    /// Whether light is found about a point of a walk that did not end: at its next vertices, or where it
+    /// leaves the scene.
     pub(super) fn is_lit_about(&self, start: &Receiver) -> bool {
         let sequence = Sequence::new(0, Kind::PlanRay, start.triangle, 0);
         let mut at = *start;
@@ -87,7 +88,8 @@ impl Transport<'_> {
         light.iter().any(|light| *light != Rgb::ZERO)
     }
 
-    /// The next vertex of a path, and what it meets there; `None` where it ends. Glass on the way takes its part of `weight`.
+    /// The next vertex of a path, and what it meets there; `None` where it ends. Glass on the way takes its
+    /// part of `weight`.
     fn step(&self, at: &Receiver, u: Vec2, weight: &mut Rgb) -> Option<(Receiver, Hit)> {
         let space = &self.space;
         let direction = cosine_direction(at.normal, u);

@@ -25,7 +25,8 @@ pub struct Held {
 }
 
 impl FacetIndex {
-    /// The index of several lists of facets, of a scene of so many triangles. (All cut a side in the same way.)
+    /// The index of several lists of facets, of a scene of so many triangles. (All cut a side in the same
+    /// way.)
     pub fn new(triangles: usize, parts: &[&[Facet]]) -> Self {
         let mut sides = vec![[(NONE, 0); 2]; if parts.is_empty() { 0 } else { triangles }];
         // How many each holds, one place further on; then their sums.

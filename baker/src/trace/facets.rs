@@ -1,5 +1,5 @@
-//! Finds the bright facets of a scene in its solved cache: surfaces are cut into small triangles, and those that send out much more
-//! than the mean are kept, in clusters that lie together.
+//! Finds the bright facets of a scene in its solved cache: surfaces are cut into small triangles, and those
+//! that send out much more than the mean are kept, in clusters that lie together.
 
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
@@ -19,8 +19,9 @@ const MOST_ALONG: u32 = 1024;
 const MOST: u64 = 1 << 24;
 /// Facets this many times as bright as the mean are lights.
 const BRIGHT: f32 = 4.0;
-/// They are worth a look where they hold this part of the light's second moment over all surfaces, and so about of the variance of
-/// what walks find by chance (0.91 for daylight in the scene `room`, 0.39 in `yard`, 0.98 and more for lamps).
+/// They are worth a look where they hold this part of the light's second moment over all surfaces, and so
+/// about of the variance of what walks find by chance (0.91 for daylight in the scene `room`, 0.39 in `yard`,
+/// 0.98 and more for lamps).
 const WORTH: f64 = 0.5;
 /// Most clusters of facets.
 pub const CLUSTERS: usize = 256;
@@ -48,7 +49,8 @@ pub struct Facet {
     pub along: u32,
     /// Its cluster.
     pub cluster: u32,
-    /// Light it sends out: of each layer in units of its integral over all surfaces, the root of the summed squares.
+    /// Light it sends out: of each layer in units of its integral over all surfaces, the root of the summed
+    /// squares.
     pub power: f32,
     /// Its area.
     pub area: f32,
@@ -100,8 +102,8 @@ struct Sent<'a> {
 }
 
 impl Facets {
-    /// The bright facets among all surfaces of the cache, in `most_clusters` at most, by the light of `layers`; `None` where little
-    /// comes from them.
+    /// The bright facets among all surfaces of the cache, in `most_clusters` at most, by the light of
+    /// `layers`; `None` where little comes from them.
     pub fn bright(
         geometry: &Geometry,
         map: &CacheMap,
@@ -167,8 +169,8 @@ impl Facet {
 }
 
 impl Sent<'_> {
-    /// Per side and facet, the light of all layers that it sends out per area, each in units of its integral over all surfaces: one
-    /// number.
+    /// Per side and facet, the light of all layers that it sends out per area, each in units of its integral
+    /// over all surfaces: one number.
     fn brightness(&self, sides: &[Side]) -> Vec<Vec<f32>> {
         let sums = self.sums(sides);
         let unit: Vec<f32> =
@@ -221,7 +223,8 @@ impl Sent<'_> {
     }
 }
 
-/// The sides of triangles that have entries, cut into no more than `MOST` facets; none where even long ones are more.
+/// The sides of triangles that have entries, cut into no more than `MOST` facets; none where even long ones
+/// are more.
 pub fn sides(geometry: &Geometry, map: &CacheMap) -> Vec<Side> {
     let cut = |length: f64| {
         let of_triangle = |triangle: usize| {
@@ -245,8 +248,8 @@ fn facets_along(geometry: &Geometry, triangle: usize, length: f64) -> u32 {
     ((geometry.longest_edge(triangle).min(even) / length).ceil().max(1.0) as u32).min(MOST_ALONG)
 }
 
-/// Orders the facets by clusters: starting from six directions of their normals, the one with the greatest power × extent is halved
-/// until there are enough.
+/// Orders the facets by clusters: starting from six directions of their normals, the one with the greatest
+/// power × extent is halved until there are enough.
 fn cluster(facets: &mut [Facet], most: usize) -> (Vec<Cluster>, Vec<f32>) {
     let direction = |f: &Facet| {
         let n = f.normal;
@@ -319,8 +322,8 @@ pub fn point_of(n: u32, number: u32, u: Vec2) -> Vec3 {
     Vec3::new((1.0 - at.x - at.y).max(0.0), at.x, at.y)
 }
 
-/// The facet of a point: rows i of constant first coordinate, in each of them by turns a triangle like the whole and one upside
-/// down.
+/// The facet of a point: rows i of constant first coordinate, in each of them by turns a triangle like the
+/// whole and one upside down.
 pub fn number_of(n: u32, barycentric: Vec3) -> u32 {
     let at = Vec2::new(barycentric.y, barycentric.z).max(Vec2::ZERO) * n as f32;
     let i = (at.x as u32).min(n - 1);

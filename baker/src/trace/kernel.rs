@@ -1,8 +1,9 @@
 //! Kernel file (holds `unsafe`): the walk through the hierarchy, written once over [`Lanes`].
 //!
-//! Soundness: node and packet numbers come from [`super::bvh8_build`] alone, which makes only such as exist and refuses a
-//! hierarchy that could need more than [`STACK`] entries; entries are written before they are read. A debug build checks.
-//! Everything is `inline(always)`, so that it is compiled for the features of the function that calls it.
+//! Soundness: node and packet numbers come from [`super::bvh8_build`] alone, which makes only such as exist
+//! and refuses a hierarchy that could need more than [`STACK`] entries; entries are written before they are
+//! read. A debug build checks. Everything is `inline(always)`, so that it is compiled for the features of the
+//! function that calls it.
 
 use super::bvh8::{Bvh8, CUT_OUT, LEAF, Line, Node, Packet, STACK};
 use super::lanes::Lanes;
@@ -10,8 +11,8 @@ use super::triangle::Meeting;
 use glam::Vec3;
 use std::mem::MaybeUninit;
 
-/// Children still to visit, each with the distance where the ray enters its box (bits of a float ≥ 0, which order as
-/// integers) in the upper half.
+/// Children still to visit, each with the distance where the ray enters its box (bits of a float ≥ 0, which
+/// order as integers) in the upper half.
 struct Stack {
     entries: [MaybeUninit<u64>; STACK],
     len: usize,
@@ -134,7 +135,8 @@ impl<L: Lanes> Shear8<L> {
     }
 }
 
-/// The lanes of a packet whose triangle the ray's line may cross: all but those that [`super::triangle`] is sure to refuse.
+/// The lanes of a packet whose triangle the ray's line may cross: all but those that [`super::triangle`] is
+/// sure to refuse.
 #[inline(always)]
 fn crossed<L: Lanes>(line: &Line, packet: &Packet) -> u32 {
     let shear = Shear8::<L>::new(line);
@@ -145,14 +147,16 @@ fn crossed<L: Lanes>(line: &Line, packet: &Packet) -> u32 {
     let u = cx.mul(by).sub(cy.mul(bx));
     let v = ax.mul(cy).sub(ay.mul(cx));
     let w = bx.mul(ay).sub(by.mul(ax));
-    // Their error. With ε = 2⁻²⁴, Z the largest |z| and S the sum of all |x| and |y|: a sheared coordinate p is off by at
-    // most ε (|p − sₓz| + 4|sₓz| + |p|) ≤ ε (5 Z + 2 S), as |sₓ| ≤ 1; an edge function by S times that, and by ε S² / 2 of
-    // its own roundings. Rounded up to 8 and 4, which also covers the roundings of the bound and of the test in doubles.
+    // Their error. With ε = 2⁻²⁴, Z the largest |z| and S the sum of all |x| and |y|: a sheared coordinate p
+    // is off by at most ε (|p − sₓz| + 4|sₓz| + |p|) ≤ ε (5 Z + 2 S), as |sₓ| ≤ 1; an edge function by S
+    // times that, and by ε S² / 2 of its own roundings. Rounded up to 8 and 4, which also covers the
+    // roundings of the bound and of the test in doubles.
     const EPSILON: f32 = 0.5 * f32::EPSILON;
     let size = ax.abs().add(ay.abs()).add(bx.abs().add(by.abs())).add(cx.abs().add(cy.abs()));
     let depth = az.abs().max(bz.abs()).max(cz.abs());
     let error = size.mul(depth.mul(L::splat(8.0 * EPSILON)).add(size.mul(L::splat(4.0 * EPSILON))));
-    // Unless one area is surely negative and another surely positive. (Never in empty lanes, where all is NaN.)
+    // Unless one area is surely negative and another surely positive. (Never in empty lanes, where all is
+    // NaN.)
     let none_negative = L::splat(0.0).sub(error).less_or_equal(u.min(v).min(w));
     let none_positive = u.max(v).max(w).less_or_equal(error);
     none_negative | none_positive

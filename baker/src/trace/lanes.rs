@@ -1,7 +1,7 @@
 //! Eight floats at once: what the traversal kernels compute with, and the portable form of it.
 //!
-//! Every operation is the IEEE one of single precision, lane by lane, without contraction, so that all forms give the same
-//! bits. `min` and `max` return the second operand where either is not a number, as x86 does.
+//! Every operation is the IEEE one of single precision, lane by lane, without contraction, so that all forms
+//! give the same bits. `min` and `max` return the second operand where either is not a number, as x86 does.
 
 /// Eight single-precision lanes.
 pub trait Lanes: Copy {

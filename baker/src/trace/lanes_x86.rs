@@ -1,7 +1,9 @@
-//! Kernel file (holds `unsafe`): eight lanes in one AVX register, and the traversals compiled for AVX2 and AVX-512VL.
+//! Kernel file (holds `unsafe`): eight lanes in one AVX register, and the traversals compiled for AVX2 and
+//! AVX-512VL.
 //!
-//! Soundness: [`Avx`] is private to this file, and the only code that makes one is what the entry points at the end
-//! inline. They are `unsafe` to call, and [`super::bvh8_walk`] calls each only with the tier that `Tier::detect` found.
+//! Soundness: [`Avx`] is private to this file, and the only code that makes one is what the entry points at
+//! the end inline. They are `unsafe` to call, and [`super::bvh8_walk`] calls each only with the tier that
+//! `Tier::detect` found.
 
 use super::bvh8::{Bvh8, Line};
 use super::kernel;
@@ -12,8 +14,8 @@ use std::arch::x86_64::*;
 #[derive(Clone, Copy)]
 struct Avx(__m256);
 
-// SAFETY of every intrinsic below: they need AVX, which the callers of the entry points have made sure of; the two that
-// touch memory read or write exactly the eight floats of an array, unaligned.
+// SAFETY of every intrinsic below: they need AVX, which the callers of the entry points have made sure of;
+// the two that touch memory read or write exactly the eight floats of an array, unaligned.
 impl Lanes for Avx {
     #[inline(always)]
     fn splat(value: f32) -> Self {

@@ -1,4 +1,5 @@
-//! The light a bake traces: the distinct suns, the lit skies and the traced groups, one layer each, in that order.
+//! The light a bake traces: the distinct suns, the lit skies and the traced groups, one layer each, in that
+//! order.
 
 use super::subset::{ALL_UP_TO, chances};
 use crate::Rgb;
@@ -70,7 +71,8 @@ impl SunLight {
     }
 }
 
-/// What the suns of one sample share: a point of the unit square, and the point of the unit disc it stands for.
+/// What the suns of one sample share: a point of the unit square, and the point of the unit disc it stands
+/// for.
 #[derive(Clone, Copy, Debug)]
 pub struct SunDraw {
     u: Vec2,
@@ -93,8 +95,8 @@ pub struct GroupLight {
     pub emission: Vec<Rgb>,
     /// Whether some of them emit by a map, which multiplies that.
     pub has_maps: bool,
-    /// Decides the random numbers of the group's samples: a function of its name, so that they stay the same whichever other
-    /// groups are traced with it.
+    /// Decides the random numbers of the group's samples: a function of its name, so that they stay the same
+    /// whichever other groups are traced with it.
     pub key: u32,
 }
 
@@ -117,7 +119,8 @@ impl Lights {
         }
     }
 
-    /// Adds to each layer what lightmaps hold of the light that comes straight from it: `direct` as sampled (by layer), `met` as walks met it.
+    /// Adds to each layer what lightmaps hold of the light that comes straight from it: `direct` as sampled
+    /// (by layer), `met` as walks met it.
     pub fn add_held(&self, direct: &[Rgb], met: &[Rgb], out: &mut [Rgb]) {
         let held = |(_, holds): &((&mut Rgb, &Rgb), &bool)| **holds;
         for ((out, direct), _) in out.iter_mut().zip(direct).zip(&self.straight).filter(held) {
@@ -128,8 +131,8 @@ impl Lights {
         }
     }
 
-    /// How many lights walks can meet straight from their start whose light is summed apart there: groups with emissive surfaces, then
-    /// the hours of the sky if it is one.
+    /// How many lights walks can meet straight from their start whose light is summed apart there: groups
+    /// with emissive surfaces, then the hours of the sky if it is one.
     pub fn met(&self) -> usize {
         self.place_among_met.iter().flatten().count() + self.sky_among_met().len()
     }
@@ -152,8 +155,8 @@ impl Lights {
         self.suns.len() + self.sky.lit.len() + self.groups.len()
     }
 
-    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, to `met` if it is there and the sky is
-    /// summed apart, and of the ground below the horizon.
+    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, to `met` if
+    /// it is there and the sky is summed apart, and of the ground below the horizon.
     #[inline]
     pub fn add_from_outside(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb], met: Option<&mut [Rgb]>) {
         match met {
@@ -180,8 +183,9 @@ impl Lights {
         self.suns.len() + self.groups.len()
     }
 
-    /// The chance with which each group is asked for its light at a point with a unit normal, where there are more than a few and `asked`
-    /// of them are asked: in proportion to a guess of it, beside all that the group gives anywhere. `None`: all are asked.
+    /// The chance with which each group is asked for its light at a point with a unit normal, where there are
+    /// more than a few and `asked` of them are asked: in proportion to a guess of it, beside all that the
+    /// group gives anywhere. `None`: all are asked.
     pub fn chances(&self, point: Vec3, normal: Vec3, asked: usize) -> Option<Vec<f32>> {
         /// The part of `asked` that goes evenly to all that may give light: the guess knows of no shadows.
         const EVEN: f32 = 0.2;

@@ -1,4 +1,5 @@
-//! Light transport: rays, random numbers, the samples of every layer of a texel at once, the cache they read, its bright surfaces.
+//! Light transport: rays, random numbers, the samples of every layer of a texel at once, the cache they read,
+//! its bright surfaces.
 
 pub mod sampler;
 pub mod triangle;

@@ -1,5 +1,5 @@
-//! Kernel file (holds `unsafe`): large pages for what is read at random. A cache or a hierarchy of a hundred megabytes, read here
-//! and there, otherwise spends much of its time on finding pages of 4 KiB.
+//! Kernel file (holds `unsafe`): large pages for what is read at random. A cache or a hierarchy of a hundred
+//! megabytes, read here and there, otherwise spends much of its time on finding pages of 4 KiB.
 
 /// Asks the system to hold memory that was not touched yet in pages of 2 MiB, which it may ignore.
 pub fn prefer_large<T>(fresh: &[T]) {

@@ -1,4 +1,5 @@
-//! A path at glass: it goes straight on or is reflected, by chance, so that neither the light behind nor that before it is lost.
+//! A path at glass: it goes straight on or is reflected, by chance, so that neither the light behind nor that
+//! before it is lost.
 
 use super::triangle::Hit;
 use crate::Rgb;
@@ -15,11 +16,12 @@ pub(super) enum Fate {
     Ends,
 }
 
-/// Decides on a path that meets glass, and changes its weight accordingly: divided by the probability of what was chosen. `absorbs`:
-/// the glass reflects nothing on this side. `choice` is asked for where both are possible.
+/// Decides on a path that meets glass, and changes its weight accordingly: divided by the probability of what
+/// was chosen. `absorbs`: the glass reflects nothing on this side. `choice` is asked for where both are
+/// possible.
 ///
-/// The density of the direction stays what it was, for the choice says nothing about it: a light that is found behind glass counts
-/// with the same share of the balance heuristic as in the open.
+/// The density of the direction stays what it was, for the choice says nothing about it: a light that is
+/// found behind glass counts with the same share of the balance heuristic as in the open.
 pub(super) fn meet(
     geometry: &Geometry,
     hit: &Hit,
@@ -30,8 +32,8 @@ pub(super) fn meet(
     let triangle = hit.triangle as usize;
     let passing = *weight * geometry.transmittance_at(triangle, hit.barycentric);
     let albedo = if absorbs { Rgb::ZERO } else { geometry.albedo_at(triangle, hit.barycentric) };
-    // In proportion to the brightest channel of what the path would bring: weights then never grow by more than a factor of three,
-    // however much glass there is.
+    // In proportion to the brightest channel of what the path would bring: weights then never grow by more
+    // than a factor of three, however much glass there is.
     let (through, back) = (passing.max_element(), (*weight * albedo).max_element());
     if through < DARK && back <= 0.0 {
         return Fate::Ends;

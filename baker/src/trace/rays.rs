@@ -1,8 +1,9 @@
 //! Rays against the scene's triangles: nearest hit and occlusion, with cut-outs really open.
 //!
-//! Glass is asked about by what a ray is for: [`Rays::nearest`] meets it as any surface and [`Rays::beyond`] goes on behind it,
-//! [`Rays::through`] tells how much light passes, and to [`Rays::nearest_wall`] and [`Rays::occluded`] it is as if it were
-//! not there. In a scene without glass all of these are the plain queries.
+//! Glass is asked about by what a ray is for: [`Rays::nearest`] meets it as any surface and [`Rays::beyond`]
+//! goes on behind it, [`Rays::through`] tells how much light passes, and to [`Rays::nearest_wall`] and
+//! [`Rays::occluded`] it is as if it were not there. In a scene without glass all of these are the plain
+//! queries.
 
 use super::backend::Backend;
 use super::bvh8::{Bvh8, Line};
@@ -54,14 +55,15 @@ impl<'a> Rays<'a> {
         Rays { geometry, hierarchy: Hierarchy::Own(hierarchy.into(), std::marker::PhantomData) }
     }
 
-    /// The nearest hit along the unit `direction`, glass included; `from` is the triangle the ray starts on, which it cannot hit.
-    /// What lies behind the origin or exactly at it does not count.
+    /// The nearest hit along the unit `direction`, glass included; `from` is the triangle the ray starts on,
+    /// which it cannot hit. What lies behind the origin or exactly at it does not count.
     #[inline]
     pub fn nearest(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Hit> {
         self.nearest_unless(origin, direction, from, &|_| false)
     }
 
-    /// The nearest hit behind those that were passed, all of which are glass: [`Rays::nearest`] where none was.
+    /// The nearest hit behind those that were passed, all of which are glass: [`Rays::nearest`] where none
+    /// was.
     #[inline]
     pub fn beyond(&self, origin: Vec3, direction: Vec3, from: u32, passed: &Passed) -> Option<Hit> {
         self.nearest_unless(origin, direction, from, &|hit| passed.holds(hit))
@@ -76,7 +78,8 @@ impl<'a> Rays<'a> {
         self.nearest_unless(origin, direction, from, &|hit| self.is_glass(hit))
     }
 
-    /// Whether anything but glass stands between `origin` and the point at distance `t_max` along the unit `direction`.
+    /// Whether anything but glass stands between `origin` and the point at distance `t_max` along the unit
+    /// `direction`.
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
         if !self.geometry.has_glass() {
@@ -85,8 +88,9 @@ impl<'a> Rays<'a> {
         self.occluded_unless(origin, direction, t_max, from, &|hit| self.is_glass(hit))
     }
 
-    /// Per channel, how much of the light from the point at distance `t_max` along the unit `direction` arrives at `origin`: 1 where
-    /// nothing stands between, the product over all glass that does, 0 behind anything else.
+    /// Per channel, how much of the light from the point at distance `t_max` along the unit `direction`
+    /// arrives at `origin`: 1 where nothing stands between, the product over all glass that does, 0 behind
+    /// anything else.
     #[inline]
     pub fn through(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
         if !self.geometry.has_glass() {
@@ -99,7 +103,8 @@ impl<'a> Rays<'a> {
     #[cold]
     fn through_glass(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
         let left = Cell::new(Rgb::ONE);
-        // All that the ray meets is asked about in turn, in an order that is a function of the ray and the hierarchy.
+        // All that the ray meets is asked about in turn, in an order that is a function of the ray and the
+        // hierarchy.
         let passes = |hit: &Hit| {
             let triangle = hit.triangle as usize;
             self.geometry.is_glass(triangle) && {
@@ -154,8 +159,8 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Whether this triangle alone stands between `origin` and the point at distance `t_max`: then [`Rays::occluded`] is true.
-    /// Neither a cut-out nor glass ever does here.
+    /// Whether this triangle alone stands between `origin` and the point at distance `t_max`: then
+    /// [`Rays::occluded`] is true. Neither a cut-out nor glass ever does here.
     pub fn stands_in(&self, origin: Vec3, direction: Vec3, t_max: f32, triangle: u32) -> bool {
         let material = &self.geometry.materials[self.geometry.material_of[triangle as usize] as usize];
         let corners = self.geometry.corners(triangle as usize);
@@ -165,8 +170,9 @@ impl<'a> Rays<'a> {
                 .is_some_and(|line| line.exact.meet(&corners, f64::from(t_max)).is_some())
     }
 
-    /// How far along a ray light from a point of a triangle, about `distance` away, must pass unhindered: to just before the triangle,
-    /// so that it does not stand in its own light and nothing that stands close in front of it is missed.
+    /// How far along a ray light from a point of a triangle, about `distance` away, must pass unhindered: to
+    /// just before the triangle, so that it does not stand in its own light and nothing that stands close in
+    /// front of it is missed.
     #[inline]
     pub fn short_of(&self, origin: Vec3, direction: Vec3, distance: f32, triangle: u32) -> f32 {
         /// What rounding may move a neighbour of the same plane, as a part of the distance.
@@ -176,8 +182,8 @@ impl<'a> Rays<'a> {
         meeting.map_or(distance, |meeting| meeting.t as f32) * (1.0 - ROUNDING)
     }
 
-    /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to `high`; true where that
-    /// cannot be asked (Embree).
+    /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to
+    /// `high`; true where that cannot be asked (Embree).
     pub fn any_in_box(&self, low: Vec3, high: Vec3, stands: impl FnMut(u32, [Vec3; 3]) -> bool) -> bool {
         match &self.hierarchy {
             Hierarchy::Own(bvh, _) => bvh.any_in_box(low, high, stands),
@@ -229,8 +235,8 @@ impl Passed {
     }
 }
 
-/// A point of a triangle, moved off its surface to the side of `normal` by more than rounding can have sunk it
-/// (Pharr, Jakob & Humphreys 2023, "Physically Based Rendering", section 6.8).
+/// A point of a triangle, moved off its surface to the side of `normal` by more than rounding can have sunk
+/// it (Pharr, Jakob & Humphreys 2023, "Physically Based Rendering", section 6.8).
 #[inline]
 pub fn offset_point(corners: &[Vec3; 3], barycentric: Vec3, normal: Vec3) -> Vec3 {
     let parts = [corners[0] * barycentric.x, corners[1] * barycentric.y, corners[2] * barycentric.z];

@@ -140,12 +140,13 @@ fn leaks(g: &Geometry, rays: &Rays, centre: Vec3, at_most: usize) -> Leaks {
 
 /// No ray may pass an edge, and none a vertex but with Embree: of those, one in fifty may.
 ///
-/// Embree's robust mode takes the sign of single-precision edge functions (kernels/geometry/triangle_intersector_pluecker.h)
-/// with a slack of 2⁻²³ of the triangle's area, less than their rounding where triangles are small for their distance.
-/// Both triangles at an edge see the same number, so edges are closed. Round a vertex the signs may be such that every
-/// triangle refuses the ray: 2352 of 188,341 rays at the vertices of the fine sphere, and the formula redone in Rust refuses
-/// the same ones. Neither filter nor near end matters: as many pass without the one and with the other below zero. (Embree's
-/// issues 181, 188 and 381 say the same of vertices.)
+/// Embree's robust mode takes the sign of single-precision edge functions
+/// (kernels/geometry/triangle_intersector_pluecker.h) with a slack of 2⁻²³ of the triangle's area, less than
+/// their rounding where triangles are small for their distance. Both triangles at an edge see the same
+/// number, so edges are closed. Round a vertex the signs may be such that every triangle refuses the ray:
+/// 2352 of 188,341 rays at the vertices of the fine sphere, and the formula redone in Rust refuses the same
+/// ones. Neither filter nor near end matters: as many pass without the one and with the other below zero.
+/// (Embree's issues 181, 188 and 381 say the same of vertices.)
 #[track_caller]
 fn expect_closed(backend: Backend, found: &Leaks) {
     let past_vertices = if backend == Backend::Embree { found.at_vertices / 50 } else { 0 };
@@ -221,8 +222,9 @@ fn every_tier_finds_exactly_what_brute_force_finds() {
 
 #[test]
 fn long_walls_are_seen_where_they_stand() {
-    // 4 m high, up to 40 km long, seen from 2 m. In doubles the plane's crossing is known to 10⁻¹² m, so the bound is zero:
-    // every ray must agree. (The test in single precision is wrong for 1.4 % of them at 40 km.)
+    // 4 m high, up to 40 km long, seen from 2 m. In doubles the plane's crossing is known to 10⁻¹² m, so the
+    // bound is zero: every ray must agree. (The test in single precision is wrong for 1.4 % of them at 40
+    // km.)
     for half_width in [2e2, 2e3, 2e4] {
         let g = wall(half_width);
         let rays = Rays::new(&g);
@@ -250,7 +252,8 @@ fn long_walls_are_seen_where_they_stand() {
 
 #[test]
 fn edges_on_the_coordinate_planes_do_not_leak() {
-    // A floor of square tiles with edges at whole numbers; rays straight down and in axis planes, onto edges and corners.
+    // A floor of square tiles with edges at whole numbers; rays straight down and in axis planes, onto edges
+    // and corners.
     let mut g = Geometry::default();
     let n = 9u32;
     g.positions = (0..n * n).map(|i| vec3((i % n) as f32 - 4.0, 0.0, (i / n) as f32 - 4.0)).collect();
@@ -273,7 +276,8 @@ fn edges_on_the_coordinate_planes_do_not_leak() {
 
 #[test]
 fn copies_and_empty_triangles_are_harmless() {
-    // Fifty thousand copies of one triangle, as many coplanar ones and points: built in time, the first copy found.
+    // Fifty thousand copies of one triangle, as many coplanar ones and points: built in time, the first copy
+    // found.
     let mut g = Geometry {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, vec3(2.0, 0.0, 0.0), vec3(0.0, 2.0, 0.0)],
         triangles: [[0, 0, 1], [0, 1, 3], [2, 2, 2]].repeat(10_000),
@@ -312,7 +316,8 @@ fn a_ray_that_is_no_ray_hits_nothing() {
 
 #[test]
 fn offset_points_do_not_meet_their_own_plane() {
-    // From a point on one tile of a wall, along the wall's normal and grazing, nothing of the wall stands in the way.
+    // From a point on one tile of a wall, along the wall's normal and grazing, nothing of the wall stands in
+    // the way.
     let g = wall(50.0);
     for backend in Backend::built() {
         let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
@@ -348,8 +353,8 @@ mod embree {
             let stops = |rays: &Rays| rays.occluded(origin, direction, 1.5, from);
             shadows_apart += u32::from(stops(&own) != stops(&embree));
         }
-        // They may differ where a ray passes an edge within single precision's rounding (10⁻⁷ of the distance; the scene has
-        // some 10 m of edges in view of a ray): at most one ray in ten thousand.
+        // They may differ where a ray passes an edge within single precision's rounding (10⁻⁷ of the
+        // distance; the scene has some 10 m of edges in view of a ray): at most one ray in ten thousand.
         println!("{hits} hits of {n}, {apart} and {shadows_apart} apart");
         assert!(
             hits > n / 2 && apart <= n / 10_000 && shadows_apart <= n / 10_000,

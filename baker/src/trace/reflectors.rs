@@ -1,11 +1,13 @@
-//! Bright surfaces as lights. What a walk meets by the cosine alone, and reads from the cache, is noisy where much of the
-//! light comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once the cache is solved, those are
-//! known: they are cut into facets, sampled, and weighted against the walk by the balance heuristic.
+//! Bright surfaces as lights. What a walk meets by the cosine alone, and reads from the cache, is noisy where
+//! much of the light comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once
+//! the cache is solved, those are known: they are cut into facets, sampled, and weighted against the walk by
+//! the balance heuristic.
 //!
-//! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few groups some are looked at with
-//! each walk ([`super::subset`]). A facet is chosen in proportion to √Σ (its light ÷ the layer's mean)² over those layers, the best choice for the
-//! sum of their relative variances; and by how much of it arrives at the receiver, which a [`View`] holds for clusters of facets,
-//! shadows included.
+//! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
+//! groups some are looked at with each walk ([`super::subset`]). A facet is chosen in proportion to √Σ (its
+//! light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative variances; and
+//! by how much of it arrives at the receiver, which a [`View`] holds for clusters of facets, shadows
+//! included.
 
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
@@ -64,7 +66,8 @@ pub struct View {
 }
 
 impl View {
-    /// Light that arrives from all of them, relative to the mean of their layers: what looking there is worth.
+    /// Light that arrives from all of them, relative to the mean of their layers: what looking there is
+    /// worth.
     pub fn worth(&self) -> f32 {
         self.arrives
     }
@@ -85,8 +88,8 @@ impl Reflectors {
         Some(Reflectors { layers, key, facets, up_to, clusters })
     }
 
-    /// What of their light arrives around some receivers; the samples are those the receivers were chosen by. `None` where nothing
-    /// does.
+    /// What of their light arrives around some receivers; the samples are those the receivers were chosen by.
+    /// `None` where nothing does.
     pub fn view(
         &self,
         space: &Space,
@@ -103,8 +106,9 @@ impl Reflectors {
         self.view_from(&places, number, is_free)
     }
 
-    /// As [`Reflectors::view`], from places (origin, normal); `number` chooses a facet of the k-th cluster for a place, and `is_free`
-    /// tells whether nothing stands between a place and the point in a direction at a distance.
+    /// As [`Reflectors::view`], from places (origin, normal); `number` chooses a facet of the k-th cluster
+    /// for a place, and `is_free` tells whether nothing stands between a place and the point in a direction
+    /// at a distance.
     fn view_from(
         &self,
         places: &[(Vec3, Vec3)],
@@ -113,7 +117,8 @@ impl Reflectors {
     ) -> Option<View> {
         /// Part of a cluster's light that is taken to arrive although no ray did.
         const HIDDEN: f32 = 0.05;
-        /// Distances count for no less than this part of a cluster's size: one facet beside the receiver is not all of it.
+        /// Distances count for no less than this part of a cluster's size: one facet beside the receiver is
+        /// not all of it.
         const NEAR2: f32 = 0.05;
         let mut arrives = vec![0f32; self.clusters.len()];
         for (k, cluster) in self.clusters.iter().enumerate() {
@@ -147,8 +152,9 @@ impl Reflectors {
         Some(View { up_to, arrives: total / places.len() as f32 })
     }
 
-    /// One sample of the light that they reflect to `at`: where from, from which side, and the irradiance at `at` per unit of it there,
-    /// weighted against the walk that may meet them. `chance`: the probability with which such a sample is taken at all.
+    /// One sample of the light that they reflect to `at`: where from, from which side, and the irradiance at
+    /// `at` per unit of it there, weighted against the walk that may meet them. `chance`: the probability
+    /// with which such a sample is taken at all.
     pub fn reflected(
         &self,
         space: &Space,

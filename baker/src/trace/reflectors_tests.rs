@@ -9,7 +9,8 @@ use crate::trace::facets::{CLUSTERS, number_of, sides};
 use crate::trace::rays::Rays;
 use crate::trace::sampler::{Kind, Sequence};
 
-/// A floor of 4 × 4 m that looks up, its texels, and light on it: 1 everywhere, in layer 0 a hundred on a square of 0.5 m.
+/// A floor of 4 × 4 m that looks up, its texels, and light on it: 1 everywhere, in layer 0 a hundred on a
+/// square of 0.5 m.
 fn floor() -> (Geometry, Atlas) {
     let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
     let positions = vec![corner(-2.0, 2.0), corner(2.0, 2.0), corner(2.0, -2.0), corner(-2.0, -2.0)];

@@ -1,9 +1,10 @@
-//! Owen-scrambled Sobol points by hashing (Burley 2020, "Practical Hash-based Owen Scrambling"): a point is a function
-//! of (texel, half, sample, dimension, seed) alone, so neither threads nor rounds change it.
+//! Owen-scrambled Sobol points by hashing (Burley 2020, "Practical Hash-based Owen Scrambling"): a point is a
+//! function of (texel, half, sample, dimension, seed) alone, so neither threads nor rounds change it.
 
 use glam::{Vec2, vec2};
 
-/// The point sequence of one texel and half. Two halves are scrambled independently: their difference measures the error.
+/// The point sequence of one texel and half. Two halves are scrambled independently: their difference
+/// measures the error.
 #[derive(Clone, Copy, Debug)]
 pub struct Sequence {
     key: u32,
@@ -43,8 +44,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// The sample's pair of dimensions number `pair`, in [0, 1)². Over the samples, every pair is a (0, 2)-sequence of its
-    /// own, shuffled against the others ("padding").
+    /// The sample's pair of dimensions number `pair`, in [0, 1)². Over the samples, every pair is a (0,
+    /// 2)-sequence of its own, shuffled against the others ("padding").
     #[inline]
     pub fn pair(self, pair: u32) -> Vec2 {
         let key = hash(self.key ^ pair.wrapping_mul(0x9e37_79b9));
@@ -54,8 +55,8 @@ impl Sample {
         vec2(unit(x), unit(y))
     }
 
-    /// A uniform number in [0, 1), shuffled against the pairs and other numbers: for single decisions. Over the samples it is a
-    /// (0, 1)-sequence of its own.
+    /// A uniform number in [0, 1), shuffled against the pairs and other numbers: for single decisions. Over
+    /// the samples it is a (0, 1)-sequence of its own.
     #[inline]
     pub fn number(self, purpose: u32) -> f32 {
         let key = hash(self.key ^ hash(purpose ^ 0xc2b2_ae35));
@@ -96,8 +97,8 @@ fn sobol1(index: u32) -> u32 {
     x ^ (x & 0x5555_5555) << 1
 }
 
-/// Nested uniform scramble: each bit is flipped by a hash of the bits above it, so aligned runs stay aligned runs
-/// (Laine & Karras's mixing, Burley's constants as improved by Vegdahl).
+/// Nested uniform scramble: each bit is flipped by a hash of the bits above it, so aligned runs stay aligned
+/// runs (Laine & Karras's mixing, Burley's constants as improved by Vegdahl).
 #[inline]
 fn owen_scramble(fraction: u32, seed: u32) -> u32 {
     let mut x = fraction.reverse_bits();
@@ -115,7 +116,8 @@ mod tests {
 
     #[test]
     fn every_pair_is_a_net() {
-        // A (0, 2)-sequence in base 2: the first 2^m points put exactly one into each elementary box of area 2^-m.
+        // A (0, 2)-sequence in base 2: the first 2^m points put exactly one into each elementary box of area
+        // 2^-m.
         for pair in 0..5 {
             let sequence = Sequence::new(7, Kind::Texel, 42, 1);
             for m in 0..9u32 {

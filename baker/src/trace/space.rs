@@ -1,5 +1,5 @@
-//! The space light moves in: points on its surfaces, and what stands between them or around them. To what is told of a place here
-//! glass is as if it were not there.
+//! The space light moves in: points on its surfaces, and what stands between them or around them. To what is
+//! told of a place here glass is as if it were not there.
 
 use super::counts::RayCounts;
 use super::rays::{Rays, offset_point};
@@ -8,8 +8,8 @@ use crate::geometry::{Geometry, Material, Solids};
 use crate::surface::SurfacePoint;
 use glam::Vec3;
 
-/// Sine of 75°, what directions close to a surface are off its normal: what stands under a single sheet sees past it, what lies in a
-/// closed body does not.
+/// Sine of 75°, what directions close to a surface are off its normal: what stands under a single sheet sees
+/// past it, what lies in a closed body does not.
 const SIN: f32 = 0.965_925_8;
 /// Cosine of that.
 const COS: f32 = 0.258_819_04;
@@ -29,7 +29,8 @@ pub struct Space<'a> {
 /// Directions in which a point looks for the body it may lie in.
 const DIRECTIONS: usize = 5;
 
-/// What a point met in each of the directions that it looked in, so that no question asks for the same ray again.
+/// What a point met in each of the directions that it looked in, so that no question asks for the same ray
+/// again.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Look {
     met: [Option<Option<Hit>>; DIRECTIONS],
@@ -81,13 +82,14 @@ impl<'a> Space<'a> {
         self.fronts[triangle as usize]
     }
 
-    /// The texel's point, on the front, with the interpolated normal the game shades with. `None` without a normal.
+    /// The texel's point, on the front, with the interpolated normal the game shades with. `None` without a
+    /// normal.
     pub fn receiver(&self, point: &SurfacePoint) -> Option<Receiver> {
         self.receiver_on(point, false)
     }
 
-    /// A point on one side of a triangle; on the back, the interpolated normal is turned round. (Walks go on by it too: what a
-    /// surface sends out is then what its texels show, whoever asks.)
+    /// A point on one side of a triangle; on the back, the interpolated normal is turned round. (Walks go on
+    /// by it too: what a surface sends out is then what its texels show, whoever asks.)
     pub fn receiver_on(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
         let triangle = point.triangle as usize;
         let front = self.front(point.triangle);
@@ -108,8 +110,8 @@ impl<'a> Space<'a> {
         self.is_in_solid(at, &mut look, counts) || self.is_enclosed(at, &mut look, counts)
     }
 
-    /// The normal, and directions close to the surface all around. Rays there count for no light: to leave out points by what they meet
-    /// does not favour the light that reaches the others.
+    /// The normal, and directions close to the surface all around. Rays there count for no light: to leave
+    /// out points by what they meet does not favour the light that reaches the others.
     fn around(at: &Receiver) -> [Vec3; DIRECTIONS] {
         let (tangent, bitangent) = at.face_normal.any_orthonormal_pair();
         let aside = |side: Vec3| (side * SIN + at.face_normal * COS).normalize();
@@ -129,8 +131,8 @@ impl<'a> Space<'a> {
         self.front(hit.triangle).dot(direction) > 0.0 && !self.material(hit.triangle).two_sided
     }
 
-    /// What is met at once with a hit: where a body stands against another (a wall under a ceiling), the back of one and the front
-    /// of the other.
+    /// What is met at once with a hit: where a body stands against another (a wall under a ceiling), the back
+    /// of one and the front of the other.
     fn met_at_once(&self, at: &Receiver, direction: Vec3, hit: &Hit, counts: &mut RayCounts) -> Option<Hit> {
         const AT_ONCE: f32 = 1e-5;
         counts.inside += 1;
@@ -138,9 +140,9 @@ impl<'a> Space<'a> {
         next.filter(|next| next.t - hit.t <= AT_ONCE * hit.t)
     }
 
-    /// Whether a point lies inside a closed solid: the first thing met along the normal, or in one of two directions close to the
-    /// surface, is the back of one. From outside none is ever met back first, except where a front is met at once with it (sheets
-    /// of two one-sided faces): such hits do not count.
+    /// Whether a point lies inside a closed solid: the first thing met along the normal, or in one of two
+    /// directions close to the surface, is the back of one. From outside none is ever met back first, except
+    /// where a front is met at once with it (sheets of two one-sided faces): such hits do not count.
     pub fn is_in_solid(&self, at: &Receiver, look: &mut Look, counts: &mut RayCounts) -> bool {
         if self.solids.is_empty() {
             return false;
@@ -157,13 +159,14 @@ impl<'a> Space<'a> {
         })
     }
 
-    /// Whether a point lies in a body that may be open a little: along the normal and in four directions close to the surface, the back
-    /// of a one-sided triangle is met.
+    /// Whether a point lies in a body that may be open a little: along the normal and in four directions
+    /// close to the surface, the back of a one-sided triangle is met.
     pub fn is_enclosed(&self, at: &Receiver, look: &mut Look, counts: &mut RayCounts) -> bool {
         self.meets_backs(at, |_| true, look, counts)
     }
 
-    /// Whether along the normal and in four directions close to the surface an absorbing back is met, of a material that counts.
+    /// Whether along the normal and in four directions close to the surface an absorbing back is met, of a
+    /// material that counts.
     fn meets_backs(
         &self,
         at: &Receiver,
@@ -185,8 +188,9 @@ impl<'a> Space<'a> {
         })
     }
 
-    /// Whether nobody can see a point of a surface: it lies in a body, or another surface is pressed against it. `behind` is the same
-    /// point on the other side of its surface; `gap` is the widest gap, in metres, across which surfaces count as pressed together.
+    /// Whether nobody can see a point of a surface: it lies in a body, or another surface is pressed against
+    /// it. `behind` is the same point on the other side of its surface; `gap` is the widest gap, in metres,
+    /// across which surfaces count as pressed together.
     ///
     /// Cut-outs hide nothing, nor does glass.
     pub fn is_hidden(&self, at: &Receiver, behind: &Receiver, gap: f32, counts: &mut RayCounts) -> bool {
@@ -203,8 +207,9 @@ impl<'a> Space<'a> {
             || self.is_in_contact(at, behind, counts)
     }
 
-    /// Whether a body stands on a surface with this point: a one-sided surface lies in the same plane and faces the point's own, behind
-    /// which is the inside of a body. (Without a body these may be the two sides of a leaf.)
+    /// Whether a body stands on a surface with this point: a one-sided surface lies in the same plane and
+    /// faces the point's own, behind which is the inside of a body. (Without a body these may be the two
+    /// sides of a leaf.)
     fn is_in_contact(&self, at: &Receiver, behind: &Receiver, counts: &mut RayCounts) -> bool {
         // From three times rounding behind the surface to as far in front of it.
         let step = at.origin - behind.origin;
@@ -220,8 +225,9 @@ impl<'a> Space<'a> {
         })
     }
 
-    /// Whether a point lies under ground that may be open: upwards, as far as its surface leaves room, the absorbing back of a
-    /// one-sided triangle is met first, and all around nothing that looks at the point (under a roof there is a floor).
+    /// Whether a point lies under ground that may be open: upwards, as far as its surface leaves room, the
+    /// absorbing back of a one-sided triangle is met first, and all around nothing that looks at the point
+    /// (under a roof there is a floor).
     pub fn is_under_ground(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
         let mut met = |direction: Vec3| {
             counts.inside += 1;
@@ -258,8 +264,9 @@ impl<'a> Space<'a> {
         is_stopped.then(|| self.rays.nearest_wall(at.origin, direction, at.triangle).map_or(0.0, |hit| hit.t))
     }
 
-    /// Whether nothing stands between two points of a piece of surface. Where it bulges between them, the straight way leads through
-    /// what is below it, and one in an arch over it will do as well: what stands on the surface is in both.
+    /// Whether nothing stands between two points of a piece of surface. Where it bulges between them, the
+    /// straight way leads through what is below it, and one in an arch over it will do as well: what stands
+    /// on the surface is in both.
     pub fn reaches(&self, a: &Receiver, b: &Receiver, counts: &mut RayCounts) -> bool {
         if self.sees(a, b, counts) {
             return true;

@@ -1,15 +1,15 @@
-//! Asks some of many light groups: each with a chance of its own, and whatever comes of it counts for 1 ÷ that chance. No layer's mean
-//! depends on the chances, only its noise and the number of rays.
+//! Asks some of many light groups: each with a chance of its own, and whatever comes of it counts for 1 ÷
+//! that chance. No layer's mean depends on the chances, only its noise and the number of rays.
 //!
-//! Which ones are asked is a systematic sample (Madow 1949): the chances lie end to end on a line, and one random number sets a comb
-//! of unit spacing over it. So the number of those asked differs by one at most, and random numbers that are spread evenly over the
-//! samples of a texel ask every group its share of times.
+//! Which ones are asked is a systematic sample (Madow 1949): the chances lie end to end on a line, and one
+//! random number sets a comb of unit spacing over it. So the number of those asked differs by one at most,
+//! and random numbers that are spread evenly over the samples of a texel ask every group its share of times.
 
 /// Up to this many light groups, all are asked.
 pub const ALL_UP_TO: usize = 8;
 
-/// Turns the `worth` of each (0: never asked) into its chance: in proportion, as far as none is above 1. Their sum is `asked`, or the
-/// number of those that are worth anything where that is less.
+/// Turns the `worth` of each (0: never asked) into its chance: in proportion, as far as none is above 1.
+/// Their sum is `asked`, or the number of those that are worth anything where that is less.
 pub fn chances(worth: &mut [f32], asked: usize) {
     let able = worth.iter().filter(|w| **w > 0.0).count();
     if able <= asked {
@@ -17,7 +17,8 @@ pub fn chances(worth: &mut [f32], asked: usize) {
     }
     let sum = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
     let mut scale = asked as f64 / sum(&mut worth.iter().copied());
-    // What would get more than 1 is certain, and the others share the rest: by that, more of them may become certain.
+    // What would get more than 1 is certain, and the others share the rest: by that, more of them may become
+    // certain.
     let mut certain = f32::INFINITY;
     loop {
         let new = worth.iter().copied().filter(|w| *w < certain && f64::from(*w) * scale >= 1.0);

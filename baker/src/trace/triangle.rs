@@ -1,10 +1,11 @@
-//! Where a line crosses a triangle, decided in double precision: the watertight test of Woop, Benthin & Wald 2013
-//! ("Watertight Ray/Triangle Intersection") with its sheared coordinates and edge functions in `f64`.
+//! Where a line crosses a triangle, decided in double precision: the watertight test of Woop, Benthin & Wald
+//! 2013 ("Watertight Ray/Triangle Intersection") with its sheared coordinates and edge functions in `f64`.
 //!
-//! The paper's single-precision form shifts every corner by some 10⁻⁷ of its distance: closed edges stay closed, but a
-//! ray a few millimetres inside a wall of 40 km may see it elsewhere. In double precision the shift is 10⁻¹⁶ of the
-//! distance, and the sign of an edge function is the same number, negated, in both triangles that share the edge.
-//! [`super::bvh8`]'s kernels reject in single precision only what this test is sure to reject.
+//! The paper's single-precision form shifts every corner by some 10⁻⁷ of its distance: closed edges stay
+//! closed, but a ray a few millimetres inside a wall of 40 km may see it elsewhere. In double precision the
+//! shift is 10⁻¹⁶ of the distance, and the sign of an edge function is the same number, negated, in both
+//! triangles that share the edge. [`super::bvh8`]'s kernels reject in single precision only what this test is
+//! sure to reject.
 
 use glam::Vec3;
 
@@ -50,8 +51,8 @@ impl Shear {
     /// Prepares a ray along a non-zero direction.
     #[inline]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
-        // kz: the dimension where the direction is largest. (The paper swaps the others to keep the winding; both sides
-        // are hit here.)
+        // kz: the dimension where the direction is largest. (The paper swaps the others to keep the winding;
+        // both sides are hit here.)
         let size = direction.abs();
         let kz = if size.x >= size.y && size.x >= size.z {
             0

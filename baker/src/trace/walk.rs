@@ -1,9 +1,10 @@
-//! Samples of every layer at a point: its direct light, and one walk for all hours. A diffuse path does not depend on the
-//! time of day, so each is traced once and every light's estimator adds to its own layer along it.
+//! Samples of every layer at a point: its direct light, and one walk for all hours. A diffuse path does not
+//! depend on the time of day, so each is traced once and every light's estimator adds to its own layer along
+//! it.
 //!
-//! The estimators are disjoint and complete. Suns and lamps are sampled from a point and are invisible to the walk; the sky is
-//! met by the walk. Emissive surfaces, and the sky where a guide knows its bright parts, are both sampled and met, weighted by
-//! the balance heuristic (Veach & Guibas 1995).
+//! The estimators are disjoint and complete. Suns and lamps are sampled from a point and are invisible to the
+//! walk; the sky is met by the walk. Emissive surfaces, and the sky where a guide knows its bright parts, are
+//! both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
 
 use super::counts::RayCounts;
 use super::lights::{GroupLight, Lights, SunDraw};
@@ -23,7 +24,8 @@ use std::f32::consts::PI;
 const ROULETTE_FROM: u32 = 2;
 /// The highest probability of going on under roulette, so that a walk ends even where nothing absorbs.
 const GO_ON_AT_MOST: f32 = 0.999;
-/// A walk whose weight has grown to this under roulette has met hardly any absorption in over two thousand bounces.
+/// A walk whose weight has grown to this under roulette has met hardly any absorption in over two thousand
+/// bounces.
 const ENDLESS_WEIGHT: f32 = 10.0;
 
 /// Everything a walk needs.
@@ -100,8 +102,8 @@ impl<'a> Transport<'a> {
         Transport { space, lights, bounces }
     }
 
-    /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance; its share, where the
-    /// walk may meet the light as well. `draw` is [`sun_draw`] of the sample.
+    /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance;
+    /// its share, where the walk may meet the light as well. `draw` is [`sun_draw`] of the sample.
     pub fn direct(
         &self,
         at: &Receiver,
@@ -118,8 +120,8 @@ impl<'a> Transport<'a> {
         self.lights.chances(at.origin, at.normal, asked)
     }
 
-    /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex of a walk (0: its start);
-    /// of more than a few groups some are asked ([`Lights::chances`]).
+    /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex
+    /// of a walk (0: its start); of more than a few groups some are asked ([`Lights::chances`]).
     pub fn add_direct(
         &self,
         at: &Receiver,
@@ -135,7 +137,8 @@ impl<'a> Transport<'a> {
         let mut comb =
             Comb::new(if chances.is_some() { sample.number(dimension::asked(vertex)) } else { 0.0 });
         for light in 0..self.lights.sampled() {
-            // (How likely a group is asked does not change how its light is shared with the walk, which may meet it too.)
+            // (How likely a group is asked does not change how its light is shared with the walk, which may
+            // meet it too.)
             let chance = chances.as_ref().map_or(1.0, |c| if light < suns { 1.0 } else { c[light - suns] });
             if comb.asks(chance) {
                 let found = self.direct_at(at, light, sample, &draw, vertex, counts);
@@ -207,7 +210,8 @@ impl<'a> Transport<'a> {
         Some(irradiance * share * through)
     }
 
-    /// The irradiance of a sample of an emissive triangle by what its map shows there; `None` where that is black.
+    /// The irradiance of a sample of an emissive triangle by what its map shows there; `None` where that is
+    /// black.
     fn mapped(
         &self,
         at: &Receiver,
@@ -226,8 +230,8 @@ impl<'a> Transport<'a> {
         (irradiance != Rgb::ZERO && irradiance.is_finite()).then_some(irradiance)
     }
 
-    /// What a surface that is no glass sends light back from, first met from here, distributed as the cosine; `None` also where that is the
-    /// back of a one-sided triangle.
+    /// What a surface that is no glass sends light back from, first met from here, distributed as the cosine;
+    /// `None` also where that is the back of a one-sided triangle.
     pub fn look(&self, at: &Receiver, sample: Sample) -> Option<Hit> {
         let direction = cosine_direction(at.normal, sample.pair(dimension::onwards(0)));
         if direction.dot(at.face_normal) <= 0.0 {
@@ -237,11 +241,12 @@ impl<'a> Transport<'a> {
         (self.space.front(hit.triangle).dot(direction) < 0.0).then_some(hit)
     }
 
-    /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is called where the
-    /// walk arrives at a surface; it returns true where it knows the light there, has added it, and the walk may end.
+    /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is
+    /// called where the walk arrives at a surface; it returns true where it knows the light there, has added
+    /// it, and the walk may end.
     ///
-    /// With `met`, what comes straight from emissive surfaces to the start is added there, and from the sky if it is summed apart
-    /// ([`Lights::layers_of_met`]).
+    /// With `met`, what comes straight from emissive surfaces to the start is added there, and from the sky
+    /// if it is summed apart ([`Lights::layers_of_met`]).
     pub fn indirect(
         &self,
         start: &Receiver,
@@ -350,8 +355,8 @@ impl<'a> Transport<'a> {
         }
     }
 
-    /// A direction in which the guide found open sky, and the irradiance per unit of radiance from there, weighted against the
-    /// walk's own density.
+    /// A direction in which the guide found open sky, and the irradiance per unit of radiance from there,
+    /// weighted against the walk's own density.
     fn guided_sky(
         &self,
         at: &Receiver,
@@ -376,7 +381,8 @@ impl<'a> Transport<'a> {
     }
 }
 
-/// The balance heuristic: the share of a sample drawn with density `own` where `other` could have drawn it too.
+/// The balance heuristic: the share of a sample drawn with density `own` where `other` could have drawn it
+/// too.
 pub fn balance_heuristic(own: f32, other: f32) -> f32 {
     if own.is_infinite() { 1.0 } else { own / (own + other).max(f32::MIN_POSITIVE) }
 }

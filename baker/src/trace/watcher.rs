@@ -1,5 +1,5 @@
-//! How much of the sun a texel sees: points of its surface, each with a place on the sun's disc, that look at it from one time to the
-//! next.
+//! How much of the sun a texel sees: points of its surface, each with a place on the sun's disc, that look at
+//! it from one time to the next.
 
 use super::counts::RayCounts;
 use super::lights::{SunDraw, SunLight};
@@ -36,25 +36,26 @@ impl Watcher {
         Some(Watcher { points, normal, axis, spread })
     }
 
-    /// The sine of the elevation of a sun's centre above the plane across the axis from which on all of it stands before all of the points,
-    /// and below the negative of which none of it stands before any.
+    /// The sine of the elevation of a sun's centre above the plane across the axis from which on all of it
+    /// stands before all of the points, and below the negative of which none of it stands before any.
     fn margin(&self, sun: &SunLight) -> f32 {
         /// For rounding, of normals and of angles.
         const ROUNDING: f32 = 1e-3;
         (self.spread + sun.disc().half_angle + ROUNDING).min(std::f32::consts::FRAC_PI_2).sin()
     }
 
-    /// Whether the texel is flat and all of a sun stands before it: then light that came straight from the sun is the part that was
-    /// not blocked, times a number that all of its points share.
+    /// Whether the texel is flat and all of a sun stands before it: then light that came straight from the
+    /// sun is the part that was not blocked, times a number that all of its points share.
     pub fn is_before(&self, sun: &SunLight) -> bool {
         self.spread < FLAT && self.axis.dot(sun.disc().direction) > self.margin(sun)
     }
 
-    /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` · `mean` (the mean direction towards the disc),
-    /// times the sun's irradiance, it is the irradiance of the texel. `None` where that product is none: the texel looks away.
+    /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` · `mean`
+    /// (the mean direction towards the disc), times the sun's irradiance, it is the irradiance of the texel.
+    /// `None` where that product is none: the texel looks away.
     ///
-    /// It is the share of light that is not blocked, but where the texel looks away in part: there normal · mean is less than what would
-    /// arrive unblocked, and the part is so much greater, up to 1.
+    /// It is the share of light that is not blocked, but where the texel looks away in part: there normal ·
+    /// mean is less than what would arrive unblocked, and the part is so much greater, up to 1.
     pub fn look(&self, space: &Space, sun: &SunLight, mean: Vec3, counts: &mut RayCounts) -> Option<Rgb> {
         let elevation = self.axis.dot(sun.disc().direction);
         let product = self.normal.dot(mean);

@@ -18,7 +18,8 @@ fn adaptive(case: &Case, name: &str) {
     });
     adaptive.expect_texels_of(&reference, name);
     adaptive.expect_mean_of(&reference, name);
-    // Samples went where they were wanted, and the target is met at 95 % of the texels. (What is kept of errors is rounded.)
+    // Samples went where they were wanted, and the target is met at 95 % of the texels. (What is kept of
+    // errors is rounded.)
     for outcome in &adaptive.outcomes {
         let last = outcome.rounds.last().expect("a round");
         assert!(!last.is_missed, "{name}: {} cells", last.open_cells);

@@ -18,7 +18,8 @@ file = "a.obj"
 size = 64
 "#;
 
-/// A floor, a crate of this height on it, and a wall that is higher: coordinates are about the scene's centre, which the crate does not move.
+/// A floor, a crate of this height on it, and a wall that is higher: coordinates are about the scene's
+/// centre, which the crate does not move.
 fn obj(height: f64) -> Vec<u8> {
     let obj = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
     let obj = obj.mesh("crate").block([-0.5, -0.05, -0.5], [1.0, height, 1.0]);
@@ -33,7 +34,8 @@ fn baked() -> (Stage, PathBuf) {
     (stage, file)
 }
 
-/// The layout of the scene's texels in full, and how many meshes were unwrapped for it. What was asked for is kept.
+/// The layout of the scene's texels in full, and how many meshes were unwrapped for it. What was asked for is
+/// kept.
 fn layout(stage: &Stage, dataset: &Path) -> (String, Counts) {
     let options = Options::new(parse_hours("12").expect("hours"));
     let prepared = prepare(&stage.path("case.toml"), &options, &Console::silent()).expect("a scene");

@@ -1,4 +1,5 @@
-//! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell against the error they have.
+//! The integrators and the backends against each other, texel by texel, over seeds; and the error they tell
+//! against the error they have.
 
 #[path = "shining.rs"]
 mod shining;
@@ -15,8 +16,9 @@ use std::f64::consts::PI;
 /// Samples of the reference.
 const REFERENCE: u32 = 64;
 
-/// Bounds of (mean squared standard error told) ÷ (variance over seeds). Sixteen seeds, and a variance that stands in few
-/// texels (shadow edges), leave some 10 % of chance; stitching, which the estimate does not know of, evens out a little more.
+/// Bounds of (mean squared standard error told) ÷ (variance over seeds). Sixteen seeds, and a variance that
+/// stands in few texels (shadow edges), leave some 10 % of chance; stitching, which the estimate does not
+/// know of, evens out a little more.
 pub const HONEST: std::ops::Range<f64> = 0.8..1.25;
 
 fn path(case: &Case, first: u64, samples: u32) -> Bakes {
@@ -37,8 +39,8 @@ fn golden_within(case: &Case, name: &str, bound: f64) -> Bakes {
     cached
 }
 
-/// Tests a case by both integrators and all backends; `bound` is what the cache's texels may be wrong by. Gives the bakes by
-/// paths and by the cache.
+/// Tests a case by both integrators and all backends; `bound` is what the cache's texels may be wrong by.
+/// Gives the bakes by paths and by the cache.
 #[track_caller]
 fn golden_pair(case: &Case, name: &str, bound: f64) -> [Bakes; 2] {
     let reference = path(case, 1, REFERENCE);
@@ -106,8 +108,8 @@ fn a_sunlit_floor_without_texels_settles() {
     let case = sunlit_floor();
     let text = format!("{}[bake]\nseed = 1\nsamples = 16\n", case.text);
     let (outcome, _) = case.stage.bake(&text, "floor", case.hours, |_| {});
-    // Where few patches exchange light with many texels, one factor for all swings between too much and too little; had the cache
-    // not settled all the same, walks would have been followed to their end.
+    // Where few patches exchange light with many texels, one factor for all swings between too much and too
+    // little; had the cache not settled all the same, walks would have been followed to their end.
     assert_eq!(outcome.integrator, Integrator::Cached, "{:?}", outcome.facts);
 }
 
@@ -125,15 +127,16 @@ fn the_feet_of_walls_are_lit_or_shaded_whatever_the_seed() {
 
 #[test]
 fn a_lamp_in_a_corner() {
-    // Most of what a texel there gets by reflection comes from texels beside it, whose mean is not what it sees.
-    // (Of texels this near to the lamp the error hangs on where they lie: 2.0 to 2.5 % for 11.6 to 12.5 texels per metre.)
+    // Most of what a texel there gets by reflection comes from texels beside it, whose mean is not what it
+    // sees. (Of texels this near to the lamp the error hangs on where they lie: 2.0 to 2.5 % for 11.6 to 12.5
+    // texels per metre.)
     golden_within(&corner(), "corner", 0.03);
 }
 
 #[test]
 fn a_lamp_in_a_corner_of_coarse_walls() {
-    // What is near is told by the entries that a walk meets there: with those of the floor's texels for a measure, the walls' would be read
-    // where they tell least (8 and 14 %).
+    // What is near is told by the entries that a walk meets there: with those of the floor's texels for a
+    // measure, the walls' would be read where they tell least (8 and 14 %).
     golden_within(&coarse_corner("lightmap = false", 24), "walls without texels", 0.04);
     golden_within(&coarse_corner("density = 0.25", 32), "walls of large texels", 0.07);
 }

@@ -7,7 +7,8 @@ use baker::bake::run::{Integrator, Outcome};
 use dataset::store::Dataset;
 use std::fmt::Write;
 
-/// A hall of 16 × 4 × 16 m with nine pillars and sixteen tables, lit by 64 small lamps in so many light groups.
+/// A hall of 16 × 4 × 16 m with nine pillars and sixteen tables, lit by 64 small lamps in so many light
+/// groups.
 fn hall(groups: usize, size: usize) -> (Stage, String) {
     let mut obj = Obj::default()
         .mesh("floor")
@@ -42,7 +43,8 @@ fn hall(groups: usize, size: usize) -> (Stage, String) {
 
 /// The error the layers of a bake tell, relative to the mean light of each: its root mean square.
 fn error_of_layers(dataset: &Dataset) -> f64 {
-    // Of each texel: its mean (3 × f32) and standard error (3 × bf16), and two bytes of nothing; then a checksum.
+    // Of each texel: its mean (3 × f32) and standard error (3 × bf16), and two bytes of nothing; then a
+    // checksum.
     let float = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let brief = |b: &[u8]| f64::from(f32::from_le_bytes([0, 0, b[0], b[1]]));
     let (mut squares, mut layers) = (0.0, 0.0);
@@ -59,8 +61,8 @@ fn error_of_layers(dataset: &Dataset) -> f64 {
     f64::sqrt(squares / layers)
 }
 
-/// Bakes the hall, prints a row of the table in `NUMERICS.md`, and gives its rays per texel but for those that probe, and the error of its
-/// layers.
+/// Bakes the hall, prints a row of the table in `NUMERICS.md`, and gives its rays per texel but for those
+/// that probe, and the error of its layers.
 fn row(groups: usize, size: usize, integrator: Integrator) -> (Outcome, f64, f64) {
     let (stage, text) = hall(groups, size);
     let (outcome, dataset) = stage.bake(&text, "hall", "22", |o| o.integrator = integrator);
@@ -84,11 +86,12 @@ fn rays_grow_little_with_the_number_of_light_groups() {
     let cached = |groups| row(groups, 64, Integrator::Cached);
     let ((_, one, _), (eight, of_eight, error_of_eight)) = (cached(1), cached(8));
     let (many, of_many, error_of_many) = cached(32);
-    // Four times as many groups take less than twice as many rays, and the noise of their layers is less than twice that of eight.
+    // Four times as many groups take less than twice as many rays, and the noise of their layers is less than
+    // twice that of eight.
     assert!(of_many < 2.0 * of_eight && of_many < 5.0 * one, "{one} {of_eight} {of_many}");
     assert!(error_of_many < 2.0 * error_of_eight, "{error_of_eight} {error_of_many}");
-    // A group by itself takes four trial samples and four of each half at every texel, and more where samples differ, and a look at its
-    // bright surfaces with every walk.
+    // A group by itself takes four trial samples and four of each half at every texel, and more where samples
+    // differ, and a look at its bright surfaces with every walk.
     let per_group = |rays: u64, outcome: &Outcome| rays as f64 / outcome.texels as f64 / 32.0;
     assert!(per_group(many.rays.lamp, &many) < 20.0, "{:?}", many.rays);
     assert!(per_group(many.rays.reflector, &many) < 8.0, "{:?}", many.rays);
@@ -98,8 +101,9 @@ fn rays_grow_little_with_the_number_of_light_groups() {
     assert!(of_many < 1.5 * of_eight, "{of_eight} {of_many}");
 }
 
-/// A room with twelve lights close to its walls, one of them a glowing panel, and a screen without texels: all in groups of their own, or
-/// with the first and the panel apart and all others in one. The first shines alone at 1 h, the panel at 2 h, all at 3 h.
+/// A room with twelve lights close to its walls, one of them a glowing panel, and a screen without texels:
+/// all in groups of their own, or with the first and the panel apart and all others in one. The first shines
+/// alone at 1 h, the panel at 2 h, all at 3 h.
 fn room(groups: usize) -> Case {
     let room = Obj::default()
         .mesh("room")

@@ -54,7 +54,8 @@ fn the_geometry_of_a_dataset_is_baked_again_texel_by_texel() {
             assert!(p.distance(*q) < 1e-5 && texel.distance(*again) < 1e-3, "{a:?} {b:?}");
         }
     }
-    // The same texels are valid, and as bright: but for the lamp, which is off at noon, all light is the same.
+    // The same texels are valid, and as bright: but for the lamp, which is off at noon, all light is the
+    // same.
     for page in 0..2 {
         let (a, b) = (dataset.mask(page).expect("a mask"), kept.mask(page).expect("a mask"));
         let differ = a.valid.iter().zip(&b.valid).filter(|(a, b)| a != b).count();

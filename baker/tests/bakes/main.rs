@@ -1,4 +1,5 @@
-//! Small scenes baked whole, many times over: what chance may do to a bake, and what a change of the scene may not.
+//! Small scenes baked whole, many times over: what chance may do to a bake, and what a change of the scene
+//! may not.
 
 mod adaptive;
 mod charts;
@@ -47,7 +48,8 @@ impl Stage {
         std::fs::write(self.path(name), bytes).expect("written");
     }
 
-    /// Bakes the scene file of this text into the dataset `set`, with the default options but for what `change` changes.
+    /// Bakes the scene file of this text into the dataset `set`, with the default options but for what
+    /// `change` changes.
     #[track_caller]
     pub fn bake(
         &self,
@@ -68,8 +70,8 @@ impl Stage {
     }
 }
 
-/// The content of every file the manifest stands for, and the manifest, by name. (Files of the manifest before it may still
-/// lie beside them, for whoever reads those.)
+/// The content of every file the manifest stands for, and the manifest, by name. (Files of the manifest
+/// before it may still lie beside them, for whoever reads those.)
 pub fn data(dataset: &Dataset) -> Vec<(String, Vec<u8>)> {
     let named = dataset.files().map(|file| (file.path.clone(), dataset.path(file)));
     let manifest = ("config.json".to_owned(), dataset.root.join("config.json"));

@@ -8,8 +8,9 @@ use dataset::store::Dataset;
 
 const HOURS: &str = "12,21";
 
-/// A floor between two walls, a black panel that shines down on it, a sphere, a portal to a bright sky, a sun: a layer of each kind. They
-/// are traced in one round, so that the samples of one do not depend on the light of others.
+/// A floor between two walls, a black panel that shines down on it, a sphere, a portal to a bright sky, a
+/// sun: a layer of each kind. They are traced in one round, so that the samples of one do not depend on the
+/// light of others.
 const SCENE: &str = r#"
 [sun]
 track = [{ hour = 0, direction = [0.4, 1, 0.3], irradiance = [50, 48, 45] }]
@@ -102,7 +103,8 @@ fn all_light_is_what_comes_straight_and_what_surfaces_reflect() {
     let (indirect, same) = path(&scene(INDIRECT), "indirect");
     let (straight, lit) = path(&scene(&[("BOUNCES", "bounces = 0")]), "straight");
     assert_eq!(valid, same);
-    // (Where nothing comes straight from a light, a bake without reflections has copies of the texels around.)
+    // (Where nothing comes straight from a light, a bake without reflections has copies of the texels
+    // around.)
     let compared: Vec<usize> = (0..lit.len()).filter(|&texel| lit[texel] && valid[texel]).collect();
     assert!(10 * compared.len() > 9 * valid.iter().filter(|valid| **valid).count());
     for ((all, indirect), straight) in all.iter().zip(&indirect).zip(&straight) {
@@ -115,7 +117,8 @@ fn all_light_is_what_comes_straight_and_what_surfaces_reflect() {
     }
 }
 
-/// Suns and groups are kept in two parts, so that another choice of them takes no ray, and the first one gives back its bytes.
+/// Suns and groups are kept in two parts, so that another choice of them takes no ray, and the first one
+/// gives back its bytes.
 #[test]
 fn another_choice_for_sun_and_groups_traces_nothing() {
     for integrator in [Integrator::Cached, Integrator::Path] {
@@ -182,7 +185,8 @@ fn what_is_not_baked_is_not_traced() {
     assert!(maps(&dataset).iter().all(|map| map.texels.iter().flatten().all(|&value| value == 0.0)));
 }
 
-/// An open plane gets nothing from light of which only what surfaces reflect is baked, and all of its texels are valid.
+/// An open plane gets nothing from light of which only what surfaces reflect is baked, and all of its texels
+/// are valid.
 #[test]
 fn nothing_reflects_light_to_an_open_plane() {
     let plane = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);

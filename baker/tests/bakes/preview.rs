@@ -270,7 +270,8 @@ fn a_bundle_without_the_sun_shows_the_rest_and_says_so() {
 
 #[test]
 fn reports_show_what_the_preview_shows() {
-    // Textured, with holes, at an hour of sun: what reports draw by a depth buffer is what the preview traces.
+    // Textured, with holes, at an hour of sun: what reports draw by a depth buffer is what the preview
+    // traces.
     let mut png = Cursor::new(Vec::new());
     let texel = |x: u32, y: u32| {
         let alpha = if (x + y).is_multiple_of(3) { 0 } else { 255 };
@@ -303,7 +304,8 @@ fn reports_show_what_the_preview_shows() {
     let (told, preview) = case.stage.draw(options).unwrap();
     assert_eq!(told["camera"]["name"], "gate");
 
-    // Where all of a pixel has texels. The preview has four times as many samples of it, elsewhere in it: at edges they differ.
+    // Where all of a pixel has texels. The preview has four times as many samples of it, elsewhere in it: at
+    // edges they differ.
     let lit: Vec<bool> = view.with_texels().iter().map(|share| *share == 1.0).collect();
     let pairs = report.pixels().zip(preview.pixels()).zip(&lit).filter(|(_, lit)| **lit);
     let apart: Vec<u8> =

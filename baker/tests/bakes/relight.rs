@@ -8,8 +8,8 @@ use dataset::store::Dataset;
 /// At noon the sun shines, at night both groups.
 pub const HOURS: &str = "12,21";
 
-/// A crate on the ground; a sun, a sky and two groups: four layers. They are traced in one round: what later rounds draw is allocated by
-/// all layers together, and a layer traced by itself would have other samples.
+/// A crate on the ground; a sun, a sky and two groups: four layers. They are traced in one round: what later
+/// rounds draw is allocated by all layers together, and a layer traced by itself would have other samples.
 pub const SCENE: &str = r#"
 [sun]
 track = [{ hour = 0, direction = [0.4, 1, 0.3], irradiance = [50, 48, 45] }]
@@ -257,7 +257,8 @@ fn a_target_holds_under_another_light_too() {
         let is_closed = |outcome: &Outcome| outcome.rounds.last().is_some_and(|round| !round.is_missed);
         let dim = bake("0.0001");
         assert!(is_closed(&dim) && dim.layers.reused == 0, "{integrator:?}");
-        // A little brighter it still is. As bright as can be, it is traced until its own error is as asked, and then no more.
+        // A little brighter it still is. As bright as can be, it is traced until its own error is as asked,
+        // and then no more.
         let still = bake("0.0002");
         assert_eq!((still.layers.traced, still.rays.rays()), (0, 0), "{integrator:?}");
         let bright = bake("1000");

@@ -134,7 +134,8 @@ pub fn sunlit_floor() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
-/// Three white walls that meet, and a lamp in their corner, two texels from each: light that differs over every texel there.
+/// Three white walls that meet, and a lamp in their corner, two texels from each: light that differs over
+/// every texel there.
 pub fn corner() -> Case {
     let obj = Obj::default()
         .mesh("floor")
@@ -148,7 +149,8 @@ pub fn corner() -> Case {
     Case { stage: Stage::new(&[("a.obj", obj.bytes())]), text: text.to_owned(), hours: "12" }
 }
 
-/// The same with walls of coarser cache: without texels, or with larger ones, as `walls` says; the floor has texels of about 7 cm.
+/// The same with walls of coarser cache: without texels, or with larger ones, as `walls` says; the floor has
+/// texels of about 7 cm.
 pub fn coarse_corner(walls: &str, size: u32) -> Case {
     let floor = Obj::default().mesh("floor").floor([0.0, 0.0, 0.0], 1.5, 1.5);
     let wall = Obj::default().mesh("walls").quad([0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 1.5, 0.0]).quad(
@@ -180,7 +182,8 @@ pub fn wires() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
-/// A ground in the slanting sun and low walls, each of which divides a row of texels into lit and shaded parts.
+/// A ground in the slanting sun and low walls, each of which divides a row of texels into lit and shaded
+/// parts.
 pub fn low_walls() -> Case {
     let ground = Obj::default().mesh("ground").floor([-2.0, 0.0, -2.0], 4.0, 4.0);
     let walls = (0..8).fold(Obj::default().mesh("walls"), |obj, i| {

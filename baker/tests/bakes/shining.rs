@@ -1,4 +1,5 @@
-//! Glass under a sky and what shines in geometry files: goldens of each, and beside them a scene that says the same in other words.
+//! Glass under a sky and what shines in geometry files: goldens of each, and beside them a scene that says
+//! the same in other words.
 
 use super::{OF_TEXELS, golden_pair};
 use crate::Stage;
@@ -50,7 +51,8 @@ fn a_pane_under_a_sky_dims_by_its_transmittance() {
     expect_same(&case(lid), &case(""), "glass lid", [0.7, 0.6, 0.4], OF_TEXELS);
 }
 
-/// The room with a panel of 80 × 80 cm under its ceiling, which looks down and emits what `material` says and the picture shows.
+/// The room with a panel of 80 × 80 cm under its ceiling, which looks down and emits what `material` says and
+/// the picture shows.
 fn screen_room(material: &str, picture: impl Fn(u32, u32) -> u8) -> Case {
     let [floor, walls] = shell();
     let panel = Obj::default().line("mtllib panel.mtl").mesh("panel").line("usemtl screen");

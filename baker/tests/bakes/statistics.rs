@@ -1,4 +1,5 @@
-//! Bakes over many seeds: mean and variance of every texel, and tests of whether two ways to bake have the same mean.
+//! Bakes over many seeds: mean and variance of every texel, and tests of whether two ways to bake have the
+//! same mean.
 
 use crate::scenes::Case;
 use baker::bake::run::{Denoise, Options, Outcome};
@@ -24,7 +25,8 @@ pub struct Bakes {
     pub outcomes: Vec<Outcome>,
 }
 
-/// Bakes a case with [`SEEDS`] seeds from `first` on; what is traced is left as it is, unless `change` says otherwise.
+/// Bakes a case with [`SEEDS`] seeds from `first` on; what is traced is left as it is, unless `change` says
+/// otherwise.
 #[track_caller]
 pub fn bakes(case: &Case, first: u64, samples: u32, change: impl Fn(&mut Options)) -> Bakes {
     let mut values: Vec<Vec<f64>> = Vec::new();
@@ -71,8 +73,8 @@ fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (mean, values.map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// The difference of two means of [`SEEDS`] values each in standard deviations of a normal distribution: Student's t with
-/// Welch's degrees of freedom, brought to the normal scale (Wallace 1959).
+/// The difference of two means of [`SEEDS`] values each in standard deviations of a normal distribution:
+/// Student's t with Welch's degrees of freedom, brought to the normal scale (Wallace 1959).
 fn deviations(a: (f64, f64), b: (f64, f64)) -> f64 {
     let n = SEEDS as f64;
     // Sums in single precision.
@@ -86,7 +88,8 @@ fn deviations(a: (f64, f64), b: (f64, f64)) -> f64 {
     (freedom * (t2 / freedom).ln_1p()).sqrt() * (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0)
 }
 
-/// Probability that a normal value lies farther than `z` from its mean (Laplace's continued fraction; for z ≥ 2).
+/// Probability that a normal value lies farther than `z` from its mean (Laplace's continued fraction; for z ≥
+/// 2).
 fn two_sided(z: f64) -> f64 {
     let fraction = (1..=30).rev().fold(z, |tail, k| z + f64::from(k) / tail);
     2.0 * (-0.5 * z * z).exp() / ((2.0 * std::f64::consts::PI).sqrt() * fraction)
@@ -122,8 +125,8 @@ impl Bakes {
         (1..self.mean.len()).step_by(3).filter(|&i| self.valid[i] && other.valid[i]).collect()
     }
 
-    /// Root mean square over texels of what their expected values differ by, relative to the mean light: the means' difference less
-    /// what chance adds to it.
+    /// Root mean square over texels of what their expected values differ by, relative to the mean light: the
+    /// means' difference less what chance adds to it.
     pub fn bias_of_texels(&self, other: &Self) -> f64 {
         let texels = self.texels(other);
         let square = |i: &usize| {
@@ -169,7 +172,8 @@ impl Bakes {
         expect_chance(worst.fold(0.0, f64::max), texels.len(), what);
     }
 
-    /// Mean squared error of one bake against the mean of `reference`, with the noise of both means taken out.
+    /// Mean squared error of one bake against the mean of `reference`, with the noise of both means taken
+    /// out.
     pub fn squared_error(&self, reference: &Self) -> f64 {
         let valid: Vec<usize> =
             (0..self.mean.len()).filter(|&i| self.valid[i] && reference.valid[i]).collect();

@@ -1,4 +1,5 @@
-//! Transfer: what a plane has of each function in closed form, and daylight put together from its functions beside the bake of it.
+//! Transfer: what a plane has of each function in closed form, and daylight put together from its functions
+//! beside the bake of it.
 
 use crate::scenes::{Obj, outdoors};
 use crate::{Stage, assert_same};
@@ -97,7 +98,8 @@ fn a_plane_under_a_constant_sky_has_pi_times_its_radiance() {
     assert_ne!(inputs("0..24", 16), transfer.inputs);
 }
 
-/// Funk and Hecke: what a plane of normal n that nothing hides has of function Y of band l is A Y(n), with A = π, 2π/3, π/4 and 0.
+/// Funk and Hecke: what a plane of normal n that nothing hides has of function Y of band l is A Y(n), with
+/// A = π, 2π/3, π/4 and 0.
 #[test]
 fn each_band_is_faded_as_the_cosine_has_it() {
     let normal = Vec3::new(0.48, 0.6, 0.64);

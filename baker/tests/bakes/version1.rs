@@ -1,4 +1,5 @@
-//! Datasets of version 1 of the format, baked again: what comes of them is of the current version, and as if they had not been there.
+//! Datasets of version 1 of the format, baked again: what comes of them is of the current version, and as if
+//! they had not been there.
 
 use crate::relight::{HOURS, SCENE, stage};
 use crate::{Stage, assert_same, data};
@@ -36,7 +37,8 @@ impl Kept {
     }
 }
 
-/// Puts a manifest of version 1 in the place of a dataset's: the same lightmaps and, if they are kept, one layer per light.
+/// Puts a manifest of version 1 in the place of a dataset's: the same lightmaps and, if they are kept, one
+/// layer per light.
 fn make_old(root: &Path, kept: Kept) {
     let dataset = Dataset::open(root).expect("a dataset");
     let mut writer = Writer::create(root).expect("a dataset's folder");

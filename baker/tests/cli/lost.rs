@@ -1,10 +1,12 @@
-//! Files of the unfinished work that are lost, damaged or older than the rest: what depends on them is traced again, to the same bytes.
+//! Files of the unfinished work that are lost, damaged or older than the rest: what depends on them is traced
+//! again, to the same bytes.
 
 use crate::{court, data, fixture, kill_midway, text};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Runs a bake up to its last round and no further: a file stands where the folder of finished layers is to be made.
+/// Runs a bake up to its last round and no further: a file stands where the folder of finished layers is to
+/// be made.
 pub fn stop_after_the_last_round(command: &mut Command, out: &Path) {
     std::fs::create_dir_all(out.join(".bake")).unwrap();
     // (Charts that an earlier run kept there are no part of the work.)

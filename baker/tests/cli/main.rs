@@ -174,7 +174,8 @@ fn a_target_error_is_reached_and_told() {
     assert_eq!(object["out_of_time"], false);
     let rounds = object["rounds"].as_array().unwrap();
     assert_eq!(rounds[rounds.len() - 1]["is_missed"], false);
-    // Texels under the crate's edge, sampled at few points, would never reach it: no samples are spent on waiting for them.
+    // Texels under the crate's edge, sampled at few points, would never reach it: no samples are spent on
+    // waiting for them.
     assert!(object["samples"].as_u64().unwrap() <= 2048, "{object}");
     // Cells that were good enough got no more.
     assert!(object["mean_samples"].as_f64().unwrap() < object["samples"].as_f64().unwrap(), "{object}");
@@ -503,7 +504,8 @@ fn a_time_limit_ends_a_round_within_a_block() {
     let words = std::fs::read_to_string(fixture("court.toml")).unwrap().replace("size = 96", "size = 32");
     std::fs::write(dir.path().join("court.toml"), words).unwrap();
     std::fs::copy(fixture("court.obj"), dir.path().join("court.obj")).unwrap();
-    // The page is one block, and the last round would take as long as all before it. (The limit may fall into the last slice.)
+    // The page is one block, and the last round would take as long as all before it. (The limit may fall into
+    // the last slice.)
     let is_cut = ["1s", "1.4s", "1.8s"].iter().any(|limit| {
         let (scene, out) = (dir.path().join("court.toml"), dir.path().join(limit));
         let output =

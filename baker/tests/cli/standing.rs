@@ -127,13 +127,15 @@ fn a_dataset_is_not_replaced_by_less_unless_forced() {
         // Nothing was touched.
         assert!(before == data(&out) && kept == layers());
     }
-    // More hours, and schedules that move the sets beside a switch, lose nothing: done without a flag, and told.
+    // More hours, and schedules that move the sets beside a switch, lose nothing: done without a flag, and
+    // told.
     let replaced = "(4 sets, baked with 16 samples per texel) is replaced when this bake is done";
     let (done, said) = run(&["--hours", "9,12,13,18.1"]);
     assert!(done && said.contains(replaced) && said.contains("kept from an earlier bake"), "{said}");
     std::fs::write(&scene, words.replace("\"18:00\"", "\"17:00\"")).unwrap();
     assert!(run(&["--hours", "9,12,13,18.1"]).0);
-    // So do more samples, and bakes towards a target, of which nobody knows beforehand how many samples they take.
+    // So do more samples, and bakes towards a target, of which nobody knows beforehand how many samples they
+    // take.
     assert!(run(&["--hours", "9,12,13,18.1", "--samples", "32"]).0);
     assert!(run(&["--hours", "9,12,13,18.1", "--target-error", "50%"]).0);
     assert!(run(&["--hours", "9,12,13,18.1", "--samples", "16"]).0);
@@ -146,7 +148,8 @@ fn a_dataset_is_not_replaced_by_less_unless_forced() {
     let (done, said) = run(&["--hours", "12", "--force"]);
     assert!(done && said.contains("is replaced when this bake is done"), "{said}");
     assert_eq!(dataset::store::Dataset::open(&out).unwrap().config.frames.len(), 1);
-    // A manifest that cannot be read may be another's: not even `--force` writes over it, or touches what is kept.
+    // A manifest that cannot be read may be another's: not even `--force` writes over it, or touches what is
+    // kept.
     let kept = layers();
     let whole = std::fs::read(out.join("config.json")).unwrap();
     std::fs::write(out.join("config.json"), b"{").unwrap();

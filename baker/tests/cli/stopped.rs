@@ -41,7 +41,8 @@ fn big(folder: &Path, side: usize) -> std::path::PathBuf {
     scene
 }
 
-/// The same command with signals at their defaults, also where this test runs in the background and ignores some.
+/// The same command with signals at their defaults, also where this test runs in the background and ignores
+/// some.
 fn heeding(command: &Command) -> Command {
     let mut heeding = Command::new("env");
     heeding.arg("--default-signal=INT,HUP,TERM").arg(command.get_program()).args(command.get_args());

@@ -10,8 +10,8 @@ pub fn ball(centre: DVec3, radius: f64, point: DVec3, normal: DVec3) -> f64 {
     PI * (radius / distance).powi(2) * normal.dot(to) / distance
 }
 
-/// What part of the light of an evenly bright, level rectangle [x0, x1] × [z0, z1] above a level receiver at the origin
-/// reaches it, of that of a whole bright sky: the sum of four corners' configuration factors.
+/// What part of the light of an evenly bright, level rectangle [x0, x1] × [z0, z1] above a level receiver at
+/// the origin reaches it, of that of a whole bright sky: the sum of four corners' configuration factors.
 pub fn level_rectangle(x0: f64, x1: f64, z0: f64, z1: f64, height: f64) -> f64 {
     let corner = |x: f64, z: f64| {
         let (x, z) = (x / height, z / height);
@@ -21,8 +21,9 @@ pub fn level_rectangle(x0: f64, x1: f64, z0: f64, z1: f64, height: f64) -> f64 {
     corner(x1, z1) - corner(x0, z1) - corner(x1, z0) + corner(x0, z0)
 }
 
-/// The mean cosine over a disc of half angle `delta` whose centre stands at `elevation` over a level receiver, where what is
-/// below the receiver's plane gives nothing; the disc's irradiance times this is the receiver's. Midpoints in rings.
+/// The mean cosine over a disc of half angle `delta` whose centre stands at `elevation` over a level
+/// receiver, where what is below the receiver's plane gives nothing; the disc's irradiance times this is the
+/// receiver's. Midpoints in rings.
 pub fn disc_over_plane(elevation: f64, delta: f64) -> f64 {
     const N: usize = 600;
     let mut sum = 0.0;

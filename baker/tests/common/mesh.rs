@@ -72,8 +72,8 @@ impl Obj {
         self.quad(centre + dvec3(-half, 0.0, -half), DVec3::X * side, DVec3::Z * side)
     }
 
-    /// Five walls and a ceiling or all six sides of a box, seen from inside or outside. `sides` picks from −x, +x, −y, +y, −z,
-    /// +z.
+    /// Five walls and a ceiling or all six sides of a box, seen from inside or outside. `sides` picks from
+    /// −x, +x, −y, +y, −z, +z.
     pub fn sides(mut self, low: DVec3, high: DVec3, inside: bool, sides: &[usize]) -> Self {
         let size = high - low;
         for &side in sides {
@@ -105,7 +105,8 @@ impl Obj {
     }
 }
 
-/// A glTF with one mesh; `material` is the JSON object of its material, `TEXCOORD_1` where `lightmap_uvs` are given.
+/// A glTF with one mesh; `material` is the JSON object of its material, `TEXCOORD_1` where `lightmap_uvs` are
+/// given.
 pub fn gltf(
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],

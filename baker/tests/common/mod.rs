@@ -17,8 +17,8 @@ use texels::Texel;
 
 /// Independent scrambles behind every σ.
 pub const SEEDS: u64 = 16;
-/// As many standard errors as have the probability of 3 σ (0.27 %) when σ itself is estimated from 16 values: Student's t
-/// with 15 degrees of freedom.
+/// As many standard errors as have the probability of 3 σ (0.27 %) when σ itself is estimated from 16 values:
+/// Student's t with 15 degrees of freedom.
 pub const THREE_SIGMA: f64 = 3.59;
 
 /// Both ways to follow light, for tests in which it bounces.
@@ -133,7 +133,8 @@ impl Stage {
         }
     }
 
-    /// Mean and standard error, over [`SEEDS`] scrambles, of a number read from each bake, which is left as it was traced.
+    /// Mean and standard error, over [`SEEDS`] scrambles, of a number read from each bake, which is left as
+    /// it was traced.
     #[track_caller]
     pub fn measure(&self, hours: &str, samples: u32, scene: &str, read: impl Fn(&Baked) -> f64) -> Measured {
         self.measure_with(hours, samples, scene, Denoise::Off, read)
@@ -223,8 +224,8 @@ impl Measured {
         Measured { mean, sigma: (variance / n).sqrt() }
     }
 
-    /// The value must lie within three standard errors of the closed form, and these must be within `precision` of it: else
-    /// the test would show nothing. Rounding to `f32` is allowed for.
+    /// The value must lie within three standard errors of the closed form, and these must be within
+    /// `precision` of it: else the test would show nothing. Rounding to `f32` is allowed for.
     #[track_caller]
     pub fn expect(self, closed_form: f64, precision: f64) {
         let Measured { mean, sigma } = self;

@@ -57,7 +57,8 @@ fn a_rectangle_of_a_tenth_of_a_millimetre_gives_its_closed_form() {
     floor().measure("12", 16, &scene, read).expect(1.0, 2e-3);
 }
 
-/// A floor under an emissive square of side `size` metres, `height` metres up, that looks down with radiance 1/size².
+/// A floor under an emissive square of side `size` metres, `height` metres up, that looks down with radiance
+/// 1/size².
 fn under_a_glowing_square(size: f64, height: f64, samples: u32) -> (f64, f64, f64) {
     let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0);
     let stage = Stage::new(&[("a.obj", obj.mesh("glow").ceiling(dvec3(0.0, height, 0.0), size).text())]);
@@ -92,7 +93,8 @@ fn a_glowing_surface_of_a_tenth_of_a_millimetre_gives_its_closed_form() {
 
 #[test]
 fn what_stands_close_before_a_glowing_surface_keeps_its_light_back() {
-    // A sign thirty metres up, and a larger sheet two millimetres in front of it: less than 1/10,000 of the way.
+    // A sign thirty metres up, and a larger sheet two millimetres in front of it: less than 1/10,000 of the
+    // way.
     let quad = |name: &str, half: f64, height: f64| {
         // Its front looks down.
         let (u, v) = (DVec3::X * (2.0 * half), DVec3::Z * (2.0 * half));
@@ -123,8 +125,8 @@ fn what_stands_close_before_a_glowing_surface_keeps_its_light_back() {
 
 #[test]
 fn a_ball_that_touches_the_floor_gives_it_half_its_light() {
-    // All the light that goes down lands on an endless floor; on a disc of radius a, all but R/√(a² + R²) of it:
-    // ∫ π L R³/(r² + R²)^{3/2} dA.
+    // All the light that goes down lands on an endless floor; on a disc of radius a, all but R/√(a² + R²) of
+    // it: ∫ π L R³/(r² + R²)^{3/2} dA.
     let (radius, radiance) = (0.05f64, 2.0);
     let scene = format!(
         "{BLACK}[[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0, {radius}, 0]\nradius = {radius}\n\
@@ -142,8 +144,9 @@ fn a_ball_that_touches_the_floor_gives_it_half_its_light() {
 
 #[test]
 fn a_tiny_ball_that_touches_the_floor_is_right_beside_the_contact() {
-    // R = 10⁻⁴ m under texels of 2 cm: the contact's own texel holds half of all light within 10⁻⁷ of its area, which no
-    // affordable number of points finds; it stays finite and below π L, and the others have their closed form.
+    // R = 10⁻⁴ m under texels of 2 cm: the contact's own texel holds half of all light within 10⁻⁷ of its
+    // area, which no affordable number of points finds; it stays finite and below π L, and the others have
+    // their closed form.
     let radius = 1e-4f64;
     let scene = format!(
         "{BLACK}[[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0.0011, {radius:?}, 0.0013]\nradius = {radius:?}\n\
@@ -164,8 +167,9 @@ fn a_tiny_ball_that_touches_the_floor_is_right_beside_the_contact() {
 
 #[test]
 fn a_ball_half_sunk_in_the_floor_lights_it_from_above_only() {
-    // Its upper half: closed form of a ball cut by the horizon is not needed; the floor outside sees half of it, level: the
-    // irradiance is below that of the whole ball at that place and above nothing; inside the ball's footprint it is π L.
+    // Its upper half: closed form of a ball cut by the horizon is not needed; the floor outside sees half of
+    // it, level: the irradiance is below that of the whole ball at that place and above nothing; inside the
+    // ball's footprint it is π L.
     let scene = format!(
         "{BLACK}[[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = [0, 0, 0]\nradius = 0.2\nradiance = [1, 1, 1]\n\
          [lightmap]\nsize = 32\n"
@@ -178,8 +182,8 @@ fn a_ball_half_sunk_in_the_floor_lights_it_from_above_only() {
         if away < 0.2 - texel.size() {
             assert!((light / PI - 1.0).abs() < 0.02, "{away}: {light}");
         } else if away > 0.2 + texel.size() {
-            // The part of the ball above the plane of a receiver at distance d: σ = asin(R/d), half of the disc seen edge on:
-            // E/L = σ − sin σ cos σ (a half disc centred on the horizon: ∫ sin θ dω).
+            // The part of the ball above the plane of a receiver at distance d: σ = asin(R/d), half of the
+            // disc seen edge on: E/L = σ − sin σ cos σ (a half disc centred on the horizon: ∫ sin θ dω).
             let half = |p: DVec3| {
                 let sigma = (0.2 / p.length()).min(1.0).asin();
                 sigma - sigma.sin() * sigma.cos()
@@ -192,8 +196,9 @@ fn a_ball_half_sunk_in_the_floor_lights_it_from_above_only() {
 
 #[test]
 fn a_lamp_inside_a_wall_gives_nothing() {
-    // Balls, a panel and a spot inside a wall 20 cm thick: exactly no light on either side. The wall stands at places 3.7 mm apart, over
-    // a little more than a texel of the floor: at some of them a texel reaches into the wall by less than a tenth of its width.
+    // Balls, a panel and a spot inside a wall 20 cm thick: exactly no light on either side. The wall stands
+    // at places 3.7 mm apart, over a little more than a texel of the floor: at some of them a texel reaches
+    // into the wall by less than a tenth of its width.
     for step in 0..24 {
         let z = 0.0037 * f64::from(step) - 0.04;
         let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 2.0);

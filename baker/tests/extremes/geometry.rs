@@ -34,7 +34,8 @@ fn lit(unit: f64, centre: DVec3) -> String {
 
 #[test]
 fn a_million_metres_from_the_origin_nothing_changes() {
-    // Eighths of a metre are exact at 10⁶ m in f64, and positions are held about the scene's centre: the same bits.
+    // Eighths of a metre are exact at 10⁶ m in f64, and positions are held about the scene's centre: the same
+    // bits.
     let far = dvec3(1e6, -1e6, 1e6);
     let bake = |centre: DVec3| {
         let stage = Stage::new(&[("a.obj", block_on_floor(1.0, centre).text())]);
@@ -111,7 +112,8 @@ fn slivers_receive_what_their_neighbours_do() {
 
 #[test]
 fn a_room_closed_by_slivers_lets_no_light_in() {
-    // The room's ceiling is a fan whose middle point lies 10⁻⁶ m from one edge: the sky finds no way past the sliver.
+    // The room's ceiling is a fan whose middle point lies 10⁻⁶ m from one edge: the sky finds no way past the
+    // sliver.
     let (low, high) = (DVec3::ZERO, DVec3::ONE);
     let mut room = Obj::default().mesh("room").sides(low, high, true, &[0, 1, 2, 4, 5]);
     let corners = [dvec3(0.0, 1.0, 0.0), dvec3(1.0, 1.0, 0.0), dvec3(1.0, 1.0, 1.0), dvec3(0.0, 1.0, 1.0)];
@@ -262,7 +264,8 @@ fn a_floor_of_a_hundred_kilometres_and_a_block_of_two_metres() {
     let image = baked.first();
     let floor = baked.on("floor");
     assert!((mean(&image, &floor) / (10.0 + PI) - 1.0).abs() < 1e-5, "{}", mean(&image, &floor));
-    // Its sides see half the sky, and the floor for the rest: albedo ½ of 10 + π, a little less beside the block.
+    // Its sides see half the sky, and the floor for the rest: albedo ½ of 10 + π, a little less beside the
+    // block.
     let sides: Vec<_> = baked.on("block").into_iter().filter(|t| t.normal.y.abs() < 0.1).collect();
     let values: Vec<f64> = sides.iter().map(|t| green(&image, t)).collect();
     let open = PI / 2.0 + 0.25 * (10.0 + PI);

@@ -5,7 +5,8 @@ use crate::common::texels::Texel;
 use crate::common::{Baked, INTEGRATORS, Measured, Stage, mean};
 use glam::{DVec3, Vec3, dvec3, vec3};
 
-/// A black floor of 4 × 4 m under the sheet of `file`, in the sun at noon straight above; its irradiance without a sheet is 8.
+/// A black floor of 4 × 4 m under the sheet of `file`, in the sun at noon straight above; its irradiance
+/// without a sheet is 8.
 fn under(files: &[(&str, String)], sheet: &str) -> Vec3 {
     let floor = Obj::default().mesh("floor").floor(DVec3::ZERO, 4.0).text();
     let stage = Stage::new(&[files, &[("floor.obj", floor)]].concat());
@@ -76,7 +77,8 @@ fn a_scene_file_may_not_let_more_through_than_there_is() {
 
 #[test]
 fn bakes_under_glass_are_those_in_the_open_dimmed() {
-    // A shaft with black walls and a lid of glass under an even sky: its floor, which reflects, has τ of what it has without the lid.
+    // A shaft with black walls and a lid of glass under an even sky: its floor, which reflects, has τ of what
+    // it has without the lid.
     let shaft = Obj::default().mesh("floor").floor(DVec3::ZERO, 2.0).mesh("walls");
     let shaft = shaft.sides(dvec3(-1.0, 0.0, -1.0), dvec3(1.0, 1.5, 1.0), true, &[0, 1, 4, 5]).text();
     let lid = Obj::default().mesh("lid").floor(dvec3(0.0, 1.5, 0.0), 2.0).text();
@@ -99,7 +101,8 @@ fn bakes_under_glass_are_those_in_the_open_dimmed() {
 
 #[test]
 fn a_ground_is_lit_by_sun_and_sky_of_the_hour() {
-    // A sheet that looks down, 1 m over nothing, has the albedo of what a sheet that looks up has; with the sun or without.
+    // A sheet that looks down, 1 m over nothing, has the albedo of what a sheet that looks up has; with the
+    // sun or without.
     let sheets = Obj::default().mesh("up").floor(dvec3(0.0, 2.0, 0.0), 2.0);
     let sheets = sheets.mesh("down").ceiling(dvec3(5.0, 1.0, 0.0), 2.0).text();
     let stage = Stage::new(&[("sheets.obj", sheets)]);

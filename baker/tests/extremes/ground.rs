@@ -8,8 +8,8 @@ use baker::light::{sky, sun};
 use glam::{DVec3, Vec3, dvec3};
 use std::f64::consts::{PI, TAU};
 
-/// The sky is tabulated in cells and the ground's light summed over 128 rings, beside the 1024 of [`open`]: what these may differ by, relative
-/// to the light.
+/// The sky is tabulated in cells and the ground's light summed over 128 rings, beside the 1024 of [`open`]:
+/// what these may differ by, relative to the light.
 const GRIDS: f64 = 2e-3;
 
 /// A sheet of 2 m that looks down over nothing, 1 m up, and one that looks up, 5 m beside it.
@@ -19,7 +19,8 @@ fn stage() -> Stage {
     Stage::new(&[("sheets.obj", sheets.text())])
 }
 
-/// The scene of the sheets at the equinox; `sun` stands before `[sky]`, `ground` in it, `object` in the object.
+/// The scene of the sheets at the equinox; `sun` stands before `[sky]`, `ground` in it, `object` in the
+/// object.
 fn scene(sun: &str, ground: &str, object: &str) -> String {
     format!(
         "[place]\nlatitude = 48\nlongitude = 15\nutc_offset = 1\ndate = 2026-03-21\n{sun}\
@@ -144,7 +145,8 @@ fn from_day_through_dusk_to_night_it_has_what_the_hour_has() {
     stage.write("dusk.toml", dark.as_bytes());
     let (place, _) = baker::scene::load(&stage.path("dusk.toml")).unwrap();
     let sun = |hour: f64| sun::at(place.sun.as_ref().unwrap(), place.place.as_ref(), hour);
-    // The minute at which the disc is on the horizon: some of its light arrives, and hardly any of that on a level plane.
+    // The minute at which the disc is on the horizon: some of its light arrives, and hardly any of that on a
+    // level plane.
     let dusk = (1000..1200).map(|minute| f64::from(minute) / 60.0);
     let dusk = dusk.rev().find(|&hour| sun(hour).is_some()).unwrap();
     assert!(dusk > 17.0 && dusk < 19.0 && sun(dusk).unwrap().direction.y < 0.01);

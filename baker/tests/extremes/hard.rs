@@ -1,5 +1,5 @@
-//! Error against run time where sampling is hard: the estimated error beside the true one. Run by hand; the table stands in
-//! `NUMERICS.md`.
+//! Error against run time where sampling is hard: the estimated error beside the true one. Run by hand; the
+//! table stands in `NUMERICS.md`.
 
 use crate::common::closed::ball;
 use crate::common::mesh::Obj;
@@ -8,8 +8,8 @@ use crate::common::{INTEGRATORS, Stage, green};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
-/// Bakes with more and more samples and prints, of the page's whole texels, valid or not: seconds of tracing, estimated and true relative
-/// root mean square error, and the error of all light together.
+/// Bakes with more and more samples and prints, of the page's whole texels, valid or not: seconds of tracing,
+/// estimated and true relative root mean square error, and the error of all light together.
 fn rows(name: &str, stage: &Stage, scene: &str, samples: &[u32], expected: impl Fn(&Texel) -> f64) {
     for &n in samples {
         let baked = stage.bake("12", n, scene);

@@ -6,8 +6,8 @@ use baker::bake::run::Integrator;
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
-/// A black box of side 1 m around (0, ½, 0) whose ceiling has a square hole of side `hole` in its middle; both faces of its
-/// walls block. Only the floor, or every wall, has texels.
+/// A black box of side 1 m around (0, ½, 0) whose ceiling has a square hole of side `hole` in its middle;
+/// both faces of its walls block. Only the floor, or every wall, has texels.
 pub fn box_with_hole(hole: f64) -> Obj {
     let (low, high) = (dvec3(-0.5, 0.0, -0.5), dvec3(0.5, 1.0, 0.5));
     let mut obj = Obj::default().mesh("floor").sides(low, high, true, &[2]);
@@ -72,8 +72,8 @@ fn a_lamps_beam_arrives_whole() {
 
 #[test]
 fn the_skys_light_through_a_keyhole_is_met_by_chance_but_not_lost() {
-    // π L times the hole's area, spread over all five sides below it. Walks meet the hole once in 60,000: the estimate's own
-    // error says so (10 % here), and it has no bias.
+    // π L times the hole's area, spread over all five sides below it. Walks meet the hole once in 60,000: the
+    // estimate's own error says so (10 % here), and it has no bias.
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";
     let stage = Stage::new(&[("a.obj", box_with_hole(0.01).text())]);
     let scene = scene(sky, &["ceiling"], 64);
@@ -83,8 +83,8 @@ fn the_skys_light_through_a_keyhole_is_met_by_chance_but_not_lost() {
 
 #[test]
 fn light_that_few_walks_find_is_not_lost_towards_a_target() {
-    // A hole of 3 cm: most cells of 256 texels have met none of it after the first round. Were each to end by what it met itself, most of
-    // the light would be missing.
+    // A hole of 3 cm: most cells of 256 texels have met none of it after the first round. Were each to end by
+    // what it met itself, most of the light would be missing.
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";
     let scene = scene(sky, &["ceiling"], 64);
     let stage = || Stage::new(&[("a.obj", box_with_hole(0.03).text())]).by(Integrator::Path);
@@ -95,8 +95,8 @@ fn light_that_few_walks_find_is_not_lost_towards_a_target() {
 
 #[test]
 fn what_a_dim_room_gets_is_not_lost_towards_a_target_beside_a_lit_one() {
-    // A hole of 5 cm, of which the first round meets some ten walks, beside a closed box of the same size that a lamp fills with ten
-    // times the light: what is known of that must not end the cells of the other.
+    // A hole of 5 cm, of which the first round meets some ten walks, beside a closed box of the same size
+    // that a lamp fills with ten times the light: what is known of that must not end the cells of the other.
     let (low, high) = (dvec3(4.5, 0.0, -0.5), dvec3(5.5, 1.0, 0.5));
     let obj = box_with_hole(0.05).mesh("lit").sides(low, high, true, &[0, 1, 2, 3, 4, 5]).text();
     let light = "[sky]\nmodel = \"constant\"\nradiance = [360, 360, 360]\n---\n[[group]]\nname = \"lamp\"\n\

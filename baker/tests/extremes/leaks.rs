@@ -63,7 +63,8 @@ const DIVIDERS: [Divider; 7] = [
     Divider { name: "two-sided sheet", half: 0.0, into: 0.01, two_sided: true },
 ];
 
-/// One floor and ceiling under both rooms, 20 cm above and below the slab's texel grid, and what divides them.
+/// One floor and ceiling under both rooms, 20 cm above and below the slab's texel grid, and what divides
+/// them.
 fn shared_slab(divider: &Divider) -> (Stage, String) {
     let slab = |obj: Obj, name: &str, y0: f64, y1: f64| {
         obj.mesh(name).block(dvec3(-3.17, y0, -1.7), dvec3(3.23, y1, 1.7))
@@ -83,7 +84,8 @@ fn shared_slab(divider: &Divider) -> (Stage, String) {
     (stage, format!("{objects}{LAMP}{TEXELS}"))
 }
 
-/// Whether a texel's centre lies in a room, at least `margin` from its walls, on a surface that looks into it.
+/// Whether a texel's centre lies in a room, at least `margin` from its walls, on a surface that looks into
+/// it.
 fn in_room(texel: &Texel, dark: bool, half: f64, margin: f64) -> bool {
     let p = texel.centre();
     let x = if dark { p.x } else { -p.x };

@@ -60,7 +60,8 @@ fn only_what_a_scene_holds_is_traced() {
         let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
         let scene = format!("{sky}{track}{OBJECT}{LAMP}");
         let (baked, room) = row("closed room", &closed_room(integrator), "12", &scene);
-        // An even sky is met by walks alone. The sun is looked for by four trial samples and four of each half.
+        // An even sky is met by walks alone. The sun is looked for by four trial samples and four of each
+        // half.
         assert!(room.sky == 0 && room.lamp > 0, "{room:?}");
         if integrator == Integrator::Cached {
             let patches = room.walk / 4;

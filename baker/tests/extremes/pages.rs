@@ -16,7 +16,8 @@ fn bake(stage: &Stage, lightmap: &str) -> crate::common::Baked {
 
 #[test]
 fn one_triangle_on_the_smallest_page() {
-    // A chart needs two texels each way, for it stays half a texel inside the page: one texel is refused by name.
+    // A chart needs two texels each way, for it stays half a texel inside the page: one texel is refused by
+    // name.
     let triangle = Obj::default().mesh("floor").polygon(&[DVec3::ZERO, DVec3::Z, DVec3::X]);
     let stage = Stage::new(&[("a.obj", triangle.text())]);
     for lightmap in

@@ -49,7 +49,8 @@ fn a_black_furnace_shows_its_emission_alone() {
 
 #[test]
 fn albedo_0_999_reaches_its_series_bounce_by_bounce() {
-    // E = π Le (1 − ρⁿ⁺¹)/(1 − ρ): what n bounces miss is ρⁿ⁺¹ of the whole, 99 % at 10 bounces, 90 % at 100, 37 % at 1000.
+    // E = π Le (1 − ρⁿ⁺¹)/(1 − ρ): what n bounces miss is ρⁿ⁺¹ of the whole, 99 % at 10 bounces, 90 % at 100,
+    // 37 % at 1000.
     let series = |n: i32| PI * (1.0 - 0.999f64.powi(n + 1));
     for bounces in [0, 10, 100] {
         let (stage, scene) = furnace(0.999, 0.001, &bounces.to_string());
@@ -99,7 +100,8 @@ fn albedo_1_under_the_open_sky_is_no_error() {
 
 #[test]
 fn light_without_end_in_a_small_closed_box_is_told_before_the_rounds() {
-    // A white box of 2 cm around a lamp, beside a white floor of 400 m² in the open: of paths that start by area none begins in the box.
+    // A white box of 2 cm around a lamp, beside a white floor of 400 m² in the open: of paths that start by
+    // area none begins in the box.
     let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 20.0);
     let text = obj.mesh("pocket").room(dvec3(0.0, 1.0, 0.0), dvec3(0.02, 1.02, 0.02)).text();
     let stage = || Stage::new(&[("a.obj", text.clone())]);
@@ -175,7 +177,8 @@ fn a_hundred_million_to_one_in_one_group() {
     expect_bright_and_dim(true, 0.4);
 }
 
-/// Two closed boxes, a lamp in each, in one group: the light of the dim one, a ten-thousandth of the other's, bounces as often.
+/// Two closed boxes, a lamp in each, in one group: the light of the dim one, a ten-thousandth of the other's,
+/// bounces as often.
 #[test]
 fn a_dim_room_beside_a_bright_one_keeps_its_bounces() {
     let room = |x: f64| {
@@ -196,7 +199,8 @@ fn a_dim_room_beside_a_bright_one_keeps_its_bounces() {
     for integrator in INTEGRATORS {
         let baked = stage().by(integrator).bake("12", 64, &scene);
         let image = baked.first();
-        // (The dim lamp is drawn once in 128 samples: noise of about a tenth in the mean.) Texels of the dim room: power ÷ area ÷ (1 − ρ), on average 0.01 π · 4π 0.1² ÷ 24 ÷ 0.1.
+        // (The dim lamp is drawn once in 128 samples: noise of about a tenth in the mean.) Texels of the dim
+        // room: power ÷ area ÷ (1 − ρ), on average 0.01 π · 4π 0.1² ÷ 24 ÷ 0.1.
         let dim: Vec<f64> =
             image.texels.iter().map(|t| f64::from(t[1])).filter(|&v| v > 0.0 && v < 0.05).collect();
         let mean = dim.iter().sum::<f64>() / dim.len() as f64;
@@ -274,7 +278,8 @@ fn a_room_of_sheets_lets_less_than_a_hundred_thousandth_in() {
 
 #[test]
 fn roulette_at_a_thousandth_ends_one_walk_in_a_thousand() {
-    // What a room of albedo 0.999 holds rests on it: numbers of 0.999 and more, over dimensions and sequences; 4 σ.
+    // What a room of albedo 0.999 holds rests on it: numbers of 0.999 and more, over dimensions and
+    // sequences; 4 σ.
     use baker::trace::sampler::{Kind, Sequence};
     let (mut ends, mut all) = (0u32, 0u32);
     for index in 0..64 {

@@ -9,7 +9,8 @@ fn floor() -> Stage {
     Stage::new(&[("a.obj", Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0).text())])
 }
 
-/// A floor with one lamp per schedule, the lamp of group `g<i>` a little brighter than that of the one before.
+/// A floor with one lamp per schedule, the lamp of group `g<i>` a little brighter than that of the one
+/// before.
 fn scene(schedules: &[String]) -> String {
     let mut text = "[[object]]\nfile = \"a.obj\"\nalbedo = 0\n".to_owned();
     for (i, on) in schedules.iter().enumerate() {
@@ -24,7 +25,8 @@ fn scene(schedules: &[String]) -> String {
     text + "[lightmap]\nsize = 8\n"
 }
 
-/// Bakes the day with these schedules. Every set's light must be the sum of the layers of the groups that `lit` says are on.
+/// Bakes the day with these schedules. Every set's light must be the sum of the layers of the groups that
+/// `lit` says are on.
 fn bake_day(schedules: &[&str], lit: impl Fn(usize, f64) -> bool) -> Baked {
     let schedules: Vec<String> = schedules.iter().map(|s| (*s).to_owned()).collect();
     let baked = floor().bake("0..24", 4, &scene(&schedules));

@@ -83,7 +83,8 @@ fn sun_at(stage: &Stage, scene: &str, hour: f64) -> Option<sun::SunDisc> {
 fn a_place_at_sunset_fades_without_a_jump() {
     let stage = floor_and_wall();
     let scene = place(48.0, "2026-03-20");
-    // Where the centre stands at ±0.01°, by bisection (a disc below the horizon gives none: its last light is at −0.27°).
+    // Where the centre stands at ±0.01°, by bisection (a disc below the horizon gives none: its last light is
+    // at −0.27°).
     let elevation = |hour: f64| {
         sun_at(&stage, &scene, hour).map_or(-1.0, |disc| f64::from(disc.direction.y).asin().to_degrees())
     };

@@ -50,7 +50,8 @@ fn two_hundred_open_cut_outs_let_everything_through() {
 
 #[test]
 fn one_solid_layer_among_two_hundred_open_ones_blocks() {
-    // The solid one stands in the middle of the stack; two-sided, for under a wide one-sided sheet would be inside a solid.
+    // The solid one stands in the middle of the stack; two-sided, for under a wide one-sided sheet would be
+    // inside a solid.
     let solid = Obj::default().mesh("solid").floor(dvec3(0.0, 0.2005, 0.0), 2.0).text();
     let floor = Obj::default().mesh("floor").floor(DVec3::ZERO, 0.5).text();
     let stage = Stage::new(&[
@@ -111,7 +112,8 @@ fn a_cut_outs_hole_throws_a_spot_of_sun_on_its_texels() {
     assert!(open > 100 && shut > 100, "{open} {shut}");
 }
 
-/// A black floor of 5 mm under a sheet of 40 × 40 cm, 10 cm up, whose front looks up; the sky is even all around.
+/// A black floor of 5 mm under a sheet of 40 × 40 cm, 10 cm up, whose front looks up; the sky is even all
+/// around.
 fn under_a_sheet(look: &str, sheet: impl Fn(Obj) -> Obj, mtl: &str) -> Stage {
     let obj = Obj::default().library("a.mtl").mesh("floor").floor(DVec3::ZERO, 0.005).mesh("sheet");
     let stage = Stage::new(&[("a.obj", sheet(obj).text()), ("a.mtl", mtl.to_owned())]);
@@ -149,8 +151,8 @@ fn the_back_of_a_one_sided_sheet_absorbs_and_a_two_sided_one_reflects() {
 
 #[test]
 fn a_texture_colours_the_light_below_it() {
-    // Left half red, right half green at half brightness (sRGB 188 is 0.5 linear): a floor below the left quarter sees more
-    // of the red half, and of each exactly its rectangle's share.
+    // Left half red, right half green at half brightness (sRGB 188 is 0.5 linear): a floor below the left
+    // quarter sees more of the red half, and of each exactly its rectangle's share.
     let corners =
         [dvec3(-0.2, 0.1, 0.2), dvec3(0.2, 0.1, 0.2), dvec3(0.2, 0.1, -0.2), dvec3(-0.2, 0.1, -0.2)]
             .map(|p| p + DVec3::X * 0.1);
@@ -273,8 +275,8 @@ fn instances_stand_in_light_of_their_own() {
 
 #[test]
 fn what_a_surface_sends_out_goes_by_the_normals_its_texels_show() {
-    // A floor whose smooth normals lean 30° towards a sun 60° high gets all of its light, not 0.87; a black ceiling beside its way sees
-    // that, be the floor traced or read from the cache, by texels or by patches.
+    // A floor whose smooth normals lean 30° towards a sun 60° high gets all of its light, not 0.87; a black
+    // ceiling beside its way sees that, be the floor traced or read from the cache, by texels or by patches.
     let (c, s) = (0.75f64.sqrt(), 0.5);
     let floor =
         format!("o floor\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nvn {s} {c} 0\nf 1//1 2//1 3//1 4//1\n");

@@ -57,8 +57,8 @@ fn whole<'a>(baked: &'a Baked, name: &str) -> Vec<&'a Texel> {
     found
 }
 
-/// A sun of irradiance 10 along keys of hour and the tangent, towards +x, of its distance from the zenith. Between two keys of
-/// one distance either side of noon that tangent is linear in time.
+/// A sun of irradiance 10 along keys of hour and the tangent, towards +x, of its distance from the zenith.
+/// Between two keys of one distance either side of noon that tangent is linear in time.
 fn sun(minutes: &str, keys: &[(f64, f64)]) -> String {
     let key = |(hour, tangent): &(f64, f64)| {
         format!("{{ hour = {hour:?}, direction = [{tangent:?}, 1.0, 0.0], irradiance = [10, 10, 10] }}")
@@ -82,7 +82,8 @@ fn scene(sun: &str, size: u32) -> String {
     )
 }
 
-/// A floor of this side, and level strips from one x to another at a height, `slant` further on at z = 1 than at 0.
+/// A floor of this side, and level strips from one x to another at a height, `slant` further on at z = 1 than
+/// at 0.
 fn strips(side: f64, height: f64, slant: f64, strips: &[[f64; 2]]) -> Stage {
     const FAR: f64 = 5.0;
     let mut sheets = Obj::default().mesh("sheets");
@@ -142,8 +143,9 @@ fn kept_tiles(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn a_wire_thinner_than_a_texel_takes_its_share() {
-    // Slanted, so that it crosses texels everywhere; its shadow is as wide all day. Where the first points of a texel all pass it, no more
-    // look, and less than half a level counts as nothing: of a wire of a twentieth most is lost, but never more found than there is.
+    // Slanted, so that it crosses texels everywhere; its shadow is as wide all day. Where the first points of
+    // a texel all pass it, no more look, and less than half a level counts as nothing: of a wire of a
+    // twentieth most is lost, but never more found than there is.
     for (width, least, most) in [(0.3, 0.75, 1.2), (0.05, 0.0, 1.1)] {
         let step = 1.0 / 30.0;
         let wire = [[-width * step / 2.0, width * step / 2.0]];
@@ -220,7 +222,8 @@ fn a_comb_of_posts_passes_over_a_texel() {
         for minutes in ["15min", "2.5min"] {
             let (rms, found, wanted) = comb(minutes, pitch);
             println!("pitch {pitch}, {minutes}: rms {rms:.3}, {found:.1} transitions of {wanted:.1}");
-            // A post and the gap behind it take 29 or 35 minutes: quarters of an hour show that something passes, and not when.
+            // A post and the gap behind it take 29 or 35 minutes: quarters of an hour show that something
+            // passes, and not when.
             let (most, missed) = if minutes == "15min" { (0.4, 0.12) } else { (0.06, 0.01) };
             assert!(rms < most && (found - wanted).abs() <= missed * wanted, "{rms}, {found} of {wanted}");
         }
@@ -263,7 +266,8 @@ fn visibility_that_stays_takes_few_rays() {
 
 #[test]
 fn a_minute_of_sun_is_found_where_the_track_says_so_and_missed_between_the_times() {
-    // Behind a roof that ends at tangent 0.5, but for the minute that keys at its ends and in its middle make.
+    // Behind a roof that ends at tangent 0.5, but for the minute that keys at its ends and in its middle
+    // make.
     let minute = 1.0 / 60.0;
     let keys = [(6.0, -0.2), (9.1, -0.2), (9.1 + minute / 2.0, 0.8), (9.1 + minute, -0.2), (18.0, -0.2)];
     let roof = [[-4.0, 0.5]];
@@ -276,8 +280,9 @@ fn a_minute_of_sun_is_found_where_the_track_says_so_and_missed_between_the_times
             assert!((0..24).all(|hour| at(f64::from(hour)) == 0.0));
         }
     }
-    // A slit far above that the sun passes in one minute: what lies between two times that are always asked for (hours, by 2.5
-    // minutes their quarters) is not found; on one of them it is, and seems to last as long as a line to the times beside it.
+    // A slit far above that the sun passes in one minute: what lies between two times that are always asked
+    // for (hours, by 2.5 minutes their quarters) is not found; on one of them it is, and seems to last as
+    // long as a line to the times beside it.
     let slit = |middle: f64| {
         let [from, to] = [middle - minute / 2.0, middle + minute / 2.0].map(|hour| 100.0 * tangent(hour));
         [[-300.0, from], [to, 300.0]]
@@ -362,7 +367,8 @@ fn two_edges_that_cross_within_two_minutes() {
         let (hours, halves) = (of(&[11.0, 12.0, 13.0]), of(&[10.5, 11.5, 12.5]));
         let between = of(&[10.8, 11.27, 11.77, 12.19, 12.61]);
         println!("{minutes}: {hours:.3?} at the hours, {halves:.3?} half past, {between:.3?} between");
-        // (A bar of light of a sixth of a texel: what is less than an eighth of one is lost in part, as of a wire.)
+        // (A bar of light of a sixth of a texel: what is less than an eighth of one is lost in part, as of a
+        // wire.)
         let all = [hours, halves, between].concat();
         assert!(all.iter().all(|share| (0.55..1.1).contains(share)), "{minutes}: {all:?}");
     }
@@ -458,7 +464,8 @@ fn no_sun_always_sun_and_a_sun_that_nothing_sees() {
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"floor.obj\"\n[lightmap]\nsize = 8\n";
     let none = stage.bake("0..24", 16, sky);
     assert_eq!((keys(&none), has(&none, "curve")), ([false; 2], false));
-    // Light of a computed sun and sky goes by curves; of an authored sun and a steady sky, or of one hour, by none.
+    // Light of a computed sun and sky goes by curves; of an authored sun and a steady sky, or of one hour, by
+    // none.
     let computed = north("2026-04-12").replace("\"constant\"\nradiance = [1, 1, 1]", "\"hosek-wilkie\"");
     let layers = |baked: &Baked| -> Vec<bool> {
         baked.dataset.config.layers.iter().map(|l| l.curve.is_some()).collect()
@@ -569,7 +576,8 @@ fn discs_of_all_sizes_give_the_light_that_was_traced() {
             for (part, cosine) in [("floor", direction.y), ("wall", direction.x)] {
                 let texels = whole(&baked, part);
                 let [a, b] = [&traced, &found].map(|image| mean(image, &texels) / 10.0);
-                // What a plane gets of a disc that stands before it in part, and what the product with the mean direction can be.
+                // What a plane gets of a disc that stands before it in part, and what the product with the
+                // mean direction can be.
                 let lost = if delta > 0.0 && cosine.abs() < delta.sin() {
                     let whole = 2.0 / (1.0 + delta.cos()) * disc_over_plane(cosine.asin(), delta);
                     whole - cosine.max(0.0)

@@ -1,11 +1,12 @@
-//! A bright room with a small window beside a sunlit yard a hundred times its size: what little light comes in bounces often.
+//! A bright room with a small window beside a sunlit yard a hundred times its size: what little light comes
+//! in bounces often.
 
 use crate::common::mesh::Obj;
 use crate::common::{Baked, INTEGRATORS, Measured, SEEDS, Stage, green};
 use glam::{DVec3, dvec3};
 
-/// The room, [−3, 3]² × [0, 3], its walls 20 cm thick; in the one towards +x a window of 60 cm, 1 m up, with its reveals. The sun
-/// stands on the other side: all light in the room has met the ground of 80 m first.
+/// The room, [−3, 3]² × [0, 3], its walls 20 cm thick; in the one towards +x a window of 60 cm, 1 m up, with
+/// its reveals. The sun stands on the other side: all light in the room has met the ground of 80 m first.
 fn stage() -> Stage {
     let (low, high) = (dvec3(-3.0, 0.0, -3.0), dvec3(3.0, 3.0, 3.0));
     let wall = DVec3::splat(0.2);
@@ -54,7 +55,8 @@ fn in_room(baked: &Baked) -> f64 {
 
 #[test]
 fn the_cache_brings_as_much_light_into_the_room_as_walks_to_their_end() {
-    // Judged by the light of the whole scene, the cache's passes would end while the room has a sixth of its light.
+    // Judged by the light of the whole scene, the cache's passes would end while the room has a sixth of its
+    // light.
     let scene = scene();
     let [cached, path] =
         INTEGRATORS.map(|integrator| stage().by(integrator).measure("12", 64, &scene, in_room));
@@ -63,7 +65,8 @@ fn the_cache_brings_as_much_light_into_the_room_as_walks_to_their_end() {
 
 #[test]
 fn light_that_a_few_texels_send_out_is_known_well_all_over_the_page() {
-    // A patch of sun of 4 to 9 texels is all the light of a closed room of 1500: what the cache took it for, it takes it for everywhere.
+    // A patch of sun of 4 to 9 texels is all the light of a closed room of 1500: what the cache took it for,
+    // it takes it for everywhere.
     let (low, high) = (dvec3(-1.0, 0.0, -1.0), dvec3(1.0, 2.0, 1.0));
     let mut obj = Obj::default().mesh("room").sides(low, high, true, &[0, 1, 2, 4, 5]).mesh("ceiling");
     for (x0, x1, z0, z1) in

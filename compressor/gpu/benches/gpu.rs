@@ -1,9 +1,10 @@
-//! Milliseconds per 1024² texels and per tile on the adapter that there is, by bundle, precision and light (medians of nine), beside the CPU's decoder.
+//! Milliseconds per 1024² texels and per tile on the adapter that there is, by bundle, precision and light
+//! (medians of nine), beside the CPU's decoder.
 //!
 //!     cargo bench -p ndgi-gpu -- dataset/yard/yard.ndgi …
 //!
-//! Without bundles: random tiles of every profile. Times are of the GPU's own clock where it has one (timestamp queries), else of whole
-//! submissions. Times of a software adapter say nothing about GPUs.
+//! Without bundles: random tiles of every profile. Times are of the GPU's own clock where it has one
+//! (timestamp queries), else of whole submissions. Times of a software adapter say nothing about GPUs.
 
 use ndgi::Bundle;
 use ndgi::bundle::{self, Header};
@@ -79,7 +80,8 @@ impl Gpu {
     }
 }
 
-/// Least milliseconds per 1024² on an RTX 4060 and an H100, by counts of machine code: a width of 16, all maps, no sun.
+/// Least milliseconds per 1024² on an RTX 4060 and an H100, by counts of machine code: a width of 16, all
+/// maps, no sun.
 fn floor(precision: Precision) -> [f64; 2] {
     match precision {
         Precision::Single => [0.12, 0.027],

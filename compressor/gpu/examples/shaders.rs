@@ -2,8 +2,9 @@
 //!
 //!     cargo run --release -p ndgi-gpu --example shaders -- OUT [hidden 16|32|64] [single|half] [rgba16float|rgba32float|rgba8unorm] [BYTES]
 //!
-//! BYTES: memory of a workgroup that the device has; 16384 without it, which all have. Where it does not hold the weights, as of width 32 in single
-//! precision, the shader reads them where they lie. With 32768 they are copied there first.
+//! BYTES: memory of a workgroup that the device has; 16384 without it, which all have. Where it does not hold
+//! the weights, as of width 32 in single precision, the shader reads them where they lie. With 32768 they are
+//! copied there first.
 
 use naga::back::{glsl, hlsl, msl};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -104,7 +105,8 @@ pub fn shader(arguments: &[String]) -> Option<Shader> {
         _ => return None,
     };
     let shared = arguments.get(3).map_or(Some(SHARED), |bytes| bytes.parse().ok())?;
-    // The largest F_uvt that the format allows: indices into the array of this length are not checked, and less would save memory of a workgroup alone.
+    // The largest F_uvt that the format allows: indices into the array of this length are not checked, and
+    // less would save memory of a workgroup alone.
     let coarse = ndgi_gpu::coarse([128, 128], 128);
     (shared >= SHARED && arguments.len() <= 4).then_some(Shader { hidden, precision, output, coarse, shared })
 }

@@ -46,7 +46,8 @@ impl Decoder {
     /// Reads all tiles of a bundle onto a device. Pipelines are made when they are first needed.
     ///
     /// # Errors
-    /// [`Error::Bundle`] for a damaged one; [`Error::Device`] if it has too few layers of textures or too small buffers.
+    /// [`Error::Bundle`] for a damaged one; [`Error::Device`] if it has too few layers of textures or too
+    /// small buffers.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, bundle: Bundle, options: Options) -> Result<Self> {
         let options = stage::resolved(device, options)?;
         let survey = Survey::of([&bundle]);
@@ -97,13 +98,13 @@ impl Decoder {
         self.stage.bytes
     }
 
-    /// Records the decoding of tiles at one time: one dispatch per width of hidden layers and precision among them, nearly always
-    /// a single one. Submit command buffers in the order in which they were recorded; after dropping one instead, call
-    /// [`Decoder::forget`].
+    /// Records the decoding of tiles at one time: one dispatch per width of hidden layers and precision among
+    /// them, nearly always a single one. Submit command buffers in the order in which they were recorded;
+    /// after dropping one instead, call [`Decoder::forget`].
     ///
     /// # Errors
-    /// [`Error::Invalid`] for an hour or exposure that is not a finite number; [`Error::Bundle`] for a place that the bundle does not have, or a
-    /// damaged one. Nothing is recorded then.
+    /// [`Error::Invalid`] for an hour or exposure that is not a finite number; [`Error::Bundle`] for a place
+    /// that the bundle does not have, or a damaged one. Nothing is recorded then.
     pub fn decode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -126,8 +127,9 @@ impl Decoder {
         Ok(work)
     }
 
-    /// Invalidates the sun's visibility on the device and the state of pages: the next calls upload it again and write whole pages.
-    /// Call it after dropping an encoder with recorded decoding instead of submitting it.
+    /// Invalidates the sun's visibility on the device and the state of pages: the next calls upload it again
+    /// and write whole pages. Call it after dropping an encoder with recorded decoding instead of submitting
+    /// it.
     pub fn forget(&mut self) {
         self.forgotten += 1;
         self.tiles.iter_mut().for_each(|tile| tile.held = None);

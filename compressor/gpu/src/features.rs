@@ -50,12 +50,12 @@ pub(crate) struct OfSun {
 }
 
 impl Features {
-    /// Reads and prepares a tile: its maps, and its sections of the sun, which stay compressed in memory. `options` are those of the
-    /// pool, as [`Pool::options`](crate::Pool::options) has them.
+    /// Reads and prepares a tile: its maps, and its sections of the sun, which stay compressed in memory.
+    /// `options` are those of the pool, as [`Pool::options`](crate::Pool::options) has them.
     ///
     /// # Errors
-    /// [`Error::Bundle`] for a place that the bundle does not have, or a damaged tile. Damage to what it sees of the sun at some times is found by
-    /// [`Features::interval`].
+    /// [`Error::Bundle`] for a place that the bundle does not have, or a damaged tile. Damage to what it sees
+    /// of the sun at some times is found by [`Features::interval`].
     pub fn read(bundle: &Bundle, place: Place, options: &Options) -> Result<Self> {
         let mut data = Data::default();
         let maps = bundle.tile(place)?.map(|params| data.maps(params, options.unpacks)).transpose()?;
@@ -77,7 +77,8 @@ impl Features {
         self.known.place
     }
 
-    /// Bytes that the tile takes on a device: its maps, its part of the resident buffer, and that of the interval's.
+    /// Bytes that the tile takes on a device: its maps, its part of the resident buffer, and that of the
+    /// interval's.
     pub fn bytes(&self) -> u64 {
         self.data.picture.bytes()
             + 4 * (self.data.words.len() as u64 + u64::from(self.known.interval_words()))
@@ -93,7 +94,8 @@ impl Features {
         self.known.sun.is_some()
     }
 
-    /// The part that [`Features::interval`] needs, a few kilobytes: keep it when the rest is dropped after loading into a pool.
+    /// The part that [`Features::interval`] needs, a few kilobytes: keep it when the rest is dropped after
+    /// loading into a pool.
     pub fn sunlight(&self) -> Sunlight {
         Sunlight { known: Arc::clone(&self.known) }
     }
@@ -163,7 +165,8 @@ impl Sunlight {
 #[derive(Clone, Debug)]
 pub struct Interval {
     place: Place,
-    /// The tile's line of its bundle's index: the same place of another bundle, as of a mip level, has another.
+    /// The tile's line of its bundle's index: the same place of another bundle, as of a mip level, has
+    /// another.
     pub(crate) entry: Entry,
     pub(crate) times: [usize; 2],
     pub(crate) held: Held,

@@ -1,4 +1,5 @@
-//! Decodes NDGI bundles on a GPU: any number of tiles at any hour in one dispatch of a compute shader, into a texture.
+//! Decodes NDGI bundles on a GPU: any number of tiles at any hour in one dispatch of a compute shader, into a
+//! texture.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,8 +16,9 @@
 //! # }
 //! ```
 //!
-//! BC7 blocks, weights, planes and normals stay on the device. A call uploads one job per tile (272 bytes at width 16) and, when the hour enters a new
-//! visibility interval, each tile's visibility for it. How it fits into other engines: `INTEGRATION.md`.
+//! BC7 blocks, weights, planes and normals stay on the device. A call uploads one job per tile (272 bytes at
+//! width 16) and, when the hour enters a new visibility interval, each tile's visibility for it. How it fits
+//! into other engines: `INTEGRATION.md`.
 
 #![forbid(unsafe_code)]
 

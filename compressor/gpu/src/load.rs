@@ -38,7 +38,8 @@ impl Data {
         Ok(Maps::new(params, &mut self.words))
     }
 
-    /// Of a tile at any of its times. `most`: bytes of its moving shadows in the interval that has most of them.
+    /// Of a tile at any of its times. `most`: bytes of its moving shadows in the interval that has most of
+    /// them.
     pub fn seen(&mut self, tile: &TileSun, most: usize) -> Seen {
         Seen::new(tile, most, &mut self.words)
     }

@@ -28,10 +28,12 @@ impl Page {
 }
 
 impl Decoder {
-    /// A texture of a page, which [`Decoder::decode_page`] fills. Its first call writes every texel; until then all is 0, alpha too.
+    /// A texture of a page, which [`Decoder::decode_page`] fills. Its first call writes every texel; until
+    /// then all is 0, alpha too.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a page that the bundle does not have; [`Error::Device`] for one larger than a texture may be.
+    /// [`Error::Invalid`] for a page that the bundle does not have; [`Error::Device`] for one larger than a
+    /// texture may be.
     pub fn page(&self, page: usize, output: Output) -> Result<Page> {
         let pages = &self.bundle.header.pages;
         let grid = pages.get(page).ok_or_else(|| {

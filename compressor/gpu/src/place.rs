@@ -8,7 +8,8 @@ pub(crate) type Spot = [u32; 3];
 /// Least and largest side of a layer.
 const SIDES: [u32; 2] = [128, 2048];
 
-/// Places rectangles, whose sides are multiples of 4 and at most 128, on layers. Gives the layers' side, their number, and each one's place.
+/// Places rectangles, whose sides are multiples of 4 and at most 128, on layers. Gives the layers' side,
+/// their number, and each one's place.
 pub(crate) fn place(sizes: &[[u32; 2]]) -> (u32, u32, Vec<Spot>) {
     let area: u64 = sizes.iter().map(|[width, height]| u64::from(width * height)).sum();
     let side = (area as f64).sqrt().ceil() as u32;
@@ -17,13 +18,14 @@ pub(crate) fn place(sizes: &[[u32; 2]]) -> (u32, u32, Vec<Spot>) {
     (side, spots.iter().map(|spot| spot[2]).max().unwrap_or(0) + 1, spots)
 }
 
-/// Places a tile's maps together, on one layer 128 texels wide. Gives the width and height that they take, and each one's place.
+/// Places a tile's maps together, on one layer 128 texels wide. Gives the width and height that they take,
+/// and each one's place.
 pub(crate) fn shelves(sizes: &[[u32; 2]]) -> ([u32; 2], Vec<Spot>) {
     pack(sizes, [STORED as u32, u32::MAX])
 }
 
-/// Places rectangles on layers, the highest first, from left to right on shelves; the order of those alike is kept. Gives the width and height that they
-/// take, and each one's place.
+/// Places rectangles on layers, the highest first, from left to right on shelves; the order of those alike is
+/// kept. Gives the width and height that they take, and each one's place.
 fn pack(sizes: &[[u32; 2]], [across, down]: [u32; 2]) -> ([u32; 2], Vec<Spot>) {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|&i| std::cmp::Reverse(sizes[i][1]));
@@ -57,7 +59,8 @@ pub(crate) struct Lattice {
 }
 
 impl Lattice {
-    /// For this many rectangles: as few layers as there can be, with sides of at most `most` if a rectangle's allow it, and about square.
+    /// For this many rectangles: as few layers as there can be, with sides of at most `most` if a rectangle's
+    /// allow it, and about square.
     pub fn new(size: [u32; 2], count: u32, most: u32) -> Self {
         let size = size.map(|side| side.max(4));
         let [across, down] = size.map(|side| (most / side).max(1));

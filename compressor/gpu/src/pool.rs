@@ -23,17 +23,21 @@ const RESIDENT: &str = "ndgi resident";
 /// Most words of a buffer: texels of two bytes are numbered in 32 bits.
 const MOST_WORDS: u64 = 1 << 30;
 
-/// Some tiles of one or several bundles on a device, in numbered slots that are filled and emptied. [`Features::read`] and [`Features::interval`] do all
-/// that takes long, on any thread; a pool uploads and dispatches.
+/// Some tiles of one or several bundles on a device, in numbered slots that are filled and emptied.
+/// [`Features::read`] and [`Features::interval`] do all that takes long, on any thread; a pool uploads and
+/// dispatches.
 ///
-/// **Order.** [`Pool::load`] and [`Pool::set_interval`] write by the queue: before the commands of the *next* submission, whenever those were recorded.
-/// So in a frame load first, then record decoding, then submit; and between recording a decode and submitting it, load nothing and set no interval: a slot
-/// might have another tile by then, or an unloaded one's memory another slot's. An encoder may be dropped instead of submitted.
+/// **Order.** [`Pool::load`] and [`Pool::set_interval`] write by the queue: before the commands of the *next*
+/// submission, whenever those were recorded. So in a frame load first, then record decoding, then submit; and
+/// between recording a decode and submitting it, load nothing and set no interval: a slot might have another
+/// tile by then, or an unloaded one's memory another slot's. An encoder may be dropped instead of submitted.
 ///
-/// **Room.** Each slot has a rectangle of a texture for the largest tile's maps. The rest of a tile differs in size (normals most), and lies in parts of two
-/// buffers. They have room for as many of the largest tiles as there are slots, and an eighth more: the interval's by a bound that the indices tell, the
-/// resident one by what is likely. That one grows, by an allocation and a copy on the device, up to the indices' bound, several times as much. Where
-/// the device's limits or the bound are reached, or what is free is in parts too small, [`Pool::load`] gives [`Error::Full`].
+/// **Room.** Each slot has a rectangle of a texture for the largest tile's maps. The rest of a tile differs
+/// in size (normals most), and lies in parts of two buffers. They have room for as many of the largest tiles
+/// as there are slots, and an eighth more: the interval's by a bound that the indices tell, the resident one
+/// by what is likely. That one grows, by an allocation and a copy on the device, up to the indices' bound,
+/// several times as much. Where the device's limits or the bound are reached, or what is free is in parts too
+/// small, [`Pool::load`] gives [`Error::Full`].
 #[derive(Debug)]
 pub struct Pool {
     stage: Stage,
@@ -60,12 +64,12 @@ struct Slot {
 }
 
 impl Pool {
-    /// Empty slots, sized by what the bundles' indices tell; no tile is read. Bundles may differ in their timelines, as mip levels of a scene do.
-    /// Pipelines are made when they are first needed.
+    /// Empty slots, sized by what the bundles' indices tell; no tile is read. Bundles may differ in their
+    /// timelines, as mip levels of a scene do. Pipelines are made when they are first needed.
     ///
     /// # Errors
-    /// [`Error::Invalid`] without a bundle or a slot; [`Error::Device`] where the device has too few layers of textures, or too small textures or
-    /// buffers for one tile.
+    /// [`Error::Invalid`] without a bundle or a slot; [`Error::Device`] where the device has too few layers
+    /// of textures, or too small textures or buffers for one tile.
     pub fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
@@ -118,7 +122,8 @@ impl Pool {
         })
     }
 
-    /// Compiles the pipelines for an output, which takes 0.1 s or more; else they are when they are first needed.
+    /// Compiles the pipelines for an output, which takes 0.1 s or more; else they are when they are first
+    /// needed.
     pub fn prepare(&self, output: Output) {
         self.stage.prepare(output);
     }
@@ -143,11 +148,13 @@ impl Pool {
         self.stage.bytes
     }
 
-    /// Fills a slot, before the next submission; `bundle` is a number of [`Pool::bundles`]. What was there is gone. No interval is set.
+    /// Fills a slot, before the next submission; `bundle` is a number of [`Pool::bundles`]. What was there is
+    /// gone. No interval is set.
     ///
     /// # Errors
-    /// [`Error::Full`] where the buffers have no room, mostly because free room is in small parts: the slot is then empty; unload others, and
-    /// try again. [`Error::Invalid`] for a slot or bundle that there is not, or features of another bundle or of other options: the slot is as it was.
+    /// [`Error::Full`] where the buffers have no room, mostly because free room is in small parts: the slot
+    /// is then empty; unload others, and try again. [`Error::Invalid`] for a slot or bundle that there is
+    /// not, or features of another bundle or of other options: the slot is as it was.
     pub fn load(&mut self, queue: &wgpu::Queue, slot: u32, bundle: usize, features: &Features) -> Result<()> {
         self.check_slot(slot)?;
         let Some(of) = self.bundles.get(bundle) else {
@@ -190,7 +197,8 @@ impl Pool {
         Ok(())
     }
 
-    /// Makes the resident buffer twice as large, or so that it has room for this many words at its end; gives whether it could grow.
+    /// Makes the resident buffer twice as large, or so that it has room for this many words at its end; gives
+    /// whether it could grow.
     fn grow(&mut self, queue: &wgpu::Queue, words: u32) -> bool {
         let (old, device) = (&self.stage.resident, &self.stage.device);
         let now = old.size() / 4;
@@ -248,12 +256,14 @@ impl Pool {
         self.slots.get(slot as usize)?.as_ref()?.held.map(|(times, _)| times)
     }
 
-    /// Records the decoding of slots at a time, as [`Decoder::decode`](crate::Decoder::decode) does of tiles. Where the interval that was set is not that of
-    /// the time, visibility is held at its nearer end, while direction and irradiance are the time's; where none was set there is no sun. What is black
-    /// is written black, and listed in [`Work::black`].
+    /// Records the decoding of slots at a time, as [`Decoder::decode`](crate::Decoder::decode) does of tiles.
+    /// Where the interval that was set is not that of the time, visibility is held at its nearer end, while
+    /// direction and irradiance are the time's; where none was set there is no sun. What is black is written
+    /// black, and listed in [`Work::black`].
     ///
     /// # Errors
-    /// [`Error::Invalid`] for an empty slot, or an hour or exposure that is not a finite number. Nothing is recorded then.
+    /// [`Error::Invalid`] for an empty slot, or an hour or exposure that is not a finite number. Nothing is
+    /// recorded then.
     pub fn decode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -287,10 +297,12 @@ impl Pool {
         Ok(work)
     }
 
-    /// Records that tiles' places on a target become black, whether they are in a slot or not; `bundle` is a number of [`Pool::bundles`].
+    /// Records that tiles' places on a target become black, whether they are in a slot or not; `bundle` is a
+    /// number of [`Pool::bundles`].
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a bundle that there is not; [`Error::Bundle`] for a place that it does not have.
+    /// [`Error::Invalid`] for a bundle that there is not; [`Error::Bundle`] for a place that it does not
+    /// have.
     pub fn clear(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -5,7 +5,8 @@ use crate::shader::{Output, Precision};
 use ndgi::decode::Lights;
 use ndgi::grid::Place;
 
-/// Features of a device that the decoder makes use of, so far as the adapter has them: BC7 textures, and 16-bit floats.
+/// Features of a device that the decoder makes use of, so far as the adapter has them: BC7 textures, and
+/// 16-bit floats.
 pub fn features(adapter: &wgpu::Adapter) -> wgpu::Features {
     adapter.features() & (wgpu::Features::TEXTURE_COMPRESSION_BC | wgpu::Features::SHADER_F16)
 }
@@ -77,8 +78,8 @@ pub struct Work<R = Request> {
     pub tiles: usize,
     /// Tiles whose network was evaluated; the others have only the sun.
     pub networks: usize,
-    /// Tiles that are black at this time. A [`Decoder`](crate::Decoder) dispatched nothing for them and left the target unchanged; a
-    /// [`Pool`](crate::Pool) wrote black.
+    /// Tiles that are black at this time. A [`Decoder`](crate::Decoder) dispatched nothing for them and left
+    /// the target unchanged; a [`Pool`](crate::Pool) wrote black.
     pub black: Vec<R>,
     /// Bytes uploaded.
     pub bytes: u64,

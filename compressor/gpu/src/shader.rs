@@ -25,8 +25,9 @@ pub enum Precision {
 /// What is written to the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Output {
-    /// E × exposure, as 16-bit floats; what is above 65504 is cut. An exposure of 256, which the material divides by, reaches 255 kilolux (twice full
-    /// daylight) and holds 11 bits down to a quarter of a millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux (1) lose bits below 61 millilux.
+    /// E × exposure, as 16-bit floats; what is above 65504 is cut. An exposure of 256, which the material
+    /// divides by, reaches 255 kilolux (twice full daylight) and holds 11 bits down to a quarter of a
+    /// millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux (1) lose bits below 61 millilux.
     Rgba16Float,
     /// E × exposure, as 32-bit floats.
     Rgba32Float,
@@ -69,8 +70,9 @@ pub struct Shader {
     pub shared: usize,
 }
 
-/// Most texels of an F_uvt slice that a strip reads, rounded up to a power of two (at least 64, and at most the 640 that there can be). `uvt`: the
-/// slice's size; `height`: the tile's stored height. The shader reads no more rows than fit, whatever rounding says.
+/// Most texels of an F_uvt slice that a strip reads, rounded up to a power of two (at least 64, and at most
+/// the 640 that there can be). `uvt`: the slice's size; `height`: the tile's stored height. The shader reads
+/// no more rows than fit, whatever rounding says.
 pub fn coarse(uvt: [usize; 2], height: usize) -> usize {
     // From the row above the first texel to that below the last.
     let rows = (STRIP - 1) as f64 * uvt[1] as f64 / height.max(1) as f64;
@@ -83,7 +85,8 @@ pub(crate) fn words(hidden: usize) -> usize {
     8 * matrices(hidden) + 2 * biases(hidden)
 }
 
-/// Matrices of 4×4 weights: of three groups of four inputs to every unit, of every unit to every unit, and of every unit to the output.
+/// Matrices of 4×4 weights: of three groups of four inputs to every unit, of every unit to every unit, and of
+/// every unit to the output.
 pub(crate) fn matrices(hidden: usize) -> usize {
     let h = hidden / 4;
     3 * h + h * h + h
@@ -95,7 +98,8 @@ fn biases(hidden: usize) -> usize {
 }
 
 impl Shader {
-    /// Texels of a column that a thread decodes at once: weights are read once for all of them, so far as registers go.
+    /// Texels of a column that a thread decodes at once: weights are read once for all of them, so far as
+    /// registers go.
     fn texels(&self) -> usize {
         64usize.checked_div(self.hidden).map_or(STRIP, |texels| STRIP.min(texels))
     }
@@ -160,7 +164,8 @@ impl Shader {
         text
     }
 
-    /// The layers, for the texels of a thread: `a` are features, `h` units of the first layer, `s` four of the second, `o` the output.
+    /// The layers, for the texels of a thread: `a` are features, `h` units of the first layer, `s` four of
+    /// the second, `o` the output.
     fn network(&self) -> String {
         let (h, texels) = (self.hidden / 4, self.texels());
         let weight = |i: &str| match self.shares_weights() {

@@ -1,4 +1,5 @@
-//! A bundle's data on a device and the dispatches that decode them: shared by whole bundles and pools of tiles.
+//! A bundle's data on a device and the dispatches that decode them: shared by whole bundles and pools of
+//! tiles.
 
 use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::shader::{self, Output, Precision, Shader};

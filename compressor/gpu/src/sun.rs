@@ -1,4 +1,5 @@
-//! A tile's sun data as the shader reads them: resident normals, and visibility that changes from one interval to the next.
+//! A tile's sun data as the shader reads them: resident normals, and visibility that changes from one
+//! interval to the next.
 
 use crate::tile::{HAS_COLOUR, HAS_SUN, HAS_WORDS, Job, Site};
 use ndgi::at::SunAt;
@@ -27,7 +28,8 @@ pub(crate) enum Held {
 }
 
 impl Seen {
-    /// Puts a tile's normals into its part of the resident buffer. `most`: bytes of its moving shadows in the interval that has most of them.
+    /// Puts a tile's normals into its part of the resident buffer. `most`: bytes of its moving shadows in the
+    /// interval that has most of them.
     pub fn new(tile: &TileSun, most: usize, resident: &mut Vec<u32>) -> Self {
         let normals = normals_of(tile, resident);
         let (texels, channels) = (tile.width * tile.height, tile.channels());
@@ -36,7 +38,8 @@ impl Seen {
         Seen { normals, channels, words: words as u32 }
     }
 
-    /// The tile's part of the interval's buffer, at most [`Seen::words`]. `tile` has the times of the interval alone.
+    /// The tile's part of the interval's buffer, at most [`Seen::words`]. `tile` has the times of the
+    /// interval alone.
     pub fn part(&self, tile: &TileSun, times: [usize; 2]) -> (Held, Vec<u32>) {
         let (texels, channels) = (tile.width * tile.height, tile.channels());
         let mut out = Vec::with_capacity(self.words as usize);
@@ -112,8 +115,8 @@ fn blocks(tile: &TileSun) -> usize {
     tile.width.div_ceil(8) * tile.height.div_ceil(8)
 }
 
-/// Three arrays: per 4×4 block, the start of its normal list, its index width in bits and the start of its indices; the indices; the normals. Lists that
-/// are alike are kept once. Gives where the three begin.
+/// Three arrays: per 4×4 block, the start of its normal list, its index width in bits and the start of its
+/// indices; the indices; the normals. Lists that are alike are kept once. Gives where the three begin.
 fn normals_of(tile: &TileSun, out: &mut Vec<u32>) -> [u32; 3] {
     let bits = |normal: &[f32; 3]| normal.map(f32::to_bits);
     let across = tile.width / 4;

@@ -67,7 +67,8 @@ impl Survey {
         used.fold([0; 2], |most, used| [most[0].max(used[0]), most[1].max(used[1])])
     }
 
-    /// Words that any `slots` of the tiles take together, each as `of` tells, and an eighth more for gaps between them; and what one takes at most.
+    /// Words that any `slots` of the tiles take together, each as `of` tells, and an eighth more for gaps
+    /// between them; and what one takes at most.
     pub fn words(&self, slots: usize, of: impl Fn(&Room) -> u32) -> [u64; 2] {
         let mut words: Vec<u64> = self.tiles.iter().map(|room| of(room).into()).collect();
         words.sort_unstable_by_key(|words| std::cmp::Reverse(*words));
@@ -76,14 +77,16 @@ impl Survey {
     }
 }
 
-/// Words a byte of a section that tells normals unpacks to, at most: 13 for eight bytes, of a block that tells two normals and has all four that lie from
-/// one to the other (12 words, and one of choices).
+/// Words a byte of a section that tells normals unpacks to, at most: 13 for eight bytes, of a block that
+/// tells two normals and has all four that lie from one to the other (12 words, and one of choices).
 const OF_NORMALS: [usize; 2] = [13, 8];
 /// Words of a block of 4×4 that tells each texel's normal: 48, and two of choices.
 const OF_BLOCK: usize = 50;
-/// Most of a section tells levels. A tile is taken to have this part of the words that it would have if all told normals; the yard's have a fifth.
+/// Most of a section tells levels. A tile is taken to have this part of the words that it would have if all
+/// told normals; the yard's have a fifth.
 const LIKELY: usize = 4;
-/// Bytes of moving shadows of a group of 32×32 texels, at most: its size, modes, counts, and three codewords on each of its 64 blocks of 4×4.
+/// Bytes of moving shadows of a group of 32×32 texels, at most: its size, modes, counts, and three codewords
+/// on each of its 64 blocks of 4×4.
 const OF_GROUP: usize = 1 + 4 + 16 + 64 * 3 * 2;
 
 /// What a tile takes at most, by its line of the index.
@@ -157,7 +160,8 @@ mod tests {
             ("switching", opened(testing::switching_bundle()), 1.0),
             ("one normal", with_normals(|_, _| tilted(0.3)), 0.9),
             ("none", with_normals(|_, _| [0.0; 3]), 0.9),
-            // Four between two, of which each tells as many words a byte as there can be; many blocks are alike.
+            // Four between two, of which each tells as many words a byte as there can be; many blocks are
+            // alike.
             ("four", with_normals(|x, y| tilted((x + y / 4) as f32 * 0.05)), 0.3),
             ("noise", with_normals(|x, y| noise[(128 * y + x) % noise.len()]), 0.9),
         ];

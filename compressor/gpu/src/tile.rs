@@ -98,7 +98,8 @@ impl Full {
 }
 
 impl Placed<'_> {
-    /// The tile's job at a time, made of a blank one; `None` if it is black. `sun`: within the interval that is held.
+    /// The tile's job at a time, made of a blank one; `None` if it is black. `sun`: within the interval that
+    /// is held.
     pub fn job(
         &self,
         timeline: &Timeline,
@@ -168,7 +169,8 @@ impl Maps {
         self.params.shape.hidden
     }
 
-    /// Fills in what a job says of the maps at a time, and gives the biases of the first layer; `None` if they are black.
+    /// Fills in what a job says of the maps at a time, and gives the biases of the first layer; `None` if
+    /// they are black.
     fn job(&self, site: &Site, timeline: &Timeline, point: &TimePoint, job: &mut Job) -> Option<Vec<f32>> {
         let (shape, has) = (&self.params.shape, &self.params.shape.contents);
         let inputs = Inputs::at(&self.params, timeline, point);
@@ -223,7 +225,8 @@ impl Maps {
     }
 }
 
-/// A tile's weights as matrices of four inputs to four outputs, and its biases; 0 for what the tile does not have.
+/// A tile's weights as matrices of four inputs to four outputs, and its biases; 0 for what the tile does not
+/// have.
 fn weights_of(params: &TileParams, out: &mut Vec<u32>) {
     let (shape, hidden) = (&params.shape, params.shape.hidden);
     let (inputs, columns, start) = (shape.inputs(), shape.columns(), out.len());

@@ -1,7 +1,8 @@
 //! Nanoseconds of what a game asks for, on one thread: `cargo bench -p ndgi --bench sample -- BUNDLE`.
 //!
-//! A tile made ready at an hour, a texel of a ready tile, a bilinear sample of a page whose tiles are ready, a whole tile in f32 and in
-//! half floats, and `Decoder::sample`, which makes nothing ready. The least of some runs each: others only add what else the machine does.
+//! A tile made ready at an hour, a texel of a ready tile, a bilinear sample of a page whose tiles are ready,
+//! a whole tile in f32 and in half floats, and `Decoder::sample`, which makes nothing ready. The least of
+//! some runs each: others only add what else the machine does.
 
 use ndgi::Bundle;
 use ndgi::decode::{Decoder, Lights};

@@ -1,4 +1,5 @@
-//! A whole page as an image of 8 bits (PPM), all cores: `cargo run --features rayon --example 4_page -- yard.ndgi 12 page.ppm`.
+//! A whole page as an image of 8 bits (PPM), all cores:
+//! `cargo run --features rayon --example 4_page -- yard.ndgi 12 page.ppm`.
 
 use ndgi::decode::Decoder;
 use std::io::Write;

@@ -16,7 +16,8 @@ use crate::sun::{Sun, TileSun, add_shares, around};
 use crate::time::{TimePoint, fold_hour};
 use crate::{Error, Result};
 
-/// Default number of tiles that a [`Page`] caches: about 40 MB of full tiles with a sun, twice that behind coloured glass.
+/// Default number of tiles that a [`Page`] caches: about 40 MB of full tiles with a sun, twice that behind
+/// coloured glass.
 const KEPT: usize = 256;
 
 /// A bundle at one time of day.
@@ -26,7 +27,8 @@ pub struct At<'a> {
     lights: Lights,
     hour: f64,
     point: TimePoint,
-    /// Where the sun is up: the indices of the surrounding visibility times, and a copy of the sun restricted to them.
+    /// Where the sun is up: the indices of the surrounding visibility times, and a copy of the sun restricted
+    /// to them.
     sun: Option<(Vec<usize>, Sun)>,
 }
 
@@ -71,7 +73,8 @@ impl<'a> At<'a> {
         At { lights, ..self }
     }
 
-    /// Reads and prepares a tile: about 75 µs, plus 300 µs where the sun is a separate stream and above the horizon.
+    /// Reads and prepares a tile: about 75 µs, plus 300 µs where the sun is a separate stream and above the
+    /// horizon.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -130,8 +133,8 @@ impl<'a> At<'a> {
         Some(SunAt { times: [first, last], part, direction, irradiance })
     }
 
-    /// A tile's visibility of the sun at the times of [`SunAt::times`], with moving shadows between them; `None` if it sees nothing of the sun, or
-    /// the sun is down.
+    /// A tile's visibility of the sun at the times of [`SunAt::times`], with moving shadows between them;
+    /// `None` if it sees nothing of the sun, or the sun is down.
     ///
     /// # Errors
     /// As [`At::tile`].
@@ -190,8 +193,9 @@ struct Lit {
 
 /// A tile at one time of day, ready for sampling; it borrows nothing.
 ///
-/// Texels are those of its own part, its *payload*, (0, 0) the upper left one: [`Tile::width`] across, [`Tile::height`] down. Light is linear
-/// Rec. 709 irradiance, red, green, blue, in the bundle's unit, never a NaN and never infinite.
+/// Texels are those of its own part, its *payload*, (0, 0) the upper left one: [`Tile::width`] across,
+/// [`Tile::height`] down. Light is linear Rec. 709 irradiance, red, green, blue, in the bundle's unit, never
+/// a NaN and never infinite.
 #[derive(Clone, Debug)]
 pub struct Tile {
     size: (usize, usize),
@@ -225,8 +229,8 @@ impl Tile {
         self.stored_texel(x + BORDER, y + BORDER)
     }
 
-    /// Light by bilinear filtering; texel centres are at halves. Positions up to a texel beyond the payload read the border; a NaN
-    /// counts as 0.
+    /// Light by bilinear filtering; texel centres are at halves. Positions up to a texel beyond the payload
+    /// read the border; a NaN counts as 0.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -278,9 +282,10 @@ impl Tile {
         self.decode_as(out, |light| light);
     }
 
-    /// All texels as RGBA of 16-bit floats: light times `exposure`, and 1; values above 65504 are clamped. An exposure of 256, which the material divides
-    /// by, reaches 255 kilolux (twice full daylight) and holds 11 bits down to a quarter of a millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux
-    /// (1) lose bits below 61 millilux.
+    /// All texels as RGBA of 16-bit floats: light times `exposure`, and 1; values above 65504 are clamped. An
+    /// exposure of 256, which the material divides by, reaches 255 kilolux (twice full daylight) and holds 11
+    /// bits down to a quarter of a millilux. Lux (1000) cut daylight at 65.5 kilolux; kilolux (1) lose bits
+    /// below 61 millilux.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -297,7 +302,8 @@ impl Tile {
         self.decode_as(out, |light| pack::rgba16f(light, exposure));
     }
 
-    /// All texels as RGB of 9 bits with one exponent of 5 bits (DXGI's R9G9B9E5, Vulkan's E5B9G9R9): light times `exposure`, at most 65408.
+    /// All texels as RGB of 9 bits with one exponent of 5 bits (DXGI's R9G9B9E5, Vulkan's E5B9G9R9): light
+    /// times `exposure`, at most 65408.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -313,7 +319,8 @@ impl Tile {
         self.decode_as(out, |light| pack::rgb9e5(light, exposure));
     }
 
-    /// All texels as RGBA of 8 bits: √(light / peak), clamped to 1, and 255. [`Bundle::knots`] has the peaks of a tile's maps.
+    /// All texels as RGBA of 8 bits: √(light / peak), clamped to 1, and 255. [`Bundle::knots`] has the peaks
+    /// of a tile's maps.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -382,7 +389,8 @@ impl Page<'_> {
         self.grid.height
     }
 
-    /// Light at (u, v) in [0, 1]², v downwards, bilinear between texel centres; beyond the page as at its edge.
+    /// Light at (u, v) in [0, 1]², v downwards, bilinear between texel centres; beyond the page as at its
+    /// edge.
     ///
     /// # Errors
     /// [`Error::Invalid`] for coordinates that are not numbers, or a damaged tile; [`Error::Io`].

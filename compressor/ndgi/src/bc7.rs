@@ -1,7 +1,8 @@
 //! BC7 modes 6 and 4, to the bit: encode endpoints and indices, decode any block of these modes.
 //!
-//! Mode 6 is two 4-channel endpoints and 16 weights, which is what the trainer learns. Mode 4 gives one channel indices of its own,
-//! at coarser endpoints. Layout of the 128 bits, least significant bit of byte 0 first (Direct3D 11 BC7 format reference):
+//! Mode 6 is two 4-channel endpoints and 16 weights, which is what the trainer learns. Mode 4 gives one
+//! channel indices of its own, at coarser endpoints. Layout of the 128 bits, least significant bit of byte 0
+//! first (Direct3D 11 BC7 format reference):
 //!
 //! | mode 6 | field |
 //! |---|---|
@@ -66,7 +67,8 @@ impl Mode {
         }
     }
 
-    /// The weights of the four channels at an index, in 64ths. In mode 4 the lower bits of the index are those of the channel alone.
+    /// The weights of the four channels at an index, in 64ths. In mode 4 the lower bits of the index are
+    /// those of the channel alone.
     #[inline(always)]
     pub fn weights(self, index: u8) -> [u8; 4] {
         let i = usize::from(index);
@@ -109,8 +111,8 @@ pub fn expand(level: u8, bits: u32) -> u8 {
 pub struct Block {
     /// How it is coded.
     pub mode: Mode,
-    /// Two endpoints of four 8-bit channels. In mode 6 the channels of one endpoint share their lowest bit, its p-bit; in mode 4 they
-    /// are expanded levels of [`Mode::bits`].
+    /// Two endpoints of four 8-bit channels. In mode 6 the channels of one endpoint share their lowest bit,
+    /// its p-bit; in mode 4 they are expanded levels of [`Mode::bits`].
     pub endpoints: [[u8; 4]; 2],
     /// Index of texel x + 4 y, below [`Mode::values`].
     pub indices: [u8; 16],
@@ -119,7 +121,8 @@ pub struct Block {
 /// The block whose texels are all 128: the middle, so that what nothing reads decodes to no extreme.
 pub const GREY: Block = Block { mode: Mode::Six, endpoints: [[128; 4]; 2], indices: [0; 16] };
 
-/// The value between two endpoint channels at a weight in 64ths: `((64 − w) e₀ + w e₁ + 32) / 64`, rounded down.
+/// The value between two endpoint channels at a weight in 64ths: `((64 − w) e₀ + w e₁ + 32) / 64`, rounded
+/// down.
 #[inline]
 pub fn interpolate(e0: u8, e1: u8, weight: u8) -> u8 {
     (((64 - u32::from(weight)) * u32::from(e0) + u32::from(weight) * u32::from(e1) + 32) >> 6) as u8
@@ -137,7 +140,8 @@ pub fn palette(mode: Mode, endpoints: &[[u8; 4]; 2]) -> [[u8; 4]; MOST_VALUES] {
 }
 
 impl Block {
-    /// The 16 values of each channel, x + 4 y: what [`interpolate`] gives at [`Mode::weights`], sixteen at a time.
+    /// The 16 values of each channel, x + 4 y: what [`interpolate`] gives at [`Mode::weights`], sixteen at a
+    /// time.
     #[inline(always)]
     pub fn planes(&self) -> [[u8; 16]; 4] {
         let (alone, own, others) = match self.mode {
@@ -177,7 +181,8 @@ impl Block {
     }
 }
 
-/// The [`WEIGHTS`] of this many bits of indices from a bit on: their share of the highest index in 64ths, rounded.
+/// The [`WEIGHTS`] of this many bits of indices from a bit on: their share of the highest index in 64ths,
+/// rounded.
 #[inline(always)]
 fn sixty_fourths<const BITS: u32>(indices: &[u8; 16], from: u32) -> [i16; 16] {
     let top = (1u16 << BITS) - 1;
@@ -210,7 +215,8 @@ impl Bits {
     }
 }
 
-/// Anchor rule: the index of texel 0 has no top bit. The mirrored block has the same texels, since w[n − 1 − i] = 64 − w[i].
+/// Anchor rule: the index of texel 0 has no top bit. The mirrored block has the same texels, since w[n − 1 −
+/// i] = 64 − w[i].
 fn anchor(indices: &mut [u8; 16], width: u32, swap: impl FnOnce()) {
     if indices[0] >> (width - 1) == 1 {
         *indices = indices.map(|i| (1 << width) - 1 - i);

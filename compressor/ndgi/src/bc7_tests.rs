@@ -18,7 +18,8 @@ fn theirs(bytes: &[u8; 16]) -> [u8; 64] {
     texels
 }
 
-/// The block as written is to both decoders what it was: the anchor rule may mirror it, never change its texels.
+/// The block as written is to both decoders what it was: the anchor rule may mirror it, never change its
+/// texels.
 fn assert_decodes(block: &Block) {
     let bytes = encode(block);
     let ours = decode(&bytes).unwrap();

@@ -1,9 +1,9 @@
 //! The bundle file: header, tile index, payloads, checksums (FORMAT.md has every byte).
 //!
-//! Opening reads the header and the index; each tile is one more read. Everything from a file is validated before
-//! use, so a damaged or hostile file gives an [`Error`]. Allocations are bounded by the file's length: the header and
-//! the index by their own size, a tile by its unpacked payload, up to 128 times its bytes, and its visibility of the
-//! sun by the number of times, at most 50 MB.
+//! Opening reads the header and the index; each tile is one more read. Everything from a file is validated
+//! before use, so a damaged or hostile file gives an [`Error`]. Allocations are bounded by the file's length:
+//! the header and the index by their own size, a tile by its unpacked payload, up to 128 times its bytes, and
+//! its visibility of the sun by the number of times, at most 50 MB.
 
 mod header;
 mod payload;
@@ -53,8 +53,8 @@ pub enum PageKind {
 pub struct Header {
     /// The scene's name.
     pub scene: String,
-    /// The writer and its settings, as a JSON object. Decoding does not need it; `compress evaluate` and `bake` check with it whether
-    /// the bundle belongs to the dataset.
+    /// The writer and its settings, as a JSON object. Decoding does not need it; `compress evaluate` and
+    /// `bake` check with it whether the bundle belongs to the dataset.
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,
@@ -100,8 +100,8 @@ impl Header {
         Shape::new(contents, width, height, self.timeline.hours.len(), self.timeline.coding)
     }
 
-    /// The contents of a tile whose section of features has this word and length; `None` for a black tile. `has_means`: true for version
-    /// 3, which stores means in the section.
+    /// The contents of a tile whose section of features has this word and length; `None` for a black tile.
+    /// `has_means`: true for version 3, which stores means in the section.
     ///
     /// # Errors
     /// A message for a word that no tile of this bundle can have, or a length that its maps cannot have.
@@ -159,7 +159,8 @@ impl Entry {
     }
 }
 
-/// True if a file is empty or begins like a bundle (of any version, even a damaged one), so it may be replaced.
+/// True if a file is empty or begins like a bundle (of any version, even a damaged one), so it may be
+/// replaced.
 #[cfg(feature = "file")]
 pub fn begins_like_one(path: &Path) -> bool {
     let mut first = Vec::new();
@@ -178,10 +179,12 @@ pub fn checksum(parts: &[&[u8]]) -> u64 {
     u64::from_le_bytes(first)
 }
 
-/// The bytes of a bundle. `payloads` has one entry per [`Header::places`], made by [`encode_payload`]; the default for a black tile.
+/// The bytes of a bundle. `payloads` has one entry per [`Header::places`], made by [`encode_payload`]; the
+/// default for a black tile.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a header that the format cannot hold (see FORMAT.md) or a payload of the wrong length.
+/// [`Error::Invalid`] for a header that the format cannot hold (see FORMAT.md) or a payload of the wrong
+/// length.
 pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     let wrong = |what: String| Error::invalid("bundle", what);
     if payloads.len() != header.tiles() {
@@ -237,7 +240,8 @@ impl Bundle {
     /// Opens a bundle file; reads its header, its index and its resident block.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Unsupported`] for another version; [`Error::Invalid`] for anything else that breaks FORMAT.md.
+    /// [`Error::Io`]; [`Error::Unsupported`] for another version; [`Error::Invalid`] for anything else that
+    /// breaks FORMAT.md.
     #[cfg(all(feature = "file", any(unix, windows)))]
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::io(path))?;
@@ -327,8 +331,8 @@ impl Bundle {
         format!("{}, page {}, tile ({}, {})", self.name, place.page, place.column, place.row)
     }
 
-    /// A tile's brightness at each of [`Timeline::knots`], without reading the tile: a fallback colour, and a measure of how much its light changes. Empty
-    /// for a black tile, and in bundles of version 3.
+    /// A tile's brightness at each of [`Timeline::knots`], without reading the tile: a fallback colour, and a
+    /// measure of how much its light changes. Empty for a black tile, and in bundles of version 3.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -353,7 +357,8 @@ impl Bundle {
         self.knots.get(number).map_or(&[], Vec::as_slice)
     }
 
-    /// Reads and checks one tile's features and decoder; `None` if it has no light other than the sun's stream.
+    /// Reads and checks one tile's features and decoder; `None` if it has no light other than the sun's
+    /// stream.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -367,7 +372,8 @@ impl Bundle {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a place that the bundle does not have, a checksum that differs, or a value that the format forbids.
+    /// [`Error::Invalid`] for a place that the bundle does not have, a checksum that differs, or a value that
+    /// the format forbids.
     pub fn tile(&self, place: Place) -> Result<Option<TileParams>> {
         let position = self.position(place)?;
         let part = &self.index[position].ndgi;

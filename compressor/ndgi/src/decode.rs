@@ -1,12 +1,13 @@
 //! Decoding: a stored tile, or a complete bundle, at any (u, v, t).
 //!
 //! Four ways to the same values; none ever returns a NaN or an infinity:
-//! - [`texel`] follows the formulae of [`crate::model`] literally for one texel of a tile's maps, reading only the blocks it needs.
-//!   The others are tested against it.
-//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any time: for tiles that are not in a bundle yet.
+//! - [`texel`] follows the formulae of [`crate::model`] literally for one texel of a tile's maps, reading
+//!   only the blocks it needs. The others are tested against it.
+//! - [`TileDecoder`] decodes all texels of one tile's maps fast, at any time: for tiles that are not in a
+//!   bundle yet.
 //! - [`Decoder`] returns samples and pages of a bundle at any hour, with the sun: for tools.
-//! - [`At`](crate::at::At) is a bundle at one time, where everything that depends only on time is computed once per tile: for games, and
-//!   for the pages of [`Decoder`].
+//! - [`At`](crate::at::At) is a bundle at one time, where everything that depends only on time is computed
+//!   once per tile: for games, and for the pages of [`Decoder`].
 
 mod kernel;
 mod prepared;
@@ -32,8 +33,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Upper clamp of the decoder's output before it is raised to its power: the largest finite f16.
 const Y_MAX: f32 = 65504.0;
 
-/// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped at the ends,
-/// and the share of the second.
+/// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped
+/// at the ends, and the share of the second.
 #[inline]
 fn clamped(u: f32, n: usize) -> (usize, usize, f32) {
     let p = (u * n as f32 - 0.5).clamp(0.0, (n - 1) as f32);
@@ -143,7 +144,8 @@ pub enum Lights {
 
 /// Tiles kept for random access.
 const CACHED: usize = 64;
-/// Byte limit of the cache of sun data, which grows with the number of visibility times; the newest tile is always kept.
+/// Byte limit of the cache of sun data, which grows with the number of visibility times; the newest tile is
+/// always kept.
 const CACHED_BYTES: usize = 64 << 20;
 
 /// Random access to a bundle.
@@ -213,7 +215,8 @@ impl Decoder {
         &self.bundle
     }
 
-    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (periodic in 24 h); bilinear between texel centres.
+    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (periodic in 24 h); bilinear between
+    /// texel centres.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a page that does not exist or a damaged tile; [`Error::Io`].
@@ -236,13 +239,15 @@ impl Decoder {
         Ok(std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t)))
     }
 
-    /// The parameters of a tile, from memory where it was read lately; `None` for a black one. Errors as [`Bundle::tile`].
+    /// The parameters of a tile, from memory where it was read lately; `None` for a black one. Errors as
+    /// [`Bundle::tile`].
     pub fn tile(&self, place: Place) -> Result<Option<Arc<TileParams>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
         recent(&self.recent, position, |_| 0, || self.bundle.tile(place))
     }
 
-    /// A tile's visibility of the sun, cached in the same way; `None` if it sees nothing of the sun, or the sun is not a separate stream.
+    /// A tile's visibility of the sun, cached in the same way; `None` if it sees nothing of the sun, or the
+    /// sun is not a separate stream.
     pub fn sun(&self, place: Place) -> Result<Option<Arc<TileSun>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
         recent(&self.recent_sun, position, TileSun::bytes, || self.bundle.sun(place))

@@ -61,8 +61,9 @@ impl Grid {
             .flat_map(move |row| (0..self.columns()).map(move |column| Place { page, column, row }))
     }
 
-    /// Where (u, v) of a page, in [0, 1]², is looked up: the tile; of the four stored texels around, whose centres are at halves, the one to the
-    /// left and above; and the shares of those to the right and below. Beyond the page it is its edge; what is not a number counts as 0.
+    /// Where (u, v) of a page, in [0, 1]², is looked up: the tile; of the four stored texels around, whose
+    /// centres are at halves, the one to the left and above; and the shares of those to the right and below.
+    /// Beyond the page it is its edge; what is not a number counts as 0.
     pub(crate) fn around(&self, page: usize, [u, v]: [f64; 2]) -> (Place, [usize; 2], [f32; 2]) {
         // From −1 on; the tile that owns that texel (or the page's first) stores the other three too.
         let axis = |u: f64, n: usize| {

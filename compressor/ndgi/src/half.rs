@@ -34,7 +34,8 @@ impl F16 {
                 let even = magnitude >> 13 & 1;
                 (((magnitude - (112 << 23)) + 0xfff + even) >> 13) as u16
             }
-            // Below the smallest normal one in steps of 2^-24, which adding a half makes the last bits of a float.
+            // Below the smallest normal one in steps of 2^-24, which adding a half makes the last bits of a
+            // float.
             _ => ((f32::from_bits(magnitude) + 0.5).to_bits() - 0.5f32.to_bits()) as u16,
         };
         F16(sign | half)

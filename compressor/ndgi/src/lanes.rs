@@ -1,8 +1,10 @@
-//! Vectors of f32 for the kernels of training and decoding: one trait, a type for each instruction set and length.
+//! Vectors of f32 for the kernels of training and decoding: one trait, a type for each instruction set and
+//! length.
 //!
-//! The kernels are generic over [`Lanes`] and `#[inline(always)]`; `train/kernel.rs` and `decode/kernel.rs` instantiate each
-//! of theirs inside a function that enables the instruction set, after asking the processor for its [`Tier`]. No vector goes
-//! through a closure of theirs: closures are compiled without their caller's instruction set.
+//! The kernels are generic over [`Lanes`] and `#[inline(always)]`; `train/kernel.rs` and `decode/kernel.rs`
+//! instantiate each of theirs inside a function that enables the instruction set, after asking the processor
+//! for its [`Tier`]. No vector goes through a closure of theirs: closures are compiled without their caller's
+//! instruction set.
 
 #![allow(unsafe_code, reason = "instructions of processors")]
 
@@ -73,7 +75,8 @@ pub enum Instructions {
 /// The best [`Instructions`] that may be used.
 static LIMIT: AtomicU8 = AtomicU8::new(u8::MAX);
 
-/// Instructions that this processor has: made here alone, after asking it, so that code compiled for them may be entered.
+/// Instructions that this processor has: made here alone, after asking it, so that code compiled for them may
+/// be entered.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Tier(Instructions);
 
@@ -103,7 +106,8 @@ impl Tier {
         *allowed.last().expect("the portable tier is always available")
     }
 
-    /// Makes this the best that any thread of the process uses from now on: for the same bytes on machines of other processors.
+    /// Makes this the best that any thread of the process uses from now on: for the same bytes on machines of
+    /// other processors.
     pub fn limit(self) {
         LIMIT.store(self.0 as u8, Ordering::Relaxed);
     }
@@ -261,9 +265,10 @@ mod x86 {
 
     /// Implements [`Lanes`] by intrinsics.
     ///
-    /// Soundness of every `unsafe` here: the values of these types are made and used only inside the `#[target_feature]`
-    /// functions of the two `kernel.rs`, which are entered after [`super::Tier::available`] has found the instruction set;
-    /// loads and stores are unaligned and preceded by a slice that is checked to hold N values.
+    /// Soundness of every `unsafe` here: the values of these types are made and used only inside the
+    /// `#[target_feature]` functions of the two `kernel.rs`, which are entered after
+    /// [`super::Tier::available`] has found the instruction set; loads and stores are unaligned and preceded
+    /// by a slice that is checked to hold N values.
     macro_rules! lanes {
         ($name:ident, $vector:ty, $n:literal, $set1:ident, $load:ident, $store:ident, $add:ident, $mul:ident,
          $fmadd:ident, $max:ident, $min:ident) => {

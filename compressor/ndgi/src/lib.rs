@@ -1,8 +1,9 @@
-//! Reads and decodes NDGI bundles (`../FORMAT.md`): temporal lightmaps, neurally compressed, with random access to any (u, v, t).
-//! Equations follow the paper "Neural Dynamic GI: Random-Access Neural Compression for Temporal Lightmaps in Dynamic Lighting Environments".
+//! Reads and decodes NDGI bundles (`../FORMAT.md`): temporal lightmaps, neurally compressed, with random
+//! access to any (u, v, t). Equations follow the paper "Neural Dynamic GI: Random-Access Neural Compression
+//! for Temporal Lightmaps in Dynamic Lighting Environments".
 //!
-//! Modules are listed in the order of the data flow; a module imports only those above it. The crate depends on nothing else of this
-//! repository.
+//! Modules are listed in the order of the data flow; a module imports only those above it. The crate depends
+//! on nothing else of this repository.
 
 #![deny(unsafe_code)]
 

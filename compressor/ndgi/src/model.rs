@@ -1,28 +1,33 @@
 //! The representation of one tile: hybrid feature maps, a tiny decoder, and how they are sampled.
 //!
-//! A tile covers `width × height` stored texels (128×128; fewer, multiples of 4, at a page's right and bottom edge), of
-//! which [`BORDER`] on each side repeat the neighbouring texels. Each tile has some of the following ([`Contents`]).
-//! Its time coordinate τ is periodic with period 1: with `i_k` the place of frame `k` on the tile's time axis of `m` places,
-//! `τ_k = (i_k + ½)/m`; frames that look alike share a place ([`crate::time`] has the times between frames).
-//! For the stored texel (x, y), with u = (x + ½)/width and v = (y + ½)/height:
+//! A tile covers `width × height` stored texels (128×128; fewer, multiples of 4, at a page's right and bottom
+//! edge), of which [`BORDER`] on each side repeat the neighbouring texels. Each tile has some of the
+//! following ([`Contents`]). Its time coordinate τ is periodic with period 1: with `i_k` the place of frame
+//! `k` on the tile's time axis of `m` places, `τ_k = (i_k + ½)/m`; frames that look alike share a place
+//! ([`crate::time`] has the times between frames). For the stored texel (x, y), with u = (x + ½)/width and
+//! v = (y + ½)/height:
 //!
 //! - `V_uv  = F_uv[x, y]` (no interpolation: F_uv has one texel per stored texel), 4 channels;
-//! - `V_ut  = F_ut(u, τ)`, `V_vt = F_vt(v, τ)`, 2 channels each, bilinear, texel centres at (i + ½)/size, clamped in u and v, periodic in τ;
+//! - `V_ut  = F_ut(u, τ)`, `V_vt = F_vt(v, τ)`, 2 channels each, bilinear, texel centres at (i + ½)/size,
+//!   clamped in u and v, periodic in τ;
 //! - `V_uvt = F_uvt(u, v, τ)`, 4 channels, trilinear, clamped in u and v, periodic in τ;
 //! - `γ(τ) = [sin 2πτ, cos 2πτ, sin 4πτ, cos 4πτ]`;
 //! - a *gate* per light group that switches the tile's light: [`gate`] of whether the group is on;
-//! - input `x = [c(V_uvt), c(V_uv), c(V_ut), c(V_vt), γ, gates]`, of those that the tile has, with `c(f) = 3 (f − ½)`;
+//! - input `x = [c(V_uvt), c(V_uv), c(V_ut), c(V_vt), γ, gates]`, of those that the tile has, with
+//!   `c(f) = 3 (f − ½)`;
 //! - `h₁ = gelu(W₁ x + b₁)`, `h₂ = gelu(W₂ h₁ + b₂)`, `y = W₃ h₂ + b₃`;
 //! - irradiance of channel c: `E_c = mean_c(t) · max(y_c, 0)²`, y_c at most 65504 and E_c the largest f32.
 //!
-//! That is the standard coding; the paper's literal one has another τ, γ and power ([`crate::time::Coding`]), and no gates.
-//! Everything that depends only on time (γ and the gates) is folded into the first layer's bias. Feature values lie in [0, 1].
+//! That is the standard coding; the paper's literal one has another τ, γ and power ([`crate::time::Coding`]),
+//! and no gates. Everything that depends only on time (γ and the gates) is folded into the first layer's
+//! bias. Feature values lie in [0, 1].
 
 use crate::time::{Axis, Coding};
 
 /// Side of a stored tile in texels.
 pub const STORED: usize = 128;
-/// Texels on each side of a tile that repeat its neighbours (mirrored at the page's edge): one is what bilinear filtering needs.
+/// Texels on each side of a tile that repeat its neighbours (mirrored at the page's edge): one is what
+/// bilinear filtering needs.
 pub const BORDER: usize = 1;
 /// Side of a tile's payload (without its border), in texels.
 pub const PAYLOAD: usize = STORED - 2 * BORDER;
@@ -55,7 +60,8 @@ pub struct Profile {
     pub hidden: usize,
 }
 
-/// The paper's profiles, the same with hidden layers of 32, and one without F_ut and F_vt for light that is smooth in time.
+/// The paper's profiles, the same with hidden layers of 32, and one without F_ut and F_vt for light that is
+/// smooth in time.
 pub const PROFILES: [Profile; 8] = [
     Profile { name: "L", uvt: 16, planes: true, hidden: 16 },
     Profile { name: "M", uvt: 32, planes: true, hidden: 16 },
@@ -68,8 +74,8 @@ pub const PROFILES: [Profile; 8] = [
 ];
 
 impl Profile {
-    /// All maps of the profile, for `distinct` frames that differ and `gates` gates: min(12, ⌈distinct/2⌉) slices
-    /// of F_uvt, min(24, distinct) rows of F_ut and F_vt.
+    /// All maps of the profile, for `distinct` frames that differ and `gates` gates: min(12, ⌈distinct/2⌉)
+    /// slices of F_uvt, min(24, distinct) rows of F_ut and F_vt.
     pub fn contents(&self, distinct: usize, gates: usize) -> Contents {
         Contents {
             uv: true,
@@ -146,7 +152,8 @@ impl Contents {
         })
     }
 
-    /// The contents of a word, ignoring its spare bits; `None` for a word that [`Contents::word`] never returns.
+    /// The contents of a word, ignoring its spare bits; `None` for a word that [`Contents::word`] never
+    /// returns.
     pub fn of_word(word: u32) -> Option<Self> {
         let flag = |bit: u32| word >> bit & 1 == 1;
         let byte = |bit: u32| (word >> bit & 0xff) as usize;
@@ -256,7 +263,8 @@ impl Shape {
             && Shape::new(&self.contents, self.width, self.height, self.frames, coding) == *self
     }
 
-    /// The columns of W₁ of V_uvt, V_uv, V_ut, V_vt, γ and the gates, in this order; empty for what the tile does not have.
+    /// The columns of W₁ of V_uvt, V_uv, V_ut, V_vt, γ and the gates, in this order; empty for what the tile
+    /// does not have.
     pub fn columns(&self) -> [std::ops::Range<usize>; 6] {
         let c = &self.contents;
         let lengths = [
@@ -306,7 +314,8 @@ impl Shape {
 pub struct Knot {
     /// Factor of each channel's curve, finite and ≥ 0; exactly 0 decodes to 0.
     pub mean: [f32; 3],
-    /// Approximate upper bound of the tile's values, finite and ≥ 0: for output in few bits. Decoding does not need it.
+    /// Approximate upper bound of the tile's values, finite and ≥ 0: for output in few bits. Decoding does
+    /// not need it.
     pub peak: f32,
     /// Between two frames, the second frame's share of the light, from 0 to 1; 0 at a frame.
     pub share: f32,
@@ -382,12 +391,13 @@ impl TileParams {
 /// Beyond ±this, [`gelu`]'s factor is exactly 1 or 0.
 pub const GELU_BOUND: f32 = 9.0 / 4.0;
 
-/// Coefficients of P in [`gelu`], constant term first: those with which y P(y²) is ½ and flat at y = [`GELU_BOUND`], so that the
-/// function and its derivative are continuous.
+/// Coefficients of P in [`gelu`], constant term first: those with which y P(y²) is ½ and flat at y =
+/// [`GELU_BOUND`], so that the function and its derivative are continuous.
 pub const GELU_COEFFICIENTS: [f32; 2] = [1.0 / 3.0, -16.0 / 729.0];
 
-/// The activation: `x · (½ + y P(y²))` with y = x clamped to ±[`GELU_BOUND`]. It is GELU, `x · Φ(x)` (Φ the normal distribution
-/// function), but for 0.031, at 6 operations; at 10, within 5e-4 of it, decoders are better by 0.1 dB at most and a sixth slower.
+/// The activation: `x · (½ + y P(y²))` with y = x clamped to ±[`GELU_BOUND`]. It is GELU, `x · Φ(x)` (Φ the
+/// normal distribution function), but for 0.031, at 6 operations; at 10, within 5e-4 of it, decoders are
+/// better by 0.1 dB at most and a sixth slower.
 #[inline(always)]
 pub fn gelu(x: f32) -> f32 {
     let y = x.clamp(-GELU_BOUND, GELU_BOUND);
@@ -399,7 +409,8 @@ pub fn gelu(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Φ(x) = ½ + φ(x) (x + x³/3 + x⁵/15 + …) (Abramowitz and Stegun 26.2.11), to double precision for |x| < 8.
+    /// Φ(x) = ½ + φ(x) (x + x³/3 + x⁵/15 + …) (Abramowitz and Stegun 26.2.11), to double precision for |x|
+    /// < 8.
     fn normal_distribution(x: f64) -> f64 {
         let (mut term, mut sum, mut n) = (x, x, 1.0);
         while (term / sum).abs() > 1e-17 {

@@ -1,4 +1,5 @@
-//! The sun: its direction and irradiance over the day, and the times at which a bundle stores which texels see it.
+//! The sun: its direction and irradiance over the day, and the times at which a bundle stores which texels
+//! see it.
 
 mod bits;
 mod normals;
@@ -12,8 +13,8 @@ pub use tables::Tables;
 
 use planes::Decoder;
 
-/// The sun's path by the minute, or less often where it moves evenly. Between two times direction and irradiance are interpolated linearly,
-/// component by component; outside their range there is no sun.
+/// The sun's path by the minute, or less often where it moves evenly. Between two times direction and
+/// irradiance are interpolated linearly, component by component; outside their range there is no sun.
 ///
 /// ```
 /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -29,10 +30,11 @@ use planes::Decoder;
 pub struct SunPath {
     /// Ascending, in hours from 0 to 24; at least one.
     pub hours: Vec<f64>,
-    /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a small disc and less for a wide
-    /// one, in the axes of the normals.
+    /// Per time, the mean direction towards the visible part of the disc, as a vector whose length is 1 for a
+    /// small disc and less for a wide one, in the axes of the normals.
     pub direction: Vec<[f32; 3]>,
-    /// Per time, the irradiance of a surface that faces the disc, red, green and blue, in the unit of the lightmaps.
+    /// Per time, the irradiance of a surface that faces the disc, red, green and blue, in the unit of the
+    /// lightmaps.
     pub irradiance: Vec<[f32; 3]>,
 }
 
@@ -47,7 +49,8 @@ impl SunPath {
     }
 }
 
-/// The indices of the times before and after an hour and the fraction between them; outside their range, the nearest time.
+/// The indices of the times before and after an hour and the fraction between them; outside their range, the
+/// nearest time.
 pub(crate) fn around(times: &[f64], hour: f64) -> (usize, usize, f32) {
     let next = times.partition_point(|time| *time <= hour);
     let (before, after) = (next.saturating_sub(1), next.min(times.len() - 1));
@@ -116,7 +119,8 @@ pub struct TileSun {
     pub height: usize,
     /// Number of [`Sun::times`].
     pub times: usize,
-    /// By channel (one, or red, green and blue behind coloured glass), time and texel. Level 0: the sun is hidden;
+    /// By channel (one, or red, green and blue behind coloured glass), time and texel. Level 0: the sun is
+    /// hidden;
     /// [`TileSun::TOP`]: all of it is visible; [`TileSun::ANY`], only before encoding: any level will do.
     pub levels: Vec<u8>,
     /// Per texel, the mean shading normal; before encoding, 0 where it does not matter.
@@ -141,8 +145,9 @@ impl TileSun {
         self.levels.len() / (self.times * self.width * self.height).max(1)
     }
 
-    /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. `sun` is the one that the tile was decoded with. Between
-    /// its times visibility is linear, plus moving shadows where there are any; outside their range it is held.
+    /// The share of the sun that each texel sees at an hour, row by row: red, green, blue. `sun` is the one
+    /// that the tile was decoded with. Between its times visibility is linear, plus moving shadows where
+    /// there are any; outside their range it is held.
     pub fn visibility(&self, sun: &Sun, hour: f64) -> Vec<[f32; 3]> {
         let planes: Vec<Vec<f32>> = (0..self.channels()).map(|c| self.seen(sun, hour, c)).collect();
         (0..self.width * self.height).map(|i| [0, 1, 2].map(|c| planes[c.min(planes.len() - 1)][i])).collect()
@@ -196,7 +201,8 @@ impl TileSun {
         [0, 1, 2].map(|c| seen[c] * cosine * irradiance[c])
     }
 
-    /// Adds the sun's direct light at an hour, visibility · (normal · direction)⁺ · irradiance, to that of all texels, row by row.
+    /// Adds the sun's direct light at an hour, visibility · (normal · direction)⁺ · irradiance, to that of
+    /// all texels, row by row.
     ///
     /// # Panics
     /// Unless `light` has as many texels as the tile.
@@ -207,7 +213,8 @@ impl TileSun {
         }
     }
 
-    /// By channel, one or three, and texel: the share of the sun's irradiance at an hour, visibility · (normal · direction)⁺.
+    /// By channel, one or three, and texel: the share of the sun's irradiance at an hour, visibility ·
+    /// (normal · direction)⁺.
     pub(crate) fn shares(&self, sun: &Sun, hour: f64) -> Vec<Vec<f32>> {
         let direction = sun.path.at(hour).map_or([0.0; 3], |(direction, _)| direction);
         let of_channel = |channel: usize| {
@@ -256,7 +263,8 @@ impl TileSun {
         if all(0) { Some(DARK) } else { all(Self::TOP).then_some(LIT) }
     }
 
-    /// Counts symbols for building tables. With a `coder`, levels that do not matter get the values it would choose.
+    /// Counts symbols for building tables. With a `coder`, levels that do not matter get the values it would
+    /// choose.
     pub fn count(&self, coder: Option<&Coder>, counts: &mut Counts) {
         let mixed = self.planes().filter(|plane| Self::even(plane).is_none());
         mixed.for_each(|plane| planes::count(plane, self.size(), coder, counts));
@@ -321,8 +329,9 @@ impl SunDecoder {
         self.tile_at(bytes, word, size, &all)
     }
 
-    /// Bytes of memory at one time for a section that [`SunDecoder::tile`] reads, in a compact layout: levels of two times in 3 bits, and normals as stored,
-    /// with four bytes a block of 4×4 in place of runs: its kind, and where its directions are. `ndgi-gpu` needs more.
+    /// Bytes of memory at one time for a section that [`SunDecoder::tile`] reads, in a compact layout: levels
+    /// of two times in 3 bits, and normals as stored, with four bytes a block of 4×4 in place of runs: its
+    /// kind, and where its directions are. `ndgi-gpu` needs more.
     pub(crate) fn held(&self, bytes: &[u8], word: u32, [width, height]: [usize; 2]) -> usize {
         let channels = (word & 3) as usize;
         let list = 2 * channels * self.times;

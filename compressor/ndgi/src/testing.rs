@@ -126,7 +126,8 @@ pub fn bundle() -> (Header, Vec<Payload>, Vec<u8>) {
     (header, payloads, bytes)
 }
 
-/// What a tile sees of the sun at some times: levels as noise or as an edge that moves, normals of all kinds, and shadows that move.
+/// What a tile sees of the sun at some times: levels as noise or as an edge that moves, normals of all kinds,
+/// and shadows that move.
 pub fn sun_tile(size: [usize; 2], times: usize, channels: usize, seed: u64) -> TileSun {
     let [width, height] = size;
     let mut random = Random(seed);
@@ -253,8 +254,9 @@ pub fn dusk() -> Knot {
     Knot { mean: [0.25, 1.5, 0.0], peak: 4.0, share: 51.0 / 255.0 }
 }
 
-/// A bundle whose light groups switch at the hour of a frame, and blink: at noon, when the neighbouring frames lack what two others as near show, and at
-/// 9.77, 21 and 23.9 h, which no frame shows. Around 1.5 h the second tile is black.
+/// A bundle whose light groups switch at the hour of a frame, and blink: at noon, when the neighbouring
+/// frames lack what two others as near show, and at 9.77, 21 and 23.9 h, which no frame shows. Around 1.5 h
+/// the second tile is black.
 pub fn switching_bundle() -> Vec<u8> {
     let mut header = Header { pages: vec![Grid { width: 140, height: 10 }], ..header() };
     header.kinds.truncate(1);

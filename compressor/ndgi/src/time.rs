@@ -1,7 +1,8 @@
 //! Hours to time coordinates: which frames surround an hour, and how far it lies between them.
 //!
-//! Light jumps where a light group switches, so means and time coordinate interpolate only between neighbouring frames that show the
-//! light groups in that hour's state; next to a switch, the frame on the hour's side of the switch is held.
+//! Light jumps where a light group switches, so means and time coordinate interpolate only between
+//! neighbouring frames that show the light groups in that hour's state; next to a switch, the frame on the
+//! hour's side of the switch is held.
 
 /// How time and light are coded in a tile's maps; one choice for a complete bundle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +14,8 @@ pub enum Coding {
 }
 
 impl Coding {
-    /// The time coordinate of every frame: from its place on the tile's time axis, or with the paper's coding from its hour.
+    /// The time coordinate of every frame: from its place on the tile's time axis, or with the paper's coding
+    /// from its hour.
     pub fn taus(self, hours: &[f64], axis: &Axis) -> Vec<f64> {
         match self {
             Coding::Standard => {
@@ -24,8 +26,8 @@ impl Coding {
         }
     }
 
-    /// Positional encoding: sine and cosine of τ's first and second harmonic. The paper's first one has a period of two days,
-    /// so that its γ jumps at midnight.
+    /// Positional encoding: sine and cosine of τ's first and second harmonic. The paper's first one has a
+    /// period of two days, so that its γ jumps at midnight.
     pub fn gamma(self, tau: f64) -> [f32; 4] {
         let cycle = match self {
             Coding::Standard => std::f64::consts::TAU,
@@ -66,7 +68,8 @@ impl Coding {
 pub struct Axis {
     /// Number of places.
     pub length: u16,
-    /// Per frame, its place. The first is 0 and places never decrease, except that the last frames may be at place 0 again.
+    /// Per frame, its place. The first is 0 and places never decrease, except that the last frames may be at
+    /// place 0 again.
     pub places: Vec<u16>,
 }
 
@@ -99,9 +102,11 @@ impl Axis {
 pub struct Timeline {
     /// The frames' hours: at least one, strictly ascending, in [0, 24).
     pub hours: Vec<f64>,
-    /// Hours between frames at which tiles' means are known too, strictly ascending, in [0, 24): see [`Timeline::knots`].
+    /// Hours between frames at which tiles' means are known too, strictly ascending, in [0, 24): see
+    /// [`Timeline::knots`].
     pub between: Vec<f64>,
-    /// Per light group: its open on-intervals `(from, to)` in hours; `from > to` crosses midnight; `[0, 24]` is always on.
+    /// Per light group: its open on-intervals `(from, to)` in hours; `from > to` crosses midnight; `[0, 24]`
+    /// is always on.
     pub intervals: Vec<Vec<[f64; 2]>>,
     /// Per frame and light group: true if the group is on in the frame.
     pub states: Vec<Vec<bool>>,
@@ -120,15 +125,16 @@ pub struct TimePoint {
     pub knots: [usize; 2],
     /// True if the second knot is that of frame `b`.
     pub reaches_b: bool,
-    /// Weight of the second knot in the means, in [0, 1). In double precision because, where the second knot is far dimmer, the result depends on
-    /// 1 − fraction.
+    /// Weight of the second knot in the means, in [0, 1). In double precision because, where the second knot
+    /// is far dimmer, the result depends on 1 − fraction.
     pub fraction: f64,
 }
 
 impl TimePoint {
-    /// The interpolated time coordinate. `taus`: per frame; `brightness`: per knot; `share`: the part of a knot's light that comes from `b`,
-    /// 0 at `a`. It runs from the coordinate of `a` to that of `b` as the share of `b` grows. Next to a frame
-    /// a thousand times brighter it reaches that frame's coordinate almost at once; next to a black frame the light only fades. May exceed 1.
+    /// The interpolated time coordinate. `taus`: per frame; `brightness`: per knot; `share`: the part of a
+    /// knot's light that comes from `b`, 0 at `a`. It runs from the coordinate of `a` to that of `b` as the
+    /// share of `b` grows. Next to a frame a thousand times brighter it reaches that frame's coordinate
+    /// almost at once; next to a black frame the light only fades. May exceed 1.
     pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {
         let [from, to] = self.knots;
         let shares = [share(from), if self.reaches_b { 1.0 } else { share(to) }];
@@ -137,8 +143,8 @@ impl TimePoint {
     }
 }
 
-/// The second frame's share of the light at a fraction of the way between two knots with these brightnesses and shares; linear
-/// where both are black.
+/// The second frame's share of the light at a fraction of the way between two knots with these brightnesses
+/// and shares; linear where both are black.
 fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
     let weights = [(1.0 - fraction) * a, fraction * b];
     let sum = weights[0] + weights[1];
@@ -149,8 +155,8 @@ fn light_share(fraction: f64, [a, b]: [f64; 2], [of_a, of_b]: [f64; 2]) -> f64 {
     }
 }
 
-/// The fraction of the way between two lit frames at which the second has this share of the light: the inverse of what
-/// [`TimePoint::tau`] computes without knots between them.
+/// The fraction of the way between two lit frames at which the second has this share of the light: the
+/// inverse of what [`TimePoint::tau`] computes without knots between them.
 pub fn fraction_of_share(share: f64, a: f64, b: f64) -> f64 {
     let (a, b) = (share * a, (1.0 - share) * b);
     a / (a + b)
@@ -161,7 +167,8 @@ pub fn brightness(means: &[f32; 3]) -> f64 {
     means.iter().map(|&mean| f64::from(mean)).sum()
 }
 
-/// Whether a group with these open on-intervals is lit at `hour`. `[0, 24]` (and longer) is always on, midnight included.
+/// Whether a group with these open on-intervals is lit at `hour`. `[0, 24]` (and longer) is always on,
+/// midnight included.
 pub fn is_on(intervals: &[[f64; 2]], hour: f64) -> bool {
     intervals.iter().any(|&[from, to]| {
         if to - from >= 24.0 {
@@ -257,7 +264,8 @@ impl Timeline {
         }
     }
 
-    /// The position between neighbouring frames, or between knots that lie between them, possibly across midnight.
+    /// The position between neighbouring frames, or between knots that lie between them, possibly across
+    /// midnight.
     fn between(&self, a: usize, b: usize, hour: f64) -> TimePoint {
         let after = |x: f64| {
             let x = x - self.hours[a];
@@ -377,7 +385,8 @@ mod tests {
         let tau = |fraction: f64, light: [f64; 2]| {
             point(fraction).tau(&[0.25, 0.75], |frame| light[frame], |_| 0.0)
         };
-        // Beside a black frame that of the lit one; a thousandth of the way to a frame a thousand times as bright, halfway.
+        // Beside a black frame that of the lit one; a thousandth of the way to a frame a thousand times as
+        // bright, halfway.
         assert_eq!([tau(0.01, [0.0, 2.0]), tau(0.99, [2.0, 0.0]), tau(0.5, [0.0, 0.0])], [0.75, 0.25, 0.5]);
         assert!((tau(0.001, [1.0, 999.0]) - 0.5).abs() < 1e-6);
         for (share, a, b) in [(0.5, 1.0, 1.0), (1.0 / 3.0, 1e-8, 1.0), (0.7, 3.0, 1e9)] {
@@ -391,7 +400,8 @@ mod tests {
 
     #[test]
     fn means_go_from_knot_to_knot_and_the_picture_by_the_share_of_light() {
-        // Dusk: a tenth of the light, all of it the first frame's picture, at the first knot; at the second a half is the second's.
+        // Dusk: a tenth of the light, all of it the first frame's picture, at the first knot; at the second a
+        // half is the second's.
         let t = Timeline {
             between: vec![1.0, 19.0, 19.5, 23.0],
             ..timeline(vec![2.0, 18.0, 20.0, 22.0], vec![])

@@ -1,4 +1,5 @@
-//! Prepared tiles and pages against the decoder that reads one texel by the formulas, on real bundles: with and without a sun, of all versions.
+//! Prepared tiles and pages against the decoder that reads one texel by the formulas, on real bundles: with
+//! and without a sun, of all versions.
 
 use ndgi::Bundle;
 use ndgi::decode::{Decoder, Lights};

@@ -70,8 +70,8 @@ pub(super) fn methods<'a>(set: &'a TileSet, options: &'a Options) -> Vec<Method<
     .collect()
 }
 
-/// Profile M by the paper's literal recipe and coding, with as many steps: the hour as the time axis, γ on πτ and 2πτ, the power 2.2,
-/// constant rate, no gates, blocks that training does not know of.
+/// Profile M by the paper's literal recipe and coding, with as many steps: the hour as the time axis, γ on πτ
+/// and 2πτ, the power 2.2, constant rate, no gates, blocks that training does not know of.
 fn literal(set: &TileSet, options: &Options) -> Result<CodedTiles> {
     let preset = options.effort.preset();
     let timeline = Timeline { coding: Coding::Paper, ..set.timeline.clone() };
@@ -97,7 +97,8 @@ fn code(
 /// Bits of a tile, and its PSNR.
 type Stage = (f64, Option<f64>);
 
-/// What each step of quantisation of profile M saves and costs: float32, 8 bits, BC7. PSNRs are the trainer's own.
+/// What each step of quantisation of profile M saves and costs: float32, 8 bits, BC7. PSNRs are the trainer's
+/// own.
 pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
     let preset = options.effort.preset();
     let tile = |tile: &Tile| -> Result<Option<[Stage; 3]>> {
@@ -114,7 +115,8 @@ pub(super) fn sizes(set: &TileSet, options: &Options) -> Result<Vec<Row>> {
             Coding::Standard,
         );
         let [uv, uvt, ut, vt] = shape.counts();
-        // Values of the block maps, of the planes, of the decoder; bits of the means, which are alike in all three.
+        // Values of the block maps, of the planes, of the decoder; bits of the means, which are alike in all
+        // three.
         let (blocks, planes) = ((64 * (uv + uvt)) as f64, (2 * (ut + vt)) as f64);
         let (decoder, means) = (params.mlp.len() as f64, (64 * params.knots.len()) as f64);
         Ok(Some([

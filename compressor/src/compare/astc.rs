@@ -56,8 +56,8 @@ impl ImageCodec for Astc {
 }
 
 impl Astc {
-    /// 128 bits a block. On a page blocks go on across tiles, so parts of a block are not counted as whole ones; with the image's
-    /// scale and curve.
+    /// 128 bits a block. On a page blocks go on across tiles, so parts of a block are not counted as whole
+    /// ones; with the image's scale and curve.
     fn bits(&self, tile: &Tile) -> f64 {
         128.0 / f64::from(self.side * self.side) * tile.texels() as f64 + 32.0 + 8.0
     }

@@ -12,7 +12,8 @@ use intel_tex_2::{RgbaSurface, bc6h, bc7};
 const BITS: f64 = 8.0;
 /// Largest finite half, as bits: BC6H gives no more.
 const LARGEST: f64 = 0x7bff as f64;
-/// What a direct BC6H texture has as its peak: far from the least normal half, so that the dark keeps its digits.
+/// What a direct BC6H texture has as its peak: far from the least normal half, so that the dark keeps its
+/// digits.
 const DIRECT_PEAK: f32 = 16384.0;
 
 /// BC7 of an 8-bit encoding: the curve of each image is the best of [`CURVES`], tried with a fast encoder.
@@ -55,8 +56,8 @@ impl ImageCodec for Bc7 {
     }
 }
 
-/// BC7 of RGBM, the usual four-channel encoding of HDR light in 8 bits: a colour below 1 and a multiplier, both as roots so that the
-/// dark keeps its steps.
+/// BC7 of RGBM, the usual four-channel encoding of HDR light in 8 bits: a colour below 1 and a multiplier,
+/// both as roots so that the dark keeps its steps.
 pub(super) struct Bc7Rgbm(pub Effort);
 
 impl ImageCodec for Bc7Rgbm {
@@ -88,7 +89,8 @@ impl ImageCodec for Bc7Rgbm {
     }
 }
 
-/// Light in [0, 1] as √c/m and m in bytes, m the root of the largest channel rounded up so that no colour exceeds 1.
+/// Light in [0, 1] as √c/m and m in bytes, m the root of the largest channel rounded up so that no colour
+/// exceeds 1.
 fn to_rgbm(texel: [f32; 3]) -> [u8; 4] {
     let peak = texel.into_iter().fold(0.0, f32::max).sqrt();
     let m = (255.0 * peak).ceil().clamp(1.0, 255.0);
@@ -105,8 +107,8 @@ fn from_rgbm([r, g, b, m]: [u8; 4]) -> [f32; 3] {
 pub(super) enum Halves {
     /// As it is but for its scale: what a game's texture holds.
     Direct,
-    /// A code value of the best of [`CURVES`] as the half's bits. They go with the logarithm of the half, so the encoder sees
-    /// code values; a decoder takes a logarithm.
+    /// A code value of the best of [`CURVES`] as the half's bits. They go with the logarithm of the half, so
+    /// the encoder sees code values; a decoder takes a logarithm.
     Curve,
 }
 

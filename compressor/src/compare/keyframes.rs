@@ -1,8 +1,8 @@
-//! Common practice in games: a few whole frames (keyframes), light linear in time between them. Where light groups differ between two of them, a frame
-//! with the light groups of one of the two is that one.
+//! Common practice in games: a few whole frames (keyframes), light linear in time between them. Where light
+//! groups differ between two of them, a frame with the light groups of one of the two is that one.
 //!
-//! Which frames are kept is found by dynamic programming over the day: the choice of least squared error relative to the peaks, over
-//! all tiles, if the kept frames were exact.
+//! Which frames are kept is found by dynamic programming over the day: the choice of least squared error
+//! relative to the peaks, over all tiles, if the kept frames were exact.
 
 use super::method::{CodedTile, CodedTiles, ImageCodec, each_tile, together};
 use super::tiles::{Texels, Tile, TileSet};
@@ -39,8 +39,8 @@ fn between(k: usize, kept: &[usize], timeline: &Timeline, keys: &[Texels]) -> Te
     keys[a].iter().zip(&keys[b]).map(|(a, b)| [0, 1, 2].map(|c| mix(a[c], b[c]))).collect()
 }
 
-/// How far frame k is on the way from frame a to frame b, in hours around the clock; where a switch lies between those two, at the one whose
-/// light groups it has.
+/// How far frame k is on the way from frame a to frame b, in hours around the clock; where a switch lies
+/// between those two, at the one whose light groups it has.
 fn way(k: usize, a: usize, b: usize, timeline: &Timeline) -> f64 {
     let (hours, lamps) = (&timeline.hours, |set: usize| &timeline.states[set]);
     match (lamps(k) == lamps(a), lamps(k) == lamps(b)) {
@@ -56,7 +56,8 @@ fn way(k: usize, a: usize, b: usize, timeline: &Timeline) -> f64 {
     after(k) / length
 }
 
-/// `[a][b]`: the squared error of the frames after a and before b, if these two are kept; with b = a, of all the others.
+/// `[a][b]`: the squared error of the frames after a and before b, if these two are kept; with b = a, of all
+/// the others.
 fn costs(set: &TileSet) -> Vec<Vec<f64>> {
     let n = set.timeline.hours.len();
     let mut costs = vec![vec![0.0; n]; n];

@@ -3,8 +3,8 @@
 /// Sweeps of Jacobi's method at most; it converges quadratically.
 const SWEEPS: usize = 60;
 
-/// Eigenvalues, descending, and for each its unit eigenvector, of a symmetric matrix of n rows: Jacobi's cyclic method (Golub and Van
-/// Loan, "Matrix Computations", section 8.5).
+/// Eigenvalues, descending, and for each its unit eigenvector, of a symmetric matrix of n rows: Jacobi's
+/// cyclic method (Golub and Van Loan, "Matrix Computations", section 8.5).
 pub(super) fn eigen(mut a: Vec<f64>, n: usize) -> Vec<(f64, Vec<f64>)> {
     let mut vectors = vec![0.0; n * n];
     (0..n).for_each(|i| vectors[i * n + i] = 1.0);

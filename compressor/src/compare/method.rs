@@ -56,7 +56,8 @@ pub(super) struct Method<'a> {
     pub run: Box<dyn Fn() -> Result<Ways<'a>> + 'a>,
 }
 
-/// Runs an encoder, then its decoder, on this thread and takes their times. The decoder gets what was encoded.
+/// Runs an encoder, then its decoder, on this thread and takes their times. The decoder gets what was
+/// encoded.
 pub(super) fn timed<E, T>(
     encode: impl FnOnce() -> Result<(E, f64, Vec<Curve>)>,
     decode: impl FnOnce(&E) -> Result<T>,
@@ -145,9 +146,9 @@ pub(super) fn relative_errors(tile: &Tile, decoded: &[Texels]) -> Vec<Option<f64
 /// Rounds of weighting; after the eighth little changes.
 pub(super) const ROUNDS: usize = 8;
 
-/// What has the highest mean PSNR of this many rounds, and the mean over the lit frames of the logarithm of its error. Each round encodes by
-/// weights of the frames' squared errors: 1 at first, then 1 ÷ the last round's relative error, which is its derivative in Σ ln error;
-/// black frames have 0.
+/// What has the highest mean PSNR of this many rounds, and the mean over the lit frames of the logarithm of
+/// its error. Each round encodes by weights of the frames' squared errors: 1 at first, then 1 ÷ the last
+/// round's relative error, which is its derivative in Σ ln error; black frames have 0.
 pub(super) fn reweighted<S>(
     tile: &Tile,
     rounds: usize,

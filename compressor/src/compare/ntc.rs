@@ -1,9 +1,11 @@
 //! Neural texture compression (Vaidyanathan et al. 2023), the paper's neural baseline.
 //!
-//! A texture set has at most 16 channels, so the day is cut into segments of at most five frames, each compressed on its own: per tile a
-//! grid of high resolution, whose four cells around a texel are read side by side, and one of low resolution, read bilinearly; both of
-//! few bits. One network, shared by all tiles of a run, reads them with a positional encoding and gives all frames of the segment at once.
-//! Light is relative to the peak of its tile and frame. What the original does to other mip levels has no counterpart here.
+//! A texture set has at most 16 channels, so the day is cut into segments of at most five frames, each
+//! compressed on its own: per tile a grid of high resolution, whose four cells around a texel are read side
+//! by side, and one of low resolution, read bilinearly; both of few bits. One network, shared by all tiles of
+//! a run, reads them with a positional encoding and gives all frames of the segment at once. Light is
+//! relative to the peak of its tile and frame. What the original does to other mip levels has no counterpart
+//! here.
 
 mod network;
 mod grids;
@@ -22,14 +24,16 @@ use std::ops::Range;
 
 /// Frames of a segment, at most: 15 channels of 16.
 const SETS: usize = 5;
-/// The curve from light to what the network gives: on the scene `room` a little better than the square root by every measure.
+/// The curve from light to what the network gives: on the scene `room` a little better than the square root
+/// by every measure.
 const CURVE: Curve = Curve::Power(3.0);
 
 /// A rate: the sizes of both grids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Preset {
     pub name: &'static str,
-    /// Texels of a cell of the high-resolution grid, along a side; one of the low-resolution grid has twice as many.
+    /// Texels of a cell of the high-resolution grid, along a side; one of the low-resolution grid has twice
+    /// as many.
     scale: usize,
     /// Features of both grids.
     features: [usize; 2],
@@ -52,8 +56,8 @@ fn steps(effort: Effort) -> usize {
     }
 }
 
-/// Compresses all tiles. Bits are those of the grids and peaks, as published rates are; what the networks would add if these tiles
-/// alone shared them is given too, in bits per texel and frame.
+/// Compresses all tiles. Bits are those of the grids and peaks, as published rates are; what the networks
+/// would add if these tiles alone shared them is given too, in bits per texel and frame.
 pub(super) fn code(set: &TileSet, preset: &Preset, effort: Effort, seed: u64) -> Result<(CodedTiles, f64)> {
     let layout = Layout::new(set, preset);
     let n = set.timeline.hours.len();

@@ -1,8 +1,10 @@
-//! Precomputed radiance transfer: what each spherical harmonic of sky light does to a texel, lit by each time's sky and sun.
+//! Precomputed radiance transfer: what each spherical harmonic of sky light does to a texel, lit by each
+//! time's sky and sun.
 //!
-//! A texel is a vector: the irradiance under each function, from the scene's transfer (`bake --transfer`), and under each light group,
-//! from the dataset's layers. Its light at a time is linear in that vector, by weights that all texels share: the coefficients of sky
-//! and sun, and 1 for the groups that are on. What the functions cannot follow, shadows of the sun above all, no coding brings back.
+//! A texel is a vector: the irradiance under each function, from the scene's transfer (`bake --transfer`),
+//! and under each light group, from the dataset's layers. Its light at a time is linear in that vector, by
+//! weights that all texels share: the coefficients of sky and sun, and 1 for the groups that are on. What the
+//! functions cannot follow, shadows of the sun above all, no coding brings back.
 
 mod cluster;
 mod code;
@@ -36,7 +38,8 @@ pub(super) struct Transfer<'a> {
 pub(super) struct Vectors {
     /// Functions and groups.
     sources: usize,
-    /// Per valid texel and channel, a value per source; functions together, and each group, relative to their largest in the tile.
+    /// Per valid texel and channel, a value per source; functions together, and each group, relative to their
+    /// largest in the tile.
     rows: Vec<f64>,
     /// Per frame and channel, the weight of each source.
     weights: Vec<f64>,
@@ -161,7 +164,8 @@ impl<'a> Transfer<'a> {
         Ok(Vectors { sources, rows, weights: self.weights(&scales), scales: scales.len() })
     }
 
-    /// Per frame and channel, the weight of each source; `scales` are that of the functions and those of the groups.
+    /// Per frame and channel, the weight of each source; `scales` are that of the functions and those of the
+    /// groups.
     fn weights(&self, scales: &[f64]) -> Vec<f64> {
         let mut weights = Vec::new();
         for (set, &time) in self.dataset.config.frames.iter().zip(&self.times) {

@@ -1,8 +1,9 @@
-//! Renders the scene with the light of some methods, measures temporal error over a day, and shows tiles close up: the paper's figures.
+//! Renders the scene with the light of some methods, measures temporal error over a day, and shows tiles
+//! close up: the paper's figures.
 //!
-//! A method is rendered right after it is evaluated, from its decoded tiles, which are then dropped; 8-bit pictures remain. `times`: which
-//! times are shown; `pages`: light of tiles as pages; `lapse`: a day in half hours; `results`: numbers and
-//! pictures; `page`: the HTML page.
+//! A method is rendered right after it is evaluated, from its decoded tiles, which are then dropped; 8-bit
+//! pictures remain. `times`: which times are shown; `pages`: light of tiles as pages; `lapse`: a day in half
+//! hours; `results`: numbers and pictures; `page`: the HTML page.
 
 mod times;
 mod pages;
@@ -148,7 +149,8 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// The numbers and pictures of all that was shown, and tiles close up as `shown` has them, each at the frame `of_tiles`.
+    /// The numbers and pictures of all that was shown, and tiles close up as `shown` has them, each at the
+    /// frame `of_tiles`.
     pub fn finish(
         mut self,
         comparison: &Comparison,

@@ -1,9 +1,11 @@
-//! The linear control: a tile's texels × (frames · RGB) as a truncated singular value decomposition, its maps in 8 bits.
+//! The linear control: a tile's texels × (frames · RGB) as a truncated singular value decomposition, its maps
+//! in 8 bits.
 //!
-//! Light is relative to each frame's peak, as the PSNR is. The maps (one value a valid texel and component) are rounded to 8 bits
-//! between their extremes, then the curves in time, and a constant one, are fitted to the rounded maps by least squares and stored as
-//! float16. Like NDGI's training it aims at the mean PSNR: the frames are weighted anew by what is left of their error, some rounds long.
-//! The best round of the best of three transfer curves is taken for each tile.
+//! Light is relative to each frame's peak, as the PSNR is. The maps (one value a valid texel and component)
+//! are rounded to 8 bits between their extremes, then the curves in time, and a constant one, are fitted to
+//! the rounded maps by least squares and stored as float16. Like NDGI's training it aims at the mean PSNR:
+//! the frames are weighted anew by what is left of their error, some rounds long. The best round of the best
+//! of three transfer curves is taken for each tile.
 
 use super::curve::Curve;
 use super::linear::{eigen, solve};
@@ -43,7 +45,8 @@ pub(super) fn code(tile: &Tile, rank: usize) -> Result<CodedTile> {
     timed(encode, |stored| Ok(decode(tile, stored)))
 }
 
-/// What has the highest mean PSNR after this many rounds by each curve; and the mean over the lit frames of the logarithm of the error.
+/// What has the highest mean PSNR after this many rounds by each curve; and the mean over the lit frames of
+/// the logarithm of the error.
 fn best(tile: &Tile, rank: usize, rounds: usize) -> (Stored, f64) {
     let trial_fits = TRIED.map(|curve| {
         let rows = matrix(tile, curve);
@@ -101,7 +104,8 @@ fn fit(maps: &[f64], rows: &[f64], columns: usize, rank: usize) -> Vec<f64> {
     solve(normal, right, rank, columns)
 }
 
-/// Maps that serve the frames by the weights of their squared errors, and the curves that are best for each frame by them.
+/// Maps that serve the frames by the weights of their squared errors, and the curves that are best for each
+/// frame by them.
 fn encode(rows: &[f64], rank: usize, curve: Curve, weights: &[f64]) -> Stored {
     let columns = 3 * weights.len();
     let rank = rank.min(columns);

@@ -230,7 +230,8 @@ impl Comparison {
         }
     }
 
-    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's frame that is shown.
+    /// Sorts the rows and draws the two tiles at which the methods differ most; `of_tiles` is each tile's
+    /// frame that is shown.
     pub(super) fn finish(&mut self, set: &TileSet, of_tiles: &[usize], shown: Vec<Shown>) {
         let near = self.method("NDGI M").map(|row| row.bpp);
         let equal = near.and_then(|bpp| self.no_fewer("SVD", bpp));
@@ -270,7 +271,8 @@ impl Comparison {
         self.rows.iter().find(|row| row.method == name)
     }
 
-    /// The name of a family's row of the fewest bits that are no fewer than some; of the most where all are fewer.
+    /// The name of a family's row of the fewest bits that are no fewer than some; of the most where all are
+    /// fewer.
     fn no_fewer(&self, family: &str, bpp: f64) -> Option<String> {
         let of = || self.rows.iter().filter(|row| row.family == family);
         let enough = of().filter(|row| row.bpp >= bpp).min_by(|a, b| a.bpp.total_cmp(&b.bpp));

@@ -33,7 +33,8 @@ pub(super) struct Tile {
     pub index: usize,
     /// What the NDGI trainer sees, without a border.
     pub source: TileSource,
-    /// What a texture holds at every frame: where no texel is valid, what its neighbours have, so that no method spends bits there.
+    /// What a texture holds at every frame: where no texel is valid, what its neighbours have, so that no
+    /// method spends bits there.
     pub filled: Vec<Texels>,
     /// The texels that are evaluated.
     pub mask: Mask,
@@ -159,7 +160,8 @@ fn has_valid(mask: &Mask, rect: &Rect) -> bool {
     (rect.y0..rect.y1).any(|y| mask.valid[y * mask.width..][rect.x0..rect.x1].contains(&true))
 }
 
-/// How texels without a surface are filled: ring by ring around the valid ones, each with the mean of its neighbours that have a value.
+/// How texels without a surface are filled: ring by ring around the valid ones, each with the mean of its
+/// neighbours that have a value.
 pub(super) struct Fill {
     /// A texel, and the neighbours whose mean it gets; in an order in which these come first.
     steps: Vec<(usize, Vec<usize>)>,

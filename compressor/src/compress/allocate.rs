@@ -19,8 +19,9 @@ struct Step {
     gain: f64,
 }
 
-/// Chooses a trial fit for every tile that has any: starting from the smallest, the step with the largest gain per byte comes next, until the
-/// error is reached or no step fits the bytes. If even the smallest exceed the bytes, they are chosen.
+/// Chooses a trial fit for every tile that has any: starting from the smallest, the step with the largest
+/// gain per byte comes next, until the error is reached or no step fits the bytes. If even the smallest
+/// exceed the bytes, they are chosen.
 pub(super) fn choose(tiles: &[Vec<TrialFit>], goal: Goal) -> Vec<Option<usize>> {
     let hulls: Vec<Vec<usize>> = tiles.iter().map(|trials| hull(trials)).collect();
     let mut chosen: Vec<Option<usize>> = hulls.iter().map(|hull| hull.first().copied()).collect();
@@ -53,8 +54,8 @@ pub(super) fn choose(tiles: &[Vec<TrialFit>], goal: Goal) -> Vec<Option<usize>> 
     chosen
 }
 
-/// The trial fits on the lower convex hull of error over bytes, cheapest first; those that are not better than a cheaper one are
-/// not on it.
+/// The trial fits on the lower convex hull of error over bytes, cheapest first; those that are not better
+/// than a cheaper one are not on it.
 fn hull(trials: &[TrialFit]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..trials.len()).collect();
     let of = |i: usize| (trials[i].bytes as f64, trials[i].error);

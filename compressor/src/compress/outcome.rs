@@ -56,8 +56,8 @@ pub struct Outcome {
     pub trial_seconds: f64,
     /// Fewest and most steps of a tile with light.
     pub steps: Option<[usize; 2]>,
-    /// PSNR before quantisation, mean over tiles weighted by their valid texels, in dB (each tile: mean over its frames, peak = the
-    /// frame's largest valid value).
+    /// PSNR before quantisation, mean over tiles weighted by their valid texels, in dB (each tile: mean over
+    /// its frames, peak = the frame's largest valid value).
     pub psnr_unquantised_db: Option<f64>,
     /// The same with features rounded to 8 bits (not BC7).
     pub psnr_8bit_features_db: Option<f64>,

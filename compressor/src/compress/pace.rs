@@ -1,4 +1,5 @@
-//! Steps under a time limit: as many per tile as the remaining time allows for it and all later tiles, at the measured pace.
+//! Steps under a time limit: as many per tile as the remaining time allows for it and all later tiles, at the
+//! measured pace.
 
 use super::stats::TileStats;
 use crate::grid::Place;
@@ -7,13 +8,14 @@ use std::time::{Duration, Instant};
 
 /// Fewest steps of a tile, however little time remains: the learning rate's warm-up, and as many again.
 pub(super) const FLOOR: usize = 200;
-/// Share of the remaining time that is planned for; the rest covers reading bands, and threads that wait for the
-/// last tile of those read together.
+/// Share of the remaining time that is planned for; the rest covers reading bands, and threads that wait for
+/// the last tile of those read together.
 const PLANNED: f64 = 0.95;
 /// Weight of earlier measurements relative to that of a full tile.
 const MEMORY: f64 = 0.75;
-/// Cost of a tile with almost no texels relative to the largest: for a step, which has as many samples but fewer maps to read
-/// (0.65 measured, of slivers of the yard); and for all else, which goes through its texels (0.12 measured).
+/// Cost of a tile with almost no texels relative to the largest: for a step, which has as many samples but
+/// fewer maps to read (0.65 measured, of slivers of the yard); and for all else, which goes through its
+/// texels (0.12 measured).
 const LEAST_STEP: f64 = 0.65;
 const LEAST_REST: f64 = 0.1;
 
@@ -40,8 +42,8 @@ struct State {
     open: Vec<(Place, Size)>,
     /// Tiles being trained, and when they are thought to end.
     running: Vec<(Place, Size, f64)>,
-    /// Of the tiles measured, older ones weighing less: their cost in steps of the largest tile, in all else of the largest tile,
-    /// and the seconds of both.
+    /// Of the tiles measured, older ones weighing less: their cost in steps of the largest tile, in all else
+    /// of the largest tile, and the seconds of both.
     step_cost: f64,
     rest_cost: f64,
     step_seconds: f64,
@@ -70,7 +72,8 @@ impl Pace {
         Pace { most, limit: None }
     }
 
-    /// A plan until `deadline`, for `open` tiles with their valid texels, in the order in which they are trained.
+    /// A plan until `deadline`, for `open` tiles with their valid texels, in the order in which they are
+    /// trained.
     pub(super) fn until(deadline: Instant, most: usize, open: Vec<(Place, usize)>) -> Self {
         let state = Mutex::new(State::new(rayon::current_num_threads(), open));
         Pace { most, limit: Some(Limit { start: Instant::now(), deadline, state }) }
@@ -91,7 +94,8 @@ impl Pace {
     /// Learns from a tile that has ended and took so long by the clock.
     pub(super) fn measure(&self, place: Place, stats: &TileStats, took: Duration) {
         if let Some(limit) = &self.limit {
-            // A tile's own seconds are those of its thread's CPU; the share of its steps in them is what counts.
+            // A tile's own seconds are those of its thread's CPU; the share of its steps in them is what
+            // counts.
             let share = stats.stepping_seconds / stats.seconds;
             let stepping = if share.is_finite() { share.min(1.0) * took.as_secs_f64() } else { 0.0 };
             limit.state().ended(place, stats.steps, stepping, took.as_secs_f64() - stepping);
@@ -134,8 +138,8 @@ impl State {
         steps
     }
 
-    /// Seconds from now to the end of a tile that begins now and of all open ones, at this many steps each. Each begins on the thread
-    /// that is free first.
+    /// Seconds from now to the end of a tile that begins now and of all open ones, at this many steps each.
+    /// Each begins on the thread that is free first.
     fn needed(&self, now: f64, first: Size, steps: f64) -> f64 {
         let mut free: Vec<f64> = self.running.iter().map(|(.., ends)| (ends - now).max(0.0)).collect();
         free.resize(self.threads.max(1), 0.0);
@@ -184,8 +188,9 @@ mod tests {
         Place { page: 0, column, row: 0 }
     }
 
-    /// Tiles of this many texels trained on this many threads until `limit` at most: the steps of each, and when the last one ended. `rate`: the
-    /// seconds of a step of a whole tile that begins at a time; all else takes it 1.5. Small tiles take less, not quite as `State` thinks.
+    /// Tiles of this many texels trained on this many threads until `limit` at most: the steps of each, and
+    /// when the last one ended. `rate`: the seconds of a step of a whole tile that begins at a time; all else
+    /// takes it 1.5. Small tiles take less, not quite as `State` thinks.
     fn simulate(
         texels: &[usize],
         threads: usize,

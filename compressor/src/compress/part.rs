@@ -1,4 +1,5 @@
-//! The work folder `<bundle>.part/`: one file per finished tile and list of trial fits, named by a digest of its inputs.
+//! The work folder `<bundle>.part/`: one file per finished tile and list of trial fits, named by a digest of
+//! its inputs.
 
 use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
@@ -14,7 +15,8 @@ use std::sync::Mutex;
 
 /// Extension of the files.
 const EXTENSION: &str = "tile";
-/// Name of the list of files whose bundle is written. A run that is killed while it removes them leaves the list.
+/// Name of the list of files whose bundle is written. A run that is killed while it removes them leaves the
+/// list.
 const DONE: &str = "done.json";
 
 /// The lock on the folder.
@@ -53,7 +55,8 @@ impl Part {
         Ok(part)
     }
 
-    /// Opens or creates it, shared with other shards. Leftovers of killed processes stay until a run has the folder alone.
+    /// Opens or creates it, shared with other shards. Leftovers of killed processes stay until a run has the
+    /// folder alone.
     pub(super) fn share(out: &Path) -> Result<Self> {
         let folder = created(out)?;
         let held = Held::Together(share(&folder, BUSY[0], BUSY[1])?);
@@ -73,7 +76,8 @@ impl Part {
 
     /// A finished tile: its payload and statistics; `None` if missing or damaged.
     pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<(Payload, S)> {
-        // Checksum of the rest, length of the statistics, statistics, word, length and bytes of the features, resident bytes.
+        // Checksum of the rest, length of the statistics, statistics, word, length and bytes of the features,
+        // resident bytes.
         let bytes = fs::read(self.path(key)).ok()?;
         let (sum, rest) = bytes.split_first_chunk::<8>()?;
         if bundle::checksum(&[rest]) != u64::from_le_bytes(*sum) {
@@ -125,15 +129,16 @@ impl Part {
         self.written.lock().unwrap_or_else(|e| e.into_inner()).contains(key)
     }
 
-    /// Notes that the bundle of this run's tiles is written: from now on [`Part::remove`], of this run or another, removes them.
+    /// Notes that the bundle of this run's tiles is written: from now on [`Part::remove`], of this run or
+    /// another, removes them.
     pub(super) fn finish(&self) -> Result<()> {
         let list = self.folder.join(DONE);
         let json = serde_json::to_vec(&self.own()).map_err(|error| Error::invalid(list.display(), error))?;
         write_atomically(&list, &json)
     }
 
-    /// Removes the files of this run and those of a written bundle, and the folder if nothing is left in it. Returns the number of remaining
-    /// files, which are of runs with other settings.
+    /// Removes the files of this run and those of a written bundle, and the folder if nothing is left in it.
+    /// Returns the number of remaining files, which are of runs with other settings.
     pub(super) fn remove(self) -> usize {
         let list = self.folder.join(DONE);
         let done: Option<Vec<String>> =
@@ -149,7 +154,8 @@ impl Part {
         if left == 0 {
             let Part { folder, held, .. } = self;
             remove(folder.join(LOCK));
-            // (Its claim is in the folder, and on some networks an open file stays in its folder when it is removed.)
+            // (Its claim is in the folder, and on some networks an open file stays in its folder when it is
+            // removed.)
             drop(held);
             let _ = fs::remove_dir(folder);
         }

@@ -1,5 +1,6 @@
-//! One machine's share of a bundle's tiles, for schedulers that run the same command on many machines: its tiles, and a note of its
-//! progress for others. Shards write into the same work folder, where the merge finds every tile.
+//! One machine's share of a bundle's tiles, for schedulers that run the same command on many machines: its
+//! tiles, and a note of its progress for others. Shards write into the same work folder, where the merge
+//! finds every tile.
 
 use super::part::Part;
 use crate::clock::seconds_since_1970;
@@ -210,7 +211,8 @@ pub(super) fn note_failure(part: &Part, shard: Shard, error: &Error) {
     }
 }
 
-/// The notes of the shards in a folder, by number; only those with the same number of shards as the latest note.
+/// The notes of the shards in a folder, by number; only those with the same number of shards as the latest
+/// note.
 pub fn notes(folder: &Path) -> Vec<Note> {
     let read = |path: PathBuf| serde_json::from_slice::<Note>(&fs::read(path).ok()?).ok();
     let mut notes: Vec<Note> = files(folder).filter_map(read).collect();

@@ -1,4 +1,5 @@
-//! Processes the tiles of a dataset in parallel: trial fits of all, if there is a target, then training of all.
+//! Processes the tiles of a dataset in parallel: trial fits of all, if there is a target, then training of
+//! all.
 
 use super::allocate::{self, Goal};
 use super::pace::{self, Pace};
@@ -24,13 +25,16 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last tile (5 MB each with 26 frames).
+/// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last
+/// tile (5 MB each with 26 frames).
 const TILES_PER_THREAD: usize = 8;
 
-/// With a target PSNR, this many tiles are trained first to measure the gain of full training, at most this many times.
+/// With a target PSNR, this many tiles are trained first to measure the gain of full training, at most this
+/// many times.
 const CALIBRATED: usize = 4;
 const CALIBRATIONS: usize = 4;
-/// An error up to this factor larger (0.3 dB) counts as reaching the target, because unmeasured tiles mostly gain more.
+/// An error up to this factor larger (0.3 dB) counts as reaching the target, because unmeasured tiles mostly
+/// gain more.
 const NEARLY: f64 = 1.07;
 
 /// Results of all tiles, in the order of the bundle's index.
@@ -110,7 +114,8 @@ impl Tiles<'_> {
         Ok(Work { payloads, stats, resumed, trial_seconds })
     }
 
-    /// An error unless shards have trained every tile or, with a target before any choice, finished all trial fits.
+    /// An error unless shards have trained every tile or, with a target before any choice, finished all trial
+    /// fits.
     pub(super) fn expect_shards(&self) -> Result<()> {
         match self.known_choice() {
             Some(chosen) => self.expect_trained(&chosen),
@@ -178,7 +183,8 @@ impl Tiles<'_> {
         Ok(Sharded::Trained(self.shard_of(shard, Stage::Training, own, is_open, work, console)?))
     }
 
-    /// Runs `work` on the unfinished tiles of a shard; its result (texels and PSNR) goes into the shard's notes.
+    /// Runs `work` on the unfinished tiles of a shard; its result (texels and PSNR) goes into the shard's
+    /// notes.
     fn shard_of(
         &self,
         shard: Shard,
@@ -240,8 +246,8 @@ impl Tiles<'_> {
         self.each_tile(console, "training", finished, work, note)
     }
 
-    /// Plans the tiles' steps. With a time limit the largest tiles, one per thread, are trained briefly first to measure the
-    /// time of a step.
+    /// Plans the tiles' steps. With a time limit the largest tiles, one per thread, are trained briefly first
+    /// to measure the time of a step.
     fn pace(
         &self,
         contents: &(impl Fn(Place) -> Option<Contents> + Sync),
@@ -271,8 +277,8 @@ impl Tiles<'_> {
         Ok(pace)
     }
 
-    /// The configuration chosen for each tile by trial fits, in the order of the index (`None` for a tile without light), and their CPU
-    /// seconds. An empty list if all tiles have the same profile.
+    /// The configuration chosen for each tile by trial fits, in the order of the index (`None` for a tile
+    /// without light), and their CPU seconds. An empty list if all tiles have the same profile.
     pub(super) fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
         if let Rate::Usual | Rate::Profile(_) = self.options.rate {
             return Ok((Vec::new(), 0.0));
@@ -319,8 +325,9 @@ impl Tiles<'_> {
         Ok(trial_fits)
     }
 
-    /// The smallest choice found whose tiles reach a pooled PSNR, by the measured gain of training on some of them: bisects between choices that
-    /// assume too small a gain and choices that assume too large a one. If none reaches it, the largest.
+    /// The smallest choice found whose tiles reach a pooled PSNR, by the measured gain of training on some of
+    /// them: bisects between choices that assume too small a gain and choices that assume too large a one. If
+    /// none reaches it, the largest.
     fn calibrated(
         &self,
         db: f64,
@@ -364,8 +371,9 @@ impl Tiles<'_> {
         Ok(met.map_or(chosen, |(_, chosen)| chosen))
     }
 
-    /// The factor by which training reduces the error, compared with trial fits, of the tiles with the largest errors. Their results are stored, because
-    /// most tiles will keep these configurations. `None` if no tile has light.
+    /// The factor by which training reduces the error, compared with trial fits, of the tiles with the
+    /// largest errors. Their results are stored, because most tiles will keep these configurations. `None` if
+    /// no tile has light.
     fn measured_gain(
         &self,
         trials: &[Vec<TrialFit>],
@@ -405,8 +413,8 @@ impl Tiles<'_> {
         Ok(Goal::Bytes((bytes - header - self.bytes_of_sun as f64).max(0.0) as u64))
     }
 
-    /// Runs `work` on every tile that is not `finished`, in parallel; the results are in the order of the bundle's index.
-    /// A few bands are in memory at a time.
+    /// Runs `work` on every tile that is not `finished`, in parallel; the results are in the order of the
+    /// bundle's index. A few bands are in memory at a time.
     fn each_tile<T: Send>(
         &self,
         console: &Console,
@@ -498,7 +506,8 @@ impl Tiles<'_> {
         Recipe { seed, ..recipe }
     }
 
-    /// A file name in the work folder: a digest of a list of values, the input, the tile's coordinate and the program.
+    /// A file name in the work folder: a digest of a list of values, the input, the tile's coordinate and the
+    /// program.
     fn name(&self, place: Place, values: &serde_json::Value) -> String {
         let Place { page, column, row } = place;
         let tier = format!("{:?}", Tier::detect());

@@ -1,8 +1,9 @@
 //! Quality between frames: at hours that the bundle has no frame of.
 //!
-//! The reference is another bake, the *withheld* one: the same scene at other hours. Without it the decoder is
-//! compared with light that goes from frame to frame by the curves of its layers, linearly where they have none, a quarter and three quarters of the way, where training mostly has no samples: it has them at a third and two thirds, and in wide gaps at
-//! more places.
+//! The reference is another bake, the *withheld* one: the same scene at other hours. Without it the decoder
+//! is compared with light that goes from frame to frame by the curves of its layers, linearly where they have
+//! none, a quarter and three quarters of the way, where training mostly has no samples: it has them at a
+//! third and two thirds, and in wide gaps at more places.
 
 use super::reference_law;
 use super::strips::{cut, decode, read, strips};
@@ -17,24 +18,28 @@ use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 use std::ops::Range;
 
-/// PSNR between frames, each time's pooled over its texels: from the mean squared error relative to the tile's peak.
+/// PSNR between frames, each time's pooled over its texels: from the mean squared error relative to the
+/// tile's peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
-    /// Of the decoder: the median over the times. (A mean would depend on the quietest ones, or on the worst one.)
+    /// Of the decoder: the median over the times. (A mean would depend on the quietest ones, or on the worst
+    /// one.)
     pub median_db: f64,
     /// The worst time's, and its hour.
     pub worst: (f64, f64),
-    /// The median of light linear between the dataset's uncompressed frames, against a withheld bake; without one it is the reference.
+    /// The median of light linear between the dataset's uncompressed frames, against a withheld bake; without
+    /// one it is the reference.
     pub linear_median_db: Option<f64>,
     /// Times evaluated.
     pub points: usize,
 }
 
-/// Evaluates a bundle, which is the dataset's, between its frames. `None` if there is no time to evaluate: light is held at all
-/// of them, or does not change.
+/// Evaluates a bundle, which is the dataset's, between its frames. `None` if there is no time to evaluate:
+/// light is held at all of them, or does not change.
 ///
 /// # Errors
-/// [`Error::Invalid`] where a withheld bake is of another scene or has other pages; [`Error::Io`]; [`Error::Interrupted`].
+/// [`Error::Invalid`] where a withheld bake is of another scene or has other pages; [`Error::Io`];
+/// [`Error::Interrupted`].
 pub fn between(
     dataset: &Dataset,
     withheld: Option<&Dataset>,
@@ -52,8 +57,8 @@ pub fn between(
         }
     }
     let points = points(dataset, withheld, decoder);
-    // Without another bake, light between the frames is the dataset's own by the curves of its layers; the sun of a separate stream is not
-    // evaluated then.
+    // Without another bake, light between the frames is the dataset's own by the curves of its layers; the
+    // sun of a separate stream is not evaluated then.
     let reference = reference_law(decoder);
     let has_sun = decoder.bundle().header.sun.is_some();
     let (law, lights) = match withheld {
@@ -111,8 +116,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len().saturating_sub(1) / 2).copied()
 }
 
-/// The times to evaluate where light is interpolated: hours that only the withheld bake has, with its frame; or a quarter and three
-/// quarters of the way between frames that are not the same images.
+/// The times to evaluate where light is interpolated: hours that only the withheld bake has, with its frame;
+/// or a quarter and three quarters of the way between frames that are not the same images.
 fn points(
     dataset: &Dataset,
     withheld: Option<&Dataset>,

@@ -1,8 +1,9 @@
 //! The 8-bit four-channel output of a decoder.
 
-/// The 8-bit four-channel output that a decoder writes to a texture: three mantissas and a shared exponent (Ward, "Real
-/// Pixels", Graphics Gems II): with e the least exponent for which `round(256 · max / 2^e) ≤ 255`, the bytes are
-/// `round(256 · c / 2^e)` and `e + 128`. Smaller than 2⁻¹²⁸ is black.
+/// The 8-bit four-channel output that a decoder writes to a texture: three mantissas and a shared exponent
+/// (Ward, "Real Pixels", Graphics Gems II): with e the least exponent for which
+/// `round(256 · max / 2^e) ≤ 255`, the bytes are `round(256 · c / 2^e)` and `e + 128`. Smaller than 2⁻¹²⁸ is
+/// black.
 pub fn to_rgbe(texel: [f32; 3]) -> [u8; 4] {
     let texel = texel.map(f64::from);
     let max = texel.into_iter().fold(0.0, f64::max);

@@ -66,7 +66,8 @@ pub(super) struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the frame's mean, is 0.
+    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the
+    /// frame's mean, is 0.
     pub fn samples(&self) -> Result<Vec<Sample>> {
         let rects = tiles(self.mask.width, self.mask.height, TILE);
         let before = self.row / TILE * self.mask.width.div_ceil(TILE);
@@ -99,7 +100,8 @@ impl Strip<'_> {
         })
     }
 
-    /// Its tiles of `side`² texels, a divisor of its height or more than that, that have a structure to compare.
+    /// Its tiles of `side`² texels, a divisor of its height or more than that, that have a structure to
+    /// compare.
     pub fn qualities(&self, side: usize) -> Vec<TileQuality> {
         let rects = tiles(self.mask.width, self.mask.height, side);
         let judge = |&rect: &Rect| metrics::compare(self.decoded, self.reference, self.mask, rect);

@@ -1,4 +1,5 @@
-//! Visibility of tile borders: the error of differences between neighbouring texels, across tile borders and inside tiles.
+//! Visibility of tile borders: the error of differences between neighbouring texels, across tile borders and
+//! inside tiles.
 
 use crate::model::PAYLOAD;
 use dataset::image::{Image, Mask};
@@ -19,8 +20,8 @@ pub struct Seams {
 }
 
 impl Seams {
-    /// Adds the rows `rows` of a page, given with the one below them where there is one. Errors count in units of the page's
-    /// `mean`, so that nights count as days; a black page does not count.
+    /// Adds the rows `rows` of a page, given with the one below them where there is one. Errors count in
+    /// units of the page's `mean`, so that nights count as days; a black page does not count.
     pub fn add(&mut self, decoded: &Image, reference: &Image, mask: &Mask, rows: &Range<usize>, mean: f64) {
         if mean == 0.0 {
             return;
@@ -58,7 +59,8 @@ impl Seams {
 mod tests {
     use super::*;
 
-    /// Errors of ±`inside` in turn on a page of three tiles in a row, the second of them `seam` too bright; texel 5 is invalid.
+    /// Errors of ±`inside` in turn on a page of three tiles in a row, the second of them `seam` too bright;
+    /// texel 5 is invalid.
     fn ratio(inside: f32, seam: f32) -> Option<f64> {
         let (width, height) = (3 * PAYLOAD, 8);
         let reference = Image { width, height, texels: vec![[2.0; 3]; width * height] };
@@ -108,7 +110,8 @@ mod tests {
 
     #[test]
     fn a_tile_that_is_too_bright_shows_at_its_borders() {
-        // Inside, neighbours differ by 2 · 0.125. At borders by that ± 1; the signs alternate from row to row.
+        // Inside, neighbours differ by 2 · 0.125. At borders by that ± 1; the signs alternate from row to
+        // row.
         assert_eq!(ratio(0.125, 0.0), Some(1.0));
         assert_eq!(ratio(0.125, 1.0), Some(4.0));
         assert_eq!(ratio(0.0, 1.0), None);

@@ -1,4 +1,5 @@
-//! The sun's direct light between frames: a bundle's compared with the dataset's visibility as a function of time. Traces no rays.
+//! The sun's direct light between frames: a bundle's compared with the dataset's visibility as a function of
+//! time. Traces no rays.
 
 use super::strips::decode;
 use crate::Result;
@@ -10,8 +11,8 @@ use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
 
-/// Times of a day that are evaluated, evenly from sunrise to sunset. Times of visibility are about an hour apart; with fewer times too large a
-/// share of them may lie near one.
+/// Times of a day that are evaluated, evenly from sunrise to sunset. Times of visibility are about an hour
+/// apart; with fewer times too large a share of them may lie near one.
 const TIMES: usize = 40;
 /// Tiles whose light is below this share of the sun's are not evaluated: next to nothing is lit.
 const LIT: f64 = 0.01;

@@ -27,8 +27,8 @@ pub struct Step {
 pub struct Steps {
     /// Every frame to the one after it; none where there is one frame.
     pub each: Vec<Step>,
-    /// Error of the steps between frames with the same light groups on, all together ([`StepError::pooled`]): that of a bright hour counts for more
-    /// than that of a night.
+    /// Error of the steps between frames with the same light groups on, all together ([`StepError::pooled`]):
+    /// that of a bright hour counts for more than that of a night.
     pub smooth: Option<f64>,
     /// The same of the steps across a switch.
     pub switch: Option<f64>,

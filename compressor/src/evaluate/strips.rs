@@ -1,4 +1,5 @@
-//! Pages a strip of whole tiles at a time, the large ones of [`super::LARGE`] too, so that memory grows with their width, not with their height.
+//! Pages a strip of whole tiles at a time, the large ones of [`super::LARGE`] too, so that memory grows with
+//! their width, not with their height.
 
 use super::LARGE;
 use crate::decode::{Decoder, Lights};

@@ -1,4 +1,5 @@
-//! A report's summary: the scene at four hours, baked and decoded, and in three lines quality, size, time and the next step.
+//! A report's summary: the scene at four hours, baked and decoded, and in three lines quality, size, time and
+//! the next step.
 
 use crate::Result;
 use crate::compress::Outcome;

@@ -10,8 +10,9 @@ use dataset::visibility::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
 use ndgi::sun::{SIDE, STEPS, TileSun, encode_shadows};
 
-/// The price of a bit in squared error. The error is that of visibility · cosine relative to the interval's brightest texel, mean over the tile,
-/// times hours. How bright the sun is does not count, only its colour: shadows at dawn are as dear as at noon.
+/// The price of a bit in squared error. The error is that of visibility · cosine relative to the interval's
+/// brightest texel, mean over the tile, times hours. How bright the sun is does not count, only its colour:
+/// shadows at dawn are as dear as at noon.
 const PRICE: f32 = 8e-7;
 /// A tile is taken to be at least so bright, in the unit of unshadowed light that falls straight.
 const DIMMEST: f32 = 0.05;
@@ -115,7 +116,8 @@ impl Sunlight<'_> {
         Ok(intervals.flat_map(|i| self.interval(band, reported, &place, seen, i).concat()).collect())
     }
 
-    /// Per stored texel of a tile, the texel of the page whose visibility it has, by its place in the band, and what it counts.
+    /// Per stored texel of a tile, the texel of the page whose visibility it has, by its place in the band,
+    /// and what it counts.
     fn place(
         &self,
         band: &SunBand,

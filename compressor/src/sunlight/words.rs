@@ -1,4 +1,5 @@
-//! Which codewords make shadows move as they do: the best one for 4×4 texels, and how many are worth their bits.
+//! Which codewords make shadows move as they do: the best one for 4×4 texels, and how many are worth their
+//! bits.
 
 use crate::lanes::{Instructions, Tier};
 use ndgi::sun::{Block, ENTRIES, MOST, SIDE, STEPS, UNIT, Word};
@@ -12,7 +13,8 @@ pub const SAMPLES: usize = (STEPS - 1) * TEXELS;
 pub const LEVELS: usize = 15;
 /// Transforms of an entry.
 pub const TURNINGS: usize = 32;
-/// The values by which candidates are found, of those a word may have: -1, about -1/2, about 1/2, 1. Of 0 nothing changes.
+/// The values by which candidates are found, of those a word may have: -1, about -1/2, about 1/2, 1. Of 0
+/// nothing changes.
 const COARSE: [[usize; 2]; 4] = [[0, 0], [3, 4], [10, 11], [14, 14]];
 const FEATURES: usize = SAMPLES * COARSE.len();
 /// Principal components of the codebook that are kept, to find candidates by.
@@ -30,7 +32,8 @@ const MANY: f32 = 8.0;
 /// Bits of a group of blocks whatever is in it: its length, its modes, and what fills it up on average.
 const GROUP: f32 = 8.0 + 32.0 + 6.0;
 
-/// Visibility on 4×4 texels between two times: as a reader has it by the codewords found so far, and as it is.
+/// Visibility on 4×4 texels between two times: as a reader has it by the codewords found so far, and as it
+/// is.
 #[derive(Clone, Debug)]
 pub struct Brick {
     /// By step from 1 on, then texel.
@@ -122,7 +125,8 @@ pub struct Search {
     tier: Tier,
 }
 
-/// A matrix of `depth` rows in panels of eight columns, one panel after the other; the last is filled up with 0.
+/// A matrix of `depth` rows in panels of eight columns, one panel after the other; the last is filled up
+/// with 0.
 fn panels(columns: usize, depth: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; PANEL]> {
     let of = |panel: usize, row: usize| {
         std::array::from_fn(|i| {
@@ -136,8 +140,9 @@ fn panels(columns: usize, depth: usize, value: impl Fn(usize, usize) -> f32) -> 
         .collect()
 }
 
-/// `rows` · a matrix in panels, eight columns at a time: what they are of all rows goes to `take` with the number of the panel. The number of
-/// rows is a multiple of four. Sums go along a row from the left, whatever the instructions.
+/// `rows` · a matrix in panels, eight columns at a time: what they are of all rows goes to `take` with the
+/// number of the panel. The number of rows is a multiple of four. Sums go along a row from the left, whatever
+/// the instructions.
 #[inline(always)]
 fn multiply(
     rows: &[f32],
@@ -235,8 +240,8 @@ impl Search {
         turned
     }
 
-    /// The codeword that lowers the error most: its entry, its transform, and the change. Only the 128 best by a low-dimensional
-    /// projection are compared exactly.
+    /// The codeword that lowers the error most: its entry, its transform, and the change. Only the 128 best
+    /// by a low-dimensional projection are compared exactly.
     pub fn best(&self, costs: &Costs) -> (usize, usize, f32) {
         let mut candidates = match self.tier.instructions() {
             Instructions::Portable => self.candidates(costs),
@@ -266,7 +271,8 @@ impl Search {
         self.candidates(costs)
     }
 
-    /// Words by about how much they change the error, among them the [`CANDIDATES`] best; each by turning · entries + entry.
+    /// Words by about how much they change the error, among them the [`CANDIDATES`] best; each by turning ·
+    /// entries + entry.
     #[inline(always)]
     fn candidates(&self, costs: &Costs) -> Vec<(f32, u32)> {
         // Costs by features of an entry that is turned.
@@ -319,8 +325,8 @@ impl Search {
         Word::new(entry, turning)
     }
 
-    /// What the blocks of 8×8 of a tile have over an interval, row by row, so that error + `price` · bits is small. `bricks` are those of the
-    /// blocks; none where the tile has none.
+    /// What the blocks of 8×8 of a tile have over an interval, row by row, so that error + `price` · bits is
+    /// small. `bricks` are those of the blocks; none where the tile has none.
     pub fn blocks(&self, blocks: Vec<[Option<Brick>; 4]>, across: usize, price: f32) -> Vec<Block> {
         let mut chosen: Vec<(Block, f32)> = blocks.into_iter().map(|of| self.block(of, price)).collect();
         // Groups whose words together are not worth what it takes to tell of any.
@@ -396,7 +402,8 @@ fn project(directions: &[[f32; DIRECTIONS]], mean: &[f32], entry: &[u8; SAMPLES]
     place
 }
 
-/// The mean of the entries' features, and the orthonormal directions in which they vary most, found by iteration.
+/// The mean of the entries' features, and the orthonormal directions in which they vary most, found by
+/// iteration.
 fn directions(entries: &[[u8; SAMPLES]]) -> (Vec<f32>, Vec<[f32; DIRECTIONS]>) {
     let mut mean = vec![0.0; FEATURES];
     let share = 1.0 / entries.len() as f32;
@@ -451,7 +458,8 @@ fn orthonormal(columns: &mut [[f32; DIRECTIONS]]) {
 mod tests {
     use super::*;
 
-    /// Shadows whose edges cross a block in directions and at speeds of all kinds, over a line between levels; weights of all kinds.
+    /// Shadows whose edges cross a block in directions and at speeds of all kinds, over a line between
+    /// levels; weights of all kinds.
     fn bricks() -> Vec<Brick> {
         let brick = |n: usize| {
             let [a, b, c] = [0.7, 1.3, 2.1].map(|k| (k * n as f32).sin());

@@ -1,9 +1,9 @@
-//! Where Adam sees the decoder's matrices: in the eigenbases of their gradients (SOAP: Vyas et al. 2024, "Improving and
-//! Stabilizing Shampoo using Adam").
+//! Where Adam sees the decoder's matrices: in the eigenbases of their gradients (SOAP: Vyas et al. 2024,
+//! "Improving and Stabilizing Shampoo using Adam").
 //!
-//! Of a matrix the gradients G have the covariances E[G Gᵀ] and E[Gᵀ G]. With their eigenvectors as rows of U and V, Adam's moments are
-//! those of U G Vᵀ, and its step S moves the matrix by Uᵀ S V: directions that the features' correlations mix have a rate each. Biases
-//! stay as they are.
+//! Of a matrix the gradients G have the covariances E[G Gᵀ] and E[Gᵀ G]. With their eigenvectors as rows of U
+//! and V, Adam's moments are those of U G Vᵀ, and its step S moves the matrix by Uᵀ S V: directions that the
+//! features' correlations mix have a rate each. Biases stay as they are.
 
 use super::kernel::{Kernel, run};
 use crate::lanes::{Longest, Tier};
@@ -62,8 +62,9 @@ impl Bases {
         Bases { matrices, steps: 0 }
     }
 
-    /// Turns a step's gradient into the bases, which follow it, and Adam's first moment with them. The second, a square, has no meaning
-    /// in other axes; the bases turn slowly, and it is forgotten within some twenty steps (SOAP keeps it likewise).
+    /// Turns a step's gradient into the bases, which follow it, and Adam's first moment with them. The
+    /// second, a square, has no meaning in other axes; the bases turn slowly, and it is forgotten within some
+    /// twenty steps (SOAP keeps it likewise).
     pub fn turn(&mut self, tier: Tier, gradient: &mut [f32], mean: &mut [f32]) {
         run(tier, Turn { bases: self, gradient, mean });
     }
@@ -158,7 +159,8 @@ impl Basis {
         }
     }
 
-    /// Rounds of orthogonal iteration. Without a gradient so far, or with one that is not finite, the basis stays.
+    /// Rounds of orthogonal iteration. Without a gradient so far, or with one that is not finite, the basis
+    /// stays.
     #[inline(always)]
     fn follow(&mut self, rounds: usize) {
         let size = self.size;

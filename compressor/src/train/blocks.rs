@@ -1,8 +1,9 @@
 //! Fitting blocks: endpoints and indices that come nearest to given texels under a metric of their own.
 //!
-//! Everything is in units of one 8-bit step. The cost of a block is Σ_q (p_q − f_q)ᵀ M_q (p_q − f_q) over its texels q. Costs are
-//! taken of all 16 texels at once, so what belongs to a texel is stored channel by channel. (Loops where one would write `map`: of larger
-//! closures the compiler makes functions for the lowest instruction set.)
+//! Everything is in units of one 8-bit step. The cost of a block is Σ_q (p_q − f_q)ᵀ M_q (p_q − f_q) over its
+//! texels q. Costs are taken of all 16 texels at once, so what belongs to a texel is stored channel by
+//! channel. (Loops where one would write `map`: of larger closures the compiler makes functions for the
+//! lowest instruction set.)
 
 #![allow(
     clippy::needless_range_loop,
@@ -121,7 +122,8 @@ impl Wanted {
         self.select::<V>(&palette(mode, endpoints).map(|t| t.map(f32::from))[..mode.values()])
     }
 
-    /// Endpoints after rounds of indices ↔ least squares from given ones (in 0 ..= 255), and the cost before the last round.
+    /// Endpoints after rounds of indices ↔ least squares from given ones (in 0 ..= 255), and the cost before
+    /// the last round.
     #[inline(always)]
     fn approach<V: Lanes>(&self, mode: Mode, start: [Quad; 2], rounds: usize) -> ([Quad; 2], f32) {
         let (mut endpoints, mut cost) = (start, f32::INFINITY);
@@ -140,8 +142,9 @@ impl Wanted {
         (endpoints, cost)
     }
 
-    /// Fits a block from each of the given modes and endpoints (in 0 ..= 255): rounds of indices ↔ least squares, then the best of
-    /// the ways to round, then single steps of the endpoints. The best block, and its cost.
+    /// Fits a block from each of the given modes and endpoints (in 0 ..= 255): rounds of indices ↔ least
+    /// squares, then the best of the ways to round, then single steps of the endpoints. The best block, and
+    /// its cost.
     #[inline(always)]
     pub fn fit<V: Lanes>(&self, starts: &[Start]) -> (Block, f32) {
         let (mut best, mut least) = (GREY, f32::INFINITY);
@@ -176,7 +179,8 @@ impl Wanted {
         [trial_fits[0].1, trial_fits[1].1]
     }
 
-    /// Endpoints for a form of mode 4: the range of the channel alone, the ends of the others' principal axis.
+    /// Endpoints for a form of mode 4: the range of the channel alone, the ends of the others' principal
+    /// axis.
     #[inline(always)]
     fn spread(&self, alone: usize) -> [Quad; 2] {
         let (mut others, mut low, mut high) = (self.texels, 255.0f32, 0.0f32);
@@ -190,7 +194,8 @@ impl Wanted {
         ends
     }
 
-    /// Moves single endpoint channels to the next value on either side while that helps, then selects the indices anew.
+    /// Moves single endpoint channels to the next value on either side while that helps, then selects the
+    /// indices anew.
     #[inline(always)]
     fn descend<V: Lanes>(&self, best: &mut Block, least: &mut f32) {
         for _ in 0..2 {

@@ -1,5 +1,5 @@
-//! Coordinate descent of F_uvt's blocks on the linearised loss Σ |√w (r + J δ)|²: block by block, each given all others, keeping
-//! every sample's residual up to date.
+//! Coordinate descent of F_uvt's blocks on the linearised loss Σ |√w (r + J δ)|²: block by block, each given
+//! all others, keeping every sample's residual up to date.
 
 #![allow(
     clippy::needless_range_loop,
@@ -29,7 +29,8 @@ pub struct Descent<'a> {
     pub problem: &'a Problem,
     /// Every this many frames are looked at.
     pub stride: usize,
-    /// Per looked-at time point and stored texel; zero where a texel does not count. Residuals follow the blocks.
+    /// Per looked-at time point and stored texel; zero where a texel does not count. Residuals follow the
+    /// blocks.
     pub samples: &'a mut [Sample],
     /// F_uvt, slice by slice.
     pub blocks: &'a mut [Block],
@@ -158,7 +159,8 @@ impl Reach<'_> {
     }
 }
 
-/// The texels that a sample reads, of which at most two columns and two rows are the block's, with their weights; and how many.
+/// The texels that a sample reads, of which at most two columns and two rows are the block's, with their
+/// weights; and how many.
 #[inline(always)]
 fn read(on_rows: &Quad, on_columns: &Quad) -> ([(usize, f32); 4], usize) {
     let (mut texels, mut count) = ([(0, 0.0); 4], 0);
@@ -181,7 +183,8 @@ mod tests {
     #[test]
     fn the_form_is_the_loss_of_what_the_texels_are_moved_to() {
         let mut random = Random::new(1);
-        // Twelve columns and ten rows of stored texels, of which the block's four columns and rows are read by some; three time points.
+        // Twelve columns and ten rows of stored texels, of which the block's four columns and rows are read
+        // by some; three time points.
         let (width, height) = (12, 10);
         let pair = |at: usize, texels: usize| Pair { at: [at, (at + 1).min(texels - 1)], f: 0.3 };
         let columns = readers((0..width).map(|x| pair(x / 2, 6)), [1, 2, 3, 4]);
@@ -211,8 +214,8 @@ mod tests {
         }
         let changed = loss(&after) - loss(&before);
         assert!((reported - changed).abs() < 1e-4 * loss(&after), "{reported} {changed}");
-        // One sample by hand: at time point 2 column 5 lies between texels 2 and 3 and row 4 on texels 2 and 3 of the page, the block's
-        // columns 1 and 2 and rows 2 and 3.
+        // One sample by hand: at time point 2 column 5 lies between texels 2 and 3 and row 4 on texels 2 and
+        // 3 of the page, the block's columns 1 and 2 and rows 2 and 3.
         let at = (2 * height + 4) * width + 5;
         let weights = [(9, 0.7 * 0.7), (10, 0.7 * 0.3), (13, 0.3 * 0.7), (14, 0.3 * 0.3)];
         let shift: f32 = weights.iter().map(|&(q, a)| a * dot(before[at].jacobian[1], moved[q])).sum();

@@ -1,8 +1,8 @@
 //! The learned parameters, maps of blocks made of them, and the way back of the gradient.
 //!
-//! F_uv and each slice of F_uvt are blocks of 4×4 texels between two endpoints, `f = e₀ + w (e₁ − e₀)` (paper, eq. 7).
-//! Maps hold *centred* values, c(f) = 3 (f − ½): F_uv's block by block, F_uvt's slice by slice and row by row, so that the two texels
-//! a sample reads of a row lie side by side.
+//! F_uv and each slice of F_uvt are blocks of 4×4 texels between two endpoints, `f = e₀ + w (e₁ − e₀)`
+//! (paper, eq. 7). Maps hold *centred* values, c(f) = 3 (f − ½): F_uv's block by block, F_uvt's slice by
+//! slice and row by row, so that the two texels a sample reads of a row lie side by side.
 
 use super::random::Random;
 use crate::lanes::{Lanes, Longest, Quad, TwoQuads};
@@ -58,7 +58,8 @@ impl Layout {
         }
     }
 
-    /// Parameters before training: features near the middle with a small spread, decoder weights of variance 1/fan-in.
+    /// Parameters before training: features near the middle with a small spread, decoder weights of variance
+    /// 1/fan-in.
     pub fn initial(&self, shape: &Shape, random: &mut Random) -> Vec<f32> {
         let mut p = vec![0.0; self.mlp.end];
         let blocks = !self.uv_weights.is_empty() || !self.uvt_weights.is_empty();
@@ -142,7 +143,8 @@ pub fn fill<V: Longest>(endpoints: &[f32], weights: &[f32], across: usize, map: 
     }
 }
 
-/// From the gradient with respect to a centred map (zeroed on the way) to that of endpoints and weights, which is overwritten.
+/// From the gradient with respect to a centred map (zeroed on the way) to that of endpoints and weights,
+/// which is overwritten.
 #[inline(always)]
 pub fn contract<V: Longest>(
     endpoints: &[f32],

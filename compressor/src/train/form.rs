@@ -1,4 +1,5 @@
-//! One block of F_uvt where the loss is a quadratic form of its texels: indices, endpoints and mode that lower it.
+//! One block of F_uvt where the loss is a quadratic form of its texels: indices, endpoints and mode that
+//! lower it.
 
 #![allow(
     clippy::needless_range_loop,
@@ -10,7 +11,8 @@ use super::matrices::{Matrix, System, solve, times};
 use crate::bc7::{Block, Mode, palette};
 use crate::lanes::{Lanes, Quad};
 
-/// Free texels are held this much more than endpoints: the form holds near the present ones alone, and they could go anywhere.
+/// Free texels are held this much more than endpoints: the form holds near the present ones alone, and they
+/// could go anywhere.
 const FREE: f32 = 10.0;
 
 /// Of changes δ_q of the block's texels the loss changes by Σ_pq δ_pᵀ G_pq δ_q + 2 Σ_q g_qᵀ δ_q.
@@ -132,7 +134,8 @@ impl Form {
         }
     }
 
-    /// The block in mode 6 and in mode 4 near to where its texels would go if they were free, if that lowers the loss.
+    /// The block in mode 6 and in mode 4 near to where its texels would go if they were free, if that lowers
+    /// the loss.
     #[inline(always)]
     fn choose_mode<V: Lanes>(&self, block: &Block, place: &State, damping: f32) -> Block {
         let mut metric = [[[0.0; 4]; 4]; 16];

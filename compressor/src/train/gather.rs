@@ -1,8 +1,8 @@
 //! From the features of a tile to those of its samples, and the way back of the gradient.
 //!
-//! Samples read F_uv where it was learned, between the endpoints of its blocks: a step reads a quarter of its texels, so a map of them
-//! would cost more than it saves. F_uvt, whose texels samples share, is read as a map. Of F_ut and F_vt all samples of a chunk read the same
-//! time point: its rows are mixed once a chunk.
+//! Samples read F_uv where it was learned, between the endpoints of its blocks: a step reads a quarter of its
+//! texels, so a map of them would cost more than it saves. F_uvt, whose texels samples share, is read as a
+//! map. Of F_ut and F_vt all samples of a chunk read the same time point: its rows are mixed once a chunk.
 
 use super::features::{CENTRE_SLOPE, Layout, centred, two, two_mut};
 #[cfg(doc)]
@@ -66,7 +66,8 @@ pub struct Features<'a> {
 /// Where the gradient with respect to the features is added.
 #[derive(Debug)]
 pub struct FeatureGradient<'a> {
-    /// With respect to the learned F_uv: of endpoints and weights of blocks, or of texels one by one, without weights.
+    /// With respect to the learned F_uv: of endpoints and weights of blocks, or of texels one by one, without
+    /// weights.
     pub uv: [&'a mut [f32]; 2],
     /// With respect to the centred F_uvt.
     pub uvt: &'a mut [Quad],
@@ -118,8 +119,8 @@ fn mix<V: Longest>(a: &[f32], b: &[f32], f: f32) -> V::Eight {
     V::Eight::splat(f).mul_add(V::Eight::load(b), V::Eight::splat(1.0 - f).mul(V::Eight::load(a)))
 }
 
-/// The features of a chunk of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has; the rest stays.
-/// `meanwhile` is called with each texel on the way.
+/// The features of a chunk of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has;
+/// the rest stays. `meanwhile` is called with each texel on the way.
 #[inline(always)]
 pub fn gather<V: Longest>(
     features: &Features,

@@ -56,7 +56,8 @@ pub enum Scope {
     Decoder,
 }
 
-/// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile has.
+/// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile
+/// has.
 #[derive(Clone, Debug)]
 pub struct Noise {
     rows: Vec<[f32; FEATURE_ROW]>,
@@ -86,7 +87,8 @@ impl Noise {
     }
 }
 
-/// Loss and gradient of a batch. The loss is Σ w (y − target)², the gradient that of half of it times `scale`.
+/// Loss and gradient of a batch. The loss is Σ w (y − target)², the gradient that of half of it times
+/// `scale`.
 pub struct Batch<'a, const H: usize> {
     /// The tile.
     pub problem: &'a Problem,
@@ -116,7 +118,8 @@ impl<const H: usize> Kernel for Batch<'_, H> {
         let (mut x, mut dx) = (Rows::new(), Rows::new());
         let mut loss = 0.0;
         for (b, samples) in self.samples.iter().enumerate() {
-            // The targets of all frames do not fit the near caches: they are requested one by one, for a cache waits for few.
+            // The targets of all frames do not fit the near caches: they are requested one by one, for a
+            // cache waits for few.
             let targets = self.problem.targets_at(samples.point);
             let ask = |texel: Texel| prefetch(&targets[texel.index()]);
             gather::<V>(&self.features, self.problem, samples, &mut x, ask);
@@ -149,11 +152,12 @@ impl<const H: usize> Kernel for Batch<'_, H> {
     }
 }
 
-/// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is requested; the
-/// residual of a y that is not a number stays not a number.
+/// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is
+/// requested; the residual of a y that is not a number stays not a number.
 #[inline(always)]
 pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad) {
-    // r = y − target, or max(y, 0) for a target of 0: the floor is 0 there and −∞, nearly, elsewhere (targets are never negative).
+    // r = y − target, or max(y, 0) for a target of 0: the floor is 0 there and −∞, nearly, elsewhere (targets
+    // are never negative).
     let floor = target.mul(Quad::splat(-f32::MAX)).min(Quad::splat(0.0));
     // In this order: `max` gives its argument where one of the two is not a number.
     let r = floor.max(std::array::from_fn(|c| y[c] - target[c]));
@@ -327,8 +331,8 @@ impl Kernel for Contract<'_> {
     }
 }
 
-/// 1/√x to 5e-6 for positive x: the exponent's half as a first guess and two of Newton's steps, which takes a third of the
-/// time of a square root and a division and is the same on every machine.
+/// 1/√x to 5e-6 for positive x: the exponent's half as a first guess and two of Newton's steps, which takes a
+/// third of the time of a square root and a division and is the same on every machine.
 #[inline(always)]
 fn inverse_root(x: f32) -> f32 {
     let guess = f32::from_bits(0x5f37_59dfu32.wrapping_sub(x.to_bits() >> 1));

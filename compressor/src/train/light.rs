@@ -1,17 +1,21 @@
-//! Survey of a tile's light before its maps are chosen: its scales, which frames look alike, which gates switch it.
+//! Survey of a tile's light before its maps are chosen: its scales, which frames look alike, which gates
+//! switch it.
 
 use crate::bundle::rounded_means;
 use crate::model::{MOST_GATES, gate};
 use crate::tile::{Coverage, TileSource};
 use crate::time::{Axis, Coding};
 
-/// A frame's channel is divided by at least this share of its largest texel, so that no ratio to the mean exceeds 1 / share.
+/// A frame's channel is divided by at least this share of its largest texel, so that no ratio to the mean
+/// exceeds 1 / share.
 pub const LEAST_MEAN_OF_PEAK: f64 = 0.01;
 /// A channel is divided by at least this share of the frame's strongest channel.
 const LEAST_MEAN_OF_CHANNELS: f64 = 0.003;
-/// Frames share a place on the time axis where their outputs (about 1 in the mean) differ by at most this (RMS): 0.2 % in light.
+/// Frames share a place on the time axis where their outputs (about 1 in the mean) differ by at most this
+/// (RMS): 0.2 % in light.
 const ALIKE: f64 = 1e-3;
-/// And in no texel by more than this share of its own output: 2 % of its light, however dim beside the tile's brightest.
+/// And in no texel by more than this share of its own output: 2 % of its light, however dim beside the tile's
+/// brightest.
 const ALIKE_ANYWHERE: f64 = 0.01;
 
 /// The light of a tile, surveyed.
@@ -105,15 +109,17 @@ fn scales(light: &[[f32; 3]], valid: &[usize]) -> ([f32; 3], f32) {
     ([scale(0), scale(1), scale(2)], peak.iter().fold(0.0f64, |a, &b| a.max(b)) as f32)
 }
 
-/// Places from a frame to the next at the largest difference of a tile. They go by the difference's root: less even than all the same,
-/// which spends slices on hours at which little happens, and more than in proportion, which leaves small changes no room.
+/// Places from a frame to the next at the largest difference of a tile. They go by the difference's root:
+/// less even than all the same, which spends slices on hours at which little happens, and more than in
+/// proportion, which leaves small changes no room.
 const FINEST: f64 = 8.0;
 /// The share of a difference across a switch that counts: gates tell the rest.
 const SWITCHED: f64 = 0.3;
 
 /// The time axis, and how many frames have light and look different. A frame has the place of an earlier one
-/// where all since look like that, means apart; the more it differs, the farther it stands. Around midnight likewise. Black frames have
-/// the place before: it is never looked at, as a time point beside a black frame has the time of the lit one.
+/// where all since look like that, means apart; the more it differs, the farther it stands. Around midnight
+/// likewise. Black frames have the place before: it is never looked at, as a time point beside a black frame
+/// has the time of the lit one.
 fn axis(source: &TileSource, valid: &[usize], means: &[[f32; 3]]) -> (Axis, usize) {
     let output = |k: usize, i: usize, c: usize| match means[k][c] {
         0.0 => 0.0,
@@ -137,7 +143,8 @@ fn axis(source: &TileSource, valid: &[usize], means: &[[f32; 3]]) -> (Axis, usiz
         true => SWITCHED,
         false => 1.0,
     };
-    // Runs of frames that look like their first, and how far it is from the run before; the last may continue in the first.
+    // Runs of frames that look like their first, and how far it is from the run before; the last may continue
+    // in the first.
     let lit: Vec<usize> = (0..means.len()).filter(|&k| means[k] != [0.0; 3]).collect();
     let mut firsts: Vec<(usize, f64)> = Vec::new();
     for &k in &lit {

@@ -103,8 +103,8 @@ impl System {
             .sum()
     }
 
-    /// The minimum within bounds: the free minimum clamped, or the present point if that is better, then coordinate
-    /// descent within the bounds.
+    /// The minimum within bounds: the free minimum clamped, or the present point if that is better, then
+    /// coordinate descent within the bounds.
     pub fn solve_within(&self, present: &[Quad; 2], low: f32, high: f32) -> [f32; 8] {
         let mut v: [f32; 8] = std::array::from_fn(|i| present[i / 4][i % 4]);
         if let Some(free) = self.solve() {

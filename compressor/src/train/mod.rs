@@ -37,12 +37,14 @@ use problem::Problem;
 pub struct Recipe {
     /// Steps of the main phase.
     pub iterations: usize,
-    /// Passes in which all that is not yet quantised is trained around the blocks; before each pass but the first, blocks are chosen anew.
+    /// Passes in which all that is not yet quantised is trained around the blocks; before each pass but the
+    /// first, blocks are chosen anew.
     pub passes: usize,
-    /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂ 0.999, unweighted L2, no
-    /// time points between frames; then 8 bits, a plain BC7 encoder, and fine-tuning of the decoder alone. Initial values, the floors of the
-    /// means, the gutter's weight (½ for one texel in five) and what happens on divergence, on which the paper is silent, are those of the main recipe;
-    /// the activation is the format's ([`crate::model::gelu`]).
+    /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂
+    /// 0.999, unweighted L2, no time points between frames; then 8 bits, a plain BC7 encoder, and fine-tuning
+    /// of the decoder alone. Initial values, the floors of the means, the gutter's weight (½ for one texel in
+    /// five) and what happens on divergence, on which the paper is silent, are those of the main recipe; the
+    /// activation is the format's ([`crate::model::gelu`]).
     pub paper: bool,
     /// Seed of this tile's randomness.
     pub seed: u64,
@@ -55,7 +57,8 @@ pub struct Recipe {
 pub enum Aim {
     /// The mean PSNR of the frames: frames that are good already count as much as others.
     MeanPsnr,
-    /// Nearer to the squared error relative to the peak, pooled over the frames: frames count more as they are bad.
+    /// Nearer to the squared error relative to the peak, pooled over the frames: frames count more as they
+    /// are bad.
     PooledError,
 }
 
@@ -73,8 +76,8 @@ pub struct Point {
     pub iteration: usize,
     /// CPU seconds since this attempt began.
     pub seconds: f64,
-    /// PSNR of the model as it is then (towards the end quantised), mean over the tile's frames, over some 2000 of its valid texels;
-    /// peak = the frame's largest valid value.
+    /// PSNR of the model as it is then (towards the end quantised), mean over the tile's frames, over some
+    /// 2000 of its valid texels; peak = the frame's largest valid value.
     pub psnr_db: f64,
 }
 
@@ -107,8 +110,8 @@ pub(crate) const NO_TEXEL: &str = "no valid texel";
 /// Number of restarts at half the learning rate after a training diverges.
 const RETRIES: i32 = 6;
 
-/// Trains a tile to the maps of a profile, without those that it does not need. Deterministic in (source, recipe) on
-/// one instruction set.
+/// Trains a tile to the maps of a profile, without those that it does not need. Deterministic in (source,
+/// recipe) on one instruction set.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the source's lists have wrong lengths or light that is negative or not finite,
@@ -139,7 +142,8 @@ pub(crate) enum Coded {
     TexelByTexel,
 }
 
-/// Trains a tile with a profile's maps as `edit` changes them, and its blocks as told. Otherwise as [`train`].
+/// Trains a tile with a profile's maps as `edit` changes them, and its blocks as told. Otherwise as
+/// [`train`].
 pub(crate) fn train_ablated(
     source: &TileSource,
     profile: &Profile,
@@ -281,8 +285,8 @@ fn train_width<const H: usize>(
     Ok(TrainedTile { omitted, ..trained })
 }
 
-/// What the first attempt gives that does not diverge; each is told its share of the rate, and whether it is the last.
-/// Every restart is added to the remarks.
+/// What the first attempt gives that does not diverge; each is told its share of the rate, and whether it is
+/// the last. Every restart is added to the remarks.
 fn restarting<T>(
     mut attempt: impl FnMut(f32, bool) -> Result<Option<T>>,
     remarks: &mut Vec<String>,

@@ -1,7 +1,8 @@
 //! The decoder network on chunks of samples: forward, backward and Jacobian, one row of lanes per sample.
 //!
-//! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie in the lanes, feature texels
-//! are read and written whole, and every product below is one small matrix product with a broadcast left factor.
+//! A sample's features (12, in rows of 16) and its hidden values are rows of contiguous f32, so neurons lie
+//! in the lanes, feature texels are read and written whole, and every product below is one small matrix
+//! product with a broadcast left factor.
 
 use super::problem::{Problem, TimePoint};
 use crate::lanes::{Lanes, Longest};
@@ -271,12 +272,14 @@ fn gelu<V: Lanes>(x: V) -> (V, V) {
         a = a.mul_add(s, V::splat(GELU_COEFFICIENTS[k]));
         b = b.mul_add(s, V::splat(slope(k)));
     }
-    // Φ ≈ ½ + y P(y²), its slope ½ + y P(y²) + y (P(y²) + 2 y² P′(y²)) from the same polynomial; 0 or 1 beyond the bound.
+    // Φ ≈ ½ + y P(y²), its slope ½ + y P(y²) + y (P(y²) + 2 y² P′(y²)) from the same polynomial; 0 or 1
+    // beyond the bound.
     let cdf = y.mul_add(a, V::splat(0.5));
     (x.mul(cdf), y.mul_add(b, cdf))
 }
 
-/// `out[s] = bias + Σ_i input[s][i] · weights[i]` over the quads of features that are there, eight rows at a time.
+/// `out[s] = bias + Σ_i input[s][i] · weights[i]` over the quads of features that are there, eight rows at a
+/// time.
 #[inline(always)]
 fn first_layer<V: Lanes, const H: usize>(
     input: &Rows<FEATURE_ROW>,

@@ -60,7 +60,8 @@ pub struct Trainer<const H: usize> {
     pub layout: Layout,
     /// The parameters.
     pub params: Vec<f32>,
-    /// F_uv and F_uvt as texels: made of the parameters, until they are frozen (of F_uv not by every step: [`Trainer::freeze`]).
+    /// F_uv and F_uvt as texels: made of the parameters, until they are frozen (of F_uv not by every step:
+    /// [`Trainer::freeze`]).
     pub maps: Maps,
     /// Their decoder.
     pub network: Network<H>,
@@ -85,7 +86,8 @@ impl<const H: usize> Trainer<H> {
         self.tier
     }
 
-    /// Before the first step. `bases`: Adam sees the decoder's matrices in the eigenbases of their gradients, else as they are.
+    /// Before the first step. `bases`: Adam sees the decoder's matrices in the eigenbases of their gradients,
+    /// else as they are.
     pub fn new(problem: Problem, seed: u64, bases: bool, tier: Tier) -> Self {
         let mut random = Random::new(seed);
         let layout = Layout::new(&problem.shape, problem.coded == Coded::TexelByTexel);
@@ -152,7 +154,8 @@ impl<const H: usize> Trainer<H> {
         features(&self.layout, &self.params, &self.maps, self.frozen)
     }
 
-    /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is added to `flat`, which a step leaves zero.
+    /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is added to
+    /// `flat`, which a step leaves zero.
     pub fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
         let salt = self.random.bits();
         self.of_network = NetworkGradient::new(self.problem.points.len());
@@ -239,7 +242,8 @@ impl<const H: usize> Trainer<H> {
         Ok(loss)
     }
 
-    /// Mean squared error in linear light of the first this many time points, over every `stride`-th valid texel.
+    /// Mean squared error in linear light of the first this many time points, over every `stride`-th valid
+    /// texel.
     pub fn mean_squared_errors(&self, points: usize, stride: usize) -> Vec<f64> {
         let valid = &self.problem.texels[..self.problem.valid];
         let texels: Vec<Texel> = valid.iter().step_by(stride).copied().collect();
@@ -249,18 +253,19 @@ impl<const H: usize> Trainer<H> {
         sums
     }
 
-    /// Mean over the frames of the PSNR (at most 100 dB) against the frame's largest valid value; not finite where any
-    /// output is not.
+    /// Mean over the frames of the PSNR (at most 100 dB) against the frame's largest valid value; not finite
+    /// where any output is not.
     pub fn psnr(&self, stride: usize) -> f64 {
         let errors = self.mean_squared_errors(self.problem.frames, stride);
         let peaks = self.problem.points.iter().map(|m| f64::from(m.peak));
         peaks.zip(&errors).map(|(peak, mse)| psnr_db(peak, *mse)).sum::<f64>() / errors.len() as f64
     }
 
-    /// Weighs the loss so that it follows the PSNR in linear light: to first order E's error is 2 mean·y·δy, its share
-    /// of the frame's log-MSE is (mean·y)²/MSE; the weight of a frame's texel is the root of that, mostly averaged over the frame
-    /// ([`EVEN`]), scaled to mean 1, with a floor for the dark. For the pooled error, peak² would stand for MSE; √(peak² MSE) gives
-    /// two thirds of the gain and leaves the dark nearly as good.
+    /// Weighs the loss so that it follows the PSNR in linear light: to first order E's error is 2 mean·y·δy,
+    /// its share of the frame's log-MSE is (mean·y)²/MSE; the weight of a frame's texel is the root of that,
+    /// mostly averaged over the frame ([`EVEN`]), scaled to mean 1, with a floor for the dark. For the pooled
+    /// error, peak² would stand for MSE; √(peak² MSE) gives two thirds of the gain and leaves the dark nearly
+    /// as good.
     pub fn align_weights(&mut self, aim: Aim) {
         let stride = self.problem.coarse_stride();
         let errors = self.mean_squared_errors(self.problem.points.len(), stride);
@@ -318,12 +323,14 @@ fn features<'a>(layout: &Layout, params: &'a [f32], maps: &'a Maps, frozen: bool
     }
 }
 
-/// Share of a frame's weight that all its texels have alike; the rest goes as they are bright. With 0 the scene `yard` has 0.6 dB more,
-/// and errors in its dark that are 1.9 times those of a loss without weights; with this share 1.02 times.
+/// Share of a frame's weight that all its texels have alike; the rest goes as they are bright. With 0 the
+/// scene `yard` has 0.6 dB more, and errors in its dark that are 1.9 times those of a loss without weights;
+/// with this share 1.02 times.
 const EVEN: f32 = 0.75;
 /// Floor of the aligned loss weight: without one, darkness would count for nothing. Tuned on the yard.
 const DARK_WEIGHT: f32 = 0.1;
-/// Below this median of its targets, a frame's channel is mostly dark beside its peak, and the floor rises (the tiles of 10⁶ in NUMERICS).
+/// Below this median of its targets, a frame's channel is mostly dark beside its peak, and the floor rises
+/// (the tiles of 10⁶ in NUMERICS).
 const TYPICAL: f32 = 0.1;
 
 /// The lower median; 1 of nothing.
@@ -339,11 +346,13 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
 /// An epoch visits one of this many samples of a time point between frames.
 const BETWEEN_SHARE: usize = 8;
 
-/// Draws batches: every valid texel of a frame once an epoch, and of the gutter one in [`GUTTER_SHARE`]. A time point goes through them in one of
-/// a few random orders, from a random place on. Batches go round the time points; the chunks of one go by the slices they read.
+/// Draws batches: every valid texel of a frame once an epoch, and of the gutter one in [`GUTTER_SHARE`]. A
+/// time point goes through them in one of a few random orders, from a random place on. Batches go round the
+/// time points; the chunks of one go by the slices they read.
 #[derive(Debug, Default)]
 struct Epochs {
-    /// Each has all valid texels and its share of the gutter; then its first ones again, so that a chunk can start at each.
+    /// Each has all valid texels and its share of the gutter; then its first ones again, so that a chunk can
+    /// start at each.
     orders: [Vec<Texel>; GUTTER_SHARE],
     chunks: Vec<Chunk>,
     used: usize,

@@ -1,4 +1,5 @@
-//! The phases of one tile's training, by either recipe: the float model, its quantisation, fine-tuning in between.
+//! The phases of one tile's training, by either recipe: the float model, its quantisation, fine-tuning in
+//! between.
 
 use super::kernel::Scope;
 use super::optimise::{Step, Trainer, schedule};
@@ -9,8 +10,9 @@ use crate::clock::Clock;
 use crate::lanes::Tier;
 use crate::{Error, Result};
 
-/// Largest learning rate of the main phase, and of the decoder in it. These and the next three were found by trying, on tiles of baked
-/// light, for the dB after some thousand steps; a rate that is large and falls matters most.
+/// Largest learning rate of the main phase, and of the decoder in it. These and the next three were found by
+/// trying, on tiles of baked light, for the dB after some thousand steps; a rate that is large and falls
+/// matters most.
 const RATES: [f32; 2] = [0.02, 0.03];
 /// Steps over which the rate rises.
 const WARM_UP: usize = 100;
@@ -30,8 +32,9 @@ const PAPER_RATE: f32 = 1e-3;
 const PAPER_BETA2: f32 = 0.999;
 /// Steps of the decoder alone in the paper's recipe, which does not say how many.
 const PAPER_FINE_TUNING: usize = 300;
-/// A main phase that ends this far below its best point (in dB) has diverged, even if all its numbers are finite. Points above
-/// [`GOOD_DB`] count as [`GOOD_DB`], because a tile with a bright peak may have any PSNR up there: a phase that ends at 34 dB or more never has.
+/// A main phase that ends this far below its best point (in dB) has diverged, even if all its numbers are
+/// finite. Points above [`GOOD_DB`] count as [`GOOD_DB`], because a tile with a bright peak may have any PSNR
+/// up there: a phase that ends at 34 dB or more never has.
 const LOST_DB: f64 = 6.0;
 /// See [`LOST_DB`].
 const GOOD_DB: f64 = 40.0;
@@ -85,8 +88,8 @@ impl<const H: usize> Attempt<H> {
         }
     }
 
-    /// All phases; `None` if the training diverged (only if it came to no number, where it is the `last` attempt). The
-    /// result's `omitted` is empty.
+    /// All phases; `None` if the training diverged (only if it came to no number, where it is the `last`
+    /// attempt). The result's `omitted` is empty.
     pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
         let trained = match self.trainer.problem.coded {
@@ -102,8 +105,8 @@ impl<const H: usize> Attempt<H> {
         Ok(self.stored(&blocks, psnr, recipe.iterations))
     }
 
-    /// The main phase alone: the squared error of the float model relative to each frame's peak, mean over channels, summed
-    /// over valid texels and frames; `None` if the training diverged.
+    /// The main phase alone: the squared error of the float model relative to each frame's peak, mean over
+    /// channels, summed over valid texels and frames; `None` if the training diverged.
     pub fn trial(mut self, recipe: &Recipe) -> Result<Option<f64>> {
         let rates = |i| RATES.map(|rate| rate * schedule(i, recipe.iterations, WARM_UP, LAST_RATE));
         match self.main_phase(recipe.iterations, &ALIGNMENTS, rates) {
@@ -115,7 +118,8 @@ impl<const H: usize> Attempt<H> {
         Ok(Some(self.error(stride)).filter(|error| error.is_finite()))
     }
 
-    /// Squared error relative to each frame's peak, mean over channels, summed over frames and valid texels; of these, one in `stride` is asked.
+    /// Squared error relative to each frame's peak, mean over channels, summed over frames and valid texels;
+    /// of these, one in `stride` is asked.
     fn error(&mut self, stride: usize) -> f64 {
         let frames = self.trainer.problem.frames;
         let errors = self.trainer.mean_squared_errors(frames, stride);
@@ -124,8 +128,8 @@ impl<const H: usize> Attempt<H> {
         errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>() * problem.valid as f64
     }
 
-    /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite. That model's PSNR is given,
-    /// as it was and with features of 8 bits, and the main phase's steps.
+    /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite.
+    /// That model's PSNR is given, as it was and with features of 8 bits, and the main phase's steps.
     fn stored(
         mut self,
         blocks: &Blocks,
@@ -152,8 +156,8 @@ impl<const H: usize> Attempt<H> {
         })
     }
 
-    /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model, as it is and with
-    /// features of 8 bits.
+    /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model, as it
+    /// is and with features of 8 bits.
     fn standard(&mut self, recipe: &Recipe) -> Result<(Blocks, [f64; 2]), Stop> {
         // 1. In float, with noise for the quantisation to come.
         let iterations = recipe.iterations;
@@ -177,8 +181,8 @@ impl<const H: usize> Attempt<H> {
         Ok((blocks, psnr))
     }
 
-    /// The main phase as ever, then what the paper does: all maps to 8 bits, a plain BC7 encoder, the decoder around them (at a rate
-    /// that falls, which is to its advantage).
+    /// The main phase as ever, then what the paper does: all maps to 8 bits, a plain BC7 encoder, the decoder
+    /// around them (at a rate that falls, which is to its advantage).
     fn plain(&mut self, iterations: usize) -> Result<(Blocks, [f64; 2]), Stop> {
         let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
         let psnr = self.main_phase(iterations, &ALIGNMENTS, rates)?;
@@ -204,7 +208,8 @@ impl<const H: usize> Attempt<H> {
         Ok((blocks, psnr))
     }
 
-    /// Trains everything in float, with noise; `rates` gives those of features and decoder at a step. The result's PSNR.
+    /// Trains everything in float, with noise; `rates` gives those of features and decoder at a step. The
+    /// result's PSNR.
     fn main_phase(
         &mut self,
         iterations: usize,
@@ -231,7 +236,8 @@ impl<const H: usize> Attempt<H> {
         if psnr < best.min(GOOD_DB) - LOST_DB && !self.last { Err(Stop::Diverged) } else { Ok(psnr) }
     }
 
-    /// Continues training around what is already quantised: this many steps, at a rate that rises and falls to 0.
+    /// Continues training around what is already quantised: this many steps, at a rate that rises and falls
+    /// to 0.
     fn refit(&mut self, scope: Scope, (steps, rate, warm_up): (usize, f32, usize)) -> Result<(), Stop> {
         self.steps(scope, steps, |i| rate * schedule(i, steps, warm_up, 0.0))
     }

@@ -1,4 +1,5 @@
-//! What the training of one tile is given: its samples' targets and weights, and where each sample reads the maps.
+//! What the training of one tile is given: its samples' targets and weights, and where each sample reads the
+//! maps.
 
 use super::Coded;
 use super::features::in_blocks;
@@ -12,7 +13,8 @@ use crate::time::{self, Axis, Coding};
 pub const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; most valid ones have 1.
 pub const GUTTER_WEIGHT: f32 = 0.1;
-/// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border, which shows them.
+/// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border,
+/// which shows them.
 pub const EDGE_WEIGHT: f32 = 6.0;
 /// By how much more such a texel counts where blocks are chosen.
 pub const EDGE_IN_BLOCKS: f32 = 2.0;
@@ -34,8 +36,8 @@ impl Pair {
     }
 }
 
-/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; of size 0 as of 1. The second is the
-/// one after the first, unless there is but one.
+/// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; of size 0
+/// as of 1. The second is the one after the first, unless there is but one.
 pub fn clamped(coordinate: f64, size: usize) -> Pair {
     let size = size.max(1);
     let p = (coordinate * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
@@ -52,8 +54,8 @@ pub fn periodic(coordinate: f64, size: usize) -> Pair {
     Pair { at: [wrap(i), wrap(i + 1.0)], f: (p - i) as f32 }
 }
 
-/// Where a column (or row) of stored texels reads the maps. Offsets of a column and a row add up: texels of F_uv lie block by block, those
-/// of F_uvt row by row.
+/// Where a column (or row) of stored texels reads the maps. Offsets of a column and a row add up: texels of
+/// F_uv lie block by block, those of F_uvt row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct Site {
     /// Part of the offset into F_uv.
@@ -131,7 +133,8 @@ pub struct Problem {
     pub columns: Vec<Site>,
     /// Per stored row.
     pub rows: Vec<Site>,
-    /// The frames that are not black; then time points between neighbours among them, where decoders interpolate.
+    /// The frames that are not black; then time points between neighbours among them, where decoders
+    /// interpolate.
     pub points: Vec<TimePoint>,
     /// How many of the time points are frames.
     pub frames: usize,
@@ -139,9 +142,11 @@ pub struct Problem {
     pub texels: Vec<Texel>,
     /// How many of them are valid.
     pub valid: usize,
-    /// Of each: whether it is valid, and beside a valid one of another tile, or its copy; none in the paper's recipe.
+    /// Of each: whether it is valid, and beside a valid one of another tile, or its copy; none in the paper's
+    /// recipe.
     pub edges: Vec<bool>,
-    /// Per time point and texel: (E/mean)^(1/p) of three channels, and its loss weight when an epoch visits it.
+    /// Per time point and texel: (E/mean)^(1/p) of three channels, and its loss weight when an epoch visits
+    /// it.
     pub targets: Vec<Quad>,
     /// Means of all frames, zero where black.
     pub knots: Vec<Knot>,
@@ -273,7 +278,8 @@ impl Problem {
         self.valid.div_ceil(2048)
     }
 
-    /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the gutter's less often.
+    /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the
+    /// gutter's less often.
     #[inline(always)]
     pub fn weight_in_blocks(&self, texel: Texel) -> f32 {
         match texel.index() < self.valid {
@@ -284,8 +290,9 @@ impl Problem {
     }
 }
 
-/// Whether a texel is valid and beside a valid one on the other side of a border with another tile. Of the border's copies only those to the
-/// right and below count: filtering goes on to them, and then from the next tile's own first texels.
+/// Whether a texel is valid and beside a valid one on the other side of a border with another tile. Of the
+/// border's copies only those to the right and below count: filtering goes on to them, and then from the next
+/// tile's own first texels.
 fn at_border(source: &TileSource, texel: usize) -> bool {
     let (x, y) = (texel % source.width, texel / source.width);
     let valid = |x: usize, y: usize| source.coverage[y * source.width + x] == Coverage::Valid;
@@ -310,7 +317,8 @@ struct Span {
     to: usize,
     /// How far it is from the one to the other in time.
     fraction: f64,
-    /// The same on the time axis: the share of the light that is the second frame's ([`time::fraction_of_share`]).
+    /// The same on the time axis: the share of the light that is the second frame's
+    /// ([`time::fraction_of_share`]).
     share: f64,
 }
 
@@ -321,8 +329,9 @@ impl Span {
     }
 }
 
-/// Time points between neighbouring frames that do not look alike and show the same gates, where decoders may interpolate: at a third and
-/// two thirds of the way on the time axis, and more where rows or slices would be left that no time point reads.
+/// Time points between neighbouring frames that do not look alike and show the same gates, where decoders may
+/// interpolate: at a third and two thirds of the way on the time axis, and more where rows or slices would be
+/// left that no time point reads.
 fn between(source: &TileSource, light: &Light, taus: &[f64], shape: &Shape) -> Vec<Span> {
     let n = source.frames.len();
     // The paper's recipe knows frames alone.

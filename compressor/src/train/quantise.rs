@@ -1,10 +1,11 @@
 //! From the trained float model to the stored tile: BC7 blocks, 8-bit planes, f16 decoder.
 //!
-//! Blocks are chosen by the loss itself, or (the paper's recipe) by a plain encoder that looks at the features alone.
-//! Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a sample, residual r and
-//! weight w, a change δ of its features costs w |r + J δ|². F_uv's texels do not share samples, so their blocks are
-//! fitted to the minimum of their own form. F_uvt's texels share samples through interpolation: its blocks are first
-//! fitted under Σ w a² Jᵀ J, a a texel's share, then improved by coordinate descent ([`super::descent`], and of one block [`super::form`]).
+//! Blocks are chosen by the loss itself, or (the paper's recipe) by a plain encoder that looks at the
+//! features alone. Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a
+//! sample, residual r and weight w, a change δ of its features costs w |r + J δ|². F_uv's texels do not share
+//! samples, so their blocks are fitted to the minimum of their own form. F_uvt's texels share samples through
+//! interpolation: its blocks are first fitted under Σ w a² Jᵀ J, a a texel's share, then improved by
+//! coordinate descent ([`super::descent`], and of one block [`super::form`]).
 
 #![allow(
     clippy::needless_range_loop,
@@ -30,7 +31,8 @@ use std::ops::Range;
 const STEP: f32 = CENTRE_SLOPE / 255.0;
 /// Share of the mean metric that is added to every texel's.
 const DAMPING: f32 = 0.003;
-/// F_uvt looks at no more frames than about this many (evenly spread): its memory is 64 bytes a texel and frame.
+/// F_uvt looks at no more frames than about this many (evenly spread): its memory is 64 bytes a texel and
+/// frame.
 const MOST_SETS: usize = 64;
 
 /// The blocks of both maps.
@@ -43,7 +45,8 @@ pub struct Blocks {
 }
 
 impl<const H: usize> Trainer<H> {
-    /// Blocks of the learned endpoints and weights under the loss's metric, of F_uvt, then of F_uv; freezes both first.
+    /// Blocks of the learned endpoints and weights under the loss's metric, of F_uvt, then of F_uv; freezes
+    /// both first.
     pub fn freeze_blocks(&mut self) -> Blocks {
         self.freeze();
         let mut uvt = self.fit_uvt();
@@ -56,7 +59,8 @@ impl<const H: usize> Trainer<H> {
         blocks
     }
 
-    /// The learned texels rounded to 8 bits and encoded under the plain squared error, all channels alike; freezes both maps.
+    /// The learned texels rounded to 8 bits and encoded under the plain squared error, all channels alike;
+    /// freezes both maps.
     pub fn encode_blocks(&mut self) -> Blocks {
         self.freeze();
         let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
@@ -127,7 +131,8 @@ impl<const H: usize> Trainer<H> {
         self.refresh();
     }
 
-    /// The stored form of rounded parameters and blocks. Blocks that no sample reads are grey: the bundle leaves them out.
+    /// The stored form of rounded parameters and blocks. Blocks that no sample reads are grey: the bundle
+    /// leaves them out.
     pub fn store(&self, blocks: &Blocks) -> TileParams {
         let [uv, uvt] = self.problem.blocks_read();
         let stored = |blocks: &[Block], read: &[bool]| {
@@ -218,9 +223,9 @@ impl<const H: usize> Trainer<H> {
         run(self.tier(), Fit { texels, metric, start: Some(&start) })
     }
 
-    /// F_uv's blocks: of the present ones (or else those fitted to the learned texels) and those fitted to the minimum of each texel's form
-    /// (under weak and strong damping) in mode 6 and in mode 4, every block takes the one of least true loss. What was learned lies on
-    /// lines, where mode 4 has nothing to win.
+    /// F_uv's blocks: of the present ones (or else those fitted to the learned texels) and those fitted to
+    /// the minimum of each texel's form (under weak and strong damping) in mode 6 and in mode 4, every block
+    /// takes the one of least true loss. What was learned lies on lines, where mode 4 has nothing to win.
     fn fit_uv(&mut self, blocks: &mut Blocks, start: &[[Quad; 2]]) {
         let problem = &self.problem;
         let count = self.maps.uv.len();

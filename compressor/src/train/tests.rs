@@ -1,4 +1,5 @@
-//! Tests of the trainer as a whole: gradients against an oracle in f64, instruction sets, quality, and odd tiles.
+//! Tests of the trainer as a whole: gradients against an oracle in f64, instruction sets, quality, and odd
+//! tiles.
 
 use super::gather::Samples;
 use super::kernel::Scope;
@@ -43,7 +44,8 @@ fn tile(
     }
 }
 
-/// A shadow edge that moves with the frame under a soft gradient, and a lamp that is on at the first and last quarter.
+/// A shadow edge that moves with the frame under a soft gradient, and a lamp that is on at the first and last
+/// quarter.
 fn moving_shadow(width: usize, height: usize, frames: usize) -> TileSource {
     tile(width, height, frames, |k, x, y| {
         let day = (std::f32::consts::PI * (k as f32 + 0.5) / frames as f32).sin();
@@ -176,7 +178,8 @@ fn gradients_are_right_whatever_is_omitted() {
 
 #[test]
 fn a_switch_is_a_gate_and_gains() {
-    // A lamp that blinks every second frame: time alone, with fewer rows than frames, hardly tells when it is on.
+    // A lamp that blinks every second frame: time alone, with fewer rows than frames, hardly tells when it is
+    // on.
     let mut source = switched(48, 48, 40);
     for (k, frame) in source.frames.iter_mut().enumerate().filter(|(k, _)| k % 2 == 1) {
         for (i, texel) in frame.iter_mut().enumerate() {
@@ -479,7 +482,8 @@ fn training_that_diverges_is_restarted_at_a_smaller_rate_and_says_so() {
         Err(Error::Interrupted)
     ));
 
-    // A tile at rates that are far too high: overflow; and numbers that stay finite but lose what was reached.
+    // A tile at rates that are far too high: overflow; and numbers that stay finite but lose what was
+    // reached.
     let source = moving_shadow(32, 32, 8);
     let light = Light::new(&source, Coding::Standard);
     let shape = Shape::new(&M.contents(light.distinct, light.gates.len()), 32, 32, 8, Coding::Standard);

@@ -14,8 +14,9 @@ use serde::{Deserialize, Serialize};
 /// Steps of a trial fit.
 const ITERATIONS: usize = 400;
 
-/// First guess of the factor by which a training of `iterations` steps with quantisation reduces the pooled error, compared with a trial fit:
-/// 1.6, 1.9 and 2.4 after 1000, 2500 and 12,000 steps on the scene `yard`; twice that in rooms, whose light is smooth.
+/// First guess of the factor by which a training of `iterations` steps with quantisation reduces the pooled
+/// error, compared with a trial fit: 1.6, 1.9 and 2.4 after 1000, 2500 and 12,000 steps on the scene `yard`;
+/// twice that in rooms, whose light is smooth.
 pub fn gain(iterations: usize) -> f64 {
     (1.6 + 0.34 * (iterations as f64 / 1000.0).ln()).max(1.0)
 }
@@ -27,7 +28,8 @@ pub struct TrialFit {
     pub word: u32,
     /// Length of the payload in bytes.
     pub bytes: u64,
-    /// Squared error of the trial fit relative to the frame's peak, mean over channels, summed over valid texels and lit frames.
+    /// Squared error of the trial fit relative to the frame's peak, mean over channels, summed over valid
+    /// texels and lit frames.
     pub error: f64,
     /// Terms of that sum.
     pub terms: u64,

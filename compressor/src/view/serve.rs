@@ -162,7 +162,8 @@ fn send_file(out: &mut impl Write, is_head: bool, mut file: File, range: Option<
     io::copy(&mut file.take(length), out).map(drop)
 }
 
-/// The first and last byte of a range `bytes=a-b`, `bytes=a-` or `bytes=-n` of a file; `None` for others, and beyond its end.
+/// The first and last byte of a range `bytes=a-b`, `bytes=a-` or `bytes=-n` of a file; `None` for others, and
+/// beyond its end.
 fn parse_range(range: &str, whole: u64) -> Option<(u64, u64)> {
     let (first, last) = range.strip_prefix("bytes=")?.split_once('-')?;
     let last_byte = whole.checked_sub(1)?;

@@ -47,7 +47,8 @@ impl Source {
     /// Finds what belongs to a dataset's folder or a bundle.
     ///
     /// # Errors
-    /// A bundle that is not there or damaged, or is not of the dataset; files that are named and cannot be read, or are of another kind.
+    /// A bundle that is not there or damaged, or is not of the dataset; files that are named and cannot be
+    /// read, or are of another kind.
     pub fn open(input: &Path, options: &Options) -> Result<Self> {
         let is_folder = input.is_dir();
         let folder = if is_folder { input } else { input.parent().unwrap_or(Path::new("")) };
@@ -300,8 +301,8 @@ fn bits(flags: &[bool]) -> Vec<u8> {
         .collect()
 }
 
-/// Light as RGB9E5, behind the power of two that it is multiplied with. That brings the brightest channel to 2¹⁴ … 2¹⁵, because below 2⁻¹⁶ the
-/// format loses digits.
+/// Light as RGB9E5, behind the power of two that it is multiplied with. That brings the brightest channel to
+/// 2¹⁴ … 2¹⁵, because below 2⁻¹⁶ the format loses digits.
 fn packed(texels: &[[f32; 3]]) -> Vec<u8> {
     let top = texels.iter().flatten().fold(0.0, |top: f32, light| top.max(*light));
     let exponent = (top.to_bits() >> 23) as i32 - 127;

@@ -7,19 +7,22 @@ use crate::{Error, Result};
 pub struct Budgets {
     /// Decoded tiles on the device: 128² texels of 16 bytes each, so 262 KB a tile, the sun included.
     pub slots: u32,
-    /// Tiles whose features are on the device, about 60 KB each. At least `slots`, so that every shown tile can be decoded again.
+    /// Tiles whose features are on the device, about 60 KB each. At least `slots`, so that every shown tile
+    /// can be decoded again.
     pub features: u32,
     /// Tiles that are being read, or wait in memory to be loaded. And as many reads of intervals of the sun.
     pub reads: usize,
     /// Tiles that are loaded onto the device per step, and as many intervals of the sun.
     pub loads: usize,
-    /// Tiles whose maps are decoded per step. At a light switch all wanted tiles that it affects are decoded in one step, however many.
+    /// Tiles whose maps are decoded per step. At a light switch all wanted tiles that it affects are decoded
+    /// in one step, however many.
     pub decodes: usize,
     /// Tiles of which only the sun is decoded, per step.
     pub suns: usize,
     /// Relative change of light up to which a tile is not decoded again.
     pub tolerance: f32,
-    /// Failed reads of a tile after which it is reported. It is tried on, less and less often, unless the failure is lasting.
+    /// Failed reads of a tile after which it is reported. It is tried on, less and less often, unless the
+    /// failure is lasting.
     pub retries: u32,
 }
 

@@ -1,4 +1,5 @@
-//! The stream on a device: a [`Reader`] reads, `ndgi-gpu` decodes into two textures of slots, and a WGSL function samples them.
+//! The stream on a device: a [`Reader`] reads, `ndgi-gpu` decodes into two textures of slots, and a WGSL
+//! function samples them.
 //!
 //! A frame is three calls: see [`Runtime`].
 
@@ -29,14 +30,16 @@ pub struct Settings {
     pub budgets: Budgets,
     /// How tiles are decoded.
     pub options: Options,
-    /// The factor of light before it is stored in 16-bit floats; shaders divide by it. See `ndgi_gpu::Output`.
+    /// The factor of light before it is stored in 16-bit floats; shaders divide by it. See
+    /// `ndgi_gpu::Output`.
     pub exposure: f32,
     /// Width and height of the feedback's target; an eighth of the view's are enough.
     pub feedback: [u32; 2],
 }
 
 impl Settings {
-    /// Default settings for a view of this width and height: an exposure of 256, and feedback at an eighth of the resolution.
+    /// Default settings for a view of this width and height: an exposure of 256, and feedback at an eighth of
+    /// the resolution.
     pub fn of_view([width, height]: [u32; 2]) -> Self {
         let feedback = [width.div_ceil(8), height.div_ceil(8)].map(|side| side.max(1));
         Settings { budgets: Budgets::default(), options: Options::default(), exposure: 256.0, feedback }
@@ -58,11 +61,12 @@ pub struct Report {
 
 /// Streams a scene's tiles on a device.
 ///
-/// A frame is three calls: [`Runtime::frame`] before anything is drawn, [`Runtime::read_back`] after the view has drawn its feedback into
-/// [`Feedback::view`], and [`Runtime::submitted`] after the encoder was submitted. Shaders call the functions of [`Runtime::wgsl`] with
-/// [`Runtime::bind_group`] bound.
+/// A frame is three calls: [`Runtime::frame`] before anything is drawn, [`Runtime::read_back`] after the view
+/// has drawn its feedback into [`Feedback::view`], and [`Runtime::submitted`] after the encoder was
+/// submitted. Shaders call the functions of [`Runtime::wgsl`] with [`Runtime::bind_group`] bound.
 ///
-/// No call waits. The [`Reader`] does all reading, checking and unpacking; feedback is used when it arrives, one or two frames later.
+/// No call waits. The [`Reader`] does all reading, checking and unpacking; feedback is used when it arrives,
+/// one or two frames later.
 #[derive(Debug)]
 pub struct Runtime {
     stream: Stream,
@@ -88,8 +92,8 @@ impl Runtime {
     /// A runtime in which nothing is read yet, and every tile shows its mean.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for budgets under which nothing can be shown; [`Error::Device`](crate::Error::Device) for
-    /// budgets that exceed the device's limits.
+    /// [`Error::Invalid`](crate::Error::Invalid) for budgets under which nothing can be shown;
+    /// [`Error::Device`](crate::Error::Device) for budgets that exceed the device's limits.
     pub fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
@@ -130,12 +134,13 @@ impl Runtime {
         })
     }
 
-    /// Brings the tiles up to `hour`; call it before anything samples. Uploads go through the queue and take effect at the next submission.
-    /// Decoding is recorded on the encoder, which has to be submitted before the next frame is recorded.
+    /// Brings the tiles up to `hour`; call it before anything samples. Uploads go through the queue and take
+    /// effect at the next submission. Decoding is recorded on the encoder, which has to be submitted before
+    /// the next frame is recorded.
     ///
     /// # Errors
-    /// [`Error::Bundle`](crate::Error::Bundle) for an hour that is not a finite number. A tile that cannot be read is not an error: it is
-    /// reported in [`Commands::failures`], and a coarser tile is shown instead.
+    /// [`Error::Bundle`](crate::Error::Bundle) for an hour that is not a finite number. A tile that cannot be
+    /// read is not an error: it is reported in [`Commands::failures`], and a coarser tile is shown instead.
     pub fn frame(
         &mut self,
         device: &wgpu::Device,
@@ -174,7 +179,8 @@ impl Runtime {
         Ok(report)
     }
 
-    /// Frames the tiles that the view needs, in place of the next frame's feedback: for views that know them, for instance after a jump.
+    /// Frames the tiles that the view needs, in place of the next frame's feedback: for views that know them,
+    /// for instance after a jump.
     pub fn see(&mut self, seen: Vec<Seen>) {
         self.reported = Some(seen);
     }
@@ -197,7 +203,8 @@ impl Runtime {
         }
     }
 
-    /// Carries out a load; says whether it could. If not, the tile is read again, and nothing may be decoded from its place, which is empty.
+    /// Carries out a load; says whether it could. If not, the tile is read again, and nothing may be decoded
+    /// from its place, which is empty.
     fn load(&mut self, queue: &wgpu::Queue, load: &Load, report: &mut Report) -> bool {
         let Load { tile, place, features, .. } = *load;
         let waiting = self.waiting.remove(&tile).unwrap_or_default();
@@ -279,7 +286,8 @@ impl Runtime {
         self.feedback.submitted();
     }
 
-    /// Replaces the bundles: see [`Stream::replace`] and [`Files::changed`]. [`Runtime::bind_group`] is a new one afterwards.
+    /// Replaces the bundles: see [`Stream::replace`] and [`Files::changed`]. [`Runtime::bind_group`] is a new
+    /// one afterwards.
     ///
     /// # Errors
     /// Those of [`Runtime::new`]. Nothing has changed then.
@@ -335,7 +343,8 @@ impl Runtime {
         &self.table.group
     }
 
-    /// WGSL functions that sample light and write feedback, with their bindings in group `group`: see `sample.wgsl`.
+    /// WGSL functions that sample light and write feedback, with their bindings in group `group`: see
+    /// `sample.wgsl`.
     pub fn wgsl(group: u32) -> String {
         include_str!("gpu/sample.wgsl").replace("@group(NDGI)", &format!("@group({group})"))
     }

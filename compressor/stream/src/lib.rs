@@ -1,7 +1,9 @@
-//! Virtual texturing for a day of lightmaps: reads, decodes and shows the tiles of NDGI bundles that a view needs, under a budget.
+//! Virtual texturing for a day of lightmaps: reads, decodes and shows the tiles of NDGI bundles that a view
+//! needs, under a budget.
 //!
-//! [`Stream`] decides what is to be done. It has no clock, thread or device, so the same trace always gives the same commands. [`Pyramid`]
-//! holds the tiles of all levels: their indices and mean light, which are in memory.
+//! [`Stream`] decides what is to be done. It has no clock, thread or device, so the same trace always gives
+//! the same commands. [`Pyramid`] holds the tiles of all levels: their indices and mean light, which are in
+//! memory.
 
 #![forbid(unsafe_code)]
 

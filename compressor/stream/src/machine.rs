@@ -1,9 +1,11 @@
 //! The state machine: tiles seen and reads completed go in, commands come out.
 //!
-//! A tile has two things: its *data* (absent, being read, arrived in memory, or held on the device), and its *slot* with its decoded texels
-//! at some hour. A step takes the files of this folder in this order: `want`, `arrive`, `load` (which also starts reads), `decode`, `show`.
+//! A tile has two things: its *data* (absent, being read, arrived in memory, or held on the device), and its
+//! *slot* with its decoded texels at some hour. A step takes the files of this folder in this order: `want`,
+//! `arrive`, `load` (which also starts reads), `decode`, `show`.
 //!
-//! A *place* here is a numbered slot of `ndgi_gpu::Pool`, which holds a tile's features. A *slot* holds decoded texels.
+//! A *place* here is a numbered slot of `ndgi_gpu::Pool`, which holds a tile's features. A *slot* holds
+//! decoded texels.
 
 mod arrive;
 mod decode;
@@ -41,7 +43,8 @@ pub struct Completion {
 pub enum Answer {
     /// The data is in memory.
     Arrived,
-    /// The read failed. It is tried again, and reported after some failures ([`Budgets::retries`]), unless the failure is lasting, as for a damaged tile.
+    /// The read failed. It is tried again, and reported after some failures ([`Budgets::retries`]), unless
+    /// the failure is lasting, as for a damaged tile.
     Failed {
         /// Whether another try would fail too.
         is_lasting: bool,
@@ -121,10 +124,11 @@ pub struct Commands {
     pub drops: Vec<Tile>,
     /// Places to empty.
     pub unloads: Vec<u32>,
-    /// Data to load before this step decodes anything. It is decoded in the next step at the earliest; if the device has no room for it,
-    /// call [`Stream::refuse`] before that step.
+    /// Data to load before this step decodes anything. It is decoded in the next step at the earliest; if the
+    /// device has no room for it, call [`Stream::refuse`] before that step.
     pub loads: Vec<Load>,
-    /// Reads to start, most urgent first: after the loads, because an interval may be unpacked from features that are only loaded now.
+    /// Reads to start, most urgent first: after the loads, because an interval may be unpacked from features
+    /// that are only loaded now.
     pub reads: Vec<Read>,
     /// Tiles to decode before anything is sampled.
     pub decodes: Vec<Decode>,
@@ -132,7 +136,8 @@ pub struct Commands {
     pub evictions: Vec<Tile>,
     /// Entries of the page table that have changed.
     pub table: Vec<(Tile, Entry)>,
-    /// The number of levels, in fractions too, by which the view is to ask for coarser tiles. It rises when slots run short.
+    /// The number of levels, in fractions too, by which the view is to ask for coarser tiles. It rises when
+    /// slots run short.
     pub mip_bias: f32,
     /// Tiles that cannot be read, each reported once.
     pub failures: Vec<Failure>,
@@ -254,8 +259,9 @@ impl Stream {
         })
     }
 
-    /// Makes the decisions of one frame. `seen` is the feedback that arrived since the last step, if any; `completions` are the answers to
-    /// reads since then. The page table holds from the moment that the commands are carried out.
+    /// Makes the decisions of one frame. `seen` is the feedback that arrived since the last step, if any;
+    /// `completions` are the answers to reads since then. The page table holds from the moment that the
+    /// commands are carried out.
     ///
     /// # Errors
     /// [`crate::Error::Bundle`] for an hour that is not a finite number. Nothing has changed then.
@@ -276,8 +282,9 @@ impl Stream {
         Ok(commands)
     }
 
-    /// Replaces the bundles, for instance when the scene was baked again. All data is read again. If all pages have the same sizes as
-    /// before, slots stay in use until their tiles are decoded from the new data.
+    /// Replaces the bundles, for instance when the scene was baked again. All data is read again. If all
+    /// pages have the same sizes as before, slots stay in use until their tiles are decoded from the new
+    /// data.
     ///
     /// # Errors
     /// Those of [`Stream::new`].
@@ -310,8 +317,9 @@ impl Stream {
         Ok(())
     }
 
-    /// Reports that a [`Load`] of the last step could not be carried out: for want of room on the device, or `why`. The tile is read again later, and
-    /// one tile that is not wanted is unloaded at once to make room. `commands` receives what has to be unloaded and dropped.
+    /// Reports that a [`Load`] of the last step could not be carried out: for want of room on the device, or
+    /// `why`. The tile is read again later, and one tile that is not wanted is unloaded at once to make room.
+    /// `commands` receives what has to be unloaded and dropped.
     pub fn refuse(&mut self, tile: Tile, why: Option<String>, commands: &mut Commands) {
         if let Some(what) = why.filter(|_| !std::mem::replace(&mut self.state_mut(tile).reported, true)) {
             commands.failures.push(Failure { tile, what });
@@ -354,7 +362,8 @@ impl Stream {
         self.wanted.iter().map(|(tile, pixels)| Seen { tile: *tile, pixels: *pixels })
     }
 
-    /// The change of a tile's light since it was decoded, relative to its light now; `None` if it is not decoded.
+    /// The change of a tile's light since it was decoded, relative to its light now; `None` if it is not
+    /// decoded.
     pub fn staleness(&self, tile: Tile, now: &Now) -> Option<f32> {
         let shown = self.state(tile).shown?;
         Some(self.change(tile, shown.travelled, now, 0.0))
@@ -384,8 +393,8 @@ impl Stream {
         sun.map(|(times, _)| times)
     }
 
-    /// The change of a tile's light since its mean had travelled `travelled`, relative to its light now or to `floor`, whichever is
-    /// greater.
+    /// The change of a tile's light since its mean had travelled `travelled`, relative to its light now or to
+    /// `floor`, whichever is greater.
     fn change(&self, tile: Tile, travelled: f32, now: &Now, floor: f32) -> f32 {
         if travelled.is_nan() {
             return f32::INFINITY;
@@ -400,8 +409,8 @@ impl Stream {
     }
 }
 
-/// An empty entry of `owners`, or else the least recently used one. `last` gives the step of an owner's last use, or `None` if it must
-/// stay.
+/// An empty entry of `owners`, or else the least recently used one. `last` gives the step of an owner's last
+/// use, or `None` if it must stay.
 fn oldest(owners: &[Option<Tile>], last: impl Fn(Tile) -> Option<u64>) -> Option<u32> {
     let age = |owner: &Option<Tile>| match owner {
         None => Some((0, None)),

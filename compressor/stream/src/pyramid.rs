@@ -10,7 +10,8 @@ use std::sync::Arc;
 /// Most levels: an entry of the page table has four bits for one.
 const LEVELS: usize = 16;
 
-/// The number of a tile. Tiles are numbered level by level from the finest, then page by page, then row by row.
+/// The number of a tile. Tiles are numbered level by level from the finest, then page by page, then row by
+/// row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Tile(pub u32);
 
@@ -37,8 +38,8 @@ struct Level {
     first: u32,
     /// By page, the number of tiles before it on this level.
     pages: Vec<u32>,
-    /// By tile of the level and knot, how far its light has gone up and down since the first knot: the sum of the absolute changes of its
-    /// mean.
+    /// By tile of the level and knot, how far its light has gone up and down since the first knot: the sum of
+    /// the absolute changes of its mean.
     travelled: Vec<f32>,
     knots: usize,
 }
@@ -82,8 +83,8 @@ impl Pyramid {
     /// A pyramid of the levels of one scene, finest first. A single bundle will do.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for bundles that are not levels of one scene: their light groups differ, or a level's pages are not those of the
-    /// level before halved, rounded up. And for more than 16.
+    /// [`Error::Invalid`] for bundles that are not levels of one scene: their light groups differ, or a
+    /// level's pages are not those of the level before halved, rounded up. And for more than 16.
     pub fn new(bundles: Vec<Arc<Bundle>>) -> Result<Self> {
         let Some(finest) = bundles.first() else {
             return Err(Error::Invalid("no bundle; expected at least one".to_owned()));
@@ -252,7 +253,8 @@ impl Pyramid {
         self.levels.partition_point(|level| level.first <= tile.0) - 1
     }
 
-    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None` if the sun is down.
+    /// The times of visibility before and after an hour at a tile's level, and the sun's irradiance; `None`
+    /// if the sun is down.
     pub(crate) fn sun(&self, tile: Tile, now: &Now) -> Option<([usize; 2], [f32; 3])> {
         now.levels[self.level_of(tile)].sun
     }

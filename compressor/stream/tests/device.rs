@@ -171,8 +171,8 @@ impl Probe {
         texels.iter().map(|texel| [0, 1, 2].map(|c| texel[c] / exposure)).collect()
     }
 
-    /// Samples everywhere, most of all at tile borders, and compares with the decoder at the level that the page table has. Gives the
-    /// number of points by level, and last of those that show the mean.
+    /// Samples everywhere, most of all at tile borders, and compares with the decoder at the level that the
+    /// page table has. Gives the number of points by level, and last of those that show the mean.
     fn expect_exact(&self, hour: f64) -> Vec<usize> {
         let pyramid = self.runtime.stream().pyramid();
         let mut random = Random(5);
@@ -224,7 +224,8 @@ impl Probe {
                     let light = if owner == tile {
                         decoders[level].sample(page as usize, at[0], at[1], hour).unwrap()
                     } else {
-                        // Half a texel across its border, it is the tile that covers the one looked for that is sampled, not its neighbour.
+                        // Half a texel across its border, it is the tile that covers the one looked for that
+                        // is sampled, not its neighbour.
                         let place = pyramid.spot(owner).unwrap().place;
                         let local =
                             |at: f64, side: usize, i: usize| (at * side as f64) as f32 - (126 * i) as f32;

@@ -1,5 +1,5 @@
-//! A case: a page of given light through `compress`, and back from its bundle. Whatever the case, the bundle is whole and any
-//! time of the day decodes to finite light.
+//! A case: a page of given light through `compress`, and back from its bundle. Whatever the case, the bundle
+//! is whole and any time of the day decodes to finite light.
 
 use compressor::compress::{Options, Outcome, compress};
 use compressor::decode::Decoder;

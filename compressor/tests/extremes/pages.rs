@@ -70,8 +70,9 @@ fn tiles_of_a_smooth_page_do_not_show() {
         let seam = ratio(&decoded.texels) / ratio(&reference.texels);
         assert!((0.9..1.1).contains(&seam), "{seam}");
     }
-    // What is wrong with the steps: errors inside tiles are as smooth as this page, which has neither noise nor texture. Of one training it
-    // is 1.3 to 2.0; the mean of these is known to 0.08. It was 1.68, and 2.10 where texels beside another tile counted as others do.
+    // What is wrong with the steps: errors inside tiles are as smooth as this page, which has neither noise
+    // nor texture. Of one training it is 1.3 to 2.0; the mean of these is known to 0.08. It was 1.68, and
+    // 2.10 where texels beside another tile counted as others do.
     let ratio =
         |seed: u64| Case { seed, ..Case::new(252, 252, 6, light) }.run().evaluation.seam_ratio.unwrap();
     let mean = (0..8).map(ratio).sum::<f64>() / 8.0;

@@ -94,9 +94,11 @@ pub struct Layer {
     pub group: Option<u32>,
     /// The part of its light.
     pub part: Part,
-    /// `files[frame][page]`; of a light group, whose light does not depend on the hour, `files[0][page]`. `None` is black.
+    /// `files[frame][page]`; of a light group, whose light does not depend on the hour, `files[0][page]`.
+    /// `None` is black.
     pub files: Vec<Vec<Option<FileRef>>>,
-    /// Interpolation between two frames: a [`crate::curve::Curve`]; linear without one. Light groups have none.
+    /// Interpolation between two frames: a [`crate::curve::Curve`]; linear without one. Light groups have
+    /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<FileRef>,
 }
@@ -125,13 +127,14 @@ impl Config {
         self.layers.iter().filter(move |layer| (layer.light, layer.group) == (light, group))
     }
 
-    /// The files whose sum is one light's part of a lightmap, in the order in which they are summed; empty if it is black.
+    /// The files whose sum is one light's part of a lightmap, in the order in which they are summed; empty if
+    /// it is black.
     pub fn files_of(&self, light: Light, group: Option<u32>, frame: usize, page: usize) -> Vec<&FileRef> {
         self.layers_of(light, group).filter_map(|layer| layer.file(frame, page)).collect()
     }
 
-    /// Per light whose sum is the local light of a frame on a page, its [`Config::files_of`]: the groups that are on, then the lamps of
-    /// an imported dataset.
+    /// Per light whose sum is the local light of a frame on a page, its [`Config::files_of`]: the groups that
+    /// are on, then the lamps of an imported dataset.
     pub fn files_of_local(&self, frame: usize, page: usize) -> Vec<Vec<&FileRef>> {
         let on = (0u32..).zip(&self.frames[frame].groups_on).filter(|(_, on)| **on);
         let groups = on.map(|(group, _)| self.files_of(Light::Group, Some(group), frame, page));

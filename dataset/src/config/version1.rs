@@ -1,4 +1,5 @@
-//! `config.json` of version 1, which is read for ever: each light has one layer, named by the maps and the groups.
+//! `config.json` of version 1, which is read for ever: each light has one layer, named by the maps and the
+//! groups.
 
 use super::{
     Baked, Config, Daylight, FileRef, Frame, Instance, Layer, Light, Part, Source, Transfer, VERSION,

@@ -27,12 +27,12 @@ pub struct Exported {
     pub bytes: u64,
 }
 
-/// Writes a dataset in a layout to the new folder `out`, which appears when it is complete. A dataset that was imported from the same
-/// layout gets its old names and configuration back.
+/// Writes a dataset in a layout to the new folder `out`, which appears when it is complete. A dataset that
+/// was imported from the same layout gets its old names and configuration back.
 ///
 /// # Errors
-/// `Unsupported` if the layout cannot store any of the dataset; `Invalid` for an invalid dataset. Then nothing is left
-/// behind.
+/// `Unsupported` if the layout cannot store any of the dataset; `Invalid` for an invalid dataset. Then
+/// nothing is left behind.
 pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
     if layout == Layout::Exr {
         return Err(Error::unsupported(

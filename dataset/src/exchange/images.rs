@@ -14,8 +14,8 @@ const HOUR: &str = "{hour}";
 /// The unit of light without `unit`.
 pub(super) const UNKNOWN_UNIT: &str = "unknown";
 
-/// The files of `folder` whose names match a pattern such as `light_{hour}.exr`, where the hour is 6, 06 or 5.9; 24 is 0. Gives
-/// also the names of other EXR files.
+/// The files of `folder` whose names match a pattern such as `light_{hour}.exr`, where the hour is 6, 06 or
+/// 5.9; 24 is 0. Gives also the names of other EXR files.
 pub(super) fn by_pattern(
     folder: &Path,
     pattern: &str,

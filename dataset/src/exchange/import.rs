@@ -33,8 +33,8 @@ pub enum Origin {
     Table(PathBuf),
 }
 
-/// Makes a dataset in the new folder `out`, which appears when it is complete; the scene has the folder's name. Returns
-/// its manifest.
+/// Makes a dataset in the new folder `out`, which appears when it is complete; the scene has the folder's
+/// name. Returns its manifest.
 ///
 /// # Errors
 /// For any fault of the source; then nothing is left behind.

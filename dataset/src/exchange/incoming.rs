@@ -131,7 +131,8 @@ impl MaskFile {
     }
 }
 
-/// A mask painted by others: valid where a picture is at least half white and half opaque, where an EXR is above one half.
+/// A mask painted by others: valid where a picture is at least half white and half opaque, where an EXR is
+/// above one half.
 fn read_picture(path: &Path, size: (usize, usize)) -> Result<Vec<bool>> {
     let expect = |found: (usize, usize)| match found == size {
         true => Ok(()),

@@ -13,8 +13,9 @@ use std::path::Path;
 /// Largest configuration file that is read.
 const MAX_CONFIG_BYTES: u64 = 64 << 20;
 
-/// The lightmaps of a layout, one after another, from the bytes of its configuration; `place` names that in errors. What a
-/// configuration claims may be far more than exists, so `each` must check the files before the next lightmap is planned.
+/// The lightmaps of a layout, one after another, from the bytes of its configuration; `place` names that in
+/// errors. What a configuration claims may be far more than exists, so `each` must check the files before the
+/// next lightmap is planned.
 pub(super) fn parse(
     layout: Layout,
     place: &Path,

@@ -1,4 +1,5 @@
-//! Raw texels in one file or several equal ones that lie below each other: row by row from the top, no header.
+//! Raw texels in one file or several equal ones that lie below each other: row by row from the top, no
+//! header.
 
 use crate::console::count;
 use crate::{Error, Result};
@@ -31,7 +32,8 @@ pub(super) struct Raw {
 }
 
 impl Raw {
-    /// Checks that the files hold just this many texels, which is all that the size of what is read later depends on.
+    /// Checks that the files hold just this many texels, which is all that the size of what is read later
+    /// depends on.
     pub fn open(parts: Vec<PathBuf>, (width, height): (usize, usize), texel_bytes: usize) -> Result<Self> {
         let rows = height / parts.len();
         let expected = (width * texel_bytes) as u64 * rows as u64;
@@ -97,7 +99,8 @@ impl Raw {
     }
 }
 
-/// Writes rows to equal files, top to bottom: `rows(y0, y1)` gives the bytes of a block. Returns their total length.
+/// Writes rows to equal files, top to bottom: `rows(y0, y1)` gives the bytes of a block. Returns their total
+/// length.
 pub(super) fn write(
     parts: &[PathBuf],
     (width, height): (usize, usize),

@@ -21,7 +21,8 @@ pub(super) struct Job<'a> {
     pub progress: &'a Progress,
 }
 
-/// Whether frames are the sums of halved layers. Those of an imported dataset are so only about, and are halved themselves.
+/// Whether frames are the sums of halved layers. Those of an imported dataset are so only about, and are
+/// halved themselves.
 fn are_sums(config: &Config) -> bool {
     !config.layers.is_empty() && config.source.is_none()
 }
@@ -41,7 +42,8 @@ pub(super) fn count(config: &Config, page: usize) -> u64 {
     (sources(config, page).len() + sums) as u64
 }
 
-/// Writes all images of a page, and names them in `config`, whose page has its size already. `root`: the folder of `writer`.
+/// Writes all images of a page, and names them in `config`, whose page has its size already. `root`: the
+/// folder of `writer`.
 pub(super) fn write(job: &Job, writer: &mut Writer, root: &Path, config: &mut Config) -> Result<()> {
     let page = job.page;
     let sources = sources(&job.dataset.config, page);

@@ -1,7 +1,9 @@
-//! A dataset of half the resolution: a coarser level of detail for virtual texturing, and a dataset like any other.
+//! A dataset of half the resolution: a coarser level of detail for virtual texturing, and a dataset like any
+//! other.
 //!
-//! Texel (x, y) covers the texels [2x, 2x + 2) × [2y, 2y + 2) of the source, those inside the page. Its light is the mean over those of
-//! them that are valid, and it is valid if one is; where none is, the mean is over all. Layers are halved, and frames are their sums anew.
+//! Texel (x, y) covers the texels [2x, 2x + 2) × [2y, 2y + 2) of the source, those inside the page. Its light
+//! is the mean over those of them that are valid, and it is valid if one is; where none is, the mean is over
+//! all. Layers are halved, and frames are their sums anew.
 
 mod half;
 mod images;
@@ -23,11 +25,12 @@ const GENERATOR: &str = concat!("dataset halve ", env!("CARGO_PKG_VERSION"));
 /// The geometry's plain name.
 const GLB: &str = "scene.glb";
 
-/// Writes the dataset of half the resolution to the new folder `out`, which appears when it is complete. Returns its manifest.
+/// Writes the dataset of half the resolution to the new folder `out`, which appears when it is complete.
+/// Returns its manifest.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or if `out` exists.
-/// Then nothing is left behind.
+/// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or if
+/// `out` exists. Then nothing is left behind.
 pub fn halve(dataset: &Dataset, out: &Path, console: &Console) -> Result<Config> {
     expect_day(dataset)?;
     let folder = NewFolder::create(out)?;
@@ -47,7 +50,8 @@ pub fn halved_inputs(config: &Config) -> String {
     blake3::hash(all.as_bytes()).to_hex().to_string()
 }
 
-/// The functions of a transfer go with the bake of a scene's day by its `inputs`, which no halved dataset has.
+/// The functions of a transfer go with the bake of a scene's day by its `inputs`, which no halved dataset
+/// has.
 fn expect_day(dataset: &Dataset) -> Result<()> {
     let Some(transfer) = &dataset.config.transfer else { return Ok(()) };
     let what = format!(
@@ -72,7 +76,8 @@ fn write(dataset: &Dataset, writer: &mut Writer, root: &Path, progress: &Progres
     let by = source.generator.split(", of ").last().unwrap_or_default();
     config.generator = format!("{GENERATOR}, of {by}");
     config.set_halved(&source.halved_again());
-    // Errors of neighbouring texels go together after denoising, so that the error of their mean is not known.
+    // Errors of neighbouring texels go together after denoising, so that the error of their mean is not
+    // known.
     config.noise = None;
     config.frames.iter_mut().for_each(|frame| frame.relative_error = None);
     // The layout's own configuration names lightmaps of other sizes.

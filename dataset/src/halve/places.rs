@@ -1,13 +1,15 @@
 //! Chart placements on pages of half the size.
 //!
-//! Texel position p of a page is p ÷ 2 of its half. Where a side is odd, its half ends beyond it, and page coordinates shrink.
+//! Texel position p of a page is p ÷ 2 of its half. Where a side is odd, its half ends beyond it, and page
+//! coordinates shrink.
 
 use crate::config::Config;
 use gltf::Glb;
 use serde_json::{Value, json};
 use std::borrow::Cow;
 
-/// A side of the half in which the whole side lies, as its share of the half's side: 1 for an even number of texels.
+/// A side of the half in which the whole side lies, as its share of the half's side: 1 for an even number of
+/// texels.
 fn share(side: u32) -> f64 {
     f64::from(side) / (2.0 * f64::from(side.div_ceil(2)))
 }
@@ -30,7 +32,8 @@ pub(super) fn move_instances(config: &mut Config) {
     }
 }
 
-/// The geometry with the places of its nodes moved alike; as it was where all sides are even. `config` has the pages of full resolution.
+/// The geometry with the places of its nodes moved alike; as it was where all sides are even. `config` has
+/// the pages of full resolution.
 ///
 /// # Errors
 /// What is wrong with the file.

@@ -1,9 +1,10 @@
 //! The sun's visibility and the normals of a page of half the resolution.
 //!
-//! A normal is the mean of those of the texels that count. Visibility is their mean too, weighted by how much each of them faces the
-//! sun at that time: then visibility · (normal · direction)⁺ is the mean of what the texels have, unless one of them faces away. A mean of four
-//! levels needs finer levels, so the half has four times as many, up to 255: with those of the source the yard's direct light errs by
-//! 2.3 % instead of 0.7 (`compressor/examples/halved_error.rs`).
+//! A normal is the mean of those of the texels that count. Visibility is their mean too, weighted by how much
+//! each of them faces the sun at that time: then visibility · (normal · direction)⁺ is the mean of what the
+//! texels have, unless one of them faces away. A mean of four levels needs finer levels, so the half has four
+//! times as many, up to 255: with those of the source the yard's direct light errs by 2.3 % instead of 0.7
+//! (`compressor/examples/halved_error.rs`).
 
 use super::half::{Counted, Half};
 use crate::Result;

@@ -16,8 +16,8 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Channels(pub [String; 3]);
 
-/// The bytes of an EXR file as [`super::Image::to_exr`] gives them, of an image that need not be in memory: `fill(y, row)` writes the texels of
-/// row y.
+/// The bytes of an EXR file as [`super::Image::to_exr`] gives them, of an image that need not be in memory:
+/// `fill(y, row)` writes the texels of row y.
 ///
 /// # Panics
 /// If the image has no texels.
@@ -32,8 +32,8 @@ pub fn exr_of(width: usize, height: usize, mut fill: impl FnMut(usize, &mut [[f3
     bytes
 }
 
-/// [`exr_of`] into a file, named by `path` in errors. Neither the image nor the file is held in memory; an error of `fill` ends
-/// the writing.
+/// [`exr_of`] into a file, named by `path` in errors. Neither the image nor the file is held in memory; an
+/// error of `fill` ends the writing.
 ///
 /// # Panics
 /// If the image has no texels.
@@ -94,8 +94,9 @@ pub fn read_exr_size(path: &Path) -> Result<(usize, usize)> {
     Ok((size.width(), size.height()))
 }
 
-/// Reads rows `y0 .. y1` of an RGB EXR file (float32, or float16 widened) without reading the rest into memory.
-/// The values are not checked. The file may be uncompressed or use RLE, ZIP or PIZ, in scan lines or tiles.
+/// Reads rows `y0 .. y1` of an RGB EXR file (float32, or float16 widened) without reading the rest into
+/// memory. The values are not checked. The file may be uncompressed or use RLE, ZIP or PIZ, in scan lines or
+/// tiles.
 pub fn read_exr_rows(path: &Path, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
     rows_of(path, open_rgb(path)?, &rgb(), y0, y1)
 }
@@ -185,8 +186,9 @@ fn open_rgb(path: &Path) -> Result<Reader> {
     Ok(reader)
 }
 
-/// Finds the channels of red, green and blue, and the image's size. They may be called `R`, `r` or `Red`, or there may be one of
-/// luminance (`Y`), or one of any name alone; where several layers have them, `layer` names the one to take (all before the last dot).
+/// Finds the channels of red, green and blue, and the image's size. They may be called `R`, `r` or `Red`, or
+/// there may be one of luminance (`Y`), or one of any name alone; where several layers have them, `layer`
+/// names the one to take (all before the last dot).
 pub(crate) fn find_channels(path: &Path, layer: Option<&str>) -> Result<(Channels, (usize, usize))> {
     let reader = open_header(path)?;
     let all: Vec<String> = reader.headers()[0].channels.list.iter().map(|c| c.name.to_string()).collect();

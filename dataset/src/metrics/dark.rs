@@ -4,9 +4,10 @@ use super::{RELATIVE_FLOOR, psnr_db, relative_error};
 use crate::image::{Image, Mask};
 use crate::tiles::Rect;
 
-/// The PSNR of `ln(1 + E/ε)` of a tile, joint over RGB, capped like any; ε is [`RELATIVE_FLOOR`] · `page_mean`, the peak that
-/// of the tile's largest valid value. Equal ratios weigh the same at all brightnesses far above ε. `page_mean` is that of
-/// the page's valid values in this frame. `None` for a tile that is all zero or has no valid texel.
+/// The PSNR of `ln(1 + E/ε)` of a tile, joint over RGB, capped like any; ε is [`RELATIVE_FLOOR`] ·
+/// `page_mean`, the peak that of the tile's largest valid value. Equal ratios weigh the same at all
+/// brightnesses far above ε. `page_mean` is that of the page's valid values in this frame. `None` for a tile
+/// that is all zero or has no valid texel.
 pub fn psnr_log_db(
     decoded: &Image,
     reference: &Image,
@@ -51,8 +52,8 @@ impl Brightnesses {
         }));
     }
 
-    /// The [`relative_error`] over the frame's darkest quarter: the texels no brighter than its lower quartile.
-    /// `frame_mean` is that of all valid values; `None` if it is 0, or without texels.
+    /// The [`relative_error`] over the frame's darkest quarter: the texels no brighter than its lower
+    /// quartile. `frame_mean` is that of all valid values; `None` if it is 0, or without texels.
     pub fn dark_relative_error(mut self, frame_mean: f64) -> Option<f64> {
         if self.texels.is_empty() || frame_mean == 0.0 {
             return None;

@@ -1,26 +1,29 @@
 //! HDR-ꟻLIP of one tile: the difference seen when flipping between two images, at any exposure.
 //!
-//! Andersson et al. 2020, "ꟻLIP: A Difference Evaluator for Alternating Images", for one exposure; Andersson et al. 2021, "Visualizing
-//! Errors in Rendered High Dynamic Range Images", for the exposures: per texel the largest error over those between the one at which
-//! the reference's brightest texel is nearly white and the one at which its median is. Sections below are those of the first.
+//! Andersson et al. 2020, "ꟻLIP: A Difference Evaluator for Alternating Images", for one exposure; Andersson
+//! et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images", for the exposures: per texel the
+//! largest error over those between the one at which the reference's brightest texel is nearly white and the
+//! one at which its median is. Sections below are those of the first.
 
 use super::TileQuality;
 use crate::image::{Image, Mask};
 use crate::tiles::Rect;
 use std::f64::consts::PI;
 
-/// Pixels per degree of visual angle: a display 0.7 m wide of 3840 pixels, seen from 0.7 m, as the authors propose.
+/// Pixels per degree of visual angle: a display 0.7 m wide of 3840 pixels, seen from 0.7 m, as the authors
+/// propose.
 const PIXELS_PER_DEGREE: f64 = 0.7 * 3840.0 / 0.7 * PI / 180.0;
 
-/// Contrast sensitivity (section 4.1): amplitude and width (squared degrees) of the Gaussians of luminance, red–green, blue–yellow.
+/// Contrast sensitivity (section 4.1): amplitude and width (squared degrees) of the Gaussians of luminance,
+/// red–green, blue–yellow.
 const SENSITIVITY: [[[f64; 2]; 2]; 3] =
     [[[1.0, 0.0047], [0.0, 1e-5]], [[1.0, 0.0053], [0.0, 1e-5]], [[34.1, 0.04], [13.5, 0.025]]];
 /// The widest of them.
 const WIDEST: f64 = 0.04;
 /// Width of what edges and points are found by, in degrees (section 4.2).
 const FEATURE_WIDTH: f64 = 0.082;
-/// Exponents of colour and feature differences, and the bend of the former: up to this share of the largest colour difference, errors
-/// are mapped to this share of the scale (section 4.1, 4.2).
+/// Exponents of colour and feature differences, and the bend of the former: up to this share of the largest
+/// colour difference, errors are mapped to this share of the scale (section 4.1, 4.2).
 const COLOUR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
 const BEND: [f32; 2] = [0.4, 0.95];
@@ -62,9 +65,9 @@ fn times(matrix: [[f64; 3]; 3], [a, b, c]: [f32; 3]) -> [f32; 3] {
     matrix.map(|row| row[0] as f32 * a + row[1] as f32 * b + row[2] as f32 * c)
 }
 
-/// The error of a decoded tile whose `quality` is known, 0 to 1, mean over valid texels; `None` if that has no SSIM. What is not
-/// valid is black in both. Exposures are those of valid texels that have light, so that a tile of which more than half is black has
-/// some.
+/// The error of a decoded tile whose `quality` is known, 0 to 1, mean over valid texels; `None` if that has
+/// no SSIM. What is not valid is black in both. Exposures are those of valid texels that have light, so that
+/// a tile of which more than half is black has some.
 pub fn flip(
     decoded: &Image,
     reference: &Image,
@@ -186,7 +189,8 @@ impl Filter {
 struct Eye {
     /// Per channel its Gaussians, with their shares.
     sensitivity: [Vec<(f32, Filter)>; 3],
-    /// A Gaussian and its first and second derivatives, what is positive and what is negative of each having sums of ±1.
+    /// A Gaussian and its first and second derivatives, what is positive and what is negative of each having
+    /// sums of ±1.
     features: [Filter; 3],
     /// The difference of green and blue, the largest there is.
     most: f32,

@@ -1,6 +1,6 @@
-//! LPIPS (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric") of one tile, by a network that the
-//! user supplies as an ONNX file: two inputs of 1 × 3 × 128 × 128 values in [−1, 1], one number out. `dataset/python/export_lpips.py`
-//! writes it from the authors' package.
+//! LPIPS (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric") of one
+//! tile, by a network that the user supplies as an ONNX file: two inputs of 1 × 3 × 128 × 128 values in [−1,
+//! 1], one number out. `dataset/python/export_lpips.py` writes it from the authors' package.
 //!
 //! Builds with the feature `lpips` can run one; others say so when asked.
 
@@ -35,7 +35,8 @@ impl Lpips {
     /// Reads the network and checks its output on test images.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] in builds without the feature; [`Error::Io`]; [`Error::Invalid`] if the file is not such a network.
+    /// [`Error::Unsupported`] in builds without the feature; [`Error::Io`]; [`Error::Invalid`] if the file is
+    /// not such a network.
     pub fn load(path: &Path) -> Result<Self> {
         let lpips = Lpips { network: Network::load(path)? };
         let plain = |value: f32| vec![value; VALUES];
@@ -52,8 +53,9 @@ impl Lpips {
         Ok(lpips)
     }
 
-    /// The distance of a decoded tile from its reference, whose `quality` is known; `None` if that has no SSIM. Light is told in the
-    /// tile's own range, linear; what is not valid is black in both, and so is what a small tile lacks of 128×128.
+    /// The distance of a decoded tile from its reference, whose `quality` is known; `None` if that has no
+    /// SSIM. Light is told in the tile's own range, linear; what is not valid is black in both, and so is
+    /// what a small tile lacks of 128×128.
     ///
     /// # Errors
     /// [`Error::Invalid`] where the network gives no finite number.

@@ -76,8 +76,8 @@ mod with {
         Proto::default().bytes(1, name).part(2, Proto::default().part(1, tensor))
     }
 
-    /// Mean squared difference of two features, each a weighted sum of the channels and nothing below 0. `off` is added to the result,
-    /// which has the shape `[1, 1, 1, values]`.
+    /// Mean squared difference of two features, each a weighted sum of the channels and nothing below 0.
+    /// `off` is added to the result, which has the shape `[1, 1, 1, values]`.
     fn network(inputs: &[&str], values: usize, off: f32) -> Vec<u8> {
         let shape = [1, 3, TILE as u64, TILE as u64];
         let (rows, added): (Vec<[f32; 3]>, Vec<f32>) = FEATURES.into_iter().unzip();

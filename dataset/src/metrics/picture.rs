@@ -19,8 +19,8 @@ pub struct PictureQuality {
     pub flip: f64,
 }
 
-/// Compares two pictures of sRGB codes, red, green and blue of each pixel row by row. Pixels off `evaluated` count for nothing, and are
-/// black in both. `None` if no pixel is evaluated.
+/// Compares two pictures of sRGB codes, red, green and blue of each pixel row by row. Pixels off `evaluated`
+/// count for nothing, and are black in both. `None` if no pixel is evaluated.
 ///
 /// # Panics
 /// If the lists are not of the mask's size.

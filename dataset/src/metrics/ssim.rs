@@ -6,8 +6,9 @@ use crate::tiles::Rect;
 /// Standard deviation of the Gaussian window, in texels.
 const SIGMA: f64 = 1.5;
 
-/// Mean over channels and valid texels of the tile, windows cut at the tile's edge and weighted by the mask. `window` holds the
-/// weights along one axis, which are symmetric and of sum one. The tile holds a valid texel and `range > 0`.
+/// Mean over channels and valid texels of the tile, windows cut at the tile's edge and weighted by the mask.
+/// `window` holds the weights along one axis, which are symmetric and of sum one. The tile holds a valid
+/// texel and `range > 0`.
 pub(super) fn masked<const TAPS: usize>(
     window: [f64; TAPS],
     decoded: &Image,

@@ -1,4 +1,5 @@
-//! Temporal error: the error of the change of light between two frames, seen as flicker or as a lamp that lags.
+//! Temporal error: the error of the change of light between two frames, seen as flicker or as a lamp that
+//! lags.
 
 use super::{RELATIVE_FLOOR, relative_error};
 
@@ -29,8 +30,8 @@ impl StepError {
         }
     }
 
-    /// Of several steps together: RMS error of the change ÷ its RMS, so that each counts as its light changes. `None` if none of them
-    /// changes.
+    /// Of several steps together: RMS error of the change ÷ its RMS, so that each counts as its light
+    /// changes. `None` if none of them changes.
     pub fn pooled<'a>(steps: impl Iterator<Item = &'a StepError>) -> Option<f64> {
         let of = steps.filter(|step| step.relative().is_some());
         let (error, change) =
@@ -38,8 +39,8 @@ impl StepError {
         (change > 0.0).then(|| (error / change).sqrt())
     }
 
-    /// RMS error of the change ÷ its RMS, which is also that of the rate of change, the hours between being the same; `None` for a
-    /// change below [`RELATIVE_FLOOR`] of the mean light, which is held to be none.
+    /// RMS error of the change ÷ its RMS, which is also that of the rate of change, the hours between being
+    /// the same; `None` for a change below [`RELATIVE_FLOOR`] of the mean light, which is held to be none.
     pub fn relative(&self) -> Option<f64> {
         let n = self.values as f64;
         let (change, light) = ((self.squared_change / n).sqrt(), self.light / n);

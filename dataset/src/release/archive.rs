@@ -1,4 +1,5 @@
-//! `.tar.zst` archives: written with the same bytes for the same files, read without trust and without writing anything.
+//! `.tar.zst` archives: written with the same bytes for the same files, read without trust and without
+//! writing anything.
 
 use super::MAX_TEXT_BYTES;
 use super::sums::Summed;
@@ -127,8 +128,9 @@ pub(super) struct Examined {
     pub kept: BTreeMap<String, Vec<u8>>,
 }
 
-/// Reads an archive to its end and compares each file with what is `listed`. Nothing is written, and memory does not grow with
-/// what the archive claims; the content of files that `keep` names is kept, up to [`MAX_TEXT_BYTES`].
+/// Reads an archive to its end and compares each file with what is `listed`. Nothing is written, and memory
+/// does not grow with what the archive claims; the content of files that `keep` names is kept, up to
+/// [`MAX_TEXT_BYTES`].
 pub(super) fn examine(
     path: &Path,
     listed: &[FileRef],
@@ -159,7 +161,8 @@ fn entries(
     decoder.window_log_max(MAX_WINDOW_LOG).map_err(damaged)?;
     let mut tar = tar::Archive::new(decoder);
     let mut missing: BTreeMap<&str, &FileRef> = listed.iter().map(|file| (&*file.path, file)).collect();
-    // Raw: headers of extensions, which a reader would hold in memory, are entries like others, and none that is expected.
+    // Raw: headers of extensions, which a reader would hold in memory, are entries like others, and none that
+    // is expected.
     for entry in tar.entries().map_err(damaged)?.raw(true) {
         let mut entry = entry.map_err(damaged)?;
         let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();

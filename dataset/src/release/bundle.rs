@@ -6,13 +6,14 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
-/// The versions that are known, and where the scene's name begins in each, and after it what wrote the bundle and how.
+/// The versions that are known, and where the scene's name begins in each, and after it what wrote the bundle
+/// and how.
 const TEXTS: [(u32, usize); 2] = [(3, 56), (4, 80)];
 /// Longest text that is read.
 const MOST_TEXT: u64 = 1 << 20;
 
-/// An error if a bundle says that it was made from other light than that of this digest, and that it is no coarser level of it; bundles that
-/// say nothing of it pass.
+/// An error if a bundle says that it was made from other light than that of this digest, and that it is no
+/// coarser level of it; bundles that say nothing of it pass.
 pub(super) fn expect_light(bundle: &Path, digest: &str) -> Result<()> {
     let torn = |error| Error::invalid(bundle.display(), format!("not a complete bundle: {error}"));
     let mut file = File::open(bundle).map_err(Error::io(bundle))?;

@@ -1,5 +1,5 @@
-//! Releases of datasets: a folder of archives, bundles, pictures and datasheets, with checksums. Once in place, it
-//! is complete; its bytes do not depend on the day, the machine or the number of threads.
+//! Releases of datasets: a folder of archives, bundles, pictures and datasheets, with checksums. Once in
+//! place, it is complete; its bytes do not depend on the day, the machine or the number of threads.
 
 mod sums;
 mod archive;

@@ -38,8 +38,8 @@ pub struct Packaged {
     pub bytes: u64,
 }
 
-/// Packages datasets and their bundles into the new folder `out`, which appears when it is complete. Each is checked first. `cc0`: the
-/// datasheets say that the datasets are released under CC0.
+/// Packages datasets and their bundles into the new folder `out`, which appears when it is complete. Each is
+/// checked first. `cc0`: the datasheets say that the datasets are released under CC0.
 ///
 /// # Errors
 /// For a dataset with a fault, and any other failure; then nothing is left behind.
@@ -239,7 +239,8 @@ fn preview_frames(dataset: &Dataset) -> BTreeSet<usize> {
     if nearest.is_empty() { BTreeSet::from([0]) } else { nearest }
 }
 
-/// Copies the bundles in a dataset's folder; returns their names in the release, which begin with the scene's, and lengths.
+/// Copies the bundles in a dataset's folder; returns their names in the release, which begin with the
+/// scene's, and lengths.
 fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
     let scene = &dataset.config.scene;
     let entries = fs::read_dir(&dataset.root).map_err(Error::io(&dataset.root))?;

@@ -1,12 +1,15 @@
-//! Which parts of a dataset go into which archive: the lightmaps with all that is needed to use them, and each layer of light separately.
+//! Which parts of a dataset go into which archive: the lightmaps with all that is needed to use them, and
+//! each layer of light separately.
 
 use crate::config::{Config, FileRef, Light, SunVisibility};
 use std::collections::BTreeSet;
 
-/// The dataset's full manifest, which also names the layers; `config.json` of the release names only the lightmaps.
+/// The dataset's full manifest, which also names the layers; `config.json` of the release names only the
+/// lightmaps.
 pub const LAYERS: &str = "layers.json";
 
-/// The archives that a dataset is split into, without empty ones. A file that several need is in the first of them.
+/// The archives that a dataset is split into, without empty ones. A file that several need is in the first of
+/// them.
 pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
     let maps = config.frames.iter().flat_map(|frame| &frame.maps);
     let source = config.source.iter().flat_map(|source| &source.config);

@@ -27,8 +27,8 @@ pub struct Verified {
     pub bytes: u64,
 }
 
-/// Verifies a release: that it has exactly the files of `SHA256SUMS`, with their checksums; that archives contain what
-/// `release.json` says, and all that each scene's own manifest names.
+/// Verifies a release: that it has exactly the files of `SHA256SUMS`, with their checksums; that archives
+/// contain what `release.json` says, and all that each scene's own manifest names.
 ///
 /// # Errors
 /// `Interrupted`, or where the folder cannot be read at all. Everything else is a fault.

@@ -1,4 +1,5 @@
-//! One self-contained HTML page per run: text, tables, pictures, plots; no network, no scripts needed to read it.
+//! One self-contained HTML page per run: text, tables, pictures, plots; no network, no scripts needed to read
+//! it.
 
 pub mod plot;
 pub mod preview;
@@ -169,7 +170,8 @@ impl Section {
         self
     }
 
-    /// Pictures in a row, as wide as the page, each a stack of PNGs with its caption. More than four stand in rows of three.
+    /// Pictures in a row, as wide as the page, each a stack of PNGs with its caption. More than four stand in
+    /// rows of three.
     pub fn row(&mut self, stacks: &[(String, Vec<Vec<u8>>)]) -> &mut Self {
         let class = if stacks.len() > 4 { "row many" } else { "row" };
         let _ = writeln!(self.html, "<div class=\"{class}\">");

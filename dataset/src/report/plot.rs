@@ -15,7 +15,8 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(128, 128, 128),
 ];
-/// Values beyond this, or below its inverse on a logarithmic axis, are no measurements; the axes' marks need a limit.
+/// Values beyond this, or below its inverse on a logarithmic axis, are no measurements; the axes' marks need
+/// a limit.
 const LARGEST: f64 = 1e30;
 /// A line of at most this many points shows them.
 const MARKED_POINTS: usize = 40;
@@ -33,8 +34,8 @@ pub struct Plot {
     pub log_x: bool,
     /// Logarithmic vertical axis.
     pub log_y: bool,
-    /// The lines: name and points. Points that are not finite (or beyond 10³⁰), or not positive on a logarithmic axis (or
-    /// below 10⁻³⁰), are omitted.
+    /// The lines: name and points. Points that are not finite (or beyond 10³⁰), or not positive on a
+    /// logarithmic axis (or below 10⁻³⁰), are omitted.
     pub lines: Vec<(String, Vec<(f64, f64)>)>,
 }
 

@@ -14,7 +14,8 @@ const MUCH_DARKER: f32 = 6.0;
 /// Colour of texels on no surface.
 const INVALID: [u8; 3] = [44, 46, 52];
 
-/// An exposure under which the image's bright parts (99th percentile of valid luminance) come out near white; 1 for a black image.
+/// An exposure under which the image's bright parts (99th percentile of valid luminance) come out near white;
+/// 1 for a black image.
 pub fn exposure(image: &Image, mask: &Mask) -> f32 {
     let valid = image.texels.iter().zip(&mask.valid).filter(|(_, valid)| **valid);
     let mut luminances: Vec<f32> =
@@ -27,7 +28,8 @@ pub fn exposure(image: &Image, mask: &Mask) -> f32 {
     (1.0 / *bright).clamp(f32::MIN_POSITIVE, f32::MAX)
 }
 
-/// The image as an sRGB PNG at most `max_side` texels on a side (box-filtered), invalid texels a neutral dark tone.
+/// The image as an sRGB PNG at most `max_side` texels on a side (box-filtered), invalid texels a neutral dark
+/// tone.
 pub fn tone_mapped_png(image: &Image, mask: &Mask, exposure: f32, max_side: usize) -> Vec<u8> {
     let mut reduction = Reduction::new(image.width, image.height, max_side);
     reduction.add_rows(&image.texels, &mask.valid);
@@ -110,8 +112,8 @@ fn is_lit(image: &Image) -> bool {
     image.texels.iter().any(|texel| luminance(*texel) > 0.0)
 }
 
-/// Frames of like brightness, the brightest first: the exposure of each group's brightest, and which frames are in it, ascending. Those
-/// without light come last, at an infinite exposure.
+/// Frames of like brightness, the brightest first: the exposure of each group's brightest, and which frames
+/// are in it, ascending. Those without light come last, at an infinite exposure.
 fn group_by_exposure(own: &[Option<f32>]) -> Vec<(f32, Vec<usize>)> {
     let mut frames: Vec<(f32, usize)> =
         own.iter().enumerate().map(|(frame, own)| (own.unwrap_or(f32::INFINITY), frame)).collect();
@@ -218,7 +220,8 @@ fn reduce(dataset: &Dataset, mask: &Mask, frame: usize, page: usize, side: usize
     Ok(reduction.finish())
 }
 
-/// Box filter by a whole factor: means over the valid texels of each box, of an image that comes a few rows at a time.
+/// Box filter by a whole factor: means over the valid texels of each box, of an image that comes a few rows
+/// at a time.
 #[derive(Debug)]
 pub struct Reduction {
     width: usize,

@@ -39,8 +39,8 @@ pub fn remark(view: &View) -> String {
     format!("From the camera “{}”, each hour with its own exposure.{plain}", view.camera.name)
 }
 
-/// The scene in a dataset's light. `None` without a geometry file, and for the transfer of a scene, which is not the light of a day. If the geometry file is
-/// damaged, the section says so.
+/// The scene in a dataset's light. `None` without a geometry file, and for the transfer of a scene, which is
+/// not the light of a day. If the geometry file is damaged, the section says so.
 ///
 /// # Errors
 /// As reading the lightmaps.

@@ -15,15 +15,18 @@ struct Mix {
 impl Dataset {
     /// The light of a page at any hour that was baked.
     ///
-    /// On the mask the sun's direct light is that of its visibility, where the dataset has it. Each other layer of sun and sky is
-    /// interpolated between the frames around the hour, by its curve or linearly. Light groups are on by their schedules. The lamps of
-    /// imported datasets, and lightmaps without stored layers, are interpolated linearly between two frames with the same light groups on;
-    /// between others they are those of the frame whose lamps are the hour's, or else of the nearer one.
+    /// On the mask the sun's direct light is that of its visibility, where the dataset has it. Each other
+    /// layer of sun and sky is interpolated between the frames around the hour, by its curve or linearly.
+    /// Light groups are on by their schedules. The lamps of imported datasets, and lightmaps without stored
+    /// layers, are interpolated linearly between two frames with the same light groups on; between others
+    /// they are those of the frame whose lamps are the hour's, or else of the nearer one.
     ///
-    /// At the hours of frames it is [`Dataset::map`], but for what the visibility rounds, and misses with its few points per texel.
+    /// At the hours of frames it is [`Dataset::map`], but for what the visibility rounds, and misses with its
+    /// few points per texel.
     ///
     /// # Errors
-    /// [`Error::Invalid`] of an hour outside of the day, or of the hours of the sun's path. Those of the files' readers.
+    /// [`Error::Invalid`] of an hour outside of the day, or of the hours of the sun's path. Those of the
+    /// files' readers.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.

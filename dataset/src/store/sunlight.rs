@@ -23,8 +23,8 @@ impl Sunlight {
     /// The direct light of the sun at an hour.
     ///
     /// # Errors
-    /// [`Error::Invalid`] of an hour before the first time of the sun's path or after the last: nothing is known of the sun then. Those of
-    /// [`Visibility::tile`].
+    /// [`Error::Invalid`] of an hour before the first time of the sun's path or after the last: nothing is
+    /// known of the sun then. Those of [`Visibility::tile`].
     pub fn at(&self, hour: f64) -> Result<Image> {
         if self.path.at(hour).is_none() {
             return Err(self.path.outside("the sun's direct light", hour));
@@ -62,7 +62,8 @@ impl Dataset {
     /// What the sun's direct light on a page is made of, if the dataset has it: sizes and checksums checked.
     ///
     /// # Errors
-    /// Those of the files' readers; [`Error::Invalid`] of a file of another size than the page, or of times beyond the sun's path.
+    /// Those of the files' readers; [`Error::Invalid`] of a file of another size than the page, or of times
+    /// beyond the sun's path.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
@@ -99,7 +100,8 @@ impl Dataset {
         &self.config.pages[page]
     }
 
-    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths omitted, which are known to be wrong.
+    /// Everything that is wrong with the sun's path and visibility, files of `broken` paths omitted, which
+    /// are known to be wrong.
     pub(super) fn verify_sunlight(&self, is_broken: impl Fn(&FileRef) -> bool) -> Vec<Error> {
         let files = self.config.visibility.iter().flat_map(|visibility| visibility.references());
         if files.chain(&self.config.sun_path).any(is_broken) {

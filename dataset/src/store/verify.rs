@@ -27,8 +27,8 @@ pub struct Verification {
     pub faults: Vec<Error>,
     /// Findings that are valid but cost quality.
     pub warnings: Vec<String>,
-    /// Valid texels of each page that are black in every frame: no fault in itself (no light may reach them), but many
-    /// of them speak of texels inside geometry. `None` if a lightmap could not be read.
+    /// Valid texels of each page that are black in every frame: no fault in itself (no light may reach them),
+    /// but many of them speak of texels inside geometry. `None` if a lightmap could not be read.
     pub dead_texels: Vec<Option<usize>>,
 }
 
@@ -47,8 +47,9 @@ impl Dataset {
         self.distinct_files().len() + self.images().len() + sums
     }
 
-    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the curves of layers, the sun's path and visibility, that images are finite and not
-    /// negative, that frames show the light groups as the schedules have them, and where layers are stored that each lightmap is
+    /// Checks what [`Dataset::open`] does not: every checksum, every mask, the noise file, the geometry, the
+    /// curves of layers, the sun's path and visibility, that images are finite and not negative, that frames
+    /// show the light groups as the schedules have them, and where layers are stored that each lightmap is
     /// (sun + sky) + local: bit for bit, about so in imported datasets.
     pub fn verify(&self, step: impl Fn() + Sync) -> Verification {
         let (faults, broken) = self.verify_files(&step);
@@ -117,8 +118,8 @@ impl Dataset {
         found
     }
 
-    /// Checks length and checksum of all files, each once; gives the faults, and the paths of the files that have any. Calls
-    /// `step` for each file.
+    /// Checks length and checksum of all files, each once; gives the faults, and the paths of the files that
+    /// have any. Calls `step` for each file.
     pub fn verify_files(&self, step: impl Fn() + Sync) -> (Vec<Error>, BTreeSet<String>) {
         let distinct = self.distinct_files();
         let checked = distinct.par_iter().map(|file| {
@@ -133,8 +134,8 @@ impl Dataset {
         (checked.into_iter().filter_map(Result::err).collect(), broken)
     }
 
-    /// Checks the texels of an image, and marks those that a lightmap lights. The error names the first that is wrong and how
-    /// many there are.
+    /// Checks the texels of an image, and marks those that a lightmap lights. The error names the first that
+    /// is wrong and how many there are.
     fn verify_texels(&self, used: &Use, lit: Option<&Bits>) -> Result<()> {
         let page = &self.config.pages[used.page];
         let (width, height) = (page.width as usize, page.height as usize);

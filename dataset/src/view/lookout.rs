@@ -19,8 +19,8 @@ const HEADINGS: usize = 6;
 const OUTSIDE: f64 = 60.0;
 const INSIDE: f64 = 80.0;
 
-/// From the south-west above what has texels, where that shows half as much as the best of some places inside does; else from there.
-/// `is_lit` tests a point of a page.
+/// From the south-west above what has texels, where that shows half as much as the best of some places inside
+/// does; else from there. `is_lit` tests a point of a page.
 pub(super) fn choose(model: &Model, is_lit: &(dyn Fn(usize, glam::Vec2) -> bool + Sync)) -> Camera {
     let (low, high) = model.bounds(true);
     let (middle, length) = (0.5 * (low + high), (high - low).length());

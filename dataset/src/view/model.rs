@@ -1,4 +1,5 @@
-//! The geometry file as far as a picture needs it: triangles at their nodes, base colours, places on the pages.
+//! The geometry file as far as a picture needs it: triangles at their nodes, base colours, places on the
+//! pages.
 
 use super::lens::Camera;
 use super::texture::{Texture, Textures};
@@ -122,7 +123,8 @@ impl Model {
         (albedo.min(Vec3::splat(self.albedo_max)), alpha)
     }
 
-    /// The unit normal of a triangle in the world, on the side that its corners go round counter-clockwise; zero of a sliver.
+    /// The unit normal of a triangle in the world, on the side that its corners go round counter-clockwise;
+    /// zero of a sliver.
     pub fn normal(&self, part: &Part, triangle: usize) -> DVec3 {
         let shape = &self.shapes[part.shape];
         let corners = shape.triangles[triangle].map(|v| shape.positions[v as usize].as_dvec3());
@@ -146,7 +148,8 @@ impl Model {
 /// Reads a geometry file.
 ///
 /// # Errors
-/// [`Error::Invalid`] with whatever is invalid in it, as `dataset check` reports it; [`Error::Unsupported`] for more than can be drawn.
+/// [`Error::Invalid`] with whatever is invalid in it, as `dataset check` reports it; [`Error::Unsupported`]
+/// for more than can be drawn.
 pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> {
     if let Some(fault) = geometry::faults(path, bytes, config).into_iter().next() {
         return Err(fault);

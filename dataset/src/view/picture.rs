@@ -52,8 +52,8 @@ pub struct Light {
 }
 
 impl View {
-    /// A picture of `size` pixels of a dataset's scene: by its first camera that sees texels, or from where most is in view. `None`
-    /// without a geometry file, or where nothing in it has texels.
+    /// A picture of `size` pixels of a dataset's scene: by its first camera that sees texels, or from where
+    /// most is in view. `None` without a geometry file, or where nothing in it has texels.
     ///
     /// # Errors
     /// A geometry file or mask that cannot be read, or is invalid.
@@ -66,8 +66,9 @@ impl View {
         }
     }
 
-    /// Pictures by every camera of the scene that sees texels, `most` at most: those of the scene file, then of the geometry file, each
-    /// name once; by the automatic one where there is none. Nothing without a geometry file, or where nothing in it has texels.
+    /// Pictures by every camera of the scene that sees texels, `most` at most: those of the scene file, then
+    /// of the geometry file, each name once; by the automatic one where there is none. Nothing without a
+    /// geometry file, or where nothing in it has texels.
     ///
     /// # Errors
     /// As [`View::of`].
@@ -144,7 +145,8 @@ impl View {
         }))
     }
 
-    /// The exposure that suits a light where there are texels, as a power of two: see [`tone::automatic_exposure`].
+    /// The exposure that suits a light where there are texels, as a power of two: see
+    /// [`tone::automatic_exposure`].
     pub fn exposure(&self, light: &Light) -> f64 {
         let pixels = self.radiance(light, Vec3::ZERO).into_iter().zip(self.with_texels());
         let pixels = pixels.filter(|(_, share)| *share > 0.5);
@@ -174,7 +176,8 @@ impl View {
         self.size
     }
 
-    /// The bytes of a PNG file of values that are colours already, such as of errors, and no light: they are shown as they are.
+    /// The bytes of a PNG file of values that are colours already, such as of errors, and no light: they are
+    /// shown as they are.
     pub fn to_map(&self, values: &Light) -> Vec<u8> {
         const NOTHING: Vec3 = Vec3::splat(0.1);
         let of = |i: usize| match self.samples[i].1 {

@@ -28,7 +28,8 @@ impl Fragment {
     }
 }
 
-/// Draws a model into samples row by row. One-sided surfaces hide nothing from behind, as in a game; with `with_backs` they do.
+/// Draws a model into samples row by row. One-sided surfaces hide nothing from behind, as in a game; with
+/// `with_backs` they do.
 pub(super) fn draw(model: &Model, camera: &Camera, size: [usize; 2], with_backs: bool) -> Vec<Fragment> {
     let mut raster = Raster {
         model,

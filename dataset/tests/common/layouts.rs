@@ -34,7 +34,8 @@ pub struct Lightmap {
 /// Time keys of [`write2`], not in order.
 pub const KEYS: [&str; 7] = ["590", "0", "600", "750", "1810", "2300", "1800"];
 
-/// Writes two lightmaps in layout 2, with values at the edges of float32; the configuration is nobody's usual format.
+/// Writes two lightmaps in layout 2, with values at the edges of float32; the configuration is nobody's usual
+/// format.
 pub fn write2(root: &Path) -> Vec<Lightmap> {
     fs::create_dir_all(root.join("Data")).unwrap();
     let mut entries = Vec::new();

@@ -13,7 +13,8 @@ use std::process::Command;
 
 pub mod layouts;
 
-/// A Python that has numpy and OpenEXR: that of `NDGI_PYTHON`, which must work, or else `python3`; `None` if that lacks them.
+/// A Python that has numpy and OpenEXR: that of `NDGI_PYTHON`, which must work, or else `python3`; `None` if
+/// that lacks them.
 pub fn python() -> Option<String> {
     let named = std::env::var("NDGI_PYTHON").ok();
     let python = named.clone().unwrap_or("python3".to_owned());
@@ -63,13 +64,14 @@ fn plus(a: &Image, b: &Image) -> Image {
     Image { texels: sum.collect(), ..*a }
 }
 
-/// Writes a dataset of three hours with two light groups and all layers; pages of the sizes given. `seed` decides the texels.
+/// Writes a dataset of three hours with two light groups and all layers; pages of the sizes given. `seed`
+/// decides the texels.
 pub fn write_set(root: &Path, sizes: &[(usize, usize)], seed: u64) -> Result<Config> {
     write_hours(root, sizes, seed, &[0.0, 12.0, 21.5])
 }
 
-/// What the layers of the lights hold in [`write_hours`]: the sun shines at noon only, the sky is black at midnight, surfaces reflect
-/// nothing of the porch.
+/// What the layers of the lights hold in [`write_hours`]: the sun shines at noon only, the sky is black at
+/// midnight, surfaces reflect nothing of the porch.
 pub fn share(
     (light, group, part): (Light, u32, Part),
     hour: f64,

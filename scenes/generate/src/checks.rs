@@ -1,5 +1,5 @@
-//! What the tests of every scene ask: the committed file, valid glTF, sound triangles, plausible albedos, and that the
-//! eye sees neither the back of a face nor two faces that coincide.
+//! What the tests of every scene ask: the committed file, valid glTF, sound triangles, plausible albedos, and
+//! that the eye sees neither the back of a face nor two faces that coincide.
 
 use crate::model::Model;
 use crate::random::Random;
@@ -125,8 +125,9 @@ fn clusters(model: &Model) -> Vec<Cluster<'_>> {
     out
 }
 
-/// Casts `rays` rays from random origins in all directions. The face met first must show its front, and no face of
-/// another node may lie in its plane within 1 mm, looking the same way. Returns how many rays met a face.
+/// Casts `rays` rays from random origins in all directions. The face met first must show its front, and no
+/// face of another node may lie in its plane within 1 mm, looking the same way. Returns how many rays met a
+/// face.
 pub fn no_backs_and_no_coinciding_faces(
     model: &Model,
     rays: usize,

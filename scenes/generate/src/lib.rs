@@ -1,5 +1,5 @@
-//! Geometry of the scenes in this folder, authored in code: in metres, +Y up, south towards +Z. The same source writes the
-//! same bytes everywhere.
+//! Geometry of the scenes in this folder, authored in code: in metres, +Y up, south towards +Z. The same
+//! source writes the same bytes everywhere.
 
 #[cfg(test)]
 mod checks;
@@ -73,8 +73,8 @@ pub struct Big {
     pub toml: String,
 }
 
-/// Copies a scene of [`SCENES`] many times over, for tests of size; `None` for another name. The scene file reads the geometry from
-/// `NAME.glb` beside it.
+/// Copies a scene of [`SCENES`] many times over, for tests of size; `None` for another name. The scene file
+/// reads the geometry from `NAME.glb` beside it.
 pub fn big(name: &str, copies: usize, size: u32) -> Option<Big> {
     let one = generate(name).filter(|_| SCENES.contains(&name))?;
     Some(Big { glb: one.glb, toml: stress::big::scene(&format!("{name}.glb"), copies, size) })

@@ -1,5 +1,6 @@
-//! `generate NAME [FILE]` writes a scene's geometry and prints what it holds: to `NAME.glb` beside the scene files, or to FILE.
-//! `generate big DIR [COPIES]` writes the city many times over, as a scene of its own, into a folder.
+//! `generate NAME [FILE]` writes a scene's geometry and prints what it holds: to `NAME.glb` beside the scene
+//! files, or to FILE. `generate big DIR [COPIES]` writes the city many times over, as a scene of its own,
+//! into a folder.
 
 use generate::{SCENES, STRESS};
 use std::path::{Path, PathBuf};

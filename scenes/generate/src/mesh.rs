@@ -1,8 +1,10 @@
-//! An indexed triangle mesh in construction: positions in metres, unit normals, texture coordinates in metres.
+//! An indexed triangle mesh in construction: positions in metres, unit normals, texture coordinates in
+//! metres.
 
 use glam::{DAffine3, DVec2, DVec3};
 
-/// A mesh; front faces run counter-clockwise. Vertices that faces share are smooth there, split ones are sharp.
+/// A mesh; front faces run counter-clockwise. Vertices that faces share are smooth there, split ones are
+/// sharp.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Metres.
@@ -63,8 +65,8 @@ impl Mesh {
         self
     }
 
-    /// Normals from the faces around each vertex, weighted by squared area: broad faces stay flat, narrow bevels
-    /// between them look round.
+    /// Normals from the faces around each vertex, weighted by squared area: broad faces stay flat, narrow
+    /// bevels between them look round.
     pub fn smoothed(mut self) -> Self {
         self.normals.fill(DVec3::ZERO);
         for t in &self.triangles {
@@ -157,7 +159,8 @@ impl Mesh {
         self.corners().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
     }
 
-    /// Whether every edge is met by as many faces in one direction as in the other (positions compared to 1 µm).
+    /// Whether every edge is met by as many faces in one direction as in the other (positions compared to 1
+    /// µm).
     #[cfg(test)]
     pub fn is_closed(&self) -> bool {
         let key = |p: DVec3| (p * 1e6).round().as_i64vec3().to_array();

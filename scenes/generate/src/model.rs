@@ -68,7 +68,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Adds faces to the mesh `name` in a material; a new name makes a mesh, not yet placed. Returns its index.
+    /// Adds faces to the mesh `name` in a material; a new name makes a mesh, not yet placed. Returns its
+    /// index.
     pub fn shape(&mut self, name: &str, material: &str, mut mesh: Mesh) -> usize {
         let material = self
             .materials
@@ -99,8 +100,8 @@ impl Model {
         }
     }
 
-    /// Adds a body whose faces towards `lit` directions get texels, in the mesh `name`; the others, too thin for
-    /// texels, go to `name_detail`.
+    /// Adds a body whose faces towards `lit` directions get texels, in the mesh `name`; the others, too thin
+    /// for texels, go to `name_detail`.
     pub fn add_split(&mut self, name: &str, material: &str, body: Mesh, lit: impl Fn(DVec3) -> bool) {
         let (broad, thin) = body.split(lit);
         self.add(name, material, broad);

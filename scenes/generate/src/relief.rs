@@ -1,12 +1,12 @@
-//! Sheets: welded grids with relief and holes, and thin plates cut out of them. A sheet is one smooth connected
-//! surface, so that it becomes one lightmap chart.
+//! Sheets: welded grids with relief and holes, and thin plates cut out of them. A sheet is one smooth
+//! connected surface, so that it becomes one lightmap chart.
 
 use crate::mesh::Mesh;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
-/// A grid over the coordinate lists `us` × `vs`, without the cells (i, j) for which `filled` is false, each vertex at
-/// `place(u, v)`. The front looks along du × dv.
+/// A grid over the coordinate lists `us` × `vs`, without the cells (i, j) for which `filled` is false, each
+/// vertex at `place(u, v)`. The front looks along du × dv.
 pub fn sheet(
     us: &[f64],
     vs: &[f64],
@@ -47,7 +47,8 @@ pub struct Plate {
     pub edges: Mesh,
 }
 
-/// A plate `thickness` metres thick about z = 0, cut to the filled cells; `place` bends the outline in (x, y).
+/// A plate `thickness` metres thick about z = 0, cut to the filled cells; `place` bends the outline in (x,
+/// y).
 pub fn plate(
     xs: &[f64],
     ys: &[f64],

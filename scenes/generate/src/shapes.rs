@@ -94,8 +94,8 @@ pub fn bevelled(min: [f64; 3], max: [f64; 3], bevel: f64) -> Mesh {
     mesh
 }
 
-/// A closed prism: a convex polygon in the (z, y) plane, swept along x. Returns the sides, one per polygon edge, and
-/// the two ends.
+/// A closed prism: a convex polygon in the (z, y) plane, swept along x. Returns the sides, one per polygon
+/// edge, and the two ends.
 pub fn prism(zy: &[[f64; 2]], x0: f64, x1: f64) -> (Vec<Mesh>, Mesh) {
     let mut area = 0.0;
     for i in 0..zy.len() {
@@ -179,8 +179,9 @@ pub fn tube_side(path: &[(DVec3, f64)], sides: usize) -> Mesh {
     mesh
 }
 
-/// A body of revolution about +Y: each run is a smooth profile of (radius, y), sharp where runs meet. The front lies
-/// to the right of the profile's direction, so a profile that climbs on the outside looks outwards.
+/// A body of revolution about +Y: each run is a smooth profile of (radius, y), sharp where runs meet. The
+/// front lies to the right of the profile's direction, so a profile that climbs on the outside looks
+/// outwards.
 pub fn lathe(runs: &[&[(f64, f64)]], sides: usize) -> Mesh {
     let mut mesh = Mesh::default();
     for run in runs {

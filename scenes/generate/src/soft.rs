@@ -6,8 +6,8 @@ use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_4;
 
-/// A closed box about the origin with half extents `half`, its edges rounded by `radius` in `2 · arc` steps, its faces
-/// divided `cells` times per axis and swollen by `puff` metres in their middles. Smooth all over.
+/// A closed box about the origin with half extents `half`, its edges rounded by `radius` in `2 · arc` steps,
+/// its faces divided `cells` times per axis and swollen by `puff` metres in their middles. Smooth all over.
 pub fn cushion(half: DVec3, radius: f64, arc: usize, cells: usize, puff: DVec3) -> Mesh {
     // Coordinates along an axis: the rounded ends at equal angles, the flat middle in equal steps.
     let lines = |axis: usize| {
@@ -72,7 +72,8 @@ pub struct Slab {
     pub edges: Mesh,
 }
 
-/// A closed slab over the grid `us` × `vs` whose vertices are `place(u, v, s)`, s = 1 on the front and 0 on the back.
+/// A closed slab over the grid `us` × `vs` whose vertices are `place(u, v, s)`, s = 1 on the front and 0 on
+/// the back.
 pub fn slab(us: &[f64], vs: &[f64], place: impl Fn(f64, f64, f64) -> DVec3) -> Slab {
     let front = full(us, vs, |u, v| place(u, v, 1.0));
     let mut back = full(us, vs, |u, v| place(u, v, 0.0));
@@ -92,9 +93,10 @@ pub fn slab(us: &[f64], vs: &[f64], place: impl Fn(f64, f64, f64) -> DVec3) -> S
     Slab { front, back, edges }
 }
 
-/// A moulding from `a` to `b`: each point [d, h] of the profile lies d along (b − a) × `up` and h along `up`, and the
-/// front is where (b − a) × the profile's direction points. An end with mitre 1 is cut at 45° for an inner corner, one
-/// with 0 square. A smooth profile shares its vertices, a sharp one has a flat face per step.
+/// A moulding from `a` to `b`: each point [d, h] of the profile lies d along (b − a) × `up` and h along `up`,
+/// and the front is where (b − a) × the profile's direction points. An end with mitre 1 is cut at 45° for an
+/// inner corner, one with 0 square. A smooth profile shares its vertices, a sharp one has a flat face per
+/// step.
 pub fn moulding(a: DVec3, b: DVec3, mitre: [f64; 2], up: DVec3, profile: &[[f64; 2]], smooth: bool) -> Mesh {
     let along = (b - a).normalize();
     let out = along.cross(up);
@@ -115,8 +117,8 @@ pub fn moulding(a: DVec3, b: DVec3, mitre: [f64; 2], up: DVec3, profile: &[[f64;
     if smooth { welded_normals(mesh) } else { mesh }
 }
 
-/// A moulding around a rectangle on a plane that looks along `normal`, mitred at its corners; profile points are
-/// [inwards from the outer edge, out of the plane], listed from the inner edge to the outer.
+/// A moulding around a rectangle on a plane that looks along `normal`, mitred at its corners; profile points
+/// are [inwards from the outer edge, out of the plane], listed from the inner edge to the outer.
 pub fn frame(centre: DVec3, right: DVec3, high: DVec3, normal: DVec3, profile: &[[f64; 2]]) -> Mesh {
     debug_assert!(right.cross(high).dot(normal) > 0.0, "right × high is the normal");
     let corners =

@@ -15,8 +15,8 @@ pub fn scratch() -> &'static Path {
     FOLDER.path()
 }
 
-/// A target by its name in [`readers`], or with its module. Panics that a reader catches itself are none of libFuzzer's business: its hook would end
-/// the process; one that gets out is reported all the same.
+/// A target by its name in [`readers`], or with its module. Panics that a reader catches itself are none of
+/// libFuzzer's business: its hook would end the process; one that gets out is reported all the same.
 #[macro_export]
 macro_rules! fuzz {
     ($target:ident) => {

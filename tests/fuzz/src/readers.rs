@@ -1,5 +1,5 @@
-//! One function per reader: it must not panic on any bytes, nor take more memory than they account for; what it accepts must keep the
-//! rules. Used by libFuzzer and by the ordinary test `mutations`.
+//! One function per reader: it must not panic on any bytes, nor take more memory than they account for; what
+//! it accepts must keep the rules. Used by libFuzzer and by the ordinary test `mutations`.
 
 use baker::scene::Profile;
 use baker::{geometry, scene as scenes};
@@ -88,8 +88,8 @@ pub fn table(scratch: &Path, bytes: &[u8]) -> bool {
     imported(scratch, &Origin::Table(folder.join("table.toml")))
 }
 
-/// The layout `hprc1`: its configuration, a zero byte, the mask of 4×2 texels, their light at all hours; of four times as many
-/// bytes, the light and its three shares.
+/// The layout `hprc1`: its configuration, a zero byte, the mask of 4×2 texels, their light at all hours; of
+/// four times as many bytes, the light and its three shares.
 pub fn hprc1(scratch: &Path, bytes: &[u8]) -> bool {
     const KINDS: [&str; 4] = ["Original", "DirectionalOnly", "SkyLightOnly", "LocalOnly"];
     let folder = scratch.join("hprc1");
@@ -111,7 +111,8 @@ pub fn hprc1(scratch: &Path, bytes: &[u8]) -> bool {
     imported(scratch, &Origin::Folder(Layout::Hprc1, folder))
 }
 
-/// The layout `hprc2`: its configuration, a zero byte, the content of `Data/m` (8 bytes), the content of `Data/l`.
+/// The layout `hprc2`: its configuration, a zero byte, the content of `Data/m` (8 bytes), the content of
+/// `Data/l`.
 pub fn hprc2(scratch: &Path, bytes: &[u8]) -> bool {
     let folder = scratch.join("hprc2");
     let (config, mask, light) = parts(bytes);
@@ -148,7 +149,8 @@ pub fn archive(scratch: &Path, bytes: &[u8]) -> bool {
     verified(tar) | verified(&zstd::encode_all(tar, 1).expect("packed"))
 }
 
-/// A scene: its file, a zero byte, `model.mtl`, a zero byte, and a model, which is there as OBJ, glTF and GLB.
+/// A scene: its file, a zero byte, `model.mtl`, a zero byte, and a model, which is there as OBJ, glTF and
+/// GLB.
 pub fn scene(scratch: &Path, bytes: &[u8]) -> bool {
     let folder = scratch.join("scene");
     fs::create_dir_all(&folder).expect("a folder");
@@ -287,7 +289,8 @@ fn decode(bytes: Vec<u8>) -> bool {
     for (page, grid) in pages.iter().enumerate().take(3) {
         for (u, v, hour) in [(0.0, 0.0, 0.0), (0.5, 0.5, 5.95), (1.0, 1.0, 23.9)] {
             whole &= decoder.sample(page, u, v, hour).is_ok();
-            // The way of games: a page at a moment. Both know of the same damage, and neither gives what is no light.
+            // The way of games: a page at a moment. Both know of the same damage, and neither gives what is
+            // no light.
             let ready = decoder.bundle().at(hour).and_then(|at| at.page(page)?.sample(u as f32, v as f32));
             whole &= ready.as_ref().is_ok_and(|light| light.iter().all(|e| e.is_finite() && *e >= 0.0));
         }
@@ -298,7 +301,8 @@ fn decode(bytes: Vec<u8>) -> bool {
     whole
 }
 
-/// The same for the index of version 4 that ends at a byte of the header, if one does, and the resident block before its first section.
+/// The same for the index of version 4 that ends at a byte of the header, if one does, and the resident block
+/// before its first section.
 fn mend_index(bytes: &mut [u8], head: usize, end_of_index: usize, streams: usize) {
     let number = |bytes: &[u8], at: usize| -> usize {
         bytes
@@ -334,7 +338,8 @@ fn mend_index(bytes: &mut [u8], head: usize, end_of_index: usize, streams: usize
     }
 }
 
-/// Gives the header and all tiles the checksums that they should have, as far as the lengths in the header can be followed.
+/// Gives the header and all tiles the checksums that they should have, as far as the lengths in the header
+/// can be followed.
 fn mend(bytes: &mut [u8]) {
     let number = |bytes: &[u8], at: usize| -> Option<usize> {
         Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
@@ -342,7 +347,8 @@ fn mend(bytes: &mut [u8]) {
     let whole = bytes.len() as u64;
     let Some(head) = number(bytes, 12).filter(|&head| (32..=bytes.len()).contains(&head)) else { return };
     bytes[16..24].copy_from_slice(&whole.to_le_bytes());
-    // The index ends the header but for some padding. Payloads lie one after another, so the last line's ends with the file.
+    // The index ends the header but for some padding. Payloads lie one after another, so the last line's ends
+    // with the file.
     if number(bytes, 8) == Some(4) {
         let streams = number(bytes, 56).unwrap_or(0).clamp(1, 16);
         for padding in 0..16 {

@@ -1,6 +1,7 @@
-//! Scenes that no modeller would make, baked from end to end: slivers, points, coincident and inside-out triangles, sizes from 1e-12 to
-//! 1e9 m, coordinates and normals without meaning, flattened nodes. A bake ends in a sound dataset or in an error that says what is
-//! wrong. Used by libFuzzer and by the ordinary test `soup`.
+//! Scenes that no modeller would make, baked from end to end: slivers, points, coincident and inside-out
+//! triangles, sizes from 1e-12 to 1e9 m, coordinates and normals without meaning, flattened nodes. A bake
+//! ends in a sound dataset or in an error that says what is wrong. Used by libFuzzer and by the ordinary test
+//! `soup`.
 
 use baker::bake::forecast::forecast;
 use baker::bake::run::{Integrator, Options, bake, prepare};
@@ -373,7 +374,8 @@ fn scene(model: &str, choices: &mut Choices) -> String {
     }
     if is_lit || choices.one_in(2) {
         text += "[[group]]\nname = \"g\"\n";
-        // Few lamps, or as many as a tree is made of, at places of their own or all at one, on surfaces, in them or far beyond all.
+        // Few lamps, or as many as a tree is made of, at places of their own or all at one, on surfaces, in
+        // them or far beyond all.
         let (lamps, far) = (choices.of(&[0, 1, 2, 3, 20]), choices.of(&[1.0, 1.0, 1.0, 1e9, 1e30, 1e200]));
         let one_place = choices.one_in(3).then(|| choices.place());
         for _ in 0..lamps {

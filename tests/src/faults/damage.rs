@@ -1,8 +1,9 @@
 //! What a power failure can take away, by the journal of `faults.c`.
 //!
-//! The content of a file is durable once `fsync` was called on it after it was last written, whatever its name is by then; an entry of a
-//! folder (created, renamed, removed) once `fsync` was called on that folder. Of all else, nothing is promised: neither that it reached
-//! the disk nor that it did not, nor in which order.
+//! The content of a file is durable once `fsync` was called on it after it was last written, whatever its
+//! name is by then; an entry of a folder (created, renamed, removed) once `fsync` was called on that folder.
+//! Of all else, nothing is promised: neither that it reached the disk nor that it did not, nor in which
+//! order.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -21,7 +22,8 @@ pub enum Loss {
     Halves,
     /// Entries that were not synced.
     Entries,
-    /// All content and all entries that were not synced but the last entry: what depends on others reached the disk before them.
+    /// All content and all entries that were not synced but the last entry: what depends on others reached
+    /// the disk before them.
     AllButLast,
 }
 
@@ -227,7 +229,8 @@ mod tests {
             (dir.path().join("root"), dir.path().join("keep"), dir.path().join("journal"));
         fs::create_dir_all(root.join("new")).unwrap();
         fs::create_dir(&keep).unwrap();
-        // `a` was written, synced and renamed over an older file; `b` was written alone; `new` was a folder of another name.
+        // `a` was written, synced and renamed over an older file; `b` was written alone; `new` was a folder
+        // of another name.
         fs::write(root.join("a"), b"new content").unwrap();
         fs::write(root.join("b"), b"12345678").unwrap();
         fs::write(root.join("new/c"), b"c").unwrap();

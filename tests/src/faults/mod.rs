@@ -1,5 +1,5 @@
-//! Programs in a world where they are killed, the power fails, or the disk is a network's: run under a library (`faults.c`) that stands
-//! between them and the file system.
+//! Programs in a world where they are killed, the power fails, or the disk is a network's: run under a
+//! library (`faults.c`) that stands between them and the file system.
 
 mod damage;
 mod sweep;
@@ -81,8 +81,8 @@ pub fn program(name: &str) -> Command {
     command
 }
 
-/// Writes a scene that is baked in no time and has all kinds of light at noon: the court under a plain sky, with sun and a lamp. Gives its
-/// file. `side`: texels of the page's sides.
+/// Writes a scene that is baked in no time and has all kinds of light at noon: the court under a plain sky,
+/// with sun and a lamp. Gives its file. `side`: texels of the page's sides.
 pub fn court(folder: &Path, side: usize, lumens: u32) -> PathBuf {
     let object = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/court.obj");
     std::fs::create_dir_all(folder).expect("writable");

@@ -20,11 +20,13 @@ pub struct Sweep<'a> {
     pub start: Option<&'a Path>,
     /// The command for a folder, with one thread.
     pub command: &'a (dyn Fn(&Path) -> Command + Sync),
-    /// What is wrong with what a folder holds after the command was ended: everything in it must be whole or clearly unfinished.
+    /// What is wrong with what a folder holds after the command was ended: everything in it must be whole or
+    /// clearly unfinished.
     pub faults: &'a (dyn Fn(&Path) -> Vec<String> + Sync),
     /// Whether the content of a file is the same at every run.
     pub is_same: fn(&Path) -> bool,
-    /// Whether a file of a folder with these files counts. (What nothing refers to any more is removed by one run or the next.)
+    /// Whether a file of a folder with these files counts. (What nothing refers to any more is removed by one
+    /// run or the next.)
     pub counts: fn(&Tree, &Path) -> bool,
     /// What may be left after a power failure that follows a run's end: what it had removed.
     pub may_return: fn(&Path) -> bool,
@@ -155,7 +157,8 @@ impl Sweep<'_> {
         wrong
     }
 
-    /// What is wrong with a folder in which the command was ended, and after the same command was given again there.
+    /// What is wrong with a folder in which the command was ended, and after the same command was given again
+    /// there.
     fn goes_on(
         &self,
         faults: &Faults,

@@ -30,8 +30,8 @@ impl Tree {
         }
     }
 
-    /// A number by which equal states are found: those that differ in the writers of temporaries alone are equal, and of files whose
-    /// content `is_same` does not promise, only how they end counts.
+    /// A number by which equal states are found: those that differ in the writers of temporaries alone are
+    /// equal, and of files whose content `is_same` does not promise, only how they end counts.
     pub fn key(&self, is_same: fn(&Path) -> bool) -> u64 {
         let mut lines: Vec<(String, Option<Vec<u8>>)> = Vec::new();
         for (path, content) in &self.0 {
@@ -59,7 +59,8 @@ fn plain(name: &str) -> String {
     temporary.map_or(name, |(name, _)| name).to_owned()
 }
 
-/// How a folder differs from what is expected, a line each. The content of files for which `is_told_apart` does not hold is not compared.
+/// How a folder differs from what is expected, a line each. The content of files for which `is_told_apart`
+/// does not hold is not compared.
 pub fn differences(found: &Tree, expected: &Tree, is_told_apart: impl Fn(&Path) -> bool) -> Vec<String> {
     // (Of a folder that is missing, its own path tells enough.)
     let is_there = |path: &Path| path.as_os_str().is_empty() || found.0.contains_key(path);

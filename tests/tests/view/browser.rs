@@ -1,6 +1,7 @@
 //! A page in headless Chromium, and what a script in it reports.
 //!
-//! The page comes from a server of this process. The script has `files` (what else that serves, by name, as bytes) and `report(object)`, with which it ends.
+//! The page comes from a server of this process. The script has `files` (what else that serves, by name, as
+//! bytes) and `report(object)`, with which it ends.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -33,7 +34,8 @@ HTMLCanvasElement.prototype.getContext = function (kind, options) { return getCo
 const report = object => fetch('report', { method: 'POST', body: JSON.stringify({ ...object, complaints }) });
 ";
 
-/// The browser: that of `NDGI_CHROMIUM`, which must run, or else `chromium`, without which the tests say that they were skipped.
+/// The browser: that of `NDGI_CHROMIUM`, which must run, or else `chromium`, without which the tests say that
+/// they were skipped.
 pub fn chromium() -> Option<String> {
     let named = std::env::var("NDGI_CHROMIUM").ok();
     let browser = named.clone().unwrap_or("chromium".to_owned());
@@ -55,7 +57,8 @@ impl Drop for Running {
     }
 }
 
-/// What `script` reports of a page. Panics on errors of the page's scripts, anything on the console, and where nothing is reported.
+/// What `script` reports of a page. Panics on errors of the page's scripts, anything on the console, and
+/// where nothing is reported.
 pub fn run(browser: &str, html: &str, hash: &str, files: BTreeMap<String, Vec<u8>>, script: &str) -> Value {
     let html = html.replacen("<head>", &format!("<head><script>{PROLOGUE}</script>"), 1).replacen(
         "</body>",

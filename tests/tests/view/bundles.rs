@@ -1,4 +1,5 @@
-//! Small bundles of every kind: those that lie in the repository, of all versions, and random ones of all contents.
+//! Small bundles of every kind: those that lie in the repository, of all versions, and random ones of all
+//! contents.
 
 use ndgi::testing;
 use std::path::Path;

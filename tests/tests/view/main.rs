@@ -1,4 +1,5 @@
-//! The page that `compress view` writes, in headless Chromium: its decoders, hostile bundles, and what it draws.
+//! The page that `compress view` writes, in headless Chromium: its decoders, hostile bundles, and what it
+//! draws.
 
 mod browser;
 mod bundles;
@@ -19,7 +20,8 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 
-/// Sets; between sets; on both sides of a switch and at one; around midnight; by day and by night; on other days.
+/// Sets; between sets; on both sides of a switch and at one; around midnight; by day and by night; on other
+/// days.
 const HOURS: [f64; 11] = [0.0, 12.0, 5.95, 6.0, 12.3, 18.05, 23.9, 9.77, 4.9, -3.0, 25.5];
 
 fn fixture(name: &str) -> PathBuf {
@@ -102,7 +104,8 @@ fn hostile_bundles_open_or_are_refused() {
     assert!(found["strange"] == json!([]) && found["gl_error"] == 0, "{found:#}");
 }
 
-/// The scene `court` with its lamp out at midnight, which is moonless, baked and compressed: the scene file and the dataset.
+/// The scene `court` with its lamp out at midnight, which is moonless, baked and compressed: the scene file
+/// and the dataset.
 fn court(folder: &Path) -> (PathBuf, PathBuf) {
     let (scene, root) = (folder.join("court.toml"), folder.join("court"));
     std::fs::copy(fixture("court.obj"), folder.join("court.obj")).unwrap();
@@ -181,7 +184,8 @@ fn looks_like_its_preview(browser: &str, html: &str, scene: &Path, root: &Path) 
     let script = format!("const SHOWN = {shown}, SHOWN_BY_NIGHT = {by_night};\n{}", include_str!("scene.js"));
     let found = run(browser, html, "#hour=12", files, &script);
     println!("{found:#}");
-    // In codes of 255, over pixels whose surroundings are one surface: of the dataset's own texels, and of what is decoded.
+    // In codes of 255, over pixels whose surroundings are one surface: of the dataset's own texels, and of
+    // what is decoded.
     assert!(number(&found["pixels"]) > 10_000.0, "{found:#}");
     assert!(
         number(&found["reference"]["mean"]) < 1.0 && number(&found["reference"]["p99"]) <= 6.0,

@@ -4,8 +4,8 @@ use crate::{Result, atlas};
 use glam::Vec2;
 use std::fmt::Write;
 
-/// A scene of one OBJ with lightmap coordinates. Meshes are named; each has rectangles u0, v0, u1, v1 of the page, v down, each of which
-/// is a square metre.
+/// A scene of one OBJ with lightmap coordinates. Meshes are named; each has rectangles u0, v0, u1, v1 of the
+/// page, v down, each of which is a square metre.
 fn obj(meshes: &[(&str, &[[f64; 4]])]) -> String {
     let mut text = String::new();
     let mut z = 0.0;

@@ -87,10 +87,11 @@ impl Kernel {
     }
 }
 
-/// A first-order fit evaluated at the texel: the factor of each Gaussian weight is c + cx·x + cy·y. `None` where the neighbours lie on a
-/// line, or so far to one side that it would extrapolate.
+/// A first-order fit evaluated at the texel: the factor of each Gaussian weight is c + cx·x + cy·y. `None`
+/// where the neighbours lie on a line, or so far to one side that it would extrapolate.
 fn intercept(&[s, x, y, xx, xy, yy]: &[f64; 6]) -> Option<[f32; 3]> {
-    /// Farthest that the neighbours' centroid may lie from the texel, in standard deviations of their positions.
+    /// Farthest that the neighbours' centroid may lie from the texel, in standard deviations of their
+    /// positions.
     const MOST_ASIDE: f64 = 1.5;
     // About their middle: [xx xy; xy yy] ÷ s.
     let (mx, my) = (x / s, y / s);

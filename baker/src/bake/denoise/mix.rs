@@ -1,13 +1,15 @@
 //! How much of each candidate: the mixture with the least error, as estimated around a texel.
 //!
-//! Filters run on each half by itself. With F the mean of what they give, C that of the halves, and e and h half the differences of the
-//! halves before and after, the squared error of F is estimated without bias by (F − C)² − e² + 2eh, whatever the filter, as long as
-//! what it makes of a half depends on that half alone. The same of two candidates i and j is (Fⁱ − C)(Fʲ − C) − e² + e(hⁱ + hʲ); a mixture's
-//! error is a quadratic form in it.
+//! Filters run on each half by itself. With F the mean of what they give, C that of the halves, and e and h
+//! half the differences of the halves before and after, the squared error of F is estimated without bias by
+//! (F − C)² − e² + 2eh, whatever the filter, as long as what it makes of a half depends on that half alone.
+//! The same of two candidates i and j is (Fⁱ − C)(Fʲ − C) − e² + e(hⁱ + hʲ); a mixture's error is a quadratic
+//! form in it.
 //!
-//! The choice for one half leaves out the texel's own errors, and with them the other half's value there (leave-one-out). Otherwise the least of many
-//! noisy estimates would be chosen, and it would be too low. The texel still enters weakly, through its neighbours' filtered light. (A half that is an
-//! outlier against its surroundings does enter its own choice: so a firefly is spread, and not both kept and spread.)
+//! The choice for one half leaves out the texel's own errors, and with them the other half's value there
+//! (leave-one-out). Otherwise the least of many noisy estimates would be chosen, and it would be too low. The
+//! texel still enters weakly, through its neighbours' filtered light. (A half that is an outlier against its
+//! surroundings does enter its own choice: so a firefly is spread, and not both kept and spread.)
 
 use super::kernels::FILTERS;
 use crate::Rgb;
@@ -15,7 +17,8 @@ use crate::bake::value::Value;
 
 /// Candidates: the unfiltered light first.
 pub const CANDIDATES: usize = FILTERS + 1;
-/// Rows of eight that hold the triangle of a symmetric matrix: entry (i, j), i ≤ j, is number j (j + 1) / 2 + i.
+/// Rows of eight that hold the triangle of a symmetric matrix: entry (i, j), i ≤ j, is number j (j + 1) / 2 +
+/// i.
 const ROWS: usize = (CANDIDATES * (CANDIDATES + 1) / 2).div_ceil(8);
 
 /// Both halves of a texel's light, and a place for what else a vector holds: (A, B).
@@ -40,7 +43,8 @@ impl ErrorMatrix {
     /// Nothing known.
     pub const NONE: ErrorMatrix = ErrorMatrix { rows: [[0.0; 8]; ROWS], light: 0.0 };
 
-    /// Of a texel's light, what the filters made of it, and the median light of the texels around it, without its own.
+    /// Of a texel's light, what the filters made of it, and the median light of the texels around it, without
+    /// its own.
     pub fn new(value: &Value, filtered: &[Halves; FILTERS], light: f32) -> Self {
         let parts = filtered.map(|f| Effect::new(value, &f));
         let mut errors = ErrorMatrix::NONE;
@@ -166,9 +170,11 @@ impl Around {
 
     /// The errors with what half of the texel tells, if it lies far off what is around.
     fn with_own(&self, value: &Value, filtered: &[Halves; FILTERS], half: usize) -> Option<ErrorMatrix> {
-        /// A half is an outlier where its squared distance from the light around exceeds this many times the expected one.
+        /// A half is an outlier where its squared distance from the light around exceeds this many times the
+        /// expected one.
         const FAR: f32 = 4.0;
-        /// Greatest weight of an outlier's own half, where a neighbour at distance 0 has 1: one half has twice the variance of the mean of both.
+        /// Greatest weight of an outlier's own half, where a neighbour at distance 0 has 1: one half has
+        /// twice the variance of the mean of both.
         const OWN: f32 = 0.5;
         let unfiltered = if half == 0 { value.mean + value.noise } else { value.mean - value.noise };
         // Expected: twice the squared error of the mean of both, and that of the light around.
@@ -195,7 +201,8 @@ impl Around {
 }
 
 impl ErrorMatrix {
-    /// The convex mixture with the least estimated error, found by moving weight between two candidates at a time.
+    /// The convex mixture with the least estimated error, found by moving weight between two candidates at a
+    /// time.
     fn mixture(&self) -> [f32; CANDIDATES] {
         let m = self;
         let raw = m.at(0, 0);
@@ -205,7 +212,8 @@ impl ErrorMatrix {
         if raw <= 0.0 || !raw.is_finite() || best == 0 {
             return UNFILTERED;
         }
-        // Each step moves weight from the used candidate with the largest gradient to the one with the smallest.
+        // Each step moves weight from the used candidate with the largest gradient to the one with the
+        // smallest.
         let mut slopes: [f32; CANDIDATES] = std::array::from_fn(|i| m.at(i, best));
         for _ in 0..2 * CANDIDATES {
             let (mut to, mut from) = (best, best);
@@ -232,11 +240,12 @@ impl ErrorMatrix {
 }
 
 impl Around {
-    /// The filtered light, or the unfiltered where the shift is too large to be noise. (Both halves of the texel decide that, so here the choice and the
-    /// estimate are not independent; it is for shifts that chance hardly ever gives.)
+    /// The filtered light, or the unfiltered where the shift is too large to be noise. (Both halves of the
+    /// texel decide that, so here the choice and the estimate are not independent; it is for shifts that
+    /// chance hardly ever gives.)
     pub fn unless_implausible(&self, value: &Value, filtered: Value) -> Value {
-        /// Largest squared shift that may be noise, relative to the greatest squared noise of a neighbour or its own. (A rare path in both halves
-        /// shifts a texel by four times what it does in one.)
+        /// Largest squared shift that may be noise, relative to the greatest squared noise of a neighbour or
+        /// its own. (A rare path in both halves shifts a texel by four times what it does in one.)
         const CERTAIN: f32 = 6.0;
         let noise = self.most.max(value.noise.length_squared());
         if filtered.shift.length_squared() > CERTAIN * noise { *value } else { filtered }

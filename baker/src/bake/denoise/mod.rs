@@ -1,12 +1,14 @@
 //! Denoises indirect light, and estimates the error that is left.
 //!
-//! Every layer is filtered by itself, from what was traced alone. Candidates are the unfiltered light and a few filters whose weights depend only
-//! on where texels lie (`kernels`). Each texel gets the mixture of them whose estimated error around it is least (`mix`). For a given filter
-//! that estimate is unbiased. The choice of a mixture leaves the texel's own errors out, so that the error reported for the result stays close to the
-//! true one.
+//! Every layer is filtered by itself, from what was traced alone. Candidates are the unfiltered light and a
+//! few filters whose weights depend only on where texels lie (`kernels`). Each texel gets the mixture of them
+//! whose estimated error around it is least (`mix`). For a given filter that estimate is unbiased. The choice
+//! of a mixture leaves the texel's own errors out, so that the error reported for the result stays close to
+//! the true one.
 //!
-//! Neighbours are those in space (`places`): light crosses neither to another surface, nor a wall, nor a gutter of the page, and does
-//! cross seams. Work goes block by block, and holds of the layers what the block and its surroundings need.
+//! Neighbours are those in space (`places`): light crosses neither to another surface, nor a wall, nor a
+//! gutter of the page, and does cross seams. Work goes block by block, and holds of the layers what the block
+//! and its surroundings need.
 
 mod kernels;
 mod mix;
@@ -55,8 +57,8 @@ impl Denoiser {
         Denoiser { method: method.to_owned(), made, seconds: 0.0, rays }
     }
 
-    /// Denoises those layers of a page that have not been yet. `texels`: the covered ones; `valid`: which of them count. Per layer, what came of
-    /// it; `None` where nothing is noise.
+    /// Denoises those layers of a page that have not been yet. `texels`: the covered ones; `valid`: which of
+    /// them count. Per layer, what came of it; `None` where nothing is noise.
     ///
     /// # Errors
     /// Layers that cannot be read or written, or [`crate::Error::Interrupted`].
@@ -208,7 +210,8 @@ impl Block {
         Block { own, estimated, all }
     }
 
-    /// Filters layers, given their values at `all`: per layer, the block's texels. `at_hand`: per covered texel of the page, [`AWAY`].
+    /// Filters layers, given their values at `all`: per layer, the block's texels. `at_hand`: per covered
+    /// texel of the page, [`AWAY`].
     fn filter(&self, values: &[Vec<Value>], at_hand: &mut [u32]) -> Vec<Vec<Filtered>> {
         let light: Vec<Vec<Halves>> =
             values.iter().map(|values| values.iter().map(halves).collect()).collect();

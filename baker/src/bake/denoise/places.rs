@@ -1,4 +1,5 @@
-//! Where texels lie in space, and which of them are near enough to a texel, and like enough, to say something of its light.
+//! Where texels lie in space, and which of them are near enough to a texel, and like enough, to say something
+//! of its light.
 
 use crate::atlas::Atlas;
 use crate::bake::block::{Worker, indices};
@@ -16,7 +17,8 @@ pub const REACH: f32 = 8.0;
 pub const MAX_NEIGHBOURS: usize = 224;
 /// Texels of distance that a difference of 1 between unit normals counts as.
 const PER_NORMAL: f32 = 8.0;
-/// Farthest a neighbour may lie off a texel's plane, in texels: the first, plus the second per texel of distance.
+/// Farthest a neighbour may lie off a texel's plane, in texels: the first, plus the second per texel of
+/// distance.
 const OFF_PLANE: [f32; 2] = [0.25, 0.125];
 /// Directions along the surface in which it is found out how far one can see.
 const SECTORS: usize = 16;
@@ -45,8 +47,8 @@ pub struct Places {
     sorted: Vec<(Key, u32)>,
 }
 
-/// A box of space: the octave of the texel's size, and the box among those of that octave, along z last. (Very far boxes share a key:
-/// distances tell what is in them apart.)
+/// A box of space: the octave of the texel's size, and the box among those of that octave, along z last.
+/// (Very far boxes share a key: distances tell what is in them apart.)
 type Key = u64;
 
 /// Texels near a place, kept for the next one beside it.
@@ -278,7 +280,8 @@ fn place(
 pub mod tests {
     use super::*;
 
-    /// A floor of n × n texels of a decimetre, around the origin, with a wall that stands on it along x = 0.05.
+    /// A floor of n × n texels of a decimetre, around the origin, with a wall that stands on it along x =
+    /// 0.05.
     pub fn floor(n: i32, walled: bool) -> Places {
         let sight = |x: i32, aside: Vec2| {
             let distance = (0.5 - x as f32) / aside.normalize().x;

@@ -84,7 +84,8 @@ fn noise_falls_and_the_remaining_error_is_reported() {
         let [[before, estimated_before], [after, estimated]] = sums;
         assert!(after < most * before, "{name}: {:.3} of the squared error is left", after / before);
         assert!((estimated_before / before - 1.0).abs() < 0.05, "{name}: {}", estimated_before / before);
-        // The noise before limits how well the rest can be estimated: to 1/√texels of it, and about four times that with rare paths.
+        // The noise before limits how well the rest can be estimated: to 1/√texels of it, and about four
+        // times that with rare paths.
         let chance = 4.0 * before / ((SIDE * SIDE * SEEDS) as f64).sqrt();
         assert!(
             (estimated - after).abs() < 0.1 * after + 3.0 * chance,
@@ -95,7 +96,8 @@ fn noise_falls_and_the_remaining_error_is_reported() {
     }
 }
 
-/// Light gained by a filter, as a part of all, and its standard error, over eight floors whose noise goes with their light.
+/// Light gained by a filter, as a part of all, and its standard error, over eight floors whose noise goes
+/// with their light.
 fn gain(truth: impl Fn(usize, usize) -> f32) -> [f64; 2] {
     let [mut all, mut shift, mut squared] = [0.0; 3];
     for seed in 0..8 {
@@ -139,7 +141,8 @@ fn a_rare_path_is_spread_and_its_light_kept() {
 
 #[test]
 fn what_both_halves_agree_on_stays() {
-    // A line of light a texel wide, a single texel and a step of eight orders, none of them with noise to speak of.
+    // A line of light a texel wide, a single texel and a step of eight orders, none of them with noise to
+    // speak of.
     let truth = |x: usize, z: usize| match (x, z) {
         (20, _) => 50.0,
         (40, 40) => 200.0,
@@ -166,7 +169,8 @@ fn without_noise_every_bit_stays() {
 
 #[test]
 fn light_stays_on_its_side_of_a_wall() {
-    // Beyond the wall it is dark, but for noise as strong as on the lit side, where a blind filter would have reason to mix both.
+    // Beyond the wall it is dark, but for noise as strong as on the lit side, where a blind filter would have
+    // reason to mix both.
     let wall = SIDE / 2;
     let values = traced(
         |x, _| if x > wall { 0.0 } else { 10.0 },
@@ -201,7 +205,8 @@ fn wider_vectors_give_the_same_bits() {
 
 #[test]
 fn fireflies_are_filtered() {
-    // In 1 and 5 % of the halves, light a hundred and thirty times as bright: now and then in both halves of a texel.
+    // In 1 and 5 % of the halves, light a hundred and thirty times as bright: now and then in both halves of
+    // a texel.
     for (chance, strength) in [(0.01, 100.0), (0.05, 30.0)] {
         let [mut before, mut after, mut estimated, mut gained] = [0.0; 4];
         for seed in 0..16 {

@@ -1,4 +1,5 @@
-//! What goes over from the files as it is: materials, textures, cameras and lights, each where something first names it.
+//! What goes over from the files as it is: materials, textures, cameras and lights, each where something
+//! first names it.
 
 use super::container::Glb;
 use super::{emission_glb, glass_glb};
@@ -170,8 +171,8 @@ impl Carried {
         Ok(self.textures.len() - 1)
     }
 
-    /// Puts the new numbers of textures and coordinates into a material, wherever it names any. A texture without an image is
-    /// left out.
+    /// Puts the new numbers of textures and coordinates into a material, wherever it names any. A texture
+    /// without an image is left out.
     fn rewrite_textures(
         &mut self,
         json: &mut Value,
@@ -250,7 +251,8 @@ impl Carried {
         Some(self.textures.len() - 1)
     }
 
-    /// The new index of an image, whose bytes go into the file; `None` if they could not be read or are of no known kind.
+    /// The new index of an image, whose bytes go into the file; `None` if they could not be read or are of no
+    /// known kind.
     fn image(&mut self, file: usize, index: usize, asset: &Asset, out: &mut Glb) -> Option<usize> {
         if let Some(&known) = self.known.get(&("image", file, index)) {
             return Some(known);

@@ -19,8 +19,8 @@ pub fn clear(material: &mut Value) {
     }
 }
 
-/// Adds to a material what it emits: `radiance` in kcd/m², told in the unit that the scene gives to the emission of files; `texture` is
-/// where the file has the map that multiplies it.
+/// Adds to a material what it emits: `radiance` in kcd/m², told in the unit that the scene gives to the
+/// emission of files; `texture` is where the file has the map that multiplies it.
 pub fn add(material: &mut Value, radiance: Vec3, unit: f64, texture: Option<usize>) {
     let value = radiance.as_dvec3() / if unit > 0.0 { unit } else { 1.0 };
     let strength = value.max_element().max(1.0);

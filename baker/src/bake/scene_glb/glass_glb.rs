@@ -23,7 +23,8 @@ pub fn clear(material: &mut Value) {
 
 /// Adds to a material of `scene.glb` what it lets through; `texture` is where the file has that of the glass.
 ///
-/// What passes is exact. Of glass that is not tinted by its base colour, what is reflected is not: glTF has one colour for both.
+/// What passes is exact. Of glass that is not tinted by its base colour, what is reflected is not: glTF has
+/// one colour for both.
 pub fn add(material: &mut Value, glass: &Glass, texture: Option<usize>) {
     if glass.is_blended {
         material["alphaMode"] = json!("BLEND");

@@ -22,10 +22,11 @@ pub fn origin(mesh: &Mesh) -> DVec3 {
     mesh.origin.as_vec3().as_dvec3()
 }
 
-/// The attributes and indices of some triangles, by their numbers, ascending. Triangles that the layout leaves out have (0, 0).
+/// The attributes and indices of some triangles, by their numbers, ascending. Triangles that the layout
+/// leaves out have (0, 0).
 ///
-/// `TEXCOORD_1` holds the layout, and the file's own, if `own.moved` is a set, is that one. Without a layout the file's own stay where
-/// they are, if `own.moved` asks for any.
+/// `TEXCOORD_1` holds the layout, and the file's own, if `own.moved` is a set, is that one. Without a layout
+/// the file's own stay where they are, if `own.moved` asks for any.
 pub fn write(
     mesh: &Mesh,
     triangles: impl Iterator<Item = u32>,
@@ -135,7 +136,8 @@ fn whiten(colour: &mut [u8], component: u32) {
     colour.chunks_exact_mut(one.len()).take(3).for_each(|channel| channel.copy_from_slice(one));
 }
 
-/// A mesh's normals, those that are not of unit length made so; where there is none, that of the triangles around.
+/// A mesh's normals, those that are not of unit length made so; where there is none, that of the triangles
+/// around.
 fn unit_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = mesh.normals.clone();
     let is_good = |normal: &Vec3| (normal.length() - 1.0).abs() < 1e-4;

@@ -1,4 +1,5 @@
-//! Transforms as nodes: glTF allows a translation, a rotation and a scale, so one that shears takes two nodes.
+//! Transforms as nodes: glTF allows a translation, a rotation and a scale, so one that shears takes two
+//! nodes.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use serde_json::{Map, Value, json};

@@ -51,9 +51,10 @@ struct Pair {
 
 /// Finds the edges at which light must agree though the page does not join it.
 ///
-/// Two faces meet at an edge when its ends are the same points in space (within a hundredth of a texel), they run through it in
-/// opposite directions, as neighbours of one orientation do, and no other surface stands on the edge in front of them, which
-/// could keep the light from one of them. The edge is smooth when the vertex normals of the two differ by at most 15° at both ends.
+/// Two faces meet at an edge when its ends are the same points in space (within a hundredth of a texel), they
+/// run through it in opposite directions, as neighbours of one orientation do, and no other surface stands on
+/// the edge in front of them, which could keep the light from one of them. The edge is smooth when the vertex
+/// normals of the two differ by at most 15° at both ends.
 pub fn find(geometry: &Geometry, atlas: &Atlas) -> Vec<SeamEdge> {
     let mut welder = Welder::new(tolerance(geometry, atlas));
     let half_edges = half_edges(geometry, atlas, &mut welder);
@@ -194,8 +195,8 @@ impl EdgePlane {
         Some(EdgePlane { along, into, normal: along.cross(into) })
     }
 
-    /// The angle to another face at the edge, turning through the space in front of this one, in (0, 2π] radians: a face that lies
-    /// on this one is behind it.
+    /// The angle to another face at the edge, turning through the space in front of this one, in (0, 2π]
+    /// radians: a face that lies on this one is behind it.
     fn angle(&self, geometry: &Geometry, other: &HalfEdge) -> Option<f64> {
         let [a, _, c] = corners_from(geometry, other);
         let into = (c - a).reject_from_normalized(self.along).try_normalize()?;

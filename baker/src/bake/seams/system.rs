@@ -3,8 +3,9 @@
 use dataset::image::Image;
 use rayon::prelude::*;
 
-/// Stops when the residual has fallen by this factor in the norm of the preconditioner. Conjugate gradients are not linear in the
-/// right-hand side before they end, so they are led on until the rest is below the rounding of `f32`.
+/// Stops when the residual has fallen by this factor in the norm of the preconditioner. Conjugate gradients
+/// are not linear in the right-hand side before they end, so they are led on until the rest is below the
+/// rounding of `f32`.
 const TOLERANCE: f64 = 1e-7;
 /// More steps than this do not help: rounding is in the way.
 const MOST_STEPS: usize = 1000;
@@ -21,8 +22,8 @@ pub enum Freedom {
     Free(f64),
 }
 
-/// A point of a seam: the texels under it, each with its bilinear weight, positive on one side of the seam and negative on the
-/// other, and texels of the page's length that it stands for.
+/// A point of a seam: the texels under it, each with its bilinear weight, positive on one side of the seam
+/// and negative on the other, and texels of the page's length that it stands for.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Page texel and weight; a texel may come twice.

@@ -1,9 +1,10 @@
-//! The sun's visibility as a function of time, V(texel, t), and the normals that go with it: times the normal's product with the
-//! mean direction towards the sun, times the sun's irradiance, V is the direct light of the sun at any time between the first and the last
-//! hour of a bake.
+//! The sun's visibility as a function of time, V(texel, t), and the normals that go with it: times the
+//! normal's product with the mean direction towards the sun, times the sun's irradiance, V is the direct
+//! light of the sun at any time between the first and the last hour of a bake.
 //!
-//! At the hours of the bake it is what the layers of direct light hold; between them rays are traced where light moves (`tile`). Each tile
-//! is kept beside the layers once it is done: a killed bake goes on after the last one, and a later bake of the same sun traces none.
+//! At the hours of the bake it is what the layers of direct light hold; between them rays are traced where
+//! light moves (`tile`). Each tile is kept beside the layers once it is done: a killed bake goes on after the
+//! last one, and a later bake of the same sun traces none.
 
 mod tile;
 
@@ -33,8 +34,8 @@ use tile::{Suns, Tile};
 /// Changes whenever the same scene would give other curves.
 const METHOD: &str = "visibility-3";
 
-/// All texels have the same points at the same places of the disc: an edge that passes over them then shows each the same steps, which takes
-/// few bytes. (It is an index that no texel has.)
+/// All texels have the same points at the same places of the disc: an edge that passes over them then shows
+/// each the same steps, which takes few bytes. (It is an index that no texel has.)
 const SAME: u32 = u32::MAX;
 
 /// Tiles that are found at once, at most: each takes about 100 MB.
@@ -70,7 +71,8 @@ pub struct Finder<'a> {
 }
 
 impl<'a> Finder<'a> {
-    /// Prepares to find the visibility of the sun of `prepared` along `course`; `texels` are the covered ones of the page.
+    /// Prepares to find the visibility of the sun of `prepared` along `course`; `texels` are the covered ones
+    /// of the page.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -250,8 +252,8 @@ impl<'a> Finder<'a> {
         Watcher::new(points.collect())
     }
 
-    /// Per time of the course, the light that came straight from its sun where a layer holds it, ÷ the sun's irradiance: per texel of a tile.
-    /// (Black where the sun gives none of a colour.)
+    /// Per time of the course, the light that came straight from its sun where a layer holds it, ÷ the sun's
+    /// irradiance: per texel of a tile. (Black where the sun gives none of a colour.)
     fn traced(&self, texels: &[usize], by_texel: &[Option<usize>]) -> Result<Vec<Option<Vec<Rgb>>>> {
         let plan = &self.prepared.plan;
         let of_time = |hour: &f64| {

@@ -1,7 +1,8 @@
 //! The sun's visibility over one tile of texels: asked for where it changes, from coarse times to fine ones.
 //!
-//! Times of level 0 are asked for everywhere. One of a finer level lies between two that are known; a texel is asked there only where light
-//! moves: where between those two its visibility, or that of a texel close by, changes. Elsewhere it lies on the line between them.
+//! Times of level 0 are asked for everywhere. One of a finer level lies between two that are known; a texel
+//! is asked there only where light moves: where between those two its visibility, or that of a texel close
+//! by, changes. Elsewhere it lies on the line between them.
 
 use crate::Rgb;
 use crate::light::course::{Course, mean_direction};
@@ -14,8 +15,8 @@ use dataset::visibility::Planes;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// By level, how far around a texel that changes others are asked, in texels: what is thin moves on over some in the time between, and shows
-/// at none of them at both of its ends.
+/// By level, how far around a texel that changes others are asked, in texels: what is thin moves on over some
+/// in the time between, and shows at none of them at both of its ends.
 const REACH: [usize; 5] = [0, 8, 4, 2, 1];
 /// The change between two times from which on the times between them are asked for.
 const CHANGE: u8 = 26;
@@ -58,7 +59,8 @@ pub struct Tile<'a> {
     pub width: usize,
     /// Per texel, row by row, its points; `None` where it is no surface.
     pub watchers: Vec<Option<Watcher>>,
-    /// Per time, where the light that came straight from its sun was traced already: per texel, that light ÷ the sun's irradiance.
+    /// Per time, where the light that came straight from its sun was traced already: per texel, that light ÷
+    /// the sun's irradiance.
     pub traced: Vec<Option<Vec<Rgb>>>,
     /// The times.
     pub course: &'a Course,
@@ -172,7 +174,8 @@ fn lerp(a: [u8; 3], b: [u8; 3], part: f32) -> [u8; 3] {
     })
 }
 
-/// The values of a texel at all times: where nothing is known, as at the nearest time at which something is; 0 where there is none.
+/// The values of a texel at all times: where nothing is known, as at the nearest time at which something is;
+/// 0 where there is none.
 fn filled(values: &[Option<[u8; 3]>], hours: &[f64]) -> Vec<[u8; 3]> {
     let known: Vec<(f64, [u8; 3])> =
         hours.iter().zip(values).filter_map(|(hour, value)| Some((*hour, (*value)?))).collect();

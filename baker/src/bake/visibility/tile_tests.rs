@@ -7,7 +7,8 @@ use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::walk::{point_pair, sun_draw};
 use glam::{DVec3, Vec2};
 
-/// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0 (triangles 2 and 3).
+/// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0
+/// (triangles 2 and 3).
 fn scene() -> Geometry {
     let mut geometry = Geometry::default();
     let mut quad = |corners: [[f32; 3]; 4]| {
@@ -84,7 +85,8 @@ fn a_shadow_passes_each_texel_when_it_should() {
                 let elevation = ((hour - 6.0) * 15.0).to_radians();
                 let lit = ((near + 0.1 - 1.0 / elevation.tan()) / 0.1).clamp(0.0, 1.0);
                 let found = f64::from(planes.level(texel, time)[0]) / 255.0;
-                // (32 points; and what lies on a line between times is within the change that is not asked after.)
+                // (32 points; and what lies on a line between times is within the change that is not asked
+                // after.)
                 assert!((found - lit).abs() < 0.12, "texel {texel} at {hour}: {found}, expected {lit}");
             }
         }
@@ -110,7 +112,8 @@ fn few_rays_are_traced_where_nothing_changes() {
 
 #[test]
 fn a_wide_disc_is_seen_in_part() {
-    // Of a disc of 40° that rises over the wall's edge as a texel far behind it sees it, half is seen when its centre stands there.
+    // Of a disc of 40° that rises over the wall's edge as a texel far behind it sees it, half is seen when
+    // its centre stands there.
     let course = Course::new(&rising(40.0), None, [6.0, 12.0], 15.0);
     let (planes, _) = planes(&course, 16);
     let edge = (1.0f64 / 2.05).atan().to_degrees();

@@ -54,7 +54,8 @@ pub(super) fn read_indices(accessor: &Accessor, buffers: &Buffers, place: &str) 
     read(accessor, buffers, place, 0, |bytes| index(bytes, kind))
 }
 
-/// Reads elements of up to four components as they are, each filled up to a multiple of 4 bytes. Gives that length, too.
+/// Reads elements of up to four components as they are, each filled up to a multiple of 4 bytes. Gives that
+/// length, too.
 pub(super) fn read_raw(accessor: &Accessor, buffers: &Buffers) -> Result<(usize, Vec<u8>)> {
     let size = accessor.size();
     if size > 16 || accessor.count() > MAX_COUNT_WITHOUT_VIEW && accessor.view().is_none() {

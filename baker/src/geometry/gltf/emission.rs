@@ -7,7 +7,8 @@ use crate::geometry::texture::TextureStore;
 use dataset::Result;
 use glam::{Mat2, Vec2, Vec3};
 
-/// Reads what a material emits, and where the coordinates of its texture come from. A texture that cannot be read is noted.
+/// Reads what a material emits, and where the coordinates of its texture come from. A texture that cannot be
+/// read is noted.
 pub(super) fn emission(
     asset: &OpenAsset,
     material: &gltf::Material,

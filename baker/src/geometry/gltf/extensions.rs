@@ -77,8 +77,8 @@ fn command(verb: &str, file: &str, options: &str) -> String {
     format!("`npx @gltf-transform/cli {verb} {file} {out}{options}`")
 }
 
-/// A place in an asset, as the `gltf` crate names it, with the names that extensions have in files: `KHR_lights_punctual` for
-/// `khrLightsPunctual`.
+/// A place in an asset, as the `gltf` crate names it, with the names that extensions have in files:
+/// `KHR_lights_punctual` for `khrLightsPunctual`.
 pub(super) fn as_written(place: &str) -> String {
     let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
     let known = |word: &str| {
@@ -88,8 +88,8 @@ pub(super) fn as_written(place: &str) -> String {
     place.split('.').map(known).collect::<Vec<_>>().join(".")
 }
 
-/// An error where the asset requires what is not read, or its meshes are compressed in a way that is not; a warning, if it uses
-/// something that is not read.
+/// An error where the asset requires what is not read, or its meshes are compressed in a way that is not; a
+/// warning, if it uses something that is not read.
 pub(super) fn check(root: &Value, file: &str) -> Result<Option<String>> {
     let names = |key: &str| -> Vec<&str> {
         root[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()

@@ -12,8 +12,9 @@ use gltf::material::AlphaMode;
 /// Where the surface of a BLEND that is a cut-out begins.
 const CUTOFF: f32 = 0.5;
 
-/// Reads what a material lets through. `is_thinned` says that vertex colours have an alpha below 1; `found` is what else was read of
-/// it; `uv` its texture coordinates, which a transmission texture decides where there is no other.
+/// Reads what a material lets through. `is_thinned` says that vertex colours have an alpha below 1; `found`
+/// is what else was read of it; `uv` its texture coordinates, which a transmission texture decides where
+/// there is no other.
 pub(super) fn read(
     asset: &OpenAsset,
     material: &gltf::Material,

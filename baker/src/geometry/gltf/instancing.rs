@@ -9,7 +9,8 @@ use serde_json::Value;
 /// The extension's name.
 const NAME: &str = "EXT_mesh_gpu_instancing";
 
-/// Where the node's mesh stands, each relative to the node; `None` for a node that is not instanced. `node` is its JSON.
+/// Where the node's mesh stands, each relative to the node; `None` for a node that is not instanced. `node`
+/// is its JSON.
 pub(super) fn transforms(asset: &OpenAsset, node: &Value, place: &str) -> Result<Option<Vec<DMat4>>> {
     let Some(extension) = node["extensions"].get(NAME) else { return Ok(None) };
     let place = format!("{place}: {NAME}");

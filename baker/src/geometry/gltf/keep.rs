@@ -1,4 +1,5 @@
-//! What is kept of an asset so that it can be written again: its JSON, its images, and attributes that nothing here reads.
+//! What is kept of an asset so that it can be written again: its JSON, its images, and attributes that
+//! nothing here reads.
 
 use super::accessor::{Buffers, read_floats, read_raw};
 use super::container::read_uri;
@@ -65,7 +66,8 @@ fn image_bytes(asset: &material::OpenAsset, index: usize) -> Option<Vec<u8>> {
     }
 }
 
-/// An attribute as it is written again; `None` for one that is written in another way or not at all, and for a broken one.
+/// An attribute as it is written again; `None` for one that is written in another way or not at all, and for
+/// a broken one.
 pub(super) fn attribute(semantic: &Semantic, accessor: &Accessor, buffers: &Buffers) -> Option<Attribute> {
     let name = semantic.to_string();
     let plain = |components: usize, kind, floats: Vec<f32>| {

@@ -1,7 +1,8 @@
-//! Compressed buffer views: `EXT_meshopt_compression`, and `KHR_meshopt_compression`, which allows the same and a little more.
+//! Compressed buffer views: `EXT_meshopt_compression`, and `KHR_meshopt_compression`, which allows the same
+//! and a little more.
 //!
-//! The decoder is meshoptimizer's own, which is made for input that nobody vouches for. It takes sizes on trust, so all of them
-//! are checked here first.
+//! The decoder is meshoptimizer's own, which is made for input that nobody vouches for. It takes sizes on
+//! trust, so all of them are checked here first.
 
 use dataset::{Error, Result};
 use meshopt::ffi;
@@ -101,8 +102,9 @@ impl Compressed {
         let result = match self.mode.as_str() {
             "ATTRIBUTES" => {
                 strides(stride % 4 == 0 && (4..=256).contains(&stride), "a multiple of 4, up to 256")?;
-                // SAFETY: `to` has room for `count` elements of `stride` bytes, `from` has `source.len()` bytes, and the
-                // stride is one that the decoder takes. It reads and writes no byte outside them, whatever they hold.
+                // SAFETY: `to` has room for `count` elements of `stride` bytes, `from` has `source.len()`
+                // bytes, and the stride is one that the decoder takes. It reads and writes no byte outside
+                // them, whatever they hold.
                 unsafe { ffi::meshopt_decodeVertexBuffer(to, count, stride, from, source.len()) }
             }
             "TRIANGLES" => {

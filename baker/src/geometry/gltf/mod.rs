@@ -119,8 +119,8 @@ struct Reader<'a> {
     textures: &'a mut TextureStore,
     notes: &'a mut Notes,
     model: Model,
-    /// By the material's index in the asset, and what vertices add to it: its index in the model, and where the coordinates of
-    /// its base colour and of its emission come from.
+    /// By the material's index in the asset, and what vertices add to it: its index in the model, and where
+    /// the coordinates of its base colour and of its emission come from.
     materials: BTreeMap<(Option<usize>, Vertices), (usize, UvSource, UvSource)>,
     /// Primitives of points or lines.
     skipped: usize,

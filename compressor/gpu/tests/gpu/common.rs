@@ -114,8 +114,8 @@ pub fn floats_of(bytes: &[u8]) -> Vec<[f32; 3]> {
     texels.map(|texel| [0, 4, 8].map(|at| float(texel, at))).collect()
 }
 
-/// A texel, and a channel's mean: what the network's output or the share of the sun is multiplied with. (That over the texels may be far less where the
-/// sun grazes some of them: a rounded cosine is then all of it.)
+/// A texel, and a channel's mean: what the network's output or the share of the sun is multiplied with. (That
+/// over the texels may be far less where the sun grazes some of them: a rounded cosine is then all of it.)
 pub type Expected = ([f32; 3], [f32; 3]);
 
 /// The same page by the CPU.
@@ -159,7 +159,8 @@ pub fn worst(found: &[[f32; 3]], expected: &[([f32; 3], [f32; 3])]) -> f32 {
     worst
 }
 
-/// Bundles of the repository: of all versions, with and without a sun; and those of the folder that `NDGI_BUNDLES` names.
+/// Bundles of the repository: of all versions, with and without a sun; and those of the folder that
+/// `NDGI_BUNDLES` names.
 pub fn fixtures() -> Vec<(String, Vec<u8>)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut folders = vec![root.join("../ndgi/tests/fixtures"), root.join("../../tests/fuzz/corpus/bundle")];

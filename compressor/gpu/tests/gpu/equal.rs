@@ -211,7 +211,8 @@ fn what_was_not_uploaded_is_uploaded_by_the_next_call() {
 #[test]
 fn tall_tiles_do_not_read_a_row_of_the_map_too_many() {
     let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
-    // Stored heights at which rounding puts the first texel of a strip above its place on a map as large as the tile.
+    // Stored heights at which rounding puts the first texel of a strip above its place on a map as large as
+    // the tile.
     let pages: Vec<Grid> =
         [76, 84, 92, 100, 108].map(|height| Grid { width: 126, height: height - 2 }).into();
     let mut header = Header { pages, ..testing::header() };

@@ -299,7 +299,8 @@ fn a_pool_without_room_says_so_and_goes_on() {
     }
 }
 
-/// A page of tiles that see all of the sun, with a normal of its own on every texel: in number as many words as there can be.
+/// A page of tiles that see all of the sun, with a normal of its own on every texel: in number as many words
+/// as there can be.
 fn rough_bundle() -> Bundle {
     let (mut header, _) = testing::sunny();
     header.pages[0] = Grid { width: 700, height: 300 };
@@ -350,7 +351,8 @@ fn buffers_grow_and_keep_what_they_have() {
 fn damaged_tiles_and_wrong_use_leave_the_pool_as_it_was() {
     let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
     let (header, mut payloads) = testing::sunny();
-    // One tile whose weights are no numbers, and one whose shadows are damaged, which only their interval tells.
+    // One tile whose weights are no numbers, and one whose shadows are damaged, which only their interval
+    // tells.
     let weights = payloads[3].ndgi.bytes.len();
     payloads[3].ndgi.bytes[weights - 200..weights - 100].fill(0xff);
     let end = payloads[5].shadows.bytes.len();

@@ -238,7 +238,8 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     Ok(Read { header, index, resident })
 }
 
-/// The index: payloads lie one after another behind the resident block, each a section per stream, and end with the file.
+/// The index: payloads lie one after another behind the resident block, each a section per stream, and end
+/// with the file.
 fn decode_index(
     cursor: &mut Cursor,
     header: &Header,
@@ -305,7 +306,8 @@ fn decode_index(
     Ok((index, resident))
 }
 
-/// The index of version 3: payloads lie one after another, each empty or of a length that its tile's contents can have, and end with the file.
+/// The index of version 3: payloads lie one after another, each empty or of a length that its tile's contents
+/// can have, and end with the file.
 fn decode_index3(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result<Vec<Entry>> {
     cursor.has(header.tiles(), ENTRY3, "tiles")?;
     let mut index = Vec::with_capacity(header.tiles());
@@ -406,7 +408,8 @@ impl<'a> Cursor<'a> {
         self.array(what).map(u32::from_le_bytes)
     }
 
-    /// That `n` things of at least `each` bytes can still follow: checked before anything is allocated for them.
+    /// That `n` things of at least `each` bytes can still follow: checked before anything is allocated for
+    /// them.
     fn has(&self, n: usize, each: usize, what: &str) -> Result<()> {
         let left = self.bytes.len() - self.at;
         if n <= left / each {
@@ -429,7 +432,8 @@ impl<'a> Cursor<'a> {
             .map_err(|_| Error::invalid(self.name, format!("byte {at}: {what} is not UTF-8")))
     }
 
-    /// The kinds of the streams, each of which is there once, features among them; unknown ones must not be required.
+    /// The kinds of the streams, each of which is there once, features among them; unknown ones must not be
+    /// required.
     fn streams(&mut self, n: usize) -> Result<Vec<u32>> {
         let mut kinds = Vec::new();
         self.has(n, 12, "streams")?;

@@ -61,8 +61,8 @@ fn rest_len(shape: &Shape) -> usize {
     axis + 2 * shape.contents.gates + 2 * (ut + vt) + 2 * shape.mlp_len()
 }
 
-/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps; those of version 3 have the
-/// means of the frames among them.
+/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps;
+/// those of version 3 have the means of the frames among them.
 pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2] {
     let [uv, uvt, ..] = shape.counts();
     let means = if has_means { 12 * shape.frames } else { 0 };
@@ -129,13 +129,14 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     Ok(Payload { ndgi: Section { word, bytes }, resident, ..Payload::default() })
 }
 
-/// A tile from its section of features, the word of its index line, the shape that its contents give, the number of light groups, and
-/// how bright it is at the knots; `None` if its bytes are of version 3, which tell of the frames' means.
+/// A tile from its section of features, the word of its index line, the shape that its contents give, the
+/// number of light groups, and how bright it is at the knots; `None` if its bytes are of version 3, which
+/// tell of the frames' means.
 ///
 /// # Errors
-/// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are there or not as the word does
-/// not say, a time axis that steps back, gates that are not ascending or are no groups, a weight or mean that is not finite, a negative mean,
-/// padding that is not zero.
+/// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are
+/// there or not as the word does not say, a time axis that steps back, gates that are not ascending or are no
+/// groups, a weight or mean that is not finite, a negative mean, padding that is not zero.
 pub(super) fn decode_section(
     bytes: &[u8],
     word: u32,
@@ -234,7 +235,8 @@ fn check(tile: &TileParams) -> Result<(), String> {
     Ok(())
 }
 
-/// The contents that a word stands for, where they are those of a bundle with this many groups and this coding.
+/// The contents that a word stands for, where they are those of a bundle with this many groups and this
+/// coding.
 pub(super) fn contents(word: u32, groups: usize, axis: bool) -> Option<Contents> {
     let contents = Contents::of_word(word)?;
     let sparse_without_map =

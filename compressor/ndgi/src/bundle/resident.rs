@@ -1,7 +1,8 @@
 //! The resident block: what is known of every tile without reading it, how bright it is at each knot.
 //!
-//! A tile's line is its scale, a power of two as an f32, four zero bytes, and eight bytes a knot: the mean of red, green and blue as f16 in
-//! units of the scale, the peak in steps of a fifth of an octave, the share of the second frame in 255ths.
+//! A tile's line is its scale, a power of two as an f32, four zero bytes, and eight bytes a knot: the mean of
+//! red, green and blue as f16 in units of the scale, the peak in steps of a fifth of an octave, the share of
+//! the second frame in 255ths.
 
 use crate::half::F16;
 use crate::model::Knot;
@@ -27,7 +28,8 @@ pub(super) fn encode(knots: &[Knot]) -> Result<Vec<u8>, String> {
         return Err(format!("a mean or peak of {value}; expected a finite number ≥ 0"));
     }
     let largest = knots.iter().flat_map(|knot| knot.mean).fold(f32::MIN_POSITIVE, f32::max);
-    // The largest mean is from 2^14 to 2^15 in units of the scale: night may be 2^-29 of it in whole precision.
+    // The largest mean is from 2^14 to 2^15 in units of the scale: night may be 2^-29 of it in whole
+    // precision.
     let exponent = (f64::from(largest).log2().floor() as i32 - 14).max(-126);
     let scale = 2f64.powi(exponent);
     let mut bytes = (scale as f32).to_le_bytes().to_vec();

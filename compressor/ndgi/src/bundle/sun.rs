@@ -5,8 +5,8 @@ use crate::grid::Place;
 use crate::sun::{Shadows, SunDecoder, TileSun};
 use crate::{Error, Result};
 
-/// A tile's encoded sections of the sun, a few kilobytes: for stepping from one time of visibility to the next without reading
-/// the bundle again. Checksums were verified when they were read.
+/// A tile's encoded sections of the sun, a few kilobytes: for stepping from one time of visibility to the
+/// next without reading the bundle again. Checksums were verified when they were read.
 ///
 /// ```
 /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -43,8 +43,9 @@ impl SunSections {
         self.sun.bytes.len() + self.shadows.bytes.len()
     }
 
-    /// The tile's visibility at two neighbouring times, as [`SunAt::times`](crate::at::SunAt::times) gives them, with moving shadows between; at one time
-    /// if both are equal. Errors at other times are not found. `bundle` must be the one it was read from.
+    /// The tile's visibility at two neighbouring times, as [`SunAt::times`](crate::at::SunAt::times) gives
+    /// them, with moving shadows between; at one time if both are equal. Errors at other times are not found.
+    /// `bundle` must be the one it was read from.
     ///
     /// # Errors
     /// [`Error::Invalid`] for times that the bundle does not have, or a damaged tile.
@@ -57,7 +58,8 @@ impl SunSections {
         bundle.unpack(self, Some(&times[..if first == last { 1 } else { 2 }]))
     }
 
-    /// Bytes of moving shadows in the interval that has most of them, as [`Shadows::most_bytes`], without decoding them.
+    /// Bytes of moving shadows in the interval that has most of them, as [`Shadows::most_bytes`], without
+    /// decoding them.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a damaged section.
@@ -72,7 +74,8 @@ impl SunSections {
 }
 
 impl Bundle {
-    /// Reads and decodes one tile's visibility of the sun; `None` if it sees nothing of the sun, or the sun is not a separate stream.
+    /// Reads and decodes one tile's visibility of the sun; `None` if it sees nothing of the sun, or the sun
+    /// is not a separate stream.
     ///
     /// # Errors
     /// As [`Bundle::tile`].
@@ -80,16 +83,19 @@ impl Bundle {
         self.sun_at(place, None)
     }
 
-    /// Reads a tile's sections of the sun without decoding them; `None` if it sees nothing of the sun, or the sun is not a separate stream.
+    /// Reads a tile's sections of the sun without decoding them; `None` if it sees nothing of the sun, or the
+    /// sun is not a separate stream.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a place that the bundle does not have, or a checksum that differs; [`Error::Io`].
+    /// [`Error::Invalid`] for a place that the bundle does not have, or a checksum that differs;
+    /// [`Error::Io`].
     pub fn sun_sections(&self, place: Place) -> Result<Option<SunSections>> {
         self.read_sun(place, true)
     }
 
-    /// Largest number of bytes of memory for a tile's streams of the sun at one time, in a compact layout: levels of two times in 3 bits, normals as stored, and the
-    /// moving shadows between. `ndgi-gpu` needs more. (All other times stay on disk, or as they are stored.)
+    /// Largest number of bytes of memory for a tile's streams of the sun at one time, in a compact layout:
+    /// levels of two times in 3 bits, normals as stored, and the moving shadows between. `ndgi-gpu` needs
+    /// more. (All other times stay on disk, or as they are stored.)
     ///
     /// # Errors
     /// As [`Bundle::tile`].

@@ -149,8 +149,8 @@ fn hostile_headers_with_a_right_checksum_never_panic() {
 #[test]
 fn each_count_and_offset_is_checked() {
     let (_, payloads, bytes) = testing::bundle();
-    // Fixed positions of FORMAT.md: length, frames, pages, groups, streams, times, zero, scene length; the offset of the last index line,
-    // found by its length and word.
+    // Fixed positions of FORMAT.md: length, frames, pages, groups, streams, times, zero, scene length; the
+    // offset of the last index line, found by its length and word.
     let Section { word, bytes: last } = &payloads.last().unwrap().ndgi;
     let line = [(last.len() as u32).to_le_bytes(), word.to_le_bytes()].concat();
     let last = bytes[..header_len(&bytes)].windows(8).rposition(|window| window == line).unwrap() - 8;

@@ -1,6 +1,8 @@
-//! The inner loop: a vector of texels of one row at a time through the folded decoder, compiled once per instruction set.
+//! The inner loop: a vector of texels of one row at a time through the folded decoder, compiled once per
+//! instruction set.
 //!
-//! Vectors never pass through closures here: those would be compiled without the instruction set of the function around them.
+//! Vectors never pass through closures here: those would be compiled without the instruction set of the
+//! function around them.
 
 #![allow(unsafe_code, reason = "instructions of processors")]
 #![allow(clippy::needless_range_loop, reason = "units of a layer, as the formulas index them")]
@@ -17,7 +19,8 @@ use crate::time::Coding;
 /// Rows of texels are padded to a multiple of this, which every vector length divides.
 pub(super) const LANES: usize = 16;
 
-/// What of a tile depends on the time, folded. Feature values are in 255ths; the weights of the first layer are scaled accordingly.
+/// What of a tile depends on the time, folded. Feature values are in 255ths; the weights of the first layer
+/// are scaled accordingly.
 #[derive(Clone, Debug)]
 pub(super) struct Fold {
     /// F_uvt at the time, in rows of `slice_width` texels.
@@ -328,7 +331,8 @@ fn expand<L: Lanes, const HIDDEN: usize>(
     }
 }
 
-/// Output to irradiance, as [`irradiance`], and lanes to texels; the last vector of a row may have fewer texels than lanes.
+/// Output to irradiance, as [`irradiance`], and lanes to texels; the last vector of a row may have fewer
+/// texels than lanes.
 #[inline(always)]
 fn store<L: Lanes>(y: [L; 3], tile: &Folded, texels: &mut [[f32; 3]]) {
     let mut values = [[0.0; LANES]; 3];

@@ -211,7 +211,8 @@ fn filtering_stays_inside_one_tile_and_is_linear_between_its_texels() {
     let (header, _, bytes) = testing::bundle();
     let decoder = Decoder::new(bundle::Bundle::from_bytes(bytes).unwrap());
     let Grid { width, height } = header.pages[0];
-    // Between the last texel of the first tile and the first of the second, the first tile's own border is read.
+    // Between the last texel of the first tile and the first of the second, the first tile's own border is
+    // read.
     let tile = decoder.tile(Place { page: 0, column: 0, row: 0 }).unwrap().unwrap();
     let point = header.timeline.at(0.0);
     let stored = |x, y| texel(&tile, &header.timeline, &point, x, y);

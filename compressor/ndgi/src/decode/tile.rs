@@ -26,10 +26,12 @@ pub struct TileDecoder<'a> {
 }
 
 impl<'a> TileDecoder<'a> {
-    /// Unpacks a tile, to be decoded with the best instructions this processor has. The timeline is its bundle's.
+    /// Unpacks a tile, to be decoded with the best instructions this processor has. The timeline is its
+    /// bundle's.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a shape that no contents give, lists of other lengths, or a block of another mode of BC7 than 6 and 4.
+    /// [`Error::Invalid`] for a shape that no contents give, lists of other lengths, or a block of another
+    /// mode of BC7 than 6 and 4.
     pub fn new(tile: &TileParams, timeline: &'a Timeline) -> Result<Self> {
         tile.check_lengths().map_err(|what| Error::invalid("tile", what))?;
         let shape = &tile.shape;
@@ -48,7 +50,8 @@ impl<'a> TileDecoder<'a> {
         TileDecoder { tier, ..self }
     }
 
-    /// Irradiance of all stored texels, row by row, at a time of the bundle's timeline, whose frames are the tile's.
+    /// Irradiance of all stored texels, row by row, at a time of the bundle's timeline, whose frames are the
+    /// tile's.
     pub fn decode_tile(&self, point: &TimePoint) -> Vec<[f32; 3]> {
         let mut out = vec![[0.0; 3]; self.tile.shape.width * self.tile.shape.height];
         self.decode_into(point, &mut out);
@@ -72,7 +75,8 @@ impl<'a> TileDecoder<'a> {
         }
     }
 
-    /// Blends the maps in time and folds what depends on the row or the time alone into the first layer's bias.
+    /// Blends the maps in time and folds what depends on the row or the time alone into the first layer's
+    /// bias.
     pub(super) fn fold(&self, point: &TimePoint, means: [f32; 3]) -> Fold {
         let (shape, hidden, padded) = (&self.tile.shape, self.tile.shape.hidden, self.padded);
         let (has, inputs) = (&shape.contents, shape.inputs());
@@ -85,7 +89,8 @@ impl<'a> TileDecoder<'a> {
         let tau = tau_at(&self.tile, self.timeline, point);
         let coordinate = |x: usize, n: usize| (x as f32 + 0.5) / n as f32;
 
-        // F_uvt: one slice at τ. F_ut: one row at τ, along u to every column. Without F_uvt its slice is one texel of 0.
+        // F_uvt: one slice at τ. F_ut: one row at τ, along u to every column. Without F_uvt its slice is one
+        // texel of 0.
         let [width, height, _] = if has.uvt > 0 { shape.uvt } else { [1; 3] };
         let slice = if has.uvt > 0 { self.slice(tau) } else { vec![[0.0; 4]] };
         let mut of_ut = [vec![0.0; padded], vec![0.0; padded]];

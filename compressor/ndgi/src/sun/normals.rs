@@ -1,5 +1,6 @@
-//! The normals of one tile, by blocks of 4×4 texels: one of a palette, one of its own, two and where each texel lies between them, two to
-//! eight of which each texel has one, or one for each texel. So they are exact to about a degree, in few bytes where surfaces are plain.
+//! The normals of one tile, by blocks of 4×4 texels: one of a palette, one of its own, two and where each
+//! texel lies between them, two to eight of which each texel has one, or one for each texel. So they are
+//! exact to about a degree, in few bytes where surfaces are plain.
 
 /// Most normals of a palette; the numbers behind them say that a block has its own.
 const MOST: usize = 250;
@@ -224,7 +225,8 @@ pub(super) fn decode(
     Ok((normals, bytes))
 }
 
-/// A direction as the point of the octahedron |x| + |y| + |z| = 1 beneath it, its lower half folded outwards, in 8 bits each.
+/// A direction as the point of the octahedron |x| + |y| + |z| = 1 beneath it, its lower half folded outwards,
+/// in 8 bits each.
 fn octahedral([x, y, z]: [f32; 3]) -> [u8; 2] {
     let whole = (x.abs() + y.abs() + z.abs()).max(f32::MIN_POSITIVE);
     let (u, v) = (x / whole, z / whole);

@@ -1,7 +1,8 @@
 //! The levels of one tile at one time: their coding.
 //!
-//! Blocks of 8×8 texels are dark, lit or mixed; in mixed ones blocks of 4×4; in mixed ones of these the patterns of 2×2 texels. Each symbol is
-//! coded in a context of its neighbours: those to the left and above for 8×8 and 2×2, on all four sides for 4×4.
+//! Blocks of 8×8 texels are dark, lit or mixed; in mixed ones blocks of 4×4; in mixed ones of these the
+//! patterns of 2×2 texels. Each symbol is coded in a context of its neighbours: those to the left and above
+//! for 8×8 and 2×2, on all four sides for 4×4.
 
 use super::TileSun;
 use super::bits::{Reader, Writer};
@@ -44,7 +45,8 @@ impl Plane {
         }
     }
 
-    /// The context of the mode of the 8×8 at (x, y): those to the left, above it to the left, above and above it to the right.
+    /// The context of the mode of the 8×8 at (x, y): those to the left, above it to the left, above and above
+    /// it to the right.
     fn context_of_eight(&self, x: usize, y: usize) -> usize {
         let at = |x: usize, y: usize| usize::from(self.eights[y * self.size[0] + x]);
         let (left, up, right) = (x > 0, y > 0, x + 1 < self.size[0]);
@@ -55,7 +57,8 @@ impl Plane {
         west + 3 * north_west + 9 * north + 27 * north_east
     }
 
-    /// The context of the mode of the 4×4 at (x, y): its four neighbours, where they are not coded yet the 8×8 around them.
+    /// The context of the mode of the 4×4 at (x, y): its four neighbours, where they are not coded yet the
+    /// 8×8 around them.
     fn context_of_four(&self, x: usize, y: usize) -> usize {
         let [width, height] = self.size.map(|size| 2 * size);
         let at = |x: usize, y: usize| usize::from(self.fours[y * width + x]);
@@ -85,8 +88,8 @@ impl Plane {
         }
     }
 
-    /// Gives each 4×4 the mode of the 8×8 around it, before their own are coded; where those are that have one of their own, in the order
-    /// of coding.
+    /// Gives each 4×4 the mode of the 8×8 around it, before their own are coded; where those are that have
+    /// one of their own, in the order of coding.
     fn grow(&mut self) -> Vec<[usize; 2]> {
         for y in 0..2 * self.size[1] {
             for x in 0..2 * self.size[0] {

@@ -1,11 +1,13 @@
-//! Shadows that move between the times of visibility: codewords of a fixed codebook, added to visibility that is linear between times.
+//! Shadows that move between the times of visibility: codewords of a fixed codebook, added to visibility that
+//! is linear between times.
 //!
-//! Codewords are not entropy-coded. A reader adds up at most 15 lengths and 15 counts to find those of a texel, so a shader could read the section
-//! unchanged; `ndgi-gpu` repacks it by block.
+//! Codewords are not entropy-coded. A reader adds up at most 15 lengths and 15 counts to find those of a
+//! texel, so a shader could read the section unchanged; `ndgi-gpu` repacks it by block.
 
 use crate::bundle::Section;
 
-/// Steps from one time to the next. At the 11 ends within codewords are added; between ends visibility is linear.
+/// Steps from one time to the next. At the 11 ends within codewords are added; between ends visibility is
+/// linear.
 pub const STEPS: usize = 12;
 /// Side in texels of what a codeword covers.
 pub const SIDE: usize = 4;
@@ -20,7 +22,8 @@ const BLOCK: usize = 2 * SIDE;
 /// Side in texels of a group of 4×4 blocks.
 const GROUP: usize = 4 * BLOCK;
 
-/// Per entry and step from 1 on, texel by texel and row by row: 7 more than the value, the first of two in the lower four bits.
+/// Per entry and step from 1 on, texel by texel and row by row: 7 more than the value, the first of two in
+/// the lower four bits.
 static TABLE: &[u8; ENTRIES * (STEPS - 1) * 8] = include_bytes!("words.bin");
 
 /// A codeword, what is added on 4×4 texels: an entry of the codebook, transformed.
@@ -28,8 +31,8 @@ static TABLE: &[u8; ENTRIES * (STEPS - 1) * 8] = include_bytes!("words.bin");
 pub struct Word(pub u16);
 
 impl Word {
-    /// Of an entry and its transform, whose bits are: 0 negates, 1 reverses time, 2 transposes, 3 mirrors columns, 4 mirrors rows; applied from
-    /// bit 4 down to bit 0.
+    /// Of an entry and its transform, whose bits are: 0 negates, 1 reverses time, 2 transposes, 3 mirrors
+    /// columns, 4 mirrors rows; applied from bit 4 down to bit 0.
     pub fn new(entry: usize, turning: usize) -> Self {
         Word((turning << 11 | entry) as u16)
     }
@@ -252,8 +255,8 @@ pub struct Shadows {
     groups: [usize; 2],
 }
 
-/// Visibility at `at` within an interval at whose ends it is `ends`. `values`: per codeword, in order, its value at the step before and the
-/// step after.
+/// Visibility at `at` within an interval at whose ends it is `ends`. `values`: per codeword, in order, its
+/// value at the step before and the step after.
 fn moved(ends: [f32; 2], at: Step, values: impl Iterator<Item = [i8; 2]>) -> f32 {
     let linear = |step: usize| ends[0] + (ends[1] - ends[0]) * (step as f32 / STEPS as f32);
     let mut seen = [linear(at.before), linear(at.before + 1)];
@@ -322,7 +325,8 @@ impl Shadows {
         Ok(Shadows { planes, groups: across_down })
     }
 
-    /// What blocks of 8×8 texels have over an interval, with their numbers, row by row: those with some words. `size` is the tile's.
+    /// What blocks of 8×8 texels have over an interval, with their numbers, row by row: those with some
+    /// words. `size` is the tile's.
     pub fn blocks(
         &self,
         (channels, channel, interval): (usize, usize, usize),
@@ -346,8 +350,8 @@ impl Shadows {
         found
     }
 
-    /// All values of the codebook, as a shader holds them: per entry and step from 1 to 11 eight bytes, of 4×4 texels row by row, the first of two in
-    /// the lower four bits; 7 more than the value.
+    /// All values of the codebook, as a shader holds them: per entry and step from 1 to 11 eight bytes, of
+    /// 4×4 texels row by row, the first of two in the lower four bits; 7 more than the value.
     pub fn codebook() -> &'static [u8] {
         TABLE
     }

@@ -1,6 +1,8 @@
-//! How the levels of a bundle are coded: a palette of patterns, and how frequent each symbol is in its context.
+//! How the levels of a bundle are coded: a palette of patterns, and how frequent each symbol is in its
+//! context.
 //!
-//! Symbols are coded by asymmetric numeral systems over tables (Duda 2013): decoding one is a look-up and a few bits.
+//! Symbols are coded by asymmetric numeral systems over tables (Duda 2013): decoding one is a look-up and a
+//! few bits.
 
 use super::bits::Reader;
 
@@ -117,7 +119,8 @@ fn take(bytes: &mut &[u8]) -> Option<usize> {
     Some(usize::from(*first & 127) | usize::from(*second) << 7)
 }
 
-/// Frequencies of counts that add up to a power of two; at least 1 where there is a count, or one is to be kept.
+/// Frequencies of counts that add up to a power of two; at least 1 where there is a count, or one is to be
+/// kept.
 fn scaled(counts: &[u32], kept: &[bool], bits: u32) -> Vec<u16> {
     let total = counts.iter().map(|count| u64::from(*count)).sum::<u64>().max(1);
     let whole = 1u64 << bits;
@@ -208,7 +211,8 @@ impl<'a> Stack<'a> {
         self.frequencies[symbol] > 0
     }
 
-    /// The state that stands for a symbol before a state, and the bits, with their number, that the decoder reads after it.
+    /// The state that stands for a symbol before a state, and the bits, with their number, that the decoder
+    /// reads after it.
     pub(super) fn push(&self, state: u32, symbol: usize) -> (u32, (u32, u32)) {
         let (x, frequency) = (state + (1 << self.bits), u32::from(self.frequencies[symbol]));
         let mut count = self.bits - frequency.ilog2();

@@ -156,7 +156,8 @@ pub enum Command {
         /// The atlas page's number.
         #[arg(long, default_value_t = 0)]
         page: usize,
-        /// Which light: all; or, where the sun is a separate stream, only its direct light (sun) or all other light (baked).
+        /// Which light: all; or, where the sun is a separate stream, only its direct light (sun) or all other
+        /// light (baked).
         #[arg(long, value_enum, default_value_t = LightName::All)]
         light: LightName,
     },
@@ -170,7 +171,8 @@ pub enum Command {
         /// The bundle [default: <dataset>/<scene>.ndgi].
         #[arg(long)]
         bundle: Option<PathBuf>,
-        /// A bake of the same scene at other hours: evaluate the bundle there too, compared with linear interpolation of the frames.
+        /// A bake of the same scene at other hours: evaluate the bundle there too, compared with linear
+        /// interpolation of the frames.
         #[arg(long, value_name = "DATASET")]
         withheld: Option<PathBuf>,
         #[command(flatten)]
@@ -179,7 +181,8 @@ pub enum Command {
         #[arg(long)]
         csv: Option<PathBuf>,
     },
-    /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation, seconds.
+    /// Compare profiles and presets on some tiles of a dataset: bits, PSNR before and after quantisation,
+    /// seconds.
     #[command(after_help = SWEEP_EXAMPLES)]
     Sweep(Sweep),
     /// Compare NDGI with block compression, keyframes, SVD, NTC and PRT on some tiles of a dataset.
@@ -215,8 +218,8 @@ pub struct View {
     /// The page to write [default: the bundle's name with .view.html].
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// The geometry with lightmap coordinates, a GLB file [default: the dataset's, or scene.glb beside the bundle; without one, the page
-    /// shows only the atlas].
+    /// The geometry with lightmap coordinates, a GLB file [default: the dataset's, or scene.glb beside the
+    /// bundle; without one, the page shows only the atlas].
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
     /// Replace an HTML file that this command did not write; never a dataset's report.
@@ -225,7 +228,8 @@ pub struct View {
     /// Omit the dataset's lightmaps, which the page shows for comparison.
     #[arg(long)]
     pub no_reference: bool,
-    /// Serve the page on this machine instead of writing it, at this port [port if none is given: 8017; 0: any free one].
+    /// Serve the page on this machine instead of writing it, at this port [port if none is given: 8017; 0:
+    /// any free one].
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8017", conflicts_with = "out")]
     pub serve: Option<u16>,
 }
@@ -257,10 +261,12 @@ pub struct Sweep {
 /// Slow quality metrics.
 #[derive(Debug, Args)]
 pub struct SlowMetricsArgs {
-    /// Also measure LPIPS with this network: an ONNX file written by dataset/python/export_lpips.py (builds with --features lpips).
+    /// Also measure LPIPS with this network: an ONNX file written by dataset/python/export_lpips.py (builds
+    /// with --features lpips).
     #[arg(long, value_name = "FILE")]
     pub lpips: Option<PathBuf>,
-    /// Also measure HDR-ꟻLIP, the error seen when flipping between two images at any exposure (about 0.05 s per tile and frame).
+    /// Also measure HDR-ꟻLIP, the error seen when flipping between two images at any exposure (about 0.05 s
+    /// per tile and frame).
     #[arg(long)]
     pub flip: bool,
 }
@@ -269,23 +275,27 @@ pub struct SlowMetricsArgs {
 pub struct Compare {
     /// The dataset's folder.
     pub dataset: PathBuf,
-    /// Largest number of tiles (128×128 texels) to compare; the seed selects them [default: all of the first page].
+    /// Largest number of tiles (128×128 texels) to compare; the seed selects them [default: all of the first
+    /// page].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub tiles: Option<u32>,
-    /// The transfer of the dataset's scene, baked with the same settings (`bake SCENE --transfer`): also compare PRT.
+    /// The transfer of the dataset's scene, baked with the same settings (`bake SCENE --transfer`): also
+    /// compare PRT.
     #[arg(long, value_name = "DIR", conflicts_with = "ablations")]
     pub transfer: Option<PathBuf>,
     /// Quick results: short training and fast presets of all encoders.
     #[arg(long)]
     pub draft: bool,
-    /// Run the paper's ablations instead of other methods: 2D and 3D maps, block-aware training, quantisation.
+    /// Run the paper's ablations instead of other methods: 2D and 3D maps, block-aware training,
+    /// quantisation.
     #[arg(long)]
     pub ablations: bool,
     /// Run only this method, by its name in the table; repeatable [default: all].
     #[arg(long, value_name = "NAME", conflicts_with = "ablations")]
     pub method: Vec<String>,
-    /// Also render the scene with the light of NDGI M, NTC L, PRT, ASTC 12×12 and the dataset's own bundle: at five times from up to three
-    /// cameras, over a day, and close-ups of tiles. Uses the tiles of all pages. The page is the report's name with .render.html.
+    /// Also render the scene with the light of NDGI M, NTC L, PRT, ASTC 12×12 and the dataset's own bundle:
+    /// at five times from up to three cameras, over a day, and close-ups of tiles. Uses the tiles of all
+    /// pages. The page is the report's name with .render.html.
     #[arg(long, conflicts_with_all = ["ablations", "tiles"])]
     pub render: bool,
     #[command(flatten)]
@@ -306,15 +316,17 @@ pub struct Compress {
     /// The dataset's folder.
     #[arg(required = true)]
     pub dataset: Option<PathBuf>,
-    /// Size of the representation, the same for all tiles: S, L, M or H; S.32, L.32 and M.32 have hidden layers of 32 units instead of 16, M.64 of 64.
-    /// [default: M; S where the dataset stores the sun's direct light separately]
+    /// Size of the representation, the same for all tiles: S, L, M or H; S.32, L.32 and M.32 have hidden
+    /// layers of 32 units instead of 16, M.64 of 64. [default: M; S where the dataset stores the sun's direct
+    /// light separately]
     #[arg(long, value_parser = parse_profile)]
     pub profile: Option<Profile>,
-    /// Choose each tile's configuration by trial fits so that all tiles together reach about this pooled PSNR in dB (more if even
-    /// the smallest configurations exceed it).
+    /// Choose each tile's configuration by trial fits so that all tiles together reach about this pooled PSNR
+    /// in dB (more if even the smallest configurations exceed it).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
     pub target_psnr: Option<f64>,
-    /// Choose each tile's configuration by trial fits for the best quality within this many bits per texel and frame.
+    /// Choose each tile's configuration by trial fits for the best quality within this many bits per texel
+    /// and frame.
     #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with_all = ["profile", "target_psnr"])]
     pub target_bpp: Option<f64>,
     /// The bundle to write [default: <dataset>/<scene>.ndgi].
@@ -323,8 +335,8 @@ pub struct Compress {
     /// The report to write [default: the bundle's name with .html].
     #[arg(long)]
     pub report: Option<PathBuf>,
-    /// How long to train: draft (1000 steps per tile), medium (10000) or final (32000, and more passes of quantisation)
-    /// [default: medium].
+    /// How long to train: draft (1000 steps per tile), medium (10000) or final (32000, and more passes of
+    /// quantisation) [default: medium].
     #[arg(long, value_parser = parse_preset)]
     pub preset: Option<Preset>,
     /// The same as --preset draft.
@@ -333,39 +345,45 @@ pub struct Compress {
     /// Training steps per tile, instead of the preset's.
     #[arg(long, conflicts_with_all = ["preset", "draft"], value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
-    /// Plan the training to end after this time, e.g. 90s, 5m, 2h: every tile gets as many steps as the time allows for all, but at
-    /// least 200. (Quantisation takes a few seconds per tile regardless of the limit, and evaluation follows after it. The bytes written depend on the machine and its load.)
+    /// Plan the training to end after this time, e.g. 90s, 5m, 2h: every tile gets as many steps as the time
+    /// allows for all, but at least 200. (Quantisation takes a few seconds per tile regardless of the limit,
+    /// and evaluation follows after it. The bytes written depend on the machine and its load.)
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
-    /// Also write coarser levels for virtual texturing: NAME.1.ndgi at half the resolution, NAME.2.ndgi at a quarter, until
-    /// every page fits in one tile (126 texels a side). Texel position p of a page is at p / 2^m in level m. All options apply
-    /// to every level; a time limit is shared among them. Each level is evaluated against the halved dataset, as `dataset halve` makes it.
+    /// Also write coarser levels for virtual texturing: NAME.1.ndgi at half the resolution, NAME.2.ndgi at a
+    /// quarter, until every page fits in one tile (126 texels a side). Texel position p of a page is at p /
+    /// 2^m in level m. All options apply to every level; a time limit is shared among them. Each level is
+    /// evaluated against the halved dataset, as `dataset halve` makes it.
     #[arg(long)]
     pub levels: bool,
-    /// Omit the sun's direct light, for engines that draw the sun themselves. The dataset must store it as a separate layer.
+    /// Omit the sun's direct light, for engines that draw the sun themselves. The dataset must store it as a
+    /// separate layer.
     #[arg(long)]
     pub without_sun: bool,
     /// Cross-fade the sun's shadows from one frame to the next instead of moving them: saves bytes when
     /// times between frames do not matter.
     #[arg(long, conflicts_with = "without_sun")]
     pub still_shadows: bool,
-    /// Train one of N equal shares of the tiles without writing a bundle: for array jobs on machines that share the dataset's folder. Shards
-    /// are numbered from 1, run in any order, and may be repeated. Give all of them the same options; then run --merge.
+    /// Train one of N equal shares of the tiles without writing a bundle: for array jobs on machines that
+    /// share the dataset's folder. Shards are numbered from 1, run in any order, and may be repeated. Give
+    /// all of them the same options; then run --merge.
     #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "time_limit", "levels", "report"])]
     pub shard: Option<Shard>,
-    /// Write the bundle from the tiles that shards have trained, without training. If tiles are missing, name them and exit with code 75.
-    /// With a target, the first run of the shards makes trial fits and the first merge chooses each tile's configuration; then run the shards and --merge again.
+    /// Write the bundle from the tiles that shards have trained, without training. If tiles are missing, name
+    /// them and exit with code 75. With a target, the first run of the shards makes trial fits and the first
+    /// merge chooses each tile's configuration; then run the shards and --merge again.
     #[arg(long, conflicts_with_all = ["time_limit", "levels"])]
     pub merge: bool,
-    /// Vector instructions to use: portable, avx2 or avx512 [default: the best this processor has]. They affect the last bits of what is
-    /// trained: use the same on all machines that train a bundle.
+    /// Vector instructions to use: portable, avx2 or avx512 [default: the best this processor has]. They
+    /// affect the last bits of what is trained: use the same on all machines that train a bundle.
     #[arg(long, value_name = "NAME", value_parser = parse_instructions)]
     pub instructions: Option<Tier>,
     /// Seed of all randomness.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Retrain every tile, even those a stopped run finished; replace a bundle that was trained for more steps, another
-    /// scene's bundle, or a file that is not a bundle. With --shard and --merge, only allow replacing the bundle.
+    /// Retrain every tile, even those a stopped run finished; replace a bundle that was trained for more
+    /// steps, another scene's bundle, or a file that is not a bundle. With --shard and --merge, only allow
+    /// replacing the bundle.
     #[arg(long)]
     pub force: bool,
 }

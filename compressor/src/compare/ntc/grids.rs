@@ -1,4 +1,5 @@
-//! The two feature grids of every tile: where they lie among the parameters, how a texel reads them, how they are rounded.
+//! The two feature grids of every tile: where they lie among the parameters, how a texel reads them, how they
+//! are rounded.
 
 use super::super::tiles::TileSet;
 use super::Preset;
@@ -40,7 +41,8 @@ struct Reading {
     position: [f32; POSITION / 2],
 }
 
-/// The two cells around a texel's centre on an axis of n cells of `scale` texels, and the share of the second; clamped at the ends.
+/// The two cells around a texel's centre on an axis of n cells of `scale` texels, and the share of the
+/// second; clamped at the ends.
 fn around(x: usize, scale: usize, n: usize) -> ([usize; 2], f32) {
     let p = ((x as f32 + 0.5) / scale as f32 - 0.5).max(0.0);
     let i = (p as usize).min(n - 1);

@@ -1,5 +1,6 @@
-//! Clustered principal component analysis (Sloan, Hall, Hart and Snyder 2003, "Clustered Principal Components for Precomputed Radiance
-//! Transfer", section 4.2): points belong to the cluster whose affine subspace is nearest.
+//! Clustered principal component analysis (Sloan, Hall, Hart and Snyder 2003, "Clustered Principal Components
+//! for Precomputed Radiance Transfer", section 4.2): points belong to the cluster whose affine subspace is
+//! nearest.
 
 use super::super::linear::eigen;
 
@@ -64,8 +65,8 @@ impl Points {
         Points { dimensions, values: self.iter().flat_map(along).collect() }
     }
 
-    /// This many clusters initially, or fewer if there is nothing to divide: the one that is met worst is cut across its first axis,
-    /// again and again.
+    /// This many clusters initially, or fewer if there is nothing to divide: the one that is met worst is cut
+    /// across its first axis, again and again.
     pub fn divided(&self, number: usize, rank: usize) -> Vec<usize> {
         let mut of = vec![0; self.iter().count()];
         let whole = self.subspace(|_| true, rank);

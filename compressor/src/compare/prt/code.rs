@@ -1,7 +1,9 @@
-//! A tile's vectors as bits: per cluster a mean and components in float16, per texel its cluster and 8 bits a component.
+//! A tile's vectors as bits: per cluster a mean and components in float16, per texel its cluster and 8 bits a
+//! component.
 //!
-//! What counts is the error of the light, so components are those of the vectors under the metric M = Σ w AᵀA, with A from a vector to
-//! a frame's light. Like the SVD it aims at the mean PSNR: the frames' weights follow what is left of their errors, some rounds long.
+//! What counts is the error of the light, so components are those of the vectors under the metric M = Σ w
+//! AᵀA, with A from a vector to a frame's light. Like the SVD it aims at the mean PSNR: the frames' weights
+//! follow what is left of their errors, some rounds long.
 
 use super::super::linear::{eigen, solve};
 use super::super::method::{CodedTile, ROUNDS, reweighted, timed};
@@ -15,7 +17,8 @@ use half::f16;
 const PASSES: [usize; 2] = [8, 3];
 /// Most clusters, and most components, of a tile.
 const MOST: [usize; 2] = [64, 16];
-/// Bits that are taken, as shares of those that are wanted; where no numbers lie between, the nearest from above.
+/// Bits that are taken, as shares of those that are wanted; where no numbers lie between, the nearest from
+/// above.
 const NEAR: std::ops::RangeInclusive<f64> = 0.95..=1.05;
 /// Share of the variance that may be lost before clusters are sought: 70 dB below the light.
 const LOST: f64 = 1e-7;
@@ -72,8 +75,8 @@ fn bits(texels: usize, vectors: &Vectors, clusters: usize, rank: usize) -> usize
     texels * (8 * rank + index) + 16 * clusters * (rank + 1) * vectors.numbers() + 32 * vectors.scales + 16
 }
 
-/// Numbers of clusters and components that take about this many bits: for each number of components the nearest; where none is near, the
-/// one of all that is nearest from above, else the largest.
+/// Numbers of clusters and components that take about this many bits: for each number of components the
+/// nearest; where none is near, the one of all that is nearest from above, else the largest.
 fn sizes(texels: usize, vectors: &Vectors, wanted: f64) -> Vec<(usize, usize)> {
     let share = |(clusters, rank): (usize, usize)| bits(texels, vectors, clusters, rank) as f64 / wanted;
     let ranks = 1..=MOST[1].min(vectors.numbers());
@@ -108,7 +111,8 @@ fn best(tile: &Tile, vectors: &Vectors, clusters: usize, rank: usize, rounds: us
     reweighted(tile, rounds, encode, |stored| decode(tile, vectors, stored))
 }
 
-/// The vectors in coordinates whose distance is the weighted error of the light: M = V Λ Vᵀ for each channel, and √Λ Vᵀ x.
+/// The vectors in coordinates whose distance is the weighted error of the light: M = V Λ Vᵀ for each channel,
+/// and √Λ Vᵀ x.
 fn in_metric(vectors: &Vectors, weights: &[f64]) -> Points {
     let n = vectors.sources;
     let mut maps = Vec::new();
@@ -133,7 +137,8 @@ fn in_metric(vectors: &Vectors, weights: &[f64]) -> Points {
     }
 }
 
-/// Clusters that the points settle in, coordinates in bytes, and the means and components that are best for those bytes.
+/// Clusters that the points settle in, coordinates in bytes, and the means and components that are best for
+/// those bytes.
 fn fitted(vectors: &Vectors, points: &Points, of: &mut [usize], rank: usize, passes: usize) -> Stored {
     let rank = rank.min(points.dimensions);
     let spaces = points.settled(of, rank, passes);

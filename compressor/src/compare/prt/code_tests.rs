@@ -7,7 +7,8 @@ use crate::train::random::Random;
 
 const SIDE: usize = 16;
 
-/// Vectors that are sums of `rank` random ones plus a mean, under random weights of this many frames; and the tile that they light.
+/// Vectors that are sums of `rank` random ones plus a mean, under random weights of this many frames; and the
+/// tile that they light.
 fn case(sources: usize, frames: usize, rank: usize) -> (Tile, Vectors) {
     let mut random = Random::new(7);
     let mut some = |n: usize| -> Vec<f64> { (0..n).map(|_| f64::from(random.uniform(0.0, 1.0))).collect() };
@@ -54,7 +55,8 @@ fn enough_components_give_the_light_back_but_for_rounding() {
         assert!(mean < 0.0);
         error(&tile, &decode(&tile, &vectors, &stored))
     };
-    // Coordinates are rounded to 255 steps, of a sixth of the peak or so each; without the third component much is missing.
+    // Coordinates are rounded to 255 steps, of a sixth of the peak or so each; without the third component
+    // much is missing.
     assert!(of(3) < 3e-6, "{}", of(3));
     assert!(of(2) > 100.0 * of(3), "{} {}", of(2), of(3));
     // Float16 alone rounds less.
@@ -63,7 +65,8 @@ fn enough_components_give_the_light_back_but_for_rounding() {
     assert_eq!(plain.bits, (16 * 15 * SIDE * SIDE) as f64);
 }
 
-/// Two functions, one of which lights the left half alone: two clusters of one component each have what one cluster needs two for.
+/// Two functions, one of which lights the left half alone: two clusters of one component each have what one
+/// cluster needs two for.
 #[test]
 fn clusters_part_what_different_functions_light() {
     let mut random = Random::new(3);
@@ -89,7 +92,8 @@ fn clusters_part_what_different_functions_light() {
 fn bits_are_counted_to_the_bit() {
     let (_, vectors) = case(5, 4, 3);
     let vectors = Vectors { scales: 2, ..vectors };
-    // 100 texels of 3 bytes and a cluster of 5 (3 bits), 5 means and 15 components of 15 numbers, 2 scales, 2 bytes.
+    // 100 texels of 3 bytes and a cluster of 5 (3 bits), 5 means and 15 components of 15 numbers, 2 scales, 2
+    // bytes.
     assert_eq!(bits(100, &vectors, 5, 3), 100 * 27 + 16 * 20 * 15 + 64 + 16);
     assert_eq!(bits(100, &vectors, 1, 1), 100 * 8 + 16 * 2 * 15 + 64 + 16);
     let (tile, vectors) = case(5, 4, 12);

@@ -137,8 +137,8 @@ impl Lapse {
         pairs.filter(|pair| pair[0] != pair[1] && (gap(pair) - 24.0 / TIMES as f64).abs() < 1e-9).collect()
     }
 
-    /// The mean over pixels and channels of what a step's change differs by from the dataset's; without a method, of that itself. Both
-    /// times are exposed as the brighter one is, and white at most.
+    /// The mean over pixels and channels of what a step's change differs by from the dataset's; without a
+    /// method, of that itself. Both times are exposed as the brighter one is, and white at most.
     fn step(&self, [a, b]: [usize; 2], found: Option<[&Frame; 2]>) -> f64 {
         let scale = self.exposures[a].min(self.exposures[b]).exp2() as f32;
         let shown = |light: f32| f64::from((light * scale).min(1.0));

@@ -6,8 +6,8 @@ use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
 
-/// Rings of texels around valid ones that filtering and mips may read. Of what methods have there, and of what the dataset has, nothing
-/// is shown: it is the mean of the valid neighbours for all.
+/// Rings of texels around valid ones that filtering and mips may read. Of what methods have there, and of
+/// what the dataset has, nothing is shown: it is the mean of the valid neighbours for all.
 const RINGS: usize = 4;
 
 /// The pages of a dataset.

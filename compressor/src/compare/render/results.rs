@@ -18,7 +18,8 @@ const NEAR: [&str; 4] = ["NDGI M", "NTC L", "ASTC 12×12", "BC7"];
 /// Screen pixels of a texel, along a side.
 const ZOOM: usize = 3;
 
-/// A picture of the scene in the light of a method, against that in the dataset's, over the pixels that show texels.
+/// A picture of the scene in the light of a method, against that in the dataset's, over the pixels that show
+/// texels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Seen {
     /// The camera's name.
@@ -124,7 +125,8 @@ impl Rendered {
         self.lapse.sort_by_key(|line| order(&line.method));
     }
 
-    /// The worst, the median and the best tile of NDGI M (of the first method without it), each at the frame that is shown of it.
+    /// The worst, the median and the best tile of NDGI M (of the first method without it), each at the frame
+    /// that is shown of it.
     pub(super) fn add_crops(
         &mut self,
         set: &TileSet,

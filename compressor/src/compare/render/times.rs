@@ -8,7 +8,8 @@ use serde::Serialize;
 
 /// The frames nearest to these hours are shown: morning, noon, evening.
 const HOURS: [(&str, f64); 3] = [("morning", 8.0), ("noon", 12.0), ("evening", 20.0)];
-/// How long after the first of them a time between frames is shown, in hours; half of the way to the next frame where that is less.
+/// How long after the first of them a time between frames is shown, in hours; half of the way to the next
+/// frame where that is less.
 const LATER: f64 = 0.25;
 /// How long after a switch a time is shown, in hours.
 const BESIDE: f64 = 0.05;
@@ -77,7 +78,8 @@ fn last_switch(dataset: &Dataset) -> Result<Option<(f64, &str)>> {
     Ok(last)
 }
 
-/// True if the dataset has light at an hour: its sun's path covers it, and the frames around it are not a night apart.
+/// True if the dataset has light at an hour: its sun's path covers it, and the frames around it are not a
+/// night apart.
 pub(super) fn is_baked(dataset: &Dataset, hour: f64) -> Result<bool> {
     if dataset.sun_path()?.is_some_and(|path| path.at(hour).is_none()) {
         return Ok(false);

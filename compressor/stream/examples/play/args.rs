@@ -3,7 +3,8 @@
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 
-/// Streams a dataset's bundle under a budget, headless. Writes frames as PNG, measurements as `play.json`, and plots as `play.html`.
+/// Streams a dataset's bundle under a budget, headless. Writes frames as PNG, measurements as `play.json`,
+/// and plots as `play.html`.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:
   play dataset/city                                  walk through the city; a minute of its day passes per second
@@ -11,7 +12,8 @@ use std::path::PathBuf;
   play dataset/city --camera pan --clock 6..22/120s --seconds 120
                                                      turn around while a day passes in two minutes")]
 pub struct Args {
-    /// The dataset: geometry, masks, and its bundle NAME.ndgi with the levels NAME.1.ndgi, NAME.2.ndgi … beside it
+    /// The dataset: geometry, masks, and its bundle NAME.ndgi with the levels NAME.1.ndgi, NAME.2.ndgi …
+    /// beside it
     pub dataset: PathBuf,
     /// The bundle, if it is not DATASET/NAME.ndgi
     #[arg(long)]
@@ -22,7 +24,8 @@ pub struct Args {
     /// How the camera moves
     #[arg(long, value_enum)]
     pub camera: Option<Motion>,
-    /// First and last hour of the clock, and the seconds between them: 6..22/120s. How long is played is --seconds
+    /// First and last hour of the clock, and the seconds between them: 6..22/120s. How long is played is
+    /// --seconds
     #[arg(long, value_parser = clock)]
     pub clock: Option<Clock>,
     /// Seconds played, at 30 frames a second; the first one is not measured

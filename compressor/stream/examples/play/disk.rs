@@ -1,4 +1,5 @@
-//! A disk on the simulated clock: reads are carried out at once, and arrive when such a disk would have brought them.
+//! A disk on the simulated clock: reads are carried out at once, and arrive when such a disk would have
+//! brought them.
 
 use crate::args::Disk;
 use ndgi_gpu::{Options, Sunlight};

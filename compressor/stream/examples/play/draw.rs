@@ -193,7 +193,8 @@ impl Stage {
         }
     }
 
-    /// Tells the passes of a frame where they look from. The feedback's pixels are jittered within those of the view.
+    /// Tells the passes of a frame where they look from. The feedback's pixels are jittered within those of
+    /// the view.
     pub fn look(&self, frame: &Frame, feedback: [u32; 2]) {
         let view = |camera: Mat4, scale: f32| {
             let mut words: Vec<u32> = camera.to_cols_array().map(f32::to_bits).to_vec();
@@ -335,7 +336,8 @@ impl Stage {
     }
 }
 
-/// The pages of one scene, fully decoded, with levels by averages of valid texels: what the stream is compared with.
+/// The pages of one scene, fully decoded, with levels by averages of valid texels: what the stream is
+/// compared with.
 pub struct Whole {
     device: wgpu::Device,
     queue: wgpu::Queue,

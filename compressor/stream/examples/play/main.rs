@@ -198,8 +198,8 @@ fn perform(
     Ok(Played { name: play.name, stats, summary, pictures })
 }
 
-/// Compares two pictures at the exposure of the second. Gives the PSNR in decibels, `None` if no pixel has texels; the number of pixels
-/// that are dark in the first alone; and the codes of the first.
+/// Compares two pictures at the exposure of the second. Gives the PSNR in decibels, `None` if no pixel has
+/// texels; the number of pixels that are dark in the first alone; and the codes of the first.
 fn compare(streamed: &Picture, wholly: &Picture) -> (Option<f64>, usize, Vec<u8>) {
     let luminance = |texel: &[f32; 4]| dataset::tone::luminance([texel[0], texel[1], texel[2]]);
     let has_texels = |texel: &&[f32; 4]| texel[3] > 0.5;

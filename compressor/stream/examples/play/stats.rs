@@ -11,7 +11,8 @@ const AGAIN: usize = 60;
 /// One frame.
 #[derive(Clone, Debug, Default)]
 pub struct Row {
-    /// Of the pixels, and of the tiles, that the frame's feedback saw: the share that was shown at the level it requested.
+    /// Of the pixels, and of the tiles, that the frame's feedback saw: the share that was shown at the level
+    /// it requested.
     pub hits_by_pixels: f64,
     pub hits_by_tiles: f64,
     pub tiles: usize,
@@ -29,7 +30,8 @@ pub struct Row {
     /// Milliseconds of the frame's thread in the runtime, and of device and all.
     pub thread_ms: f64,
     pub all_ms: f64,
-    /// Of frames that are compared: decibels to the fully decoded one, and pixels that are dark and should not be.
+    /// Of frames that are compared: decibels to the fully decoded one, and pixels that are dark and should
+    /// not be.
     pub psnr: Option<f64>,
     pub unlit: Option<usize>,
 }

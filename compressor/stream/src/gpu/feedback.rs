@@ -1,4 +1,5 @@
-//! Feedback: a small target into which the view draws the numbers of the tiles that it needs, read back without waiting.
+//! Feedback: a small target into which the view draws the numbers of the tiles that it needs, read back
+//! without waiting.
 
 use crate::{Seen, Tile};
 use std::collections::BTreeMap;
@@ -14,7 +15,8 @@ const MAPPING: u8 = 2;
 const MAPPED: u8 = 3;
 const FAILED: u8 = 4;
 
-/// The target into which the view draws feedback: per pixel the number of the tile that it needs there plus 1, or 0 for none.
+/// The target into which the view draws feedback: per pixel the number of the tile that it needs there plus
+/// 1, or 0 for none.
 #[derive(Debug)]
 pub struct Feedback {
     texture: wgpu::Texture,
@@ -96,7 +98,8 @@ impl Feedback {
         }
     }
 
-    /// The newest feedback that has arrived since the last call: tiles, and their pixels at the target's resolution.
+    /// The newest feedback that has arrived since the last call: tiles, and their pixels at the target's
+    /// resolution.
     pub(super) fn arrived(&mut self, device: &wgpu::Device, tiles: usize) -> Option<Vec<Seen>> {
         // An error would mean that the device is lost, which the view learns by itself.
         let _ = device.poll(wgpu::PollType::Poll);

@@ -37,7 +37,8 @@ pub struct Done {
     pub what: Result<Arrived, ReadError>,
 }
 
-/// Carries out reads: [`Threads`], or a game's own. The frame's thread calls its methods, so they must not wait.
+/// Carries out reads: [`Threads`], or a game's own. The frame's thread calls its methods, so they must not
+/// wait.
 pub trait Reader: Debug + Send {
     /// Starts a read. `known` is the data from which the intervals of a tile on the device are unpacked.
     fn start(&mut self, pyramid: &Arc<Pyramid>, options: &Options, read: Read, known: Option<Sunlight>);
@@ -97,7 +98,8 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// Starts `count` threads. Two suffice for a disk; over a network, use one for each of [`crate::Budgets::reads`].
+    /// Starts `count` threads. Two suffice for a disk; over a network, use one for each of
+    /// [`crate::Budgets::reads`].
     ///
     /// # Errors
     /// The system's error if a thread cannot be started.

@@ -4,7 +4,8 @@ use crate::{Commands, Entry, Now, Pyramid, Seen, Stream, Tile};
 use std::collections::BTreeSet;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-/// One mean in this many is updated per frame, in turn; those of the tiles seen are updated in every feedback.
+/// One mean in this many is updated per frame, in turn; those of the tiles seen are updated in every
+/// feedback.
 const ROUND: usize = 64;
 /// Hours for which means that are not seen may be old.
 const FRESH: f64 = 0.25;

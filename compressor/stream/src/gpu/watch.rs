@@ -9,7 +9,8 @@ use std::time::SystemTime;
 /// A file's length and time of change; `None` if there is none.
 type Stamp = Option<(u64, SystemTime)>;
 
-/// The bundles of a scene's levels as files: `NAME.ndgi`, and the levels `NAME.1.ndgi`, `NAME.2.ndgi` … beside it, up to the first that is missing.
+/// The bundles of a scene's levels as files: `NAME.ndgi`, and the levels `NAME.1.ndgi`, `NAME.2.ndgi` …
+/// beside it, up to the first that is missing.
 #[derive(Clone, Debug)]
 pub struct Files {
     finest: PathBuf,
@@ -43,8 +44,9 @@ impl Files {
         Ok(Arc::new(pyramid))
     }
 
-    /// Whether there are other files than those that were opened, or one has another length or time of change. Ask about once a second, on any
-    /// thread, and if so [`Files::open`] again. If that fails because only some levels are written yet, ask again later.
+    /// Whether there are other files than those that were opened, or one has another length or time of
+    /// change. Ask about once a second, on any thread, and if so [`Files::open`] again. If that fails because
+    /// only some levels are written yet, ask again later.
     pub fn changed(&self) -> bool {
         self.found() != self.opened
     }

@@ -4,11 +4,13 @@ use super::{Commands, Data, Decode, Shown, Stream, oldest};
 use crate::{Now, Tile};
 use std::cmp::Reverse;
 
-/// A switch affects a tile whose network has no light group as input if the tile's mean changes by more than this share.
+/// A switch affects a tile whose network has no light group as input if the tile's mean changes by more than
+/// this share.
 const REACHED: f32 = 0.002;
 /// A step of the clock of more hours than this is a jump, which is treated like a switch.
 const JUMP: f64 = 1.0;
-/// Changes are relative to the tile's light, or to this share of the mean light of the view where a tile is darker.
+/// Changes are relative to the tile's light, or to this share of the mean light of the view where a tile is
+/// darker.
 const DARK: f32 = 0.01;
 /// One tile in this many is decoded because it waited longest, not because it changed most.
 const TURNS: usize = 4;
@@ -59,7 +61,8 @@ impl Stream {
         matches!(self.state(tile).data, Data::Held { since, .. } if since < self.step)
     }
 
-    /// Decodes all tiles that a switch affects at once, so that no room is half lit. Those that cannot be decoded lose their slots.
+    /// Decodes all tiles that a switch affects at once, so that no room is half lit. Those that cannot be
+    /// decoded lose their slots.
     fn switch(&mut self, now: &Now, floor: f32, commands: &mut Commands) {
         let shown: Vec<Tile> = self.slots.iter().flatten().copied().collect();
         for tile in shown {

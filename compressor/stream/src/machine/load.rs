@@ -69,7 +69,8 @@ impl Stream {
         }
     }
 
-    /// Starts reads for wanted tiles: first those that are not shown, then those that are shown but could not be decoded again.
+    /// Starts reads for wanted tiles: first those that are not shown, then those that are shown but could not
+    /// be decoded again.
     pub(super) fn read(&mut self, now: &Now, commands: &mut Commands) {
         let order = self.in_order();
         let [missing, stale]: [Vec<Tile>; 2] = [true, false].map(|is_missing| {

@@ -5,7 +5,8 @@ use crate::Tile;
 use std::sync::Arc;
 
 impl Stream {
-    /// Lists the entries that have changed. An entry is the tile's own slot, or that of the nearest tile that covers it.
+    /// Lists the entries that have changed. An entry is the tile's own slot, or that of the nearest tile that
+    /// covers it.
     pub(super) fn show(&mut self, commands: &mut Commands) {
         let mut altered = std::mem::take(&mut self.altered);
         // From the last level on: what covers a tile comes before it.

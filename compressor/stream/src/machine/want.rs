@@ -4,7 +4,8 @@ use super::{Data, Seen, Stream};
 use crate::Tile;
 use std::collections::BTreeMap;
 
-/// The view is to ask for finer levels if its tiles need less than the first share of the slots, for coarser ones if more than the second.
+/// The view is to ask for finer levels if its tiles need less than the first share of the slots, for coarser
+/// ones if more than the second.
 const FULL: [f32; 2] = [0.75, 0.95];
 /// A tile stays wanted for this many feedbacks, the one that saw it included.
 const LINGERS: u32 = 8;
@@ -32,7 +33,8 @@ impl Stream {
         let mut order: Vec<(Tile, u32)> = wanted.into_iter().collect();
         order.sort_by_key(|(tile, pixels)| (!self.is_root(*tile), std::cmp::Reverse(*pixels), *tile));
         order.truncate(room);
-        // Tiles of a few pixels are not in every feedback, so those of the last few feedbacks stay wanted if there is room.
+        // Tiles of a few pixels are not in every feedback, so those of the last few feedbacks stay wanted if
+        // there is room.
         self.seen.retain(|_, (_, age)| {
             *age += 1;
             *age < LINGERS
@@ -50,7 +52,8 @@ impl Stream {
         self.wanted = order.into_iter().collect();
     }
 
-    /// The tile, or else the nearest one that covers it and can be read; `None` if there is none, or if the tile has no light.
+    /// The tile, or else the nearest one that covers it and can be read; `None` if there is none, or if the
+    /// tile has no light.
     fn readable(&self, tile: Tile) -> Option<Tile> {
         let mut tile = self.pyramid.spot(tile).map(|_| tile)?;
         if self.pyramid.facts(tile).is_black() {
@@ -70,7 +73,8 @@ impl Stream {
         tile
     }
 
-    /// The coarsest tile that covers a tile; the nearest one that is shown in its place; and the next one of a tile that could not be read so far.
+    /// The coarsest tile that covers a tile; the nearest one that is shown in its place; and the next one of
+    /// a tile that could not be read so far.
     fn covers(&self, tile: Tile) -> impl Iterator<Item = Tile> + use<> {
         let above = |tile: &Tile| self.pyramid.parent(*tile);
         let is_shown = |tile: &Tile| self.state(*tile).shown.is_some();

@@ -1,4 +1,5 @@
-//! A scene of three levels, a disk that is slow and fails, and a model of the device that checks every command.
+//! A scene of three levels, a disk that is slow and fails, and a model of the device that checks every
+//! command.
 
 #![allow(clippy::unwrap_used, dead_code, reason = "tests, of which none needs all")]
 

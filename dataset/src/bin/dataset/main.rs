@@ -1,4 +1,5 @@
-//! `dataset`: shows and verifies datasets, converts them from and to other layouts, and packages them for release.
+//! `dataset`: shows and verifies datasets, converts them from and to other layouts, and packages them for
+//! release.
 
 mod exchange;
 mod halve;
@@ -16,8 +17,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Shows and verifies datasets of temporal lightmaps; converts from and to other layouts; halves their resolution;
-/// packages them for release.
+/// Shows and verifies datasets of temporal lightmaps; converts from and to other layouts; halves their
+/// resolution; packages them for release.
 #[derive(Parser)]
 #[command(
     name = "dataset",
@@ -46,9 +47,12 @@ enum Command {
     /// Prints what a dataset contains.
     ///
     /// With --json, one object: scene, generator, unit, seed, samples, files, bytes, pages [{width, height,
-    /// valid_texels}], level (how often its resolution was halved, or null), version (of the manifest on disk), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames
-    /// [{hour, on, relative_error}], layers [{light, group, part, images, curve}], sun_path (true if present), visibility (of the sun, or null: {minutes, times, bytes}), source (of an imported dataset, or null:
-    /// {layout, replaced_values, lightmaps [{id, level}]}), transfer (of a scene's transfer, or null: {scene, functions, times}).
+    /// valid_texels}], level (how often its resolution was halved, or null), version (of the manifest on
+    /// disk), sun and sky (what is baked of them, or null), groups [{name, on, baked}], frames [{hour, on,
+    /// relative_error}], layers [{light, group, part, images, curve}], sun_path (true if present), visibility
+    /// (of the sun, or null: {minutes, times, bytes}), source (of an imported dataset, or null: {layout,
+    /// replaced_values, lightmaps [{id, level}]}), transfer (of a scene's transfer, or null: {scene,
+    /// functions, times}).
     #[command(after_help = "Example:\n  dataset info dataset/yard --json")]
     Info {
         /// The dataset: the folder with config.json.
@@ -57,12 +61,13 @@ enum Command {
     },
     /// Verifies everything that readers rely on and lists each fault.
     ///
-    /// Checks the manifest, each file's length and checksum, masks, the noise file, the sun's path and visibility, the geometry (a complete GLB, indices and
-    /// lightmap coordinates in range, pages that exist), that all texels are finite and not negative, that each frame has the light groups on that its schedule says, and, where layers are stored, that each lightmap is
-    /// (sun + sky) + local: bit for bit, or within 1/1024 on surfaces in imported datasets. Warns of switches without a frame close by, and of
-    /// files that killed processes left behind.
-    /// With --json, one object: ok, faults [text], warnings [text], files, bytes, frames, dead_texels [per page; null where
-    /// unknown], seconds.
+    /// Checks the manifest, each file's length and checksum, masks, the noise file, the sun's path and
+    /// visibility, the geometry (a complete GLB, indices and lightmap coordinates in range, pages that
+    /// exist), that all texels are finite and not negative, that each frame has the light groups on that its
+    /// schedule says, and, where layers are stored, that each lightmap is (sun + sky) + local: bit for bit,
+    /// or within 1/1024 on surfaces in imported datasets. Warns of switches without a frame close by, and of
+    /// files that killed processes left behind. With --json, one object: ok, faults [text], warnings [text],
+    /// files, bytes, frames, dead_texels [per page; null where unknown], seconds.
     #[command(after_help = "Example:\n  dataset check dataset/yard")]
     Check {
         /// The dataset: the folder with config.json.
@@ -71,8 +76,8 @@ enum Command {
     },
     /// Makes a dataset from lightmaps in another layout.
     ///
-    /// FROM is a folder in the layout hprc1 or hprc2, a folder of EXR files (float or half; R, G, B, or names such as
-    /// Layer.R, red, Y), or a TOML file:
+    /// FROM is a folder in the layout hprc1 or hprc2, a folder of EXR files (float or half; R, G, B, or names
+    /// such as Layer.R, red, Y), or a TOML file:
     ///
     ///   unit = "kilolux"            # optional, as are [[group]] and, without masks, [[page]]
     ///   layer = "Combined"          # for EXR files with several layers
@@ -85,8 +90,9 @@ enum Command {
     ///   name = "lamps"
     ///   on = [[18.0, 6.0]]
     ///
-    /// Texels are copied exactly. Values that are negative or not finite become 0 outside the masks; on surfaces they are
-    /// an error. With --json, one object: out, layout, scene, pages, hours, groups, layers, replaced_values, seconds.
+    /// Texels are copied exactly. Values that are negative or not finite become 0 outside the masks; on
+    /// surfaces they are an error. With --json, one object: out, layout, scene, pages, hours, groups, layers,
+    /// replaced_values, seconds.
     #[command(
         verbatim_doc_comment,
         after_help = "\
@@ -98,8 +104,9 @@ Examples:
     Import(exchange::Import),
     /// Writes a dataset in the layout hprc1 or hprc2.
     ///
-    /// Lists what the layout cannot store. A dataset that was imported from the same layout gives the same bytes again.
-    /// With --json, one object: out, layout, lightmaps, hours, omitted [text], files, bytes, seconds.
+    /// Lists what the layout cannot store. A dataset that was imported from the same layout gives the same
+    /// bytes again. With --json, one object: out, layout, lightmaps, hours, omitted [text], files, bytes,
+    /// seconds.
     #[command(after_help = "\
 Examples:
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
@@ -107,11 +114,12 @@ Examples:
     Export(exchange::Export),
     /// Makes a dataset of half the resolution: a coarser level for virtual texturing.
     ///
-    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel's light is the mean of the valid texels among the four it covers. Texel
-    /// position p becomes p/2. Layers, visibility and normals are halved, and frames are summed from the halved layers. Noise is
-    /// omitted, because the error of a mean is not known. All else is copied. The result is a full dataset: halve it again for the next
-    /// level. `compress --levels` makes bundles of all levels. A transfer cannot be halved. With --json, one object: out, scene, level (how
-    /// often it was halved), pages [[width, height]], files, bytes, seconds.
+    /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel's light is the mean of the valid texels
+    /// among the four it covers. Texel position p becomes p/2. Layers, visibility and normals are halved, and
+    /// frames are summed from the halved layers. Noise is omitted, because the error of a mean is not known.
+    /// All else is copied. The result is a full dataset: halve it again for the next level.
+    /// `compress --levels` makes bundles of all levels. A transfer cannot be halved. With --json, one object:
+    /// out, scene, level (how often it was halved), pages [[width, height]], files, bytes, seconds.
     #[command(after_help = "\
 Examples:
   dataset halve dataset/yard --out dataset/yard-1
@@ -120,10 +128,11 @@ Examples:
     Halve(halve::Halve),
     /// Packages datasets for release: archives, bundles, pictures, datasheets, checksums.
     ///
-    /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun, sky and lamps where
-    /// layers are stored, the bundles (*.ndgi) found in its folder, pictures, a datasheet SCENE.md. Also release.json,
-    /// read_dataset.py and SHA256SUMS. Equal datasets give equal bytes. Each dataset is checked first; a stopped or failed command leaves
-    /// nothing behind. With --json, one object: out, scenes, omitted [text], files, bytes, seconds.
+    /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun, sky
+    /// and lamps where layers are stored, the bundles (*.ndgi) found in its folder, pictures, a datasheet
+    /// SCENE.md. Also release.json, read_dataset.py and SHA256SUMS. Equal datasets give equal bytes. Each
+    /// dataset is checked first; a stopped or failed command leaves nothing behind. With --json, one object:
+    /// out, scenes, omitted [text], files, bytes, seconds.
     #[command(after_help = "\
 Examples:
   dataset release dataset/yard dataset/city --out release
@@ -131,9 +140,10 @@ Examples:
     Release(release::Release),
     /// Verifies a release, or a dataset unpacked from one.
     ///
-    /// Of a release: that the files match SHA256SUMS, and that the archives contain what release.json and each dataset's manifest
-    /// say; nothing is unpacked to disk. A folder with config.json is verified as by `check`. With --json, one object: ok,
-    /// faults [text], scenes, files, bytes, seconds; for an unpacked dataset, the object of `check`.
+    /// Of a release: that the files match SHA256SUMS, and that the archives contain what release.json and
+    /// each dataset's manifest say; nothing is unpacked to disk. A folder with config.json is verified as by
+    /// `check`. With --json, one object: ok, faults [text], scenes, files, bytes, seconds; for an unpacked
+    /// dataset, the object of `check`.
     #[command(after_help = "\
 Examples:
   dataset verify release
@@ -298,7 +308,8 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The finest step of the sun's visibility in minutes, its times and the bytes of its files, if there are any.
+/// The finest step of the sun's visibility in minutes, its times and the bytes of its files, if there are
+/// any.
 fn visibility_of(dataset: &Dataset) -> Result<Option<(f64, usize, u64)>> {
     let Some(visibility) = &dataset.config.visibility else { return Ok(None) };
     let opened = Visibility::open(&dataset.path(&visibility.files[0]))?;

@@ -21,7 +21,8 @@ pub struct Release {
     /// Adds an archive of the lightmaps in this layout; may be given for both.
     #[arg(long)]
     layout: Vec<LayoutName>,
-    /// State in the datasheets that the datasets are released under CC0 1.0; without it they state no licence.
+    /// State in the datasheets that the datasets are released under CC0 1.0; without it they state no
+    /// licence.
     #[arg(long)]
     cc0: bool,
 }

@@ -1,4 +1,5 @@
-//! Checks layers: their order, that each is of a baked light with an image or black for each frame and page, and that all lights have layers or none.
+//! Checks layers: their order, that each is of a baked light with an image or black for each frame and page,
+//! and that all lights have layers or none.
 
 use crate::config::{Baked, Config, Layer, Light, Part};
 use crate::console::count;

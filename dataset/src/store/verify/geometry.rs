@@ -1,4 +1,5 @@
-//! The geometry file: that it is a complete GLB, its accessors lie inside it, and its lightmap coordinates on pages that exist.
+//! The geometry file: that it is a complete GLB, its accessors lie inside it, and its lightmap coordinates on
+//! pages that exist.
 
 use crate::config::Config;
 use crate::console::count;

@@ -8,8 +8,8 @@ use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// How far a lightmap of an imported dataset may be from the sum of its layers: this share of the sum, as if all had been half
-/// floats once …
+/// How far a lightmap of an imported dataset may be from the sum of its layers: this share of the sum, as if
+/// all had been half floats once …
 const IMPORTED_SHARE: f32 = 1.0 / 1024.0;
 /// … whose smallest steps these are.
 const IMPORTED_STEP: f32 = 1.0 / (1 << 22) as f32;
@@ -44,7 +44,8 @@ impl Dataset {
         results.into_iter().filter_map(Result::err).collect()
     }
 
-    /// Rows `y0 .. y1` of what the lightmap of a frame on a page is to be: ((sun direct + sun indirect) + sky) + local.
+    /// Rows `y0 .. y1` of what the lightmap of a frame on a page is to be: ((sun direct + sun indirect) +
+    /// sky) + local.
     pub(crate) fn layer_sum_rows(
         &self,
         frame: usize,
@@ -55,7 +56,8 @@ impl Dataset {
         self.shares_of(frame, page).sum_rows(self, page, y0, y1)
     }
 
-    /// The paths of the files of which the lightmap of a frame on a page is the sum, light by light: where they are equal, so are the sums.
+    /// The paths of the files of which the lightmap of a frame on a page is the sum, light by light: where
+    /// they are equal, so are the sums.
     pub(crate) fn summands(&self, frame: usize, page: usize) -> Vec<Vec<&str>> {
         let Shares { sun, sky, local } = self.shares_of(frame, page);
         let lights = [sun, sky].into_iter().chain(local);

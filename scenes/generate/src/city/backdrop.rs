@@ -1,4 +1,5 @@
-//! What ends the view: plain houses along the streets beyond the scene's edge, others across their ends, and the land.
+//! What ends the view: plain houses along the streets beyond the scene's edge, others across their ends, and
+//! the land.
 
 use super::{DEPTH, END, Site, blocks};
 use crate::model::Model;

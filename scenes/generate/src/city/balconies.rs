@@ -84,8 +84,8 @@ impl Bay {
         let detail = format!("{name}_detail");
         let mut panes = Mesh::default();
         for side in [-1.0, 1.0] {
-            // Seen from outside, u runs towards the street on the left side and away from it on the right one; both
-            // begin inside the wall.
+            // Seen from outside, u runs towards the street on the left side and away from it on the right
+            // one; both begin inside the wall.
             let cheek = if side < 0.0 {
                 let (us, vs, filled) = grid([-0.05, 0.0, BAY_OUT, STOREY], &[narrow]);
                 sheet(&us, &vs, filled, |u, v| DVec3::new(-BAY_HALF, v, u))

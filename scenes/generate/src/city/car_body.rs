@@ -1,4 +1,5 @@
-//! Bodies of cars: a painted skin lofted over stations along the length, cut by the wheel arches, and a cabin on it.
+//! Bodies of cars: a painted skin lofted over stations along the length, cut by the wheel arches, and a cabin
+//! on it.
 
 use crate::mesh::Mesh;
 use crate::relief::{full, sheet, sorted, steps};
@@ -107,7 +108,8 @@ impl Shape {
         xs
     }
 
-    /// A point of the body's skin: around from the left foot (0) over the deck's middle (0.5) to the right foot (1).
+    /// A point of the body's skin: around from the left foot (0) over the deck's middle (0.5) to the right
+    /// foot (1).
     fn skin(&self, x: f64, around: f64) -> DVec3 {
         let side = if around < 0.5 { -1.0 } else { 1.0 };
         let t = 1.0 - (around - 0.5).abs() * 2.0;

@@ -108,7 +108,8 @@ fn street_level(model: &mut Model, kit: &Kit, front: &Front, name: &str, number:
     pierced(model, &front.site, name, "limestone", [0.0, FOOT, front.width, GROUND], &holes);
 }
 
-/// String courses, cornice, parapet and its balustrade; courses meet at the cut corner's edges by overlapping.
+/// String courses, cornice, parapet and its balustrade; courses meet at the cut corner's edges by
+/// overlapping.
 fn trim(model: &mut Model, front: &Front, top: f64, walls: &str) {
     let w = front.width;
     // Ends are pulled in or out so that the bands of neighbouring fronts close without a gap.

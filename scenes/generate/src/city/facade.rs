@@ -1,4 +1,5 @@
-//! A house's front: the pierced walls, what frames them, and everything that hangs on them. Its other sides are plain.
+//! A house's front: the pierced walls, what frames them, and everything that hangs on them. Its other sides
+//! are plain.
 
 use super::balconies::BAY_HALF;
 use super::doors::DOOR;

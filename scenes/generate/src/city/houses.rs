@@ -94,7 +94,8 @@ const fn house(
     House { storeys, axes, walls, kind, extra, ground, roof }
 }
 
-/// Per block the houses along its south side (from the corner outwards) and along its west side (towards the corner).
+/// Per block the houses along its south side (from the corner outwards) and along its west side (towards the
+/// corner).
 #[rustfmt::skip]
 fn rows() -> [[Vec<House>; 2]; 4] {
     use {Extra as E, Ground::*, Kind::*, Roof::*, Shop::*};

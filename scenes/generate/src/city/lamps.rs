@@ -1,5 +1,5 @@
-//! Street lamps: posts with a curved arm along the avenue, lantern posts along the street. The scene file has a lamp at
-//! every place listed here.
+//! Street lamps: posts with a curved arm along the avenue, lantern posts along the street. The scene file has
+//! a lamp at every place listed here.
 
 use super::{AVENUE, PAVED, Site, blocks};
 use crate::mesh::Mesh;

@@ -1,10 +1,11 @@
-//! A street crossing, 88 × 88 m: an avenue from north to south, a street from west to east, and four blocks of town
-//! houses with shops, an arcade, balconies, bays and roofs; street trees, cars, lamps and what else stands about.
+//! A street crossing, 88 × 88 m: an avenue from north to south, a street from west to east, and four blocks
+//! of town houses with shops, an arcade, balconies, bays and roofs; street trees, cars, lamps and what else
+//! stands about.
 //!
-//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` only blocks and
-//! reflects light, `leaves*` are cut-out cards, `roof*` is seen from above only; everything else is meant to be lit.
-//! Parts that meet are sunk into each other by 2 cm or more, so that no two faces coincide, and faces that nobody can
-//! see are left out.
+//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` only
+//! blocks and reflects light, `leaves*` are cut-out cards, `roof*` is seen from above only; everything else
+//! is meant to be lit. Parts that meet are sunk into each other by 2 cm or more, so that no two faces
+//! coincide, and faces that nobody can see are left out.
 
 mod arcade;
 mod backdrop;

@@ -34,8 +34,8 @@ pub fn build(model: &mut Model) {
     }
 }
 
-/// The kerb's line at `offset` metres from its edge towards the houses: down the west side, round, along the south side.
-/// The corner is an ellipse about the meeting point of the façades.
+/// The kerb's line at `offset` metres from its edge towards the houses: down the west side, round, along the
+/// south side. The corner is an ellipse about the meeting point of the façades.
 fn line(block: &Block, offset: f64, ends: [f64; 2]) -> Vec<DVec3> {
     let (x, z) = (block.west, block.south);
     let (rx, rz) = (x[0] - x[1] - offset, z[0] - z[1] - offset);

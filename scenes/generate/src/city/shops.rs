@@ -1,4 +1,5 @@
-//! Shop fronts: an alcove behind each shop window, with goods in it and a lamp under its ceiling; sign and awning.
+//! Shop fronts: an alcove behind each shop window, with goods in it and a lamp under its ceiling; sign and
+//! awning.
 
 use super::Site;
 use crate::mesh::Mesh;

@@ -1,5 +1,5 @@
-//! The city against its files, its budget, and the eye: nobody in the streets, under the arcade or above the roofs sees
-//! the back of a face or two faces that coincide.
+//! The city against its files, its budget, and the eye: nobody in the streets, under the arcade or above the
+//! roofs sees the back of a face or two faces that coincide.
 
 use super::*;
 use crate::checks;

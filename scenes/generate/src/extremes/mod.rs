@@ -1,5 +1,5 @@
-//! The stiff cases of light and geometry, side by side: closed boxes in two rows on a slab, open things before
-//! them, a vault below. Every case has a node of its name; `*_occluder` only blocks light.
+//! The stiff cases of light and geometry, side by side: closed boxes in two rows on a slab, open things
+//! before them, a vault below. Every case has a node of its name; `*_occluder` only blocks light.
 
 #[cfg(test)]
 mod tests;
@@ -103,7 +103,8 @@ fn closed_box(model: &mut Model, name: &str, at: [f64; 2], reach: f64) {
     model.add(&format!("{name}_occluder"), "grey", shell(at, reach, ALL));
 }
 
-/// A box whose southern wall is thin and has a hole: an inner and an outer sheet, and the hole's sides between them.
+/// A box whose southern wall is thin and has a hole: an inner and an outer sheet, and the hole's sides
+/// between them.
 fn keyhole_box(model: &mut Model, name: &str, at: [f64; 2]) {
     model.add(name, "pale", inside(at, HALF, ALL & !SOUTH));
     let [x, z] = at;

@@ -57,7 +57,8 @@ fn boxes_are_closed_and_keyholes_are_the_only_way_in() {
     for name in
         ["keyhole_portal", "keyhole_bare", "bright_box", "dim_box", "blink_box", "tiny_box", "mirror_box"]
     {
-        // Inner faces end at the inner walls: from inside, every ray but one through the keyhole meets a front.
+        // Inner faces end at the inner walls: from inside, every ray but one through the keyhole meets a
+        // front.
         let centre = match name {
             "keyhole_portal" => KEYHOLE_PORTAL,
             "keyhole_bare" => KEYHOLE_BARE,

@@ -1,5 +1,6 @@
-//! The barn: boarded walls with boards missing, open doors to the yard and behind, a hatch, a roof of corrugated sheet
-//! that has lost one; inside a frame of posts and beams, a loft and a floor of trodden straw.
+//! The barn: boarded walls with boards missing, open doors to the yard and behind, a hatch, a roof of
+//! corrugated sheet that has lost one; inside a frame of posts and beams, a loft and a floor of trodden
+//! straw.
 
 use super::timber::{Wall, beam, stand};
 use crate::mesh::Mesh;

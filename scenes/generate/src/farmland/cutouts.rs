@@ -1,5 +1,5 @@
-//! Textures with holes: sprays of leaves, blades of grass, a leaf of a crop. Cut-out texels have the leaves' colour too,
-//! so that filtering does not darken the rims.
+//! Textures with holes: sprays of leaves, blades of grass, a leaf of a crop. Cut-out texels have the leaves'
+//! colour too, so that filtering does not darken the rims.
 
 use crate::model::Texture;
 use crate::random::cell;

@@ -30,7 +30,8 @@ pub fn build(model: &mut Model) {
         run(model, from.into(), to.into(), 251 + k as u64);
     }
     let gate = gate(model);
-    // Hinge, and the degrees it is turned from closing the gap: one to the track is wide open, one to the pasture ajar.
+    // Hinge, and the degrees it is turned from closing the gap: one to the track is wide open, one to the
+    // pasture ajar.
     let gates = [
         (DVec2::new(-1.85, YARD - 0.4), 100.0),
         (DVec2::new(YARD - 0.5, 13.95), 52.0),
@@ -97,7 +98,8 @@ fn gate(model: &mut Model) -> usize {
 /// A wall of field stones between yard and meadow: its two faces and its coping are one lumpy sheet.
 fn stone_wall(model: &mut Model) {
     let (u0, u1) = (-YARD + 0.6, YARD - 1.0);
-    // Across the wall: out of the ground in the north, over the top, down in the south; the distance along that way.
+    // Across the wall: out of the ground in the north, over the top, down in the south; the distance along
+    // that way.
     let profile = [
         (-0.36, -0.35),
         (-0.27, WALL - 0.05),

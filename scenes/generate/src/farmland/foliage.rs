@@ -128,7 +128,8 @@ fn bushes(model: &mut Model) {
     }
 }
 
-/// Tufts of long grass where no wheel and no plough gets: along fences, walls and hedges, and strewn over the pasture.
+/// Tufts of long grass where no wheel and no plough gets: along fences, walls and hedges, and strewn over the
+/// pasture.
 fn tufts(model: &mut Model) {
     let mut random = Random::new(231);
     let mut pieces = Vec::new();

@@ -1,9 +1,11 @@
-//! A farm on an autumn day, 128 × 128 m of rolling land: a yard with barn, silo, farmhouse and cart shed, ploughed and
-//! stubble fields, crop rows, pasture and meadow; hedges, fences, trees. The sun and the sky alone light it.
+//! A farm on an autumn day, 128 × 128 m of rolling land: a yard with barn, silo, farmhouse and cart shed,
+//! ploughed and stubble fields, crop rows, pasture and meadow; hedges, fences, trees. The sun and the sky
+//! alone light it.
 //!
-//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` only blocks and
-//! reflects light, `leaves_*`, `crops_*` and `tufts_*` are cut-out cards; everything else is meant to be lit. Parts that
-//! meet are sunk into each other, so that no two faces coincide, and large faces that nobody can see are left out.
+//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` only
+//! blocks and reflects light, `leaves_*`, `crops_*` and `tufts_*` are cut-out cards; everything else is meant
+//! to be lit. Parts that meet are sunk into each other, so that no two faces coincide, and large faces that
+//! nobody can see are left out.
 
 mod bales;
 mod barn;

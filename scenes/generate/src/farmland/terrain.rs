@@ -1,8 +1,8 @@
 //! The land: rolling, flat around the farmyard, in patches that each unwrap to one rectangle.
 //!
-//! Places are given as (u, v), metres east and south, before the track's bends shift them: lines of equal u run along
-//! the track, and every boundary between patches is straight in (u, v). Heights are interpolated from a lattice of
-//! 1 m, so that patches of any finer grid meet without gaps.
+//! Places are given as (u, v), metres east and south, before the track's bends shift them: lines of equal u
+//! run along the track, and every boundary between patches is straight in (u, v). Heights are interpolated
+//! from a lattice of 1 m, so that patches of any finer grid meet without gaps.
 
 use super::fields;
 use crate::mesh::Mesh;

@@ -1,5 +1,5 @@
-//! The farm against its file, its budget, and the eye: nobody in the yard, the fields or the barn sees the back of a
-//! face or two faces that coincide, and nothing floats.
+//! The farm against its file, its budget, and the eye: nobody in the yard, the fields or the barn sees the
+//! back of a face or two faces that coincide, and nothing floats.
 
 use super::*;
 use crate::checks;

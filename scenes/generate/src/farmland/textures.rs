@@ -92,7 +92,8 @@ const WAYS: [([f64; 2], [f64; 2], f64); 7] = [
     ([10.0, 5.0], [24.0, 12.0], 1.2),
 ];
 
-/// The farmyard's ground, painted as a whole: earth where wheels and feet go, grass elsewhere, straw before the barn.
+/// The farmyard's ground, painted as a whole: earth where wheels and feet go, grass elsewhere, straw before
+/// the barn.
 pub fn yard_ground() -> Texture {
     texture("yard_ground", 1024, |x, y| {
         let p = DVec2::new(x - 0.5, y - 0.5) * (2.0 * YARD);

@@ -1,4 +1,5 @@
-//! What stands about the yard: the well, the trough, churns, a woodpile, crates and pallets, a ladder, stones.
+//! What stands about the yard: the well, the trough, churns, a woodpile, crates and pallets, a ladder,
+//! stones.
 
 use super::terrain::point;
 use super::timber::{beam, laid};
@@ -199,7 +200,8 @@ fn crates(model: &mut Model) {
     );
 }
 
-/// Field stones: three shapes, boulders in the pasture and lesser ones along walls, ways and the ploughed field's rim.
+/// Field stones: three shapes, boulders in the pasture and lesser ones along walls, ways and the ploughed
+/// field's rim.
 fn stones(model: &mut Model) {
     let shapes: Vec<usize> = (0..3)
         .map(|k| {

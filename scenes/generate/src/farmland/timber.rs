@@ -1,4 +1,5 @@
-//! What carpenters and masons use: beams between two points, walls with openings, things turned about any axis.
+//! What carpenters and masons use: beams between two points, walls with openings, things turned about any
+//! axis.
 
 use crate::mesh::Mesh;
 use crate::relief::{Plate, plate, sorted};

@@ -1,4 +1,5 @@
-//! The pendant over the table and the floor lamp beside the sofa. The scene file puts a ball of light in each.
+//! The pendant over the table and the floor lamp beside the sofa. The scene file puts a ball of light in
+//! each.
 
 use super::HEIGHT;
 use super::dining::TABLE;

@@ -1,9 +1,10 @@
-//! A living room, 6.4 × 4.8 × 2.7 m: two windows to the south and one to the west, with blinds and curtains; a sofa
-//! corner, a dining table under a pendant lamp, a bookcase, a sideboard and small things.
+//! A living room, 6.4 × 4.8 × 2.7 m: two windows to the south and one to the west, with blinds and curtains;
+//! a sofa corner, a dining table under a pendant lamp, a bookcase, a sideboard and small things.
 //!
-//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` stands outside
-//! and only blocks and reflects light, `leaves` are too small; everything else is meant to be lit. Parts that meet are
-//! sunk into each other, so that no two faces coincide, and large faces that nobody can see are left out.
+//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` stands
+//! outside and only blocks and reflects light, `leaves` are too small; everything else is meant to be lit.
+//! Parts that meet are sunk into each other, so that no two faces coincide, and large faces that nobody can
+//! see are left out.
 
 mod bookcase;
 mod dining;

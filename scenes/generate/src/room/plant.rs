@@ -48,7 +48,8 @@ pub fn build(model: &mut Model) {
     }
 }
 
-/// A leaf on a short stalk that leaves `root` towards `away`, `lift` radians up, bending down towards its tip.
+/// A leaf on a short stalk that leaves `root` towards `away`, `lift` radians up, bending down towards its
+/// tip.
 fn leaf(root: DVec3, away: DVec3, lift: f64, size: f64) -> Mesh {
     let side = away.cross(DVec3::Y);
     full(&steps(0.0, 1.0, 10), &steps(-1.0, 1.0, 6), |t, s| {

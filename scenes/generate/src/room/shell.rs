@@ -1,5 +1,5 @@
-//! Floor, ceiling and walls: inner faces with holes where something hides them, and the outer faces that keep the
-//! light out.
+//! Floor, ceiling and walls: inner faces with holes where something hides them, and the outer faces that keep
+//! the light out.
 
 use super::walls::{EAST, NORTH, SOUTH, WEST};
 use super::{HALF_X, HALF_Z, HEIGHT, THICK, joinery, lounge, windows};

@@ -1,5 +1,5 @@
-//! The room against its files, its budget, and the eye: nobody in the room sees the back of a face, which includes the
-//! outer walls' backs through a gap, or two faces that coincide.
+//! The room against its files, its budget, and the eye: nobody in the room sees the back of a face, which
+//! includes the outer walls' backs through a gap, or two faces that coincide.
 
 use super::*;
 use crate::checks;

@@ -1,4 +1,5 @@
-//! The four walls as planes with coordinates of their own: u along, v up, d deep into the wall (negative in the room).
+//! The four walls as planes with coordinates of their own: u along, v up, d deep into the wall (negative in
+//! the room).
 
 use super::{HALF_X, HALF_Z};
 use crate::mesh::Mesh;

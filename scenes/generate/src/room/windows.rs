@@ -64,7 +64,8 @@ fn opening(model: &mut Model, wall: &Wall, window: Rect) {
     model.add("windows_detail", "steel", tube(&handle, 8));
 }
 
-/// A venetian blind: curved slats, their outer edges raised, between a head rail and a bottom rail, on two cords.
+/// A venetian blind: curved slats, their outer edges raised, between a head rail and a bottom rail, on two
+/// cords.
 fn blind(model: &mut Model, wall: &Wall, [u0, _, u1, v1]: Rect, foot: f64) {
     const PITCH: f64 = 0.044;
     const HALF: f64 = 0.025;

@@ -5,9 +5,11 @@ use std::fmt::Write;
 /// Metres between copies: no scene of this folder is longer.
 const SPACING: f64 = 270.0;
 
-/// The scene file of `copies` copies of the geometry file `file`, on a square grid, with sun and sky, on one page of `size`².
+/// The scene file of `copies` copies of the geometry file `file`, on a square grid, with sun and sky, on one
+/// page of `size`².
 ///
-/// Everything gets texels, down to window handles: a page of this scene holds far more charts than it has room for.
+/// Everything gets texels, down to window handles: a page of this scene holds far more charts than it has
+/// room for.
 pub fn scene(file: &str, copies: usize, size: u32) -> String {
     let columns = (copies as f64).sqrt().ceil() as usize;
     let mut text = String::from(

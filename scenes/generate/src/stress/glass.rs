@@ -15,9 +15,10 @@ const FRONT: f64 = 0.45;
 /// Thickness of the pane that is a closed body.
 const BODY: f64 = 0.01;
 
-/// Bays side by side along +X, the first around zero, open towards +Z; in each a plaster box. The second is closed by a sheet of tinted
-/// glass (`KHR_materials_transmission`), the third by a sheet that blends (alpha is coverage), the fourth by a closed body of glass,
-/// whose two faces dim one after the other. No glass reflects, so each bay has what the open one has, times what its glass lets through.
+/// Bays side by side along +X, the first around zero, open towards +Z; in each a plaster box. The second is
+/// closed by a sheet of tinted glass (`KHR_materials_transmission`), the third by a sheet that blends (alpha
+/// is coverage), the fourth by a closed body of glass, whose two faces dim one after the other. No glass
+/// reflects, so each bay has what the open one has, times what its glass lets through.
 pub fn glb() -> Vec<u8> {
     let mut model = Model::default();
     for (name, albedo) in

@@ -25,8 +25,8 @@ fn model() -> Model {
     model
 }
 
-/// The house: one mesh of walls, floor and roof around a room with a window to the south; three boxes as furniture; and the shade of a
-/// lamp, open above and below, around (−1.4, 1.4, −1.2).
+/// The house: one mesh of walls, floor and roof around a room with a window to the south; three boxes as
+/// furniture; and the shade of a lamp, open above and below, around (−1.4, 1.4, −1.2).
 pub fn house() -> Model {
     let mut model = model();
     let [x, y, z] = ROOM;

@@ -26,8 +26,9 @@ const BITS: usize = 100;
 /// Side lengths of bits in metres.
 const SIDES: [f64; 2] = [0.005, 0.04];
 
-/// Slivers of every kind that real files hold, over a patch of ground: free ones, fans whose points lie on one line but for
-/// rounding, triangles of exactly collinear corners, and coincident ones that face both ways.
+/// Slivers of every kind that real files hold, over a patch of ground: free ones, fans whose points lie on
+/// one line but for rounding, triangles of exactly collinear corners, and coincident ones that face both
+/// ways.
 pub fn slivers() -> Model {
     let mut model = ground();
     let mut random = Random::new(1);
@@ -39,7 +40,8 @@ pub fn slivers() -> Model {
         triangle(&mut free, [start, start + along, start + along * random.range(0.0, 1.0) + across]);
     }
     model.add("free", "grey", free);
-    // What is left of a wall whose edge got more points: the points lie on the edge but for rounding to `f32`.
+    // What is left of a wall whose edge got more points: the points lie on the edge but for rounding to
+    // `f32`.
     let mut fans = Mesh::default();
     for _ in 0..SLIVERS / 8 {
         let (start, along) = segment(&mut random);
@@ -74,7 +76,8 @@ pub fn slivers() -> Model {
     model
 }
 
-/// Ten thousand loose triangles and squares of millimetres to centimetres, each a chart of its own, over a patch of ground.
+/// Ten thousand loose triangles and squares of millimetres to centimetres, each a chart of its own, over a
+/// patch of ground.
 pub fn charts() -> Model {
     let mut model = ground();
     let mut random = Random::new(2);

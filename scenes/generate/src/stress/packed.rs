@@ -1,4 +1,5 @@
-//! A small file in the forms that tools for the web write: meshopt-compressed views, GPU instances, vertex colours.
+//! A small file in the forms that tools for the web write: meshopt-compressed views, GPU instances, vertex
+//! colours.
 
 use super::ground;
 use crate::shapes::{ALL, block};

@@ -55,7 +55,8 @@ pub fn build(model: &mut Model) {
     model.add("fence_detail", "blue_wood", bevelled([-1.84, 0.86, 5.72], [-1.52, 1.12, 5.97], 0.02));
 }
 
-/// A panel of `count` pointed pickets and two rails between x = 0 and `length`, cut from one sheet; gates have a brace.
+/// A panel of `count` pointed pickets and two rails between x = 0 and `length`, cut from one sheet; gates
+/// have a brace.
 fn pickets(model: &mut Model, name: &str, length: f64, count: usize, gate: bool) -> Vec<usize> {
     const HALF: f64 = 0.05;
     let pitch = length / count as f64;

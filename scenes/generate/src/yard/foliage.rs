@@ -1,4 +1,5 @@
-//! The tree: a trunk with branches as tubes, and leaf cards in clouds around the branch ends. Shrubs use the cards too.
+//! The tree: a trunk with branches as tubes, and leaf cards in clouds around the branch ends. Shrubs use the
+//! cards too.
 
 use super::ground;
 use crate::foliage::{self, card};

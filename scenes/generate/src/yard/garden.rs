@@ -9,7 +9,8 @@ use crate::random::Random;
 use crate::shapes::{ALL, BOTTOM, EAST, NORTH, SOUTH, TOP, WEST, bevelled, block, lathe, tube};
 use glam::DVec3;
 
-/// Centres of the garden lamps: beside the path, by the terrace, by the drive, by the bench. The scene file has the lamps there.
+/// Centres of the garden lamps: beside the path, by the terrace, by the drive, by the bench. The scene file
+/// has the lamps there.
 pub const LANTERNS: [[f64; 2]; 4] = [[-1.95, 4.9], [0.0, -1.9], [4.12, 0.4], [-7.3, 1.2]];
 
 pub fn build(model: &mut Model) {

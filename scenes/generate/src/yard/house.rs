@@ -1,4 +1,5 @@
-//! The house: façade with plinth, windows, shutters, door and porch; plain walls where the yard does not see them.
+//! The house: façade with plinth, windows, shutters, door and porch; plain walls where the yard does not see
+//! them.
 
 use super::{BELOW, FRONT, HOUSE_X};
 use crate::mesh::Mesh;

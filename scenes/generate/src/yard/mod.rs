@@ -1,9 +1,11 @@
-//! An enclosed yard, 16 × 12 m: a house front to the north, a garage to the north-east, a brick wall to the west, a
-//! picket fence with two gates to the south and east; a tree, a terrace with table and chairs, paths and garden things.
+//! An enclosed yard, 16 × 12 m: a house front to the north, a garage to the north-east, a brick wall to the
+//! west, a picket fence with two gates to the south and east; a tree, a terrace with table and chairs, paths
+//! and garden things.
 //!
-//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` only blocks and
-//! reflects light, `leaves` are cut-out cards; everything else is meant to be lit. Parts that meet are sunk into each
-//! other by 2 cm or more, so that no two faces coincide, and faces nobody can see are left out.
+//! Mesh names say what a lightmap should make of them: `*_detail` is too thin for texels, `*_occluder` only
+//! blocks and reflects light, `leaves` are cut-out cards; everything else is meant to be lit. Parts that meet
+//! are sunk into each other by 2 cm or more, so that no two faces coincide, and faces nobody can see are left
+//! out.
 
 mod fence;
 mod foliage;

@@ -38,8 +38,8 @@ pub fn build(model: &mut Model) {
     gutter(model, x0, x1);
 }
 
-/// Rows of tiles: each row ramps down to the row above, each tile swells across. The sheet's rim dives below the bare
-/// slope, so that nobody sees under it.
+/// Rows of tiles: each row ramps down to the row above, each tile swells across. The sheet's rim dives below
+/// the bare slope, so that nobody sees under it.
 fn tiles(x0: f64, x1: f64) -> Mesh {
     // How far in from the gables the first tiles begin.
     const MARGIN: f64 = 0.09;

@@ -1,5 +1,5 @@
-//! The yard against its file, its budget, and the eye: nobody in the yard sees the back of a face or two faces that
-//! coincide.
+//! The yard against its file, its budget, and the eye: nobody in the yard sees the back of a face or two
+//! faces that coincide.
 
 use super::*;
 use crate::checks;
