@@ -276,7 +276,7 @@ fn a_killed_run_continues_without_repeating_a_tile() {
     assert!(
         !refused.status.success()
             && said.contains("trained for 600 steps")
-            && said.contains("--force to replace it"),
+            && said.contains("replace it with --force"),
         "{said}"
     );
     assert!(bytes == fs::read(folder.path().join("a.ndgi")).unwrap());
