@@ -200,7 +200,7 @@ mod tests {
             psnr_db: None,
             error: Some(0.5),
             curve: vec![(10, 0.1, 30.0)],
-            omitted: vec!["black at 1 of 2 sets".to_owned()],
+            omitted: vec!["black in 1 of 2 frames".to_owned()],
             seconds: 1.5,
         };
         let ndgi = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };

@@ -429,6 +429,6 @@ mod tests {
         assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 20, 2, 3));
         assert!(line.starts_with("training: 15 of 20 tiles (75 %); 1 of 3 shards finished ("), "{line}");
         assert!(line.contains("2/3 on node not heard from for 15 min, 3/3 not started"), "{line}");
-        assert!(line.ends_with("; 30.0 dB; about 20 s left"), "{line}");
+        assert!(line.ends_with("; 30.0 dB; about 20 s remaining"), "{line}");
     }
 }

@@ -377,7 +377,7 @@ fn black_frames_and_tiles_are_omitted() {
     let half = tile(16, 16, 6, |k, x, _| if k < 2 { [0.0; 3] } else { [0.1 + x as f32; 3] });
     let trained = train(&half, &M, &recipe(50)).unwrap();
     let same = "the same at every hour except for its mean: F_uv alone";
-    assert_eq!(trained.omitted, ["black at 2 of 6 sets", same]);
+    assert_eq!(trained.omitted, ["black in 2 of 6 frames", same]);
     assert_eq!(means_of(&trained.params.unwrap())[..2], [[0.0; 3]; 2]);
     let black = tile(16, 16, 3, |_, _, _| [0.0; 3]);
     let mut outside = tile(16, 16, 3, |_, _, _| [1.0; 3]);

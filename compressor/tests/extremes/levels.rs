@@ -39,7 +39,7 @@ fn black_hours_are_exactly_black() {
     let day = |k: usize| (3..9).contains(&k);
     let result =
         Case::new(48, 48, 12, |k, x, y| if day(k) { [texture(x, y), 0.5, 0.2] } else { [0.0; 3] }).run();
-    assert_eq!(result.omitted(), ["black at 6 of 12 sets", STATIC]);
+    assert_eq!(result.omitted(), ["black in 6 of 12 frames", STATIC]);
     for k in (0..12).filter(|&k| !day(k)) {
         assert!(result.decoded[k].texels.iter().all(|t| *t == [0.0; 3]), "{k}");
     }
