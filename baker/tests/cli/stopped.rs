@@ -213,6 +213,6 @@ fn who_comes_second_is_told_whom_it_waits_for() {
     first.kill().unwrap();
     first.wait().unwrap();
     let said = String::from_utf8(second.stderr).unwrap();
-    assert_eq!(second.status.code(), Some(1), "{said}");
+    assert_eq!(second.status.code(), Some(75), "{said}");
     assert!(said.contains(&format!("another bake is writing here (process {} on ", first.id())), "{said}");
 }
