@@ -5,6 +5,7 @@
 
 use std::fs::File;
 use std::io;
+use std::path::Path;
 
 pub(crate) use lock::{Guard, guard, is_local};
 pub(crate) use stop::{INTERRUPT, leave, on_signals};
@@ -37,6 +38,21 @@ impl ReadExactAt for File {
             }
         }
         Ok(())
+    }
+}
+
+/// The bytes that are free to this user on the file system of a folder; `None` where the system does not
+/// tell.
+pub fn free_bytes(folder: &Path) -> Option<u64> {
+    #[cfg(unix)]
+    {
+        let found = rustix::fs::statvfs(folder).ok()?;
+        found.f_bavail.checked_mul(found.f_frsize)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = folder;
+        None
     }
 }
 

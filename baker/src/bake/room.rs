@@ -145,8 +145,7 @@ fn bytes_below(folder: &Path) -> u64 {
 pub fn free_bytes(folder: &Path) -> Option<u64> {
     let folder = std::path::absolute(folder).ok()?;
     let standing = folder.ancestors().find(|path| path.exists())?;
-    let found = rustix::fs::statvfs(standing).ok()?;
-    found.f_bavail.checked_mul(found.f_frsize)
+    dataset::system::free_bytes(standing)
 }
 
 /// Such as `1.3 GB`, to two digits.
