@@ -100,10 +100,11 @@ struct Args {
     /// target or a time limit [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// Stop where the local error of 95 % of the cells of 16×16 texels is below this at every hour, e.g. 5%:
-    /// the standard error relative to the light there, or to a thirtieth of what is seen around where it is
-    /// darker; the cells around, taken together, must be below it too. Once the error is near, this is judged
-    /// after denoising. Light that hardly any sample finds, as through a little hole, may be missed.
+    /// Stop when, at every hour, 95 % of the texels lie in cells of 16×16 texels whose local error is below
+    /// this, e.g. 5%. Local error is the standard error relative to the light there, or to a thirtieth of
+    /// the light seen nearby, whichever is larger. A cell's neighbours, taken together, must be below it,
+    /// too. Near the target this is judged after denoising. Light that very few paths find (a pinhole) can
+    /// be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset
@@ -172,7 +173,8 @@ texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, pea
 rays from surfaces, those that leave the scene), free_bytes (on the file system of the dataset; null where it does not tell), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
-0.2 s, with exit code 130, 143 or 129. A finished bake keeps its layers of
+0.2 s, with exit code 130, 143 or 129. Other exit codes: 0 done; 1 bad input, 2 an invalid command line: do not
+retry; 75 retry (another bake writes there, a full disk). A finished bake keeps its layers of
 light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
 traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels,
 or another scene) only with --force, and so is unfinished work of other settings dropped, once it has finished a round.";
@@ -417,11 +419,11 @@ fn say_forecast(forecast: &Forecast, free: Option<u64>, console: &Console) {
 }
 
 /// Such as
-/// `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the cells`.
+/// `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the texels`.
 fn in_words(local: &Local) -> String {
     let percent = |share: f64| format!("{:.1}", share * 100.0);
     format!(
-        "{} % in the median cell, at most {} % in 95 of 100; over 5 / 10 / 20 %: {} % of the cells",
+        "{} % in the median cell, at most {} % in 95 of 100; over 5 / 10 / 20 %: {} % of the texels",
         percent(local.median),
         percent(local.p95),
         local.over.map(percent).join(" / ")

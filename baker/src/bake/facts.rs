@@ -89,7 +89,7 @@ pub fn advice(
     let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
     Some(format!(
         "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {}--samples {needed} or --target-error 5% brings 95 % of the \
-         cells below 5 %",
+         texels below 5 %",
         hour(plan.moments[worst.set].hour),
         percent(local.p95),
         percent(share),
