@@ -74,6 +74,9 @@ pub fn parse_hours(text: &str) -> Result<Hours, String> {
     let mut whole_day = false;
     for item in text.split(',').map(str::trim) {
         if let Some((from, rest)) = item.split_once("..") {
+            if rest.starts_with('.') {
+                return Err(format!("`{item}`: expected a range with two dots, such as 0..24"));
+            }
             let (to, step) = match rest.split_once('/') {
                 Some((to, step)) => (to, parse_step(step, item)?),
                 None => (rest, HOUR),

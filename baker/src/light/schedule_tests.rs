@@ -138,6 +138,7 @@ fn bad_hours_say_what_was_expected() {
         "nan",
         "inf",
         "12,",
+        "0...24",
         "12,12",
         "0..24,12",
         "5..5",

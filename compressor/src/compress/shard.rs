@@ -84,6 +84,8 @@ pub struct Note {
     pub shard: Shard,
     /// Its stage.
     pub stage: Stage,
+    /// Tiles of all shards.
+    pub of_tiles: usize,
     /// Tiles of its share that are finished.
     pub done: usize,
     /// Tiles of its share that have something to train.
@@ -112,6 +114,7 @@ impl Note {
         Note {
             shard,
             stage: Stage::Training,
+            of_tiles: 0,
             done: 0,
             tiles: 0,
             resumed: 0,
@@ -163,10 +166,10 @@ impl<'a> Notes<'a> {
         part: &'a Part,
         shard: Shard,
         stage: Stage,
-        tiles: usize,
+        [tiles, of_tiles]: [usize; 2],
         resumed: usize,
     ) -> Result<Self> {
-        let note = Note { stage, done: resumed, tiles, resumed, ..Note::new(shard) };
+        let note = Note { stage, done: resumed, tiles, of_tiles, resumed, ..Note::new(shard) };
         let state = Mutex::new(State { note, db: (0.0, 0), last: f64::NEG_INFINITY });
         let notes = Notes { part, start: Instant::now(), state };
         notes.write(|_| ())?;
@@ -231,6 +234,10 @@ pub(super) fn files(folder: &Path) -> impl Iterator<Item = PathBuf> {
     })
 }
 
+/// What a merge needs of every tile: first, towards a target, and last.
+pub(super) const TRIED: &str = "trial fits";
+pub(super) const TRAINED: &str = "trained tiles";
+
 /// The error that names missing tiles and says what to do.
 pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize) -> Error {
     const NAMED: usize = 4;
@@ -247,7 +254,7 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     let notes = notes(folder);
     if let Some((note, error)) = notes.iter().find_map(|note| Some((note, note.error.as_ref()?))) {
         let what = format!("shard {} on {} failed: {error}", note.shard, note.process.host);
-        return Error::invalid(folder.display(), format!("{what}; give it again once that is mended"));
+        return Error::invalid(folder.display(), format!("{what}; run it again once that is fixed"));
     }
     let unlike = notes.iter().find(|note| {
         note.program != super::program() || note.instructions != format!("{:?}", Tier::detect())
@@ -263,7 +270,18 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
         };
         text += &format!("; shard {} (on {}) {what}", note.shard, note.process.host);
     } else {
-        text += "; run the shards again with the same options, then this command";
+        let is_done =
+            |stage| !notes.is_empty() && notes.iter().all(|note| note.stage == stage && note.is_finished());
+        text += match what {
+            _ if notes.is_empty() => "; no shard has started: look at the tasks' own output",
+            TRAINED if is_done(Stage::Trials) => {
+                "; what each tile stores is chosen now: run the shards again"
+            }
+            TRAINED if is_done(Stage::Training) => {
+                "; all shards have finished, with other options or another seed"
+            }
+            _ => "; run the shards again with the same options, then this command",
+        };
     }
     let ill = ill(&notes, seconds_since_1970());
     if !ill.is_empty() {
@@ -307,7 +325,7 @@ pub struct Status {
     pub stage: Stage,
     /// Tiles that are finished at that stage, and all.
     pub done: usize,
-    /// All tiles of the shards that have reported.
+    /// All tiles.
     pub tiles: usize,
     /// Mean PSNR so far.
     pub psnr_db: Option<f64>,
@@ -335,7 +353,7 @@ pub fn status(out: &Path) -> Option<Status> {
     Some(Status {
         stage,
         done: shards.iter().map(done).sum(),
-        tiles: shards.iter().map(|note| note.tiles).sum(),
+        tiles: shards.iter().map(|note| note.of_tiles).max().unwrap_or(0),
         psnr_db: crate::mean::weighted_mean(db()),
         seconds_left: left.max_by(f64::total_cmp),
         of,
@@ -375,6 +393,7 @@ mod tests {
         Note {
             done,
             tiles: 10,
+            of_tiles: 30,
             psnr_db: Some(30.0),
             seconds: 20.0,
             process: Process {
@@ -426,8 +445,8 @@ mod tests {
         fs::write(part.join("shard-3-of-3.json"), b"torn").unwrap();
         let status = status(&out).unwrap();
         let line = status.line();
-        assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 20, 2, 3));
-        assert!(line.starts_with("training: 15 of 20 tiles (75 %); 1 of 3 shards finished ("), "{line}");
+        assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 30, 2, 3));
+        assert!(line.starts_with("training: 15 of 30 tiles (50 %); 1 of 3 shards finished ("), "{line}");
         assert!(line.contains("2/3 on node not heard from for 15 min, 3/3 not started"), "{line}");
         assert!(line.ends_with("; 30.0 dB; about 20 s remaining"), "{line}");
     }

@@ -120,14 +120,14 @@ impl Tiles<'_> {
         match self.known_choice() {
             Some(chosen) => self.expect_trained(&chosen),
             None => self
-                .expect("trial fits", |place| self.part.read::<TileTrials>(&self.trial_key(place)).is_some()),
+                .expect(shard::TRIED, |place| self.part.read::<TileTrials>(&self.trial_key(place)).is_some()),
         }
     }
 
     /// An error unless every tile is trained with its chosen configuration.
     pub(super) fn expect_trained(&self, chosen: &[Option<Contents>]) -> Result<()> {
         let is_there = |place| self.finished(&self.key(place, self.contents(chosen, place))).is_some();
-        self.expect("trained tiles", is_there)
+        self.expect(shard::TRAINED, is_there)
     }
 
     fn expect(&self, what: &str, is_there: impl Fn(Place) -> bool) -> Result<()> {
@@ -195,7 +195,8 @@ impl Tiles<'_> {
         console: &Console,
     ) -> Result<shard::Note> {
         let open: Vec<Place> = own.iter().filter(is_open).copied().collect();
-        let notes = Notes::begin(self.part, shard, stage, own.len(), own.len() - open.len())?;
+        let notes =
+            Notes::begin(self.part, shard, stage, [own.len(), self.lit().len()], own.len() - open.len())?;
         let what = if stage == Stage::Trials { "trying" } else { "training" };
         let progress = console.progress(what, open.len() as u64);
         self.some_tiles(&open, |place, band| {
