@@ -201,7 +201,7 @@ mod tests {
             (Curve { hours: vec![f64::NAN, 24.0], ..good.clone() }, "hours: expected"),
             (Curve { values: vec![[1.0; 3], [-1.0; 3]], ..good.clone() }, "value 1"),
             (Curve { values: vec![[f32::INFINITY; 3], [1.0; 3]], ..good.clone() }, "value 0"),
-            (Curve { values: Vec::new(), ..good.clone() }, "2 hours, 0 values"),
+            (Curve { values: Vec::new(), ..good.clone() }, "2 hours and 0 values"),
         ] {
             assert!(curve.fault().is_some_and(|what| what.contains(expected)), "{expected}");
         }

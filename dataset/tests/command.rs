@@ -71,7 +71,7 @@ fn what_is_not_a_dataset_is_named_once() {
         for (path, found) in [
             (file.clone(), "it is not a folder"),
             (folder.path().join("none"), "it does not exist"),
-            (folder.path().to_owned(), "there is no config.json in it"),
+            (folder.path().to_owned(), "it has no config.json"),
         ] {
             let output = run(&[command], &path);
             let message = String::from_utf8_lossy(&output.stderr);
@@ -97,7 +97,7 @@ fn import_and_export_report_what_they_did() {
         (&"set".into(), &2.into(), &["local"].into())
     );
     assert!(
-        String::from_utf8_lossy(&output.stderr).contains("2 pages, 7 frames, layers not known"),
+        String::from_utf8_lossy(&output.stderr).contains("2 pages, 7 frames, layers unknown"),
         "{output:?}"
     );
 

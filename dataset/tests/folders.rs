@@ -409,7 +409,7 @@ fn a_corrupt_geometry_file_is_a_named_fault_though_its_checksum_is_right() {
     let mut flipped = whole.clone();
     flipped[20] = b'[';
     let flipped = check(&flipped);
-    assert!(flipped.contains(".glb: its JSON is no glTF"), "{flipped}");
+    assert!(flipped.contains(".glb: its JSON is not glTF"), "{flipped}");
 }
 
 #[test]

@@ -31,9 +31,9 @@ fn every_broken_configuration_of_layout_2_is_refused() {
     let place = source.join("config.json");
     let good: Value = serde_json::from_slice(&fs::read(&place).unwrap()).unwrap();
     let cases: [Case; 27] = [
-        (|c| c["lightmap_count"] = json!(3), &["lightmap_count is 3, lightmap_list has 2 lightmaps"]),
+        (|c| c["lightmap_count"] = json!(3), &["lightmap_count is 3, but lightmap_list has 2"]),
         (|c| c["lightmap_count"] = json!(u64::MAX), &["lightmap_count is 18446744073709551615"]),
-        (|c| *c = json!({"lightmap_count": 0, "lightmap_list": []}), &["one at least"]),
+        (|c| *c = json!({"lightmap_count": 0, "lightmap_list": []}), &["expected equal numbers ≥ 1"]),
         (|c| c["extra"] = json!(1), &["config.json:", "unknown field `extra`"]),
         (|c| c["lightmap_list"][0]["extra"] = json!(1), &["unknown field `extra`"]),
         (

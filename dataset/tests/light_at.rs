@@ -140,7 +140,7 @@ fn a_curve_that_is_none_is_a_fault() {
     let good = write(folder.path());
     for (bytes, expected) in [
         (&b"{}"[..], "missing field"),
-        (b"{\"hours\":[0,24],\"values\":[[1,1,1]]}", "2 hours, 1 values"),
+        (b"{\"hours\":[0,24],\"values\":[[1,1,1]]}", "2 hours and 1 values"),
         (b"{\"hours\":[0,23],\"values\":[[1,1,1],[1,1,1]]}", "hours: expected ascending"),
         (b"{\"hours\":[0,24],\"values\":[[1,1,1],[1,-1,1]]}", "value 1"),
         (b"{\"hours\":[0,24],\"values\":[[1,1,1],[1,1e39,1]]}", "number out of range"),

@@ -243,7 +243,7 @@ s = Dataset(sys.argv[2])
 for hour in (9.3, 12, 18.5):
     for page in (0, 1):
         sys.stdout.buffer.write(s.sun_direct(hour, page).astype(np.float32).tobytes())
-for light in (s.sun_direct, s.moment):
+for light in (s.sun_direct, s.light_at):
     try:
         light(5.9)
         sys.exit('no error at 5.9 h')

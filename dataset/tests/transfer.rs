@@ -40,7 +40,7 @@ fn a_transfer_is_read_checked_shown_and_released() {
         .current_dir(&folder)
         .output();
     let reported: serde_json::Value = serde_json::from_slice(&output.unwrap().stdout).unwrap();
-    assert_eq!(reported["transfer"], serde_json::json!({ "scene": "yard", "functions": 2, "moments": 2 }));
+    assert_eq!(reported["transfer"], serde_json::json!({ "scene": "yard", "functions": 2, "times": 2 }));
     release(std::slice::from_ref(&set), &[], false, &out, &Console::silent()).unwrap();
     assert!(verify(&out, &Console::silent()).unwrap().faults.is_empty());
     let datasheet = std::fs::read_to_string(out.join("test.md")).unwrap();
