@@ -94,6 +94,8 @@ impl<'a> Finder<'a> {
         let folder = layers.visibility_folder(&digest);
         dataset::files::create_folders(&folder).map_err(Error::io(&folder))?;
         dataset::files::remove_stale_temporaries(&folder)?;
+        // (Tiles that a killed run left are used, and may have names that have not reached the disk.)
+        dataset::files::sync_folder_of(&folder.join("tiles"));
         Ok(Finder {
             prepared,
             worker,
