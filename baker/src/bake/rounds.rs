@@ -199,6 +199,7 @@ mod tests {
         let limits = Limits { samples: 64, target_error: None, deadline: None };
         assert_eq!([stops(&limits, 0, 8), stops(&limits, 8, 64)], [vec![8], vec![16, 32, 64]]);
         assert_eq!(stops(&Limits { target_error: Some(0.01), ..limits }, 16, 32), [32]);
+        assert_eq!(stops(&Limits { deadline: Some(Instant::now()), ..limits }, 16, 32), [32]);
         let target = |samples| schedule(&Limits { samples, target_error: Some(0.01), deadline: None });
         assert_eq!(target(128), [16, 32, 64, 128]);
         assert_eq!(target(8), [8]);

@@ -229,7 +229,7 @@ impl Tracer<'_> {
             let number = step.round;
             reached.is_late = late.into_inner();
             if !reached.is_late {
-                way.steps.push(step);
+                way.steps.push(Step { deadline: None, ..step });
             }
             if let Some(target) = limits.target_error {
                 let mut open =
@@ -443,11 +443,11 @@ impl Tracer<'_> {
         blocks: &[usize],
         console: &Console,
     ) -> Result<Option<Vec<Step>>> {
-        let limits = Limits { deadline: None, ..*limits };
         let mut steps = Vec::new();
         for (round, &target) in schedule.iter().enumerate().take(rounds.len()) {
-            match self.step(target, &limits, &rounds[..round], blocks, rounds.len() > 1, console)? {
-                Some(step) => steps.push(step),
+            match self.step(target, limits, &rounds[..round], blocks, rounds.len() > 1, console)? {
+                // (What is traced again has all the time it takes.)
+                Some(step) => steps.push(Step { deadline: None, ..step }),
                 None => return Ok(None),
             }
         }

@@ -72,6 +72,7 @@ fn a_lost_block_is_traced_again() {
         ("cached", &["--samples", "16"][..]),
         ("path", &["--samples", "16", "--integrator", "path"]),
         ("target", &["--samples", "64", "--target-error", "3%"]),
+        ("limit", &["--samples", "32", "--time-limit", "1h"]),
     ] {
         let bake = |out: &Path| {
             let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
