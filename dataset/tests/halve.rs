@@ -363,7 +363,10 @@ fn the_command_makes_a_level_and_names_it() {
     assert_eq!((&object["level"], &object["pages"]), (&1.into(), &serde_json::json!([[10, 5], [4, 2]])));
     assert!(run(&["check", "half"]).status.success());
     let info = run(&["info", "half"]);
-    assert!(String::from_utf8_lossy(&info.stdout).contains("level 1: the resolution was halved 1 time"), "{info:?}");
+    assert!(
+        String::from_utf8_lossy(&info.stdout).contains("level 1: the resolution was halved 1 time"),
+        "{info:?}"
+    );
     assert_eq!(json(&run(&["info", "half", "--json"]).stdout)["level"], 1);
     assert!(json(&run(&["info", "full", "--json"]).stdout)["level"].is_null());
     let again = run(&["halve", "full", "--out", "half"]);
