@@ -181,6 +181,9 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     let header = job.header_with_sun(&part, console)?;
     if let Some(outcome) = job.existing(&header, console).transpose() {
         // (Also what a run left that was killed at its end.)
+        if outcome.is_ok() {
+            job.tiles(&header, &part).claim();
+        }
         part.remove();
         sync_folder_of(&job.out);
         return outcome;

@@ -124,12 +124,12 @@ fn what_cannot_be_replaced_is_refused_and_stays_whole() {
     // Another program reads the manifest, and later the bundle.
     let manifest = place.out.join("config.json");
     let refused = place.bake("11,12,13", &[("FAULTS_BUSY", string(&manifest))]);
-    assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
+    assert_eq!(refused.status.code(), Some(75), "{}", text(&refused));
     assert!(text(&refused).contains("config.json") && text(&refused).contains("busy"), "{}", text(&refused));
     assert_eq!(place.hours(), 2);
     let bundle = place.out.join("court.ndgi");
     let refused = place.compress("30", &[("FAULTS_BUSY", string(&bundle))]);
-    assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
+    assert_eq!(refused.status.code(), Some(75), "{}", text(&refused));
     assert!(text(&refused).contains("court.ndgi") && text(&refused).contains("busy"), "{}", text(&refused));
     let after = place.made();
     assert_eq!(before.0.get(Path::new("court/court.ndgi")), after.0.get(Path::new("court/court.ndgi")));
@@ -222,7 +222,7 @@ fn two_machines_in_one_folder_leave_each_other_alone() {
                 fs::write(&claim, told.to_string()).unwrap();
                 let refused = bake(other, &[]);
                 let said = text(&refused);
-                assert_eq!(refused.status.code(), Some(1), "{said}");
+                assert_eq!(refused.status.code(), Some(75), "{said}");
                 assert!(
                     said.contains("another bake is writing here")
                         && said.contains(&format!("remove {}", claim.display())),

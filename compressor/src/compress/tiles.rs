@@ -152,6 +152,15 @@ impl Tiles<'_> {
         self.header.places().filter(|place| tile::valid_texels(&self.masks[place.page], *place) > 0).collect()
     }
 
+    /// Counts the files of these tiles as this run's, to be removed with its own.
+    pub(super) fn claim(&self) {
+        let chosen = self.known_choice().unwrap_or_default();
+        for place in self.lit() {
+            self.part.has(&self.key(place, self.contents(&chosen, place)));
+            self.part.has(&self.trial_key(place));
+        }
+    }
+
     /// The tiles of a shard.
     pub(super) fn share(&self, shard: Shard) -> Vec<Place> {
         let lit = self.lit();
