@@ -29,10 +29,16 @@ fn a_bake_that_needs_more_than_is_free_is_refused_and_leaves_nothing() {
     // Where the system does not tell, and where there is room, it is baked.
     run(|_| None, false).unwrap();
     run(|_| Some(1 << 30), true).unwrap();
-    // All layers are there: only the dataset is to be written, were it another one.
-    // (323 kB, and 18 kB of layers that are denoised again.)
-    let room = |_: &std::path::Path| Some(350_000);
+    // All layers are there: only the dataset is to be written, were it another one, and a layer denoised again.
     stage.write("case.toml", text.replace("radiance = [8, 6, 4]", "radiance = [4, 3, 2]").as_bytes());
-    assert!(run(room, true).unwrap_err().to_string().contains("350 kB are free"));
-    run(room, false).unwrap();
+    let told = |force| run(|_| Some(1000), force).unwrap_err().to_string();
+    assert!(
+        told(false).contains("(work 0.0 kB,") && told(false).contains("1.0 kB are free"),
+        "{}",
+        told(false)
+    );
+    // `--force` traces all of them again.
+    assert!(told(true).contains("(work ") && !told(true).contains("(work 0.0 kB,"), "{}", told(true));
+    // (323 kB, and 18 kB of layers that are denoised again.)
+    run(|_| Some(350_000), false).unwrap();
 }
