@@ -33,6 +33,7 @@ pub use outcome::{CurvePoint, Outcome, TileOutcome};
 use part::Part;
 use rayon::prelude::*;
 use serde_json::json;
+use shard::Notes;
 pub use shard::{Note, Shard, Stage, Status, status};
 pub use stats::TileStats;
 use std::collections::BTreeSet;
@@ -175,10 +176,13 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     if options.merge && !job.out.exists() {
         // A merge may be tried often until all tiles exist: report missing ones before reading anything
         // large.
-        let header = job.header(&part)?;
+        let header = header(&job, job.hours_of_shards(&part)?);
         job.tiles(&header, &part).expect_shards()?;
     }
-    let header = job.header_with_sun(&part, console)?;
+    // (Shards' hours are removed with this run's files.)
+    part.has(&job.hours_key());
+    let between = if options.merge { job.hours_of_shards(&part)? } else { job.hours()? };
+    let header = job.header_with_sun(between, console)?;
     if let Some(outcome) = job.existing(&header, console).transpose() {
         // (Also what a run left that was killed at its end.)
         if outcome.is_ok() {
@@ -196,10 +200,11 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
     tiles.bytes_of_sun = suns.iter().flatten().map(|section| section.bytes.len() as u64).sum();
     tiles.deadline = options.time_limit.map(|limit| start + limit);
     if options.merge {
-        let (chosen, _) = tiles.chosen(console)?;
-        tiles.expect_trained(&chosen)?;
+        tiles.expect_shards()?;
         job.check(console)?;
+        job.expect_hours(&part, &header)?;
     }
+    tiles.is_verified = true;
     let checked = start.elapsed().as_secs_f64();
     let mut work = tiles.work(console)?;
     for ([sun, shadows], payload) in suns.into_iter().zip(&mut work.payloads) {
@@ -251,19 +256,26 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     }
     let dataset = Dataset::open(root)?;
     let job = Job::new(&dataset, options, console)?;
-    let part = Part::share(&job.out)?;
-    // The full header is slow to compute: only if a bundle exists.
+    // The full header is slow to compute: only if a bundle exists. (The work folder may be gone, or be removed
+    // by a merge that waits for it.)
     if job.out.exists()
-        && let Some(existing) = job.existing(&job.header_with_sun(&part, console)?, console).transpose()
+        && let Some(existing) = job.existing(&job.header_with_sun(job.hours()?, console)?, console)?
     {
-        part.remove();
-        return Ok(Sharded::UpToDate(existing?.bundle));
+        return Ok(Sharded::UpToDate(existing.bundle));
     }
-    let header = job.header(&part)?;
-    let tiles = job.tiles(&header, &part);
-    let own = tiles.share(shard);
-    let done = job.check_bands(&own, console).and_then(|()| tiles.train_shard(shard, &own, console));
-    done.inspect_err(|error| shard::note_failure(&part, shard, error))
+    let part = Part::share(&job.out)?;
+    let notes = Notes::start(&part, shard, &job.recipe)?;
+    let train = || {
+        let header = header(&job, job.keep_hours(&part)?);
+        let tiles = job.tiles(&header, &part);
+        let own = tiles.share(shard);
+        job.check_bands(&own, console)?;
+        tiles.train_shard(&notes, &own, console)
+    };
+    match train().inspect_err(|error| notes.failed(error))? {
+        Stage::Trials => Ok(Sharded::TrialFits(notes.last())),
+        Stage::Training => Ok(Sharded::Trained(notes.last())),
+    }
 }
 
 /// Inputs of the work on a bundle, known before the first tile.
@@ -276,6 +288,8 @@ struct Job<'a> {
     law: Law,
     sunlight: Option<Sunlight<'a>>,
     trained_on: String,
+    /// Digest of the light and the options that decide tiles, for notes of shards.
+    recipe: String,
 }
 
 impl<'a> Job<'a> {
@@ -310,10 +324,15 @@ impl<'a> Job<'a> {
             true => None,
             false => Sunlight::new(dataset, !options.still_shadows)?,
         };
+        let trained_on = trained_on(dataset, &law);
+        let Options { iterations, passes, seed, without_sun, still_shadows, .. } = *options;
+        let recipe =
+            json!([trained_on, format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
         Ok(Job {
+            recipe: digest(&recipe),
             out: options.out.clone().unwrap_or_else(|| default_bundle(dataset)),
             masks: (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?,
-            trained_on: trained_on(dataset, &law),
+            trained_on,
             options: Options { rate, ..options.clone() },
             dataset,
             law,
@@ -325,16 +344,13 @@ impl<'a> Job<'a> {
     /// training.
     fn check(&self, console: &Console) -> Result<()> {
         check_texels(self.dataset, console)?;
-        if self.law.is_apart {
-            // Tiles are then trained on layers.
-            let mut seen = BTreeSet::new();
-            let mut files = self.dataset.config.layers.iter().flat_map(Layer::files);
-            files.try_for_each(|file| match seen.insert(&file.path) {
-                true => self.dataset.check_content(file),
-                false => Ok(()),
-            })?;
-        }
-        Ok(())
+        // (Curves, masks and what the sun's stream is made of are verified where they are read.)
+        let mut seen = BTreeSet::new();
+        let mut files = self.law.layers(&self.dataset.config).flat_map(Layer::files);
+        files.try_for_each(|file| match seen.insert(&file.path) {
+            true => self.dataset.check_content(file),
+            false => Ok(()),
+        })
     }
 
     /// The same for only some tiles: reads their rows, not whole files.
@@ -349,28 +365,47 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    /// The bundle's header without the sun's stream. The hours of means between frames depend on the light of
-    /// all pages, so they are stored in the work folder: only the first of many shards reads all pages.
-    fn header(&self, part: &Part) -> Result<Header> {
-        let hours = || self.law.hours(self.dataset, &self.masks, &timeline(self.dataset));
-        if !self.law.has_curves() {
-            return Ok(header(self, hours()?));
-        }
-        let key = json!(["hours", program(), self.trained_on, self.law.is_apart]).to_string();
-        let key = &blake3::hash(key.as_bytes()).to_hex()[..32];
-        let between = match part.read::<Vec<f64>>(key) {
-            Some((_, between)) => between,
-            None => {
-                let between = hours()?;
-                part.write(key, &Payload::default(), &between)?;
-                between
-            }
-        };
-        Ok(header(self, between))
+    /// The hours of means between frames: [`Law::hours`].
+    fn hours(&self) -> Result<Vec<f64>> {
+        self.law.hours(self.dataset, &self.masks, &timeline(self.dataset))
     }
 
-    /// The header with the sun's stream.
-    fn header_with_sun(&self, part: &Part, console: &Console) -> Result<Header> {
+    /// The same of shards. They depend on the light of all pages, so they are kept in the work folder: only
+    /// the first of many shards reads all pages.
+    fn hours_of_shards(&self, part: &Part) -> Result<Vec<f64>> {
+        match part.read::<Vec<f64>>(&self.hours_key()) {
+            Some(kept) if self.law.has_curves() => Ok(kept.result),
+            _ => self.hours(),
+        }
+    }
+
+    /// The same, and keeps them.
+    fn keep_hours(&self, part: &Part) -> Result<Vec<f64>> {
+        let between = self.hours_of_shards(part)?;
+        if self.law.has_curves() && part.read::<Vec<f64>>(&self.hours_key()).is_none() {
+            part.write(&self.hours_key(), &Payload::default(), &between, None)?;
+        }
+        Ok(between)
+    }
+
+    /// Once checksums are verified: corrects the kept hours if they were computed from other light.
+    fn expect_hours(&self, part: &Part, header: &Header) -> Result<()> {
+        let between = self.hours()?;
+        if between == header.timeline.between {
+            return Ok(());
+        }
+        part.write(&self.hours_key(), &Payload::default(), &between, None)?;
+        let what = "the hours between frames were computed from other light than the dataset's, of a file that was damaged or exchanged \
+                    at the time; they are corrected: run the shards again, then this command";
+        Err(Error::unready(part.folder().display(), what))
+    }
+
+    fn hours_key(&self) -> String {
+        digest(&json!(["hours", program(), self.trained_on, self.law.is_apart]))
+    }
+
+    /// The bundle's header with the sun's stream; `between`: [`Law::hours`].
+    fn header_with_sun(&self, between: Vec<f64>, console: &Console) -> Result<Header> {
         let sun = self.sunlight.as_ref().map(|sunlight| sunlight.coded(&self.masks, console)).transpose()?;
         if self.options.still_shadows && sun.is_none() {
             console.warn(format!(
@@ -379,7 +414,7 @@ impl<'a> Job<'a> {
             ));
         }
         let shadows = self.sunlight.as_ref().is_some_and(Sunlight::moves);
-        Ok(Header { sun, shadows, ..self.header(part)? })
+        Ok(Header { sun, shadows, ..header(self, between) })
     }
 
     /// The existing bundle if it is up to date; an error if it must not be replaced.
@@ -412,6 +447,8 @@ impl<'a> Job<'a> {
             header,
             part,
             trained_on: &self.trained_on,
+            recipe: &self.recipe,
+            is_verified: false,
             deadline: None,
         }
     }
@@ -420,12 +457,16 @@ impl<'a> Job<'a> {
 /// Digest of the running program: another build may train different bytes, so its tiles are retrained.
 pub(crate) fn program() -> &'static str {
     static PROGRAM: LazyLock<String> = LazyLock::new(|| {
-        let digest = |path: PathBuf| {
+        // (The path may meanwhile hold another build; this is the file that runs.)
+        let running = Path::new("/proc/self/exe");
+        let path = || if running.exists() { Ok(running.to_owned()) } else { std::env::current_exe() };
+        let digest = |path: PathBuf| -> std::io::Result<String> {
             let mut hasher = blake3::Hasher::new();
             std::io::copy(&mut std::fs::File::open(path)?, &mut hasher)?;
             Ok(hasher.finalize().to_hex()[..16].to_owned())
         };
-        std::env::current_exe().and_then(digest).unwrap_or_else(|_| env!("CARGO_PKG_VERSION").to_owned())
+        // A program that cannot be read trusts no tiles but its own.
+        path().and_then(digest).unwrap_or_else(|_| format!("{:?}", dataset::process::Process::this()))
     });
     &PROGRAM
 }
@@ -600,9 +641,21 @@ fn trained_on(dataset: &Dataset, law: &Law) -> String {
     if law.is_apart {
         layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3.clone()).collect());
     }
+    // With curves, their layers' shares of the light decide means.
+    if law.has_curves() {
+        let files = |layer: &'_ Layer| -> Vec<String> {
+            layer.files().chain(&layer.curve).map(|file| file.blake3.clone()).collect()
+        };
+        layers.push(law.layers(config).flat_map(files).collect());
+    }
     blake3::hash(json!([dataset.config.digest_of_light(), layers]).to_string().as_bytes())
         .to_hex()
         .to_string()
+}
+
+/// A digest as a file name.
+fn digest(of: &serde_json::Value) -> String {
+    blake3::hash(of.to_string().as_bytes()).to_hex()[..32].to_owned()
 }
 
 /// `path` with `suffix` appended to its name.

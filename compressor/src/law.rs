@@ -104,6 +104,14 @@ impl Law {
         !self.curves.is_empty()
     }
 
+    /// The layers that decide maps, their means or their gates.
+    pub fn layers<'a>(&'a self, config: &'a Config) -> impl Iterator<Item = &'a Layer> {
+        let is_read = |i: usize, layer: &Layer| {
+            self.is_apart || layer.light == Light::Group || self.curves.iter().any(|(of, _)| *of == i)
+        };
+        config.layers.iter().enumerate().filter(move |(i, layer)| is_read(*i, layer)).map(|(_, layer)| layer)
+    }
+
     /// The files whose sum the maps hold of a page at a frame: frames of the same files are the same.
     pub fn files<'a>(&self, dataset: &'a Dataset, frame: usize, page: usize) -> Vec<&'a str> {
         let config = &dataset.config;

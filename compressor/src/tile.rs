@@ -14,7 +14,7 @@ use dataset::store::Dataset;
 use dataset::tiles::Rect;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Texels around a valid one that filtering near a chart's edge may read.
 pub const GUTTER: usize = 2;
@@ -142,6 +142,8 @@ pub struct Band {
     /// Light groups that are on at some frames and off at others, with their own light where the dataset
     /// keeps it.
     groups: Vec<(Gate, Option<Vec<[f32; 3]>>)>,
+    /// See [`Band::digest`].
+    digest: OnceLock<String>,
 }
 
 impl Band {
@@ -232,6 +234,30 @@ impl Band {
             frames,
             groups,
             shares,
+            digest: OnceLock::new(),
+        })
+    }
+
+    /// Digest of the light in memory.
+    pub(crate) fn digest(&self) -> &str {
+        self.digest.get_or_init(|| {
+            let mut hasher = blake3::Hasher::new();
+            let mut seen: Vec<*const Vec<[f32; 3]>> = Vec::new();
+            for frame in &self.frames {
+                // (Frames of the same files share their texels.)
+                let at = seen.iter().position(|other| *other == Arc::as_ptr(frame)).unwrap_or(seen.len());
+                hasher.update(&(at as u64).to_le_bytes());
+                if at == seen.len() {
+                    seen.push(Arc::as_ptr(frame));
+                    hasher.update(bytemuck::cast_slice(frame));
+                }
+            }
+            for (gate, layer) in &self.groups {
+                hasher.update(&gate.group.to_le_bytes());
+                layer.iter().for_each(|texels| _ = hasher.update(bytemuck::cast_slice(texels)));
+            }
+            hasher.update(format!("{:?}", self.shares).as_bytes());
+            hasher.finalize().to_hex()[..32].to_owned()
         })
     }
 
@@ -334,6 +360,7 @@ mod tests {
             coverage: coverage(mask, rows.clone()),
             groups: vec![],
             shares: vec![],
+            digest: OnceLock::new(),
             rows,
         }
     }

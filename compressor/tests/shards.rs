@@ -100,6 +100,13 @@ fn shards_give_the_bytes_of_one_process() {
         assert_eq!(json(&shard(&names[0]), folder)["stage"], "up to date");
         assert_eq!(json(&merge, folder)["up_to_date"], true);
         assert!(!folder.join(format!("{out}.part")).exists());
+        // Not even a folder that others may be using is touched.
+        let used = folder.join(format!("{out}.part"));
+        fs::create_dir(&used).unwrap();
+        fs::write(used.join("a.tile"), b"of another").unwrap();
+        assert_eq!(json(&shard(&names[0]), folder)["stage"], "up to date");
+        assert_eq!(fs::read_dir(&used).unwrap().count(), 1);
+        fs::remove_dir_all(used).unwrap();
     }
 }
 
@@ -212,15 +219,28 @@ fn what_shards_cannot_do_is_refused() {
     // A bad texel stops the shards that read its rows, and the merge, for good.
     let maps = fs::read_dir(folder.join("data")).unwrap().flatten().map(|entry| entry.path());
     let map = maps.filter(|path| path.extension().is_some_and(|e| e == "exr")).max().unwrap();
-    let mut bytes = fs::read(&map).unwrap();
+    let intact = fs::read(&map).unwrap();
+    let mut bytes = intact.clone();
     let middle = bytes.len() / 2;
     bytes[middle..].iter_mut().for_each(|byte| *byte ^= 0x55);
     fs::write(&map, bytes).unwrap();
+    assert!(!folder.join("b.ndgi.part").exists());
     let recipe = [".", "--iterations", "60", "--out", "b.ndgi"];
     for number in ["1/3", "2/3", "3/3"] {
         run(&[&recipe[..], &["--shard", number]].concat(), folder);
     }
     let reported = refused(&[&recipe[..], &["--merge"]].concat(), folder, 1);
     assert!(reported.contains(" failed: ") && reported.contains(".exr"), "{reported}");
+    // Of other options nothing is known.
+    let reported = refused(&[".", "--iterations", "61", "--out", "b.ndgi", "--merge"], folder, 75);
+    assert!(reported.contains("had other options"), "{reported}");
+    // Once the file is restored, shards that run again take their words back.
+    fs::write(&map, intact).unwrap();
+    for number in ["1/3", "2/3", "3/3"] {
+        assert!(!folder.join("b.ndgi").exists());
+        json(&[&recipe[..], &["--shard", number]].concat(), folder);
+    }
+    json(&[&recipe[..], &["--merge"]].concat(), folder);
+    fs::remove_file(folder.join("b.ndgi")).unwrap();
     assert!(!folder.join("b.ndgi").exists());
 }

@@ -5,7 +5,7 @@ mod common;
 
 use common::{difference, image, python, read};
 use compressor::bundle::Bundle;
-use compressor::compress::{DRAFT, Options, compress};
+use compressor::compress::{DRAFT, Options, Rate, Shard, Sharded, compress, train_shard};
 use compressor::decode::{Decoder, Lights};
 use compressor::evaluate::{Measures, evaluate};
 use dataset::config::{
@@ -19,6 +19,7 @@ use dataset::store::{Dataset, Writer};
 use dataset::sun::SunPath;
 use dataset::tiles::{TILE, tiles};
 use dataset::visibility::{self, Planes};
+use std::fs;
 use std::path::Path;
 
 /// Dark, sunrise within the minute of the lamp's switch, day, dusk.
@@ -318,6 +319,72 @@ fn the_sun_goes_through_the_bundle_and_back() {
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
             let error = difference(&decoder, hour, &image(&npy));
             assert!(error <= 2e-4, "{glass} at {hour} h: {error}");
+        }
+    }
+}
+
+/// What shards make while a file holds other light is not merged once the file is restored, nor continued by
+/// a single process. (Shards verify no checksums: they read rows, not files.)
+#[test]
+fn tiles_of_other_light_are_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, moving);
+    let dataset = Dataset::open(&root).unwrap();
+    let quiet = Console::silent();
+    let file = |light: Light, frame: usize| {
+        let mut layers = dataset.config.layers.iter().filter(|layer| layer.light == light);
+        dataset.path(layers.find_map(|layer| layer.file(frame, 0)).unwrap())
+    };
+    // The sky's light decides the hours between frames as well.
+    let cases = [
+        (file(Light::Sky, 7), Rate::Usual),
+        (file(Light::Group, 0), Rate::Usual),
+        (file(Light::Sky, 4), Rate::Psnr(40.0)),
+    ];
+    for (case, (file, rate)) in cases.into_iter().enumerate() {
+        let of = |name: &str| Options { rate, iterations: 60, ..options(&folder.path().join(name)) };
+        let whole = of(&format!("whole-{case}.ndgi"));
+        compress(&root, &whole, &quiet).unwrap();
+        let whole = fs::read(whole.out.unwrap()).unwrap();
+        let intact = fs::read(&file).unwrap();
+        let mut other = image_of(|_, _| [0.25; 3]).to_exr();
+        other.resize(intact.len(), 0);
+        let shards = |options: &Options| {
+            for number in [2, 1] {
+                match train_shard(&root, options, Shard { number, of: 2 }, &quiet).unwrap() {
+                    Sharded::UpToDate(_) => panic!("there is no bundle"),
+                    Sharded::Trained(note) | Sharded::TrialFits(note) => assert!(note.is_finished()),
+                }
+            }
+        };
+        let has_target = !matches!(rate, Rate::Usual);
+        for is_merge in [true, false] {
+            if has_target && !is_merge {
+                continue;
+            }
+            let out = format!("{case}-{is_merge}.ndgi");
+            let options = of(&out);
+            fs::write(&file, &other).unwrap();
+            shards(&options);
+            let merge = Options { merge: true, ..options.clone() };
+            // While the file is damaged its checksum is wrong, and nobody writes a bundle.
+            let damaged = compress(&root, if is_merge { &merge } else { &options }, &quiet).unwrap_err();
+            assert!(damaged.exit_code() == 1 && damaged.to_string().contains("checksum"), "{damaged}");
+            fs::write(&file, &intact).unwrap();
+            if is_merge {
+                let refused = compress(&root, &merge, &quiet).unwrap_err();
+                assert_eq!(refused.exit_code(), 75, "{case}: {refused}");
+                let mut rounds = 0;
+                while let Err(error) = compress(&root, &merge, &quiet) {
+                    assert!(error.exit_code() == 75 && rounds < 3, "{case}: {error}");
+                    shards(&options);
+                    rounds += 1;
+                }
+            } else {
+                compress(&root, &options, &quiet).unwrap();
+            }
+            assert!(whole == fs::read(folder.path().join(&out)).unwrap(), "case {case}, merge {is_merge}");
         }
     }
 }

@@ -98,9 +98,19 @@ fn passes(error: &io::Error) -> bool {
             | ErrorKind::TimedOut
             | ErrorKind::ResourceBusy
             | ErrorKind::OutOfMemory
+            | ErrorKind::WouldBlock
+            | ErrorKind::NotConnected
+            | ErrorKind::ConnectionReset
+            | ErrorKind::ConnectionAborted
+            | ErrorKind::ConnectionRefused
+            | ErrorKind::HostUnreachable
+            | ErrorKind::NetworkUnreachable
+            | ErrorKind::NetworkDown
     );
-    // (File servers in trouble return EIO, which has no kind.)
-    of_kind || error.raw_os_error() == Some(5)
+    // Without a kind: EIO, which file servers in trouble return; ENFILE and EMFILE; ENOLCK, ESHUTDOWN and
+    // EHOSTDOWN.
+    let of_code: &[i32] = if cfg!(target_os = "linux") { &[5, 23, 24, 37, 108, 112] } else { &[5] };
+    of_kind || error.raw_os_error().is_some_and(|code| of_code.contains(&code))
 }
 
 #[cfg(test)]
@@ -112,6 +122,12 @@ mod tests {
         let of_system = |code| Error::io(Path::new("a"))(io::Error::from_raw_os_error(code)).exit_code();
         // ENOSPC, EDQUOT, ESTALE, EIO; ENOENT, EACCES.
         assert_eq!([28, 122, 116, 5].map(of_system), [TRY_AGAIN; 4]);
+        // EAGAIN, ENFILE, EMFILE, ENOLCK, ENETDOWN, ENETUNREACH, ECONNRESET, ENOTCONN, ESHUTDOWN, ETIMEDOUT,
+        // ECONNREFUSED, EHOSTDOWN, EHOSTUNREACH.
+        let of_network = [11, 23, 24, 37, 100, 101, 104, 107, 108, 110, 111, 112, 113];
+        if cfg!(target_os = "linux") {
+            assert_eq!(of_network.map(of_system), [TRY_AGAIN; 13]);
+        }
         assert_eq!([2, 13].map(of_system), [1; 2]);
         assert_eq!(
             (Error::unready("a", "b").exit_code(), Error::invalid("a", "b").exit_code()),

@@ -83,8 +83,13 @@ pub fn share(folder: &Path, who: &str, advice: &str) -> Result<Shared> {
     }
     // (Of another machine, which the file system did not tell.)
     match File::open(folder.join(CLAIM)).ok().map(|mut claim| holder(&mut claim)) {
-        Some(by) if !by.as_ref().is_some_and(Process::is_gone) => Err(busy(by)),
-        _ => Ok(Shared { _file: file }),
+        Some(by) if by.as_ref().is_some_and(Process::is_gone) => Ok(Shared { _file: file }),
+        Some(by) if by.as_ref().is_some_and(|by| by.machine == Process::this().machine) => Err(busy(by)),
+        Some(by) => {
+            let by = elsewhere(by, &folder.join(CLAIM));
+            Err(Error::unready(folder.display(), format!("{who}{by}; {advice}")))
+        }
+        None => Ok(Shared { _file: file }),
     }
 }
 
@@ -164,12 +169,7 @@ impl System<'_> {
                     return Err(busy(&format!(" ({})", told(&by))));
                 }
                 by => {
-                    let by = by.map_or("a process that cannot be told".to_owned(), |by| told(&by));
-                    let what = format!(
-                        " ({by}; whether it still runs is not seen from here: if it does not, remove {})",
-                        path.display()
-                    );
-                    return Err(busy(&what));
+                    return Err(busy(&elsewhere(by, &path)));
                 }
             }
         }
@@ -181,6 +181,13 @@ fn holder(file: &mut File) -> Option<Process> {
     let mut text = String::new();
     file.read_to_string(&mut text).ok()?;
     serde_json::from_str(&text).ok()
+}
+
+/// Who has a folder from another machine, and what to do if that machine is dead.
+fn elsewhere(by: Option<Process>, claim: &Path) -> String {
+    let by = by.map_or("a process that cannot be told".to_owned(), |by| told(&by));
+    let claim = claim.display();
+    format!(" ({by}; whether it still runs is not seen from here: if it does not, remove {claim})")
 }
 
 fn told(process: &Process) -> String {

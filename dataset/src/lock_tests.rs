@@ -87,8 +87,13 @@ fn a_claim_of_another_machine_is_left_and_the_error_says_how_to_remove_it() {
             assert!(content.is_empty() || content[0] != b'{' || refused.contains("process 12 on node7"));
             assert_eq!(fs::read(&claim).unwrap(), content);
         }
+        // Those who would share the folder are told the same.
+        let refused = share(folder.path(), WHO, ADVICE).unwrap_err();
+        assert_eq!(refused.exit_code(), crate::error::TRY_AGAIN);
+        assert!(refused.to_string().contains(&format!("remove {}", claim.display())), "{refused}");
     }
     fs::remove_file(&claim).unwrap();
+    drop(share(folder.path(), WHO, ADVICE).unwrap());
     locked(folder.path(), &unsupported, Process::this()).unwrap();
 }
 

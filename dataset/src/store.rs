@@ -290,7 +290,9 @@ impl Dataset {
     /// [`Dataset::verify_files`].
     pub fn read_manifest(root: &Path) -> Result<(Self, Vec<Error>)> {
         let manifest = root.join(MANIFEST);
-        if !manifest.is_file() {
+        // (A file server that is away is not a missing file.)
+        let is_there = |path: &Path| path.try_exists().map_err(Error::io(path));
+        if !is_there(&manifest)? || !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
                 (true, _) if root.join(WORK).is_dir() => UNFINISHED.to_owned(),
                 (true, _) => format!("it has no {MANIFEST}"),

@@ -10,7 +10,7 @@ mkdir "$3"
 cd "$3"
 options=("${@:4}")
 sed -n '/^```bash$/,/^```$/p' "$here/../../compressor/CLUSTER.md" | sed '1d;$d' >compress.sh
-[ "$(wc -l <compress.sh)" = 11 ]
+[ "$(wc -l <compress.sh)" = 15 ]
 "$here/cluster.sh" start "$PWD/cluster" 4
 export SLURM_CONF=$PWD/cluster/slurm.conf
 # (A job's output goes where sbatch is told by its environment.)
@@ -28,8 +28,9 @@ one=$(since "$begin")
 echo "one process: $(grep -o '"tiles":[0-9]*' whole.json), $one"
 for n in 1 3 7; do
     begin=$(now)
-    bash compress.sh "$n" "$dataset" "${options[@]}" --out "$n.ndgi" >"$n.txt" 2>&1
-    same "$n.ndgi" "$n shards, $(since "$begin")" "$n.txt"
+    # (A name that a shell must quote.)
+    bash compress.sh "$n" "$dataset" "${options[@]}" --out "bündel $n.ndgi" >"$n.txt" 2>&1
+    same "bündel $n.ndgi" "$n shards, $(since "$begin")" "$n.txt"
 done
 
 # A task and a node's daemon are killed while they work, and one shard runs twice at the same time.
@@ -58,4 +59,8 @@ cmp target.ndgi whole-target.ndgi && echo "same bytes: a target by 3 shards; $(g
 code=0
 bash compress.sh 3 "$dataset/no-such" --out bad.ndgi >bad.txt 2>&1 || code=$?
 [ "$code" = 1 ] && [ "$(grep -c Submitted bad.txt)" = 1 ] && echo "bad input: exit code 1 after one array"
+# As do nodes without the program.
+code=0
+SBATCH_EXPORT=NONE bash compress.sh 3 "$dataset" --out bad.ndgi >none.txt 2>&1 || code=$?
+[ "$code" = 1 ] && [ "$(grep -c Submitted none.txt)" = 1 ] && echo "no program on the nodes: exit code 1 after one array"
 [ -z "$(ls -d ./*.part 2>/dev/null)" ] && echo "no work folder is left"

@@ -4,7 +4,9 @@
 use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
-use dataset::files::{create_folders, remove_stale_temporaries, sync_folder_of, write_atomically};
+use dataset::files::{
+    create_folders, remove_stale_temporaries, sync_folder_of, temporaries, write_atomically,
+};
 use dataset::lock::{LOCK, Lock, Shared, lock, share};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -30,11 +32,22 @@ enum Held {
 /// Message when another run holds the folder.
 const BUSY: [&str; 2] = ["another run is writing this bundle", "wait until it ends, or choose another --out"];
 
+/// A finished part.
+#[derive(Debug, PartialEq)]
+pub(super) struct Kept<S> {
+    /// Of a tile.
+    pub payload: Payload,
+    /// Its statistics, or the result itself.
+    pub result: S,
+    /// Digest of the light it was made from; `None` if its writer had verified the dataset's checksums.
+    pub made_from: Option<String>,
+}
+
 /// The folder.
 pub(super) struct Part {
     folder: PathBuf,
-    /// Excludes other runs.
-    held: Held,
+    /// Excludes other runs; `None` once the folder is left.
+    held: Option<Held>,
     /// The files that this run looked up or wrote.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
@@ -45,7 +58,7 @@ impl Part {
     /// Opens or creates the work folder of a bundle, for this run alone; with `fresh`, empties it.
     pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
         let folder = created(out)?;
-        let held = Held::Alone(lock(&folder, BUSY[0], BUSY[1])?);
+        let held = Some(Held::Alone(lock(&folder, BUSY[0], BUSY[1])?));
         remove_stale_temporaries(&folder)?;
         let part = Part { folder, held, own: Mutex::default(), written: Mutex::default() };
         if fresh {
@@ -59,7 +72,7 @@ impl Part {
     /// folder alone.
     pub(super) fn share(out: &Path) -> Result<Self> {
         let folder = created(out)?;
-        let held = Held::Together(share(&folder, BUSY[0], BUSY[1])?);
+        let held = Some(Held::Together(share(&folder, BUSY[0], BUSY[1])?));
         Ok(Part { folder, held, own: Mutex::default(), written: Mutex::default() })
     }
 
@@ -74,13 +87,13 @@ impl Part {
         &self.folder
     }
 
-    /// A finished tile: its payload and statistics; `None` if missing or damaged.
-    pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<(Payload, S)> {
-        // Checksum of the rest, length of the statistics, statistics, word, length and bytes of the features,
-        // resident bytes.
+    /// A finished tile; `None` if missing, damaged or under another's name.
+    pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<Kept<S>> {
+        // Checksum of the key and the rest, length of digest and statistics, these, word, length and bytes of
+        // the features, resident bytes.
         let bytes = fs::read(self.path(key)).ok()?;
         let (sum, rest) = bytes.split_first_chunk::<8>()?;
-        if bundle::checksum(&[rest]) != u64::from_le_bytes(*sum) {
+        if bundle::checksum(&[key.as_bytes(), rest]) != u64::from_le_bytes(*sum) {
             return None;
         }
         let (length, rest) = rest.split_first_chunk::<8>()?;
@@ -90,20 +103,52 @@ impl Part {
         let (bytes, resident) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
         let ndgi = Section { word: u32::from_le_bytes(*word), bytes: bytes.to_vec() };
         let payload = Payload { ndgi, resident: resident.to_vec(), ..Payload::default() };
-        Some((payload, serde_json::from_slice(stats).ok()?))
+        let (made_from, result) = serde_json::from_slice(stats).ok()?;
+        Some(Kept { payload, result, made_from })
     }
 
-    /// Stores a finished tile without its sun sections, which are quick to recompute.
-    pub(super) fn write(&self, key: &str, payload: &Payload, stats: &impl Serialize) -> Result<()> {
+    /// A finished part's [`Kept::made_from`].
+    pub(super) fn made_from(&self, key: &str) -> Option<String> {
+        self.read::<serde::de::IgnoredAny>(key)?.made_from
+    }
+
+    /// Stores a finished tile without its sun sections, which are quick to recompute. `made_from`:
+    /// [`Kept::made_from`].
+    pub(super) fn write(
+        &self,
+        key: &str,
+        payload: &Payload,
+        result: &impl Serialize,
+        made_from: Option<&str>,
+    ) -> Result<()> {
         let path = self.path(key);
-        let stats = serde_json::to_vec(stats).map_err(|error| Error::invalid(path.display(), error))?;
+        let stats = serde_json::to_vec(&(made_from, result))
+            .map_err(|error| Error::invalid(path.display(), error))?;
         let length = (stats.len() as u64).to_le_bytes();
         let Section { word, bytes } = &payload.ndgi;
         let of_bytes = (bytes.len() as u64).to_le_bytes();
         let rest = [&length[..], &stats, &word.to_le_bytes(), &of_bytes, bytes, &payload.resident].concat();
-        write_atomically(&path, &[&bundle::checksum(&[&rest]).to_le_bytes()[..], &rest].concat())?;
+        let sum = bundle::checksum(&[key.as_bytes(), &rest]).to_le_bytes();
+        self.written(write_atomically(&path, &[&sum[..], &rest].concat()))?;
         self.written.lock().unwrap_or_else(|e| e.into_inner()).insert(key.to_owned());
         Ok(())
+    }
+
+    /// The result of writing into the folder: where another process removed the folder meanwhile, an error
+    /// that says so.
+    pub(super) fn written(&self, result: Result<()>) -> Result<()> {
+        match result {
+            Err(_) if !self.folder.is_dir() => Err(Error::unready(
+                self.folder.display(),
+                "was removed while this process worked in it, perhaps because the bundle is finished; run the same command again",
+            )),
+            result => result,
+        }
+    }
+
+    /// Removes a tile that is of no use.
+    pub(super) fn discard(&self, key: &str) {
+        remove(self.path(key));
     }
 
     /// The names of the files that this run looked up or wrote.
@@ -137,8 +182,8 @@ impl Part {
         write_atomically(&list, &json)
     }
 
-    /// Removes the files of this run and those of a written bundle, and the folder if nothing is left in it.
-    /// Returns the number of remaining files, which are of runs with other settings.
+    /// Removes the files of this run and those of a written bundle; dropping it removes the folder if nothing
+    /// is left in it. Only for a run that has it alone. Returns the number of remaining files, which are of runs with other settings.
     pub(super) fn remove(self) -> usize {
         let list = self.folder.join(DONE);
         let done: Option<Vec<String>> =
@@ -146,25 +191,36 @@ impl Part {
         self.adopt(&done.unwrap_or_default());
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
         shard::files(&self.folder).for_each(remove);
+        // (Of machines that cannot be asked whether their processes run; what they write is of no use now.)
+        temporaries(&self.folder).unwrap_or_default().into_iter().for_each(remove);
         // (The list must not be gone before they are.)
         sync_folder_of(&list);
         remove(list);
-        let left = self.files().count();
-        // What cannot be removed does no harm: the bundle is there.
-        if left == 0 {
-            let Part { folder, held, .. } = self;
-            remove(folder.join(LOCK));
-            // (Its claim is in the folder, and on some networks an open file stays in its folder when it is
-            // removed.)
-            drop(held);
-            let _ = fs::remove_dir(folder);
-        }
-        left
+        self.files().count()
     }
 
     fn files(&self) -> impl Iterator<Item = PathBuf> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
         entries.filter(|path| path.extension().is_some_and(|extension| extension == EXTENSION))
+    }
+}
+
+impl Drop for Part {
+    /// Removes the folder if nothing is left in it and nobody else can be there.
+    fn drop(&mut self) {
+        let is_used = || {
+            let tiles = self.files().next().is_some();
+            tiles || shard::files(&self.folder).next().is_some() || self.folder.join(DONE).exists()
+        };
+        if !matches!(self.held, Some(Held::Alone(_))) || is_used() {
+            return;
+        }
+        // What cannot be removed does no harm.
+        remove(self.folder.join(LOCK));
+        // (Its claim is in the folder, and on some networks an open file stays in its folder when it is
+        // removed.)
+        self.held = None;
+        let _ = fs::remove_dir(&self.folder);
     }
 }
 
@@ -206,14 +262,19 @@ mod tests {
         let ndgi = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };
         let payload = Payload { ndgi, resident: b"resident".to_vec(), ..Payload::default() };
         assert!(!part.wrote("k"));
-        part.write("k", &payload, &stats).unwrap();
+        part.write("k", &payload, &stats, Some("light")).unwrap();
         assert!(part.wrote("k"));
         let busy = Part::open(&out, false).err().map(|error| error.to_string()).unwrap_or_default();
         assert!(busy.contains("another run is writing this bundle"), "{busy}");
         drop(part);
         let part = Part::open(&out, false).unwrap();
         assert!(!part.wrote("k"));
-        assert_eq!(part.read("k"), Some((payload, stats.clone())));
+        let kept = Kept { payload, result: stats.clone(), made_from: Some("light".to_owned()) };
+        assert_eq!(part.read("k"), Some(kept));
+        // Under another's name it is not believed.
+        fs::copy(part.path("k"), part.path("l")).unwrap();
+        assert_eq!(part.read::<TileStats>("l"), None);
+        part.discard("l");
         assert_eq!(part.read::<TileStats>("other"), None);
         let path = part.path("k");
         let bytes = fs::read(&path).unwrap();
@@ -225,15 +286,20 @@ mod tests {
             fs::write(&path, &bytes[..i]).unwrap();
             assert_eq!(part.read::<TileStats>("k"), None);
         }
-        part.write("k", &Payload::default(), &stats).unwrap();
+        part.write("k", &Payload::default(), &stats, None).unwrap();
         drop(part);
         assert!(Part::open(&out, false).unwrap().read::<TileStats>("k").is_some());
         assert!(Part::open(&out, true).unwrap().read::<TileStats>("k").is_none());
+        assert!(!beside(&out, ".part").exists());
+        fs::create_dir(beside(&out, ".part")).unwrap();
         fs::write(beside(&out, ".part").join("notes.txt"), b"mine").unwrap();
-        Part::open(&out, false).unwrap().write("of other settings", &Payload::default(), &stats).unwrap();
+        Part::open(&out, false)
+            .unwrap()
+            .write("of other settings", &Payload::default(), &stats, None)
+            .unwrap();
         // This run's tiles are removed; the one of other settings remains.
         let part = Part::open(&out, false).unwrap();
-        part.write("k", &Payload::default(), &stats).unwrap();
+        part.write("k", &Payload::default(), &stats, None).unwrap();
         assert_eq!(part.remove(), 1);
         let part = Part::open(&out, false).unwrap();
         assert!(
@@ -242,5 +308,10 @@ mod tests {
         assert_eq!(part.remove(), 0);
         let left = fs::read_dir(beside(&out, ".part")).unwrap().map(|entry| entry.unwrap().file_name());
         assert_eq!(left.collect::<Vec<_>>(), ["notes.txt"]);
+        // Where the folder is gone meanwhile, the same command can succeed.
+        let part = Part::share(&out).unwrap();
+        fs::remove_dir_all(beside(&out, ".part")).unwrap();
+        let gone = part.write("k", &Payload::default(), &stats, None).unwrap_err();
+        assert_eq!(gone.exit_code(), dataset::error::TRY_AGAIN, "{gone}");
     }
 }

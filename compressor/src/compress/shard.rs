@@ -6,11 +6,12 @@ use super::part::Part;
 use crate::clock::seconds_since_1970;
 use crate::grid::Place;
 use crate::lanes::Tier;
-use crate::{Error, Result};
+use crate::{Error, Result, printable};
 use dataset::console::count;
 use dataset::files::write_unsynced_with;
 use dataset::process::Process;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::ops::Range;
@@ -23,6 +24,12 @@ use std::time::Instant;
 const SILENT: u64 = 300;
 /// Seconds between two notes of a shard.
 const NOTE_INTERVAL: f64 = 2.0;
+/// The most shards.
+const MOST: u32 = 100_000;
+/// The longest note in bytes.
+const LONGEST: u64 = 1 << 16;
+/// Tiles or shards that a message names; of more it says how many.
+const NAMED: usize = 4;
 
 /// One of several equal shares of the work: `2/7`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -58,6 +65,7 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match numbers {
+            Some((_, of)) if of > MOST => Err(format!("expected at most {MOST} shards")),
             Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
             Some((0, of)) if of > 0 => {
                 Err(format!("shards are numbered from 1; expected 1/{of} to {of}/{of}"))
@@ -82,9 +90,11 @@ pub enum Stage {
 pub struct Note {
     /// Which.
     pub shard: Shard,
+    /// Digest of its light and options: shards of others make other tiles.
+    pub recipe: String,
     /// Its stage.
     pub stage: Stage,
-    /// Tiles of all shards.
+    /// Tiles of all shards; 0 until they are known.
     pub of_tiles: usize,
     /// Tiles of its share that are finished.
     pub done: usize,
@@ -92,8 +102,10 @@ pub struct Note {
     pub tiles: usize,
     /// Of these, finished by an earlier run.
     pub resumed: usize,
-    /// Mean PSNR of those that are trained, by their texels.
+    /// Mean PSNR of those that this run trained, by their texels.
     pub psnr_db: Option<f64>,
+    /// Their texels.
+    pub texels: usize,
     /// Seconds that this run has taken.
     pub seconds: f64,
     /// Its process.
@@ -110,15 +122,17 @@ pub struct Note {
 
 impl Note {
     /// Of this process.
-    fn new(shard: Shard) -> Self {
+    fn new(shard: Shard, recipe: &str) -> Self {
         Note {
             shard,
+            recipe: recipe.to_owned(),
             stage: Stage::Training,
             of_tiles: 0,
             done: 0,
             tiles: 0,
             resumed: 0,
             psnr_db: None,
+            texels: 0,
             seconds: 0.0,
             process: Process::this().clone(),
             instructions: format!("{:?}", Tier::detect()),
@@ -128,15 +142,33 @@ impl Note {
         }
     }
 
-    fn write(&self, folder: &Path) -> Result<()> {
-        let path = folder.join(self.shard.name());
+    fn write(&self, part: &Part) -> Result<()> {
+        let path = part.folder().join(self.shard.name());
         let text = serde_json::to_vec(self).map_err(|error| Error::invalid(path.display(), error))?;
-        write_unsynced_with(&path, |file| file.write_all(&text))
+        part.written(write_unsynced_with(&path, |file| file.write_all(&text)))
+    }
+
+    /// The note in a file, if its numbers agree.
+    fn read(path: &Path) -> Option<Self> {
+        // (A pipe would be waited for.)
+        let metadata = fs::metadata(path).ok()?;
+        if !metadata.is_file() || metadata.len() > LONGEST {
+            return None;
+        }
+        let note: Note = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
+        let Note { shard: Shard { number, of }, resumed, done, tiles, of_tiles, .. } = note;
+        let agrees = number >= 1 && number <= of && of <= MOST && resumed <= done && done <= tiles;
+        (agrees && tiles <= of_tiles && note.seconds >= 0.0).then_some(note)
+    }
+
+    /// Its machine's name.
+    fn host(&self) -> String {
+        printable(&self.process.host)
     }
 
     /// True if its stage is finished.
     pub fn is_finished(&self) -> bool {
-        self.done == self.tiles && self.error.is_none()
+        self.of_tiles > 0 && self.done == self.tiles && self.error.is_none()
     }
 
     /// Seconds since its last note, if it is not finished and they are too many.
@@ -155,36 +187,51 @@ pub(super) struct Notes<'a> {
 
 struct State {
     note: Note,
-    /// Sums over trained tiles of texels × dB, and texels.
-    db: (f64, usize),
     /// Seconds at the last note.
     last: f64,
 }
 
 impl<'a> Notes<'a> {
-    pub(super) fn begin(
-        part: &'a Part,
-        shard: Shard,
-        stage: Stage,
-        [tiles, of_tiles]: [usize; 2],
-        resumed: usize,
-    ) -> Result<Self> {
-        let note = Note { stage, done: resumed, tiles, of_tiles, resumed, ..Note::new(shard) };
-        let state = Mutex::new(State { note, db: (0.0, 0), last: f64::NEG_INFINITY });
+    /// Writes the first note, before anything is read: it replaces that of an earlier attempt.
+    pub(super) fn start(part: &'a Part, shard: Shard, recipe: &str) -> Result<Self> {
+        let note = Note::new(shard, recipe);
+        let state = Mutex::new(State { note, last: f64::NEG_INFINITY });
         let notes = Notes { part, start: Instant::now(), state };
         notes.write(|_| ())?;
         Ok(notes)
     }
 
+    /// The work is known: its stage, its tiles and all, and how many of its own are finished already.
+    pub(super) fn begin(&self, stage: Stage, [tiles, of_tiles]: [usize; 2], resumed: usize) -> Result<()> {
+        self.write(|state| {
+            let note = state.note.clone();
+            state.note = Note { stage, done: resumed, tiles, of_tiles, resumed, ..note };
+            state.last = f64::NEG_INFINITY;
+        })
+    }
+
     /// Counts a finished tile of `texels` texels, with its PSNR if it was trained.
     pub(super) fn finished(&self, texels: usize, psnr_db: Option<f64>) -> Result<()> {
         self.write(|state| {
-            state.note.done += 1;
+            let note = &mut state.note;
+            note.done += 1;
             if let Some(db) = psnr_db {
-                state.db = (state.db.0 + texels as f64 * db, state.db.1 + texels);
-                state.note.psnr_db = Some(state.db.0 / state.db.1 as f64);
+                let before = note.psnr_db.unwrap_or(0.0) * note.texels as f64;
+                note.texels += texels;
+                note.psnr_db = Some((before + texels as f64 * db) / note.texels.max(1) as f64);
             }
         })
+    }
+
+    /// Notes why the shard ended, where that is no use to try again: the merge says it then.
+    pub(super) fn failed(&self, error: &Error) {
+        if error.exit_code() == 1 {
+            // (What cannot be noted is in the shard's own output.)
+            let _ = self.write(|state| {
+                state.note.error = Some(error.to_string());
+                state.last = f64::NEG_INFINITY;
+            });
+        }
     }
 
     /// The last note.
@@ -202,25 +249,17 @@ impl<'a> Notes<'a> {
         }
         state.last = seconds;
         (state.note.seconds, state.note.at) = (seconds, seconds_since_1970());
-        state.note.write(self.part.folder())
+        state.note.write(self.part)
     }
 }
 
-/// Notes why a shard ended, where that is no use to try again: the merge says it then.
-pub(super) fn note_failure(part: &Part, shard: Shard, error: &Error) {
-    if error.exit_code() == 1 {
-        // (What cannot be noted is in the shard's own output.)
-        let _ = Note { error: Some(error.to_string()), ..Note::new(shard) }.write(part.folder());
-    }
-}
-
-/// The notes of the shards in a folder, by number; only those with the same number of shards as the latest
-/// note.
-pub fn notes(folder: &Path) -> Vec<Note> {
-    let read = |path: PathBuf| serde_json::from_slice::<Note>(&fs::read(path).ok()?).ok();
-    let mut notes: Vec<Note> = files(folder).filter_map(read).collect();
-    let latest = notes.iter().max_by_key(|note| note.at).map(|note| note.shard.of);
-    notes.retain(|note| Some(note.shard.of) == latest);
+/// The notes of the shards in a folder, by number: of the same recipe and number of shards as the latest
+/// note, or as the latest of a recipe.
+fn notes(folder: &Path, recipe: Option<&str>) -> Vec<Note> {
+    let mut notes: Vec<Note> = files(folder).filter_map(|path| Note::read(&path)).collect();
+    notes.retain(|note| recipe.is_none_or(|recipe| note.recipe == recipe));
+    let Some(latest) = notes.iter().max_by_key(|note| note.at).cloned() else { return notes };
+    notes.retain(|note| note.shard.of == latest.shard.of && note.recipe == latest.recipe);
     notes.sort_by_key(|note| note.shard.number);
     notes
 }
@@ -239,8 +278,7 @@ pub(super) const TRIED: &str = "trial fits";
 pub(super) const TRAINED: &str = "trained tiles";
 
 /// The error that names missing tiles and says what to do.
-pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize) -> Error {
-    const NAMED: usize = 4;
+pub(super) fn missing(folder: &Path, recipe: &str, what: &str, missing: &[Place], tiles: usize) -> Error {
     let mut names: Vec<String> = missing
         .iter()
         .take(NAMED)
@@ -251,9 +289,10 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
     }
     let mut text =
         format!("{what} of {} of {} are missing: {}", missing.len(), count(tiles, "tile"), names.join(", "));
-    let notes = notes(folder);
+    let are_others = || !notes(folder, None).is_empty();
+    let notes = notes(folder, Some(recipe));
     if let Some((note, error)) = notes.iter().find_map(|note| Some((note, note.error.as_ref()?))) {
-        let what = format!("shard {} on {} failed: {error}", note.shard, note.process.host);
+        let what = format!("shard {} on {} failed: {}", note.shard, note.host(), printable(error));
         return Error::invalid(folder.display(), format!("{what}; run it again once that is fixed"));
     }
     let unlike = notes.iter().find(|note| {
@@ -263,22 +302,22 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
         let what = match note.program == super::program() {
             true => format!(
                 "uses {} instructions, but this process {:?}; give all of them the same --instructions",
-                note.instructions,
+                printable(&note.instructions),
                 Tier::detect()
             ),
             false => "is of another build of this program; run the same build everywhere".to_owned(),
         };
-        text += &format!("; shard {} (on {}) {what}", note.shard, note.process.host);
+        text += &format!("; shard {} (on {}) {what}", note.shard, note.host());
     } else {
         let is_done =
             |stage| !notes.is_empty() && notes.iter().all(|note| note.stage == stage && note.is_finished());
         text += match what {
+            _ if notes.is_empty() && are_others() => {
+                "; the shards that have started had other options, another seed or another dataset"
+            }
             _ if notes.is_empty() => "; no shard has started: look at the tasks' own output",
             TRAINED if is_done(Stage::Trials) => {
                 "; what each tile stores is chosen now: run the shards again"
-            }
-            TRAINED if is_done(Stage::Training) => {
-                "; all shards have finished, with other options or another seed"
             }
             _ => "; run the shards again with the same options, then this command",
         };
@@ -294,19 +333,25 @@ pub(super) fn missing(folder: &Path, what: &str, missing: &[Place], tiles: usize
 fn ill(notes: &[Note], now: u64) -> Vec<String> {
     let of = notes.first().map_or(0, |note| note.shard.of);
     let reported = |number: u32| match notes.iter().find(|note| note.shard.number == number) {
-        None => Some(format!("{number}/{of} not started")),
-        Some(note) if note.is_finished() => None,
-        Some(note) => Some(match (&note.error, note.silent_for(now)) {
-            (Some(error), _) => format!("{} on {} failed: {error}", note.shard, note.process.host),
+        None => format!("{number}/{of} not started"),
+        Some(note) => match (&note.error, note.silent_for(now)) {
+            (Some(error), _) => format!("{} on {} failed: {}", note.shard, note.host(), printable(error)),
             (None, Some(silence)) => {
-                format!("{} on {} not heard from for {}", note.shard, note.process.host, minutes(silence))
+                format!("{} on {} not heard from for {}", note.shard, note.host(), minutes(silence))
             }
-            (None, None) => {
-                format!("{} on {} at {} of {}", note.shard, note.process.host, note.done, note.tiles)
-            }
-        }),
+            (None, None) if note.of_tiles == 0 => format!("{} on {} reading", note.shard, note.host()),
+            (None, None) => format!("{} on {} at {} of {}", note.shard, note.host(), note.done, note.tiles),
+        },
     };
-    (1..=of).filter_map(reported).collect()
+    let finished: BTreeSet<u32> =
+        notes.iter().filter(|note| note.is_finished()).map(|note| note.shard.number).collect();
+    let mut named: Vec<String> =
+        (1..=of).filter(|number| !finished.contains(number)).take(NAMED).map(reported).collect();
+    let more = (of as usize - finished.len()).saturating_sub(NAMED);
+    if more > 0 {
+        named.push(format!("{more} more"));
+    }
+    named
 }
 
 /// A time in seconds, as text.
@@ -339,7 +384,7 @@ pub struct Status {
 
 /// Progress of the shards of the bundle at `out`; `None` if there are none.
 pub fn status(out: &Path) -> Option<Status> {
-    let shards = notes(&super::beside(out, ".part"));
+    let shards = notes(&super::beside(out, ".part"), None);
     let of = shards.first()?.shard.of;
     let trials = shards.iter().any(|note| note.stage == Stage::Trials);
     let stage = if trials { Stage::Trials } else { Stage::Training };
@@ -349,7 +394,7 @@ pub fn status(out: &Path) -> Option<Status> {
         .iter()
         .filter(|note| !note.is_finished() && note.done > note.resumed)
         .map(|note| note.seconds * (note.tiles - note.done) as f64 / (note.done - note.resumed) as f64);
-    let db = || shards.iter().filter_map(|note| Some((note.psnr_db?, note.done)));
+    let db = || shards.iter().filter_map(|note| Some((note.psnr_db?, note.texels)));
     Some(Status {
         stage,
         done: shards.iter().map(done).sum(),
@@ -365,7 +410,7 @@ impl Status {
     /// The progress in one line.
     pub fn line(&self) -> String {
         let stage = if self.stage == Stage::Trials { "trial fits" } else { "training" };
-        let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(100);
+        let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(0);
         let finished = self.shards.iter().filter(|note| note.is_finished()).count();
         let mut line = format!(
             "{stage}: {} of {} ({percent} %); {finished} of {} finished",
@@ -403,7 +448,8 @@ mod tests {
             },
             error: None,
             at,
-            ..Note::new(Shard { number, of: 3 })
+            texels: 100,
+            ..Note::new(Shard { number, of: 3 }, "this")
         }
     }
 
@@ -424,6 +470,7 @@ mod tests {
     fn shards_are_numbered_from_one() {
         assert_eq!("2/7".parse(), Ok(Shard { number: 2, of: 7 }));
         assert!("0/7".parse::<Shard>().unwrap_err().contains("from 1"));
+        assert!("1/100001".parse::<Shard>().unwrap_err().contains("100000"));
         for wrong in ["8/7", "2", "2/", "/7", "-1/7", "a/b", "0/0", "1/0", "2 / 7", "1/2/3"] {
             assert!(wrong.parse::<Shard>().unwrap_err().contains("expected"), "{wrong}");
         }
@@ -443,6 +490,15 @@ mod tests {
             fs::write(part.join(note.shard.name()), serde_json::to_vec(&note).unwrap()).unwrap();
         }
         fs::write(part.join("shard-3-of-3.json"), b"torn").unwrap();
+        // Nor does one of other options, nor one whose numbers do not agree.
+        for (name, wrong) in [
+            ("4-of-3", Note { shard: Shard { number: 4, of: 3 }, ..note(3, 5, now) }),
+            ("3-of-9", Note { recipe: "other".to_owned(), ..note(3, 5, now - 8000) }),
+            ("a", Note { done: 11, at: now + 9, ..note(3, 11, now) }),
+            ("b", Note { shard: Shard { number: 1, of: u32::MAX }, ..note(3, 5, now) }),
+        ] {
+            fs::write(part.join(format!("shard-{name}.json")), serde_json::to_vec(&wrong).unwrap()).unwrap();
+        }
         let status = status(&out).unwrap();
         let line = status.line();
         assert_eq!((status.done, status.tiles, status.shards.len(), status.of), (15, 30, 2, 3));

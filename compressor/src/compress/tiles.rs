@@ -3,10 +3,10 @@
 
 use super::allocate::{self, Goal};
 use super::pace::{self, Pace};
-use super::part::Part;
+use super::part::{Kept, Part};
 use super::shard::{self, Notes, Shard, Stage};
 use super::stats::TileStats;
-use super::{Options, Rate, Sharded};
+use super::{Options, Rate};
 use crate::bundle::{self, Header, Payload};
 use crate::clock::Clock;
 use crate::grid::Place;
@@ -16,13 +16,14 @@ use crate::model::{Contents, PROFILES, TileParams};
 use crate::tile::{self, Band};
 use crate::train::{self, Recipe, TrialFit};
 use crate::{Error, Result, of_bundle};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::{Console, count, stop_if_interrupted};
 use dataset::image::Mask;
 use dataset::store::Dataset;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// Bands read together hold at least this many tiles per thread, so that threads seldom wait for the last
@@ -98,6 +99,10 @@ pub(super) struct Tiles<'a> {
     pub part: &'a Part,
     /// Digest of the dataset's parts that decide a tile.
     pub trained_on: &'a str,
+    /// See [`super::Job::recipe`].
+    pub recipe: &'a str,
+    /// True once the dataset's checksums are verified.
+    pub is_verified: bool,
     /// Bytes of the tiles' sun sections.
     pub bytes_of_sun: u64,
     /// When training is to end.
@@ -108,6 +113,10 @@ impl Tiles<'_> {
     /// Trial fits and training of every tile that a stopped run has not finished.
     pub(super) fn work(&self, console: &Console) -> Result<Work> {
         let (chosen, trial_seconds) = self.chosen(console)?;
+        self.distrust(|place| self.key(place, self.contents(&chosen, place)), console)?;
+        if self.options.merge {
+            self.expect_trained(&chosen)?;
+        }
         let tiles = self.trained(&chosen, console)?;
         let resumed = tiles.iter().filter(|tile| tile.resumed).count();
         let (payloads, stats) = tiles.into_iter().map(|tile| (tile.payload, tile.stats)).unzip();
@@ -125,7 +134,7 @@ impl Tiles<'_> {
     }
 
     /// An error unless every tile is trained with its chosen configuration.
-    pub(super) fn expect_trained(&self, chosen: &[Option<Contents>]) -> Result<()> {
+    fn expect_trained(&self, chosen: &[Option<Contents>]) -> Result<()> {
         let is_there = |place| self.finished(&self.key(place, self.contents(chosen, place))).is_some();
         self.expect(shard::TRAINED, is_there)
     }
@@ -135,7 +144,7 @@ impl Tiles<'_> {
         let missing: Vec<Place> = places.iter().filter(|place| !is_there(**place)).copied().collect();
         match missing.is_empty() {
             true => Ok(()),
-            false => Err(shard::missing(self.part.folder(), what, &missing, places.len())),
+            false => Err(shard::missing(self.part.folder(), self.recipe, what, &missing, places.len())),
         }
     }
 
@@ -143,7 +152,7 @@ impl Tiles<'_> {
     fn known_choice(&self) -> Option<Vec<Option<Contents>>> {
         match self.options.rate {
             Rate::Usual | Rate::Profile(_) => Some(Vec::new()),
-            _ => self.part.read::<Choice>(&self.choice_key()).map(|(_, choice)| choice.contents()),
+            _ => self.part.read::<Choice>(&self.choice_key()).map(|kept| kept.result.contents()),
         }
     }
 
@@ -161,6 +170,43 @@ impl Tiles<'_> {
         }
     }
 
+    /// Shards verify no checksums, only the texels they read. So once they are verified, this compares the
+    /// light of the tiles or trial fits that shards left with the dataset's, and removes what was made from
+    /// other light: of a file that was damaged or exchanged at the time.
+    fn distrust(&self, key: impl Fn(Place) -> String + Sync, console: &Console) -> Result<()> {
+        let made_from = |place| self.part.made_from(&key(place));
+        let of_shards: Vec<Place> =
+            self.lit().into_iter().filter(|place| made_from(*place).is_some()).collect();
+        let progress = console.progress("comparing", of_shards.len() as u64);
+        let wrong = AtomicUsize::new(0);
+        self.some_tiles(&of_shards, |place, band| {
+            stop_if_interrupted()?;
+            if made_from(place).is_some_and(|digest| digest != band.digest()) {
+                self.part.discard(&key(place));
+                wrong.fetch_add(1, Ordering::Relaxed);
+            }
+            progress.advance(1);
+            Ok(())
+        })?;
+        let wrong = wrong.into_inner();
+        if wrong > 0 {
+            console.warn(format!(
+                "{} of shards were made from other light than the dataset's and are removed: some file was damaged or exchanged while they ran",
+                count(wrong, "part")
+            ));
+        }
+        Ok(())
+    }
+
+    /// See [`Kept::made_from`].
+    fn made_from<'b>(&self, band: &'b Band) -> Option<&'b str> {
+        (!self.is_verified).then(|| band.digest())
+    }
+
+    fn write_tile(&self, key: &str, tile: &Tile, band: &Band) -> Result<()> {
+        self.part.write(key, &tile.payload, &tile.stats, self.made_from(band))
+    }
+
     /// The tiles of a shard.
     pub(super) fn share(&self, shard: Shard) -> Vec<Place> {
         let lit = self.lit();
@@ -168,44 +214,36 @@ impl Tiles<'_> {
     }
 
     /// Trains the tiles of a shard, or makes their trial fits if no configurations have been chosen.
-    pub(super) fn train_shard(&self, shard: Shard, own: &[Place], console: &Console) -> Result<Sharded> {
+    pub(super) fn train_shard(&self, notes: &Notes, own: &[Place], console: &Console) -> Result<Stage> {
         let Some(chosen) = self.known_choice() else {
             let is_open = |place: &&Place| self.part.read::<TileTrials>(&self.trial_key(**place)).is_none();
             let work = |place: Place, band: &Band| self.try_tile(place, band).map(|_| (0, None));
-            return Ok(Sharded::TrialFits(self.shard_of(
-                shard,
-                Stage::Trials,
-                own,
-                is_open,
-                work,
-                console,
-            )?));
+            return self.shard_of(notes, Stage::Trials, own, is_open, work, console);
         };
         let is_open =
             |place: &&Place| self.finished(&self.key(**place, self.contents(&chosen, **place))).is_none();
         let work = |place: Place, band: &Band| {
             let contents = self.contents(&chosen, place);
             let tile = self.train(place, contents, band, self.options.iterations)?;
-            self.part.write(&self.key(place, contents), &tile.payload, &tile.stats)?;
+            self.write_tile(&self.key(place, contents), &tile, band)?;
             Ok((tile.stats.texels, tile.stats.psnr_db))
         };
-        Ok(Sharded::Trained(self.shard_of(shard, Stage::Training, own, is_open, work, console)?))
+        self.shard_of(notes, Stage::Training, own, is_open, work, console)
     }
 
     /// Runs `work` on the unfinished tiles of a shard; its result (texels and PSNR) goes into the shard's
     /// notes.
     fn shard_of(
         &self,
-        shard: Shard,
+        notes: &Notes,
         stage: Stage,
         own: &[Place],
         is_open: impl Fn(&&Place) -> bool,
         work: impl Fn(Place, &Band) -> Result<(usize, Option<f64>)> + Sync,
         console: &Console,
-    ) -> Result<shard::Note> {
+    ) -> Result<Stage> {
         let open: Vec<Place> = own.iter().filter(is_open).copied().collect();
-        let notes =
-            Notes::begin(self.part, shard, stage, [own.len(), self.lit().len()], own.len() - open.len())?;
+        notes.begin(stage, [own.len(), self.lit().len()], own.len() - open.len())?;
         let what = if stage == Stage::Trials { "trying" } else { "training" };
         let progress = console.progress(what, open.len() as u64);
         self.some_tiles(&open, |place, band| {
@@ -214,7 +252,7 @@ impl Tiles<'_> {
             progress.advance(1);
             notes.finished(texels, psnr_db)
         })?;
-        Ok(notes.last())
+        Ok(stage)
     }
 
     /// A tile's configuration.
@@ -250,7 +288,7 @@ impl Tiles<'_> {
             let start = Instant::now();
             let tile = self.train(place, contents(place), band, pace.begin(place))?;
             pace.measure(place, &tile.stats, start.elapsed());
-            self.part.write(&self.key(place, contents(place)), &tile.payload, &tile.stats)?;
+            self.write_tile(&self.key(place, contents(place)), &tile, band)?;
             Ok(tile)
         };
         self.each_tile(console, "training", finished, work, note)
@@ -293,14 +331,15 @@ impl Tiles<'_> {
         if let Rate::Usual | Rate::Profile(_) = self.options.rate {
             return Ok((Vec::new(), 0.0));
         }
-        if let Some((_, choice)) = self.part.read::<Choice>(&self.choice_key()) {
+        if let Some(Kept { result: choice, .. }) = self.part.read::<Choice>(&self.choice_key()) {
             self.part.adopt(&choice.files);
             return Ok((choice.contents(), choice.trial_seconds));
         }
         let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
             0 => Some(TileTrials::default()),
-            _ => self.part.read::<TileTrials>(&self.trial_key(place)).map(|(_, trial_fits)| trial_fits),
+            _ => self.part.read::<TileTrials>(&self.trial_key(place)).map(|kept| kept.result),
         };
+        self.distrust(|place| self.trial_key(place), console)?;
         if self.options.merge {
             self.expect_shards()?;
         }
@@ -321,7 +360,7 @@ impl Tiles<'_> {
         let chosen = contents(&chosen);
         let words = chosen.iter().map(|contents| contents.and_then(|contents| contents.word())).collect();
         let choice = Choice { words, trial_seconds: seconds.iter().sum(), files: self.part.own() };
-        self.part.write(&self.choice_key(), &Payload::default(), &choice)?;
+        self.part.write(&self.choice_key(), &Payload::default(), &choice, None)?;
         Ok((chosen, choice.trial_seconds))
     }
 
@@ -331,7 +370,7 @@ impl Tiles<'_> {
         let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
             .map_err(|error| of_tile(place, error))?;
         let trial_fits = (trials, clock.seconds());
-        self.part.write(&self.trial_key(place), &Payload::default(), &trial_fits)?;
+        self.part.write(&self.trial_key(place), &Payload::default(), &trial_fits, self.made_from(band))?;
         Ok(trial_fits)
     }
 
@@ -405,7 +444,7 @@ impl Tiles<'_> {
             stop_if_interrupted()?;
             let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;
             progress.advance(1);
-            self.part.write(&self.key(place, chosen_for(place)), &tile.payload, &tile.stats)
+            self.write_tile(&self.key(place, chosen_for(place)), &tile, band)
         })?;
         let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.error);
         let pairs = worst.iter().filter_map(|&(trial_fits, tile)| Some((trial_fits, stored(tile)?)));
@@ -551,16 +590,18 @@ impl Tiles<'_> {
         self.name(place, &json!(["trials"]))
     }
 
-    /// The name of the file with the chosen configurations.
+    /// The name of the file with the chosen configurations. (Bits per texel also count the sun's stream, so all
+    /// of the dataset decides.)
     fn choice_key(&self) -> String {
         let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
         let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
-        self.name(Place { page: 0, column: 0, row: 0 }, &json!(["choice", options]))
+        let files: Vec<&str> = self.dataset.files().map(|file| &*file.blake3).collect();
+        self.name(Place { page: 0, column: 0, row: 0 }, &json!(["choice", options, files]))
     }
 
     /// The tile, if a stopped run finished it.
     fn finished(&self, key: &str) -> Option<Tile> {
-        let (payload, stats) = self.part.read(key)?;
+        let Kept { payload, result: stats, .. } = self.part.read(key)?;
         Some(Tile { payload, stats, resumed: !self.part.wrote(key) })
     }
 
