@@ -256,8 +256,8 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Conso
     }
     let dataset = Dataset::open(root)?;
     let job = Job::new(&dataset, options, console)?;
-    // The full header is slow to compute: only if a bundle exists. (The work folder may be gone, or be removed
-    // by a merge that waits for it.)
+    // The full header is slow to compute: only if a bundle exists. (The work folder may be gone, or be
+    // removed by a merge that waits for it.)
     if job.out.exists()
         && let Some(existing) = job.existing(&job.header_with_sun(job.hours()?, console)?, console)?
     {

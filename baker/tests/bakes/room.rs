@@ -29,7 +29,8 @@ fn a_bake_that_needs_more_than_is_free_is_refused_and_leaves_nothing() {
     // Where the system does not tell, and where there is room, it is baked.
     run(|_| None, false).unwrap();
     run(|_| Some(1 << 30), true).unwrap();
-    // All layers are there: only the dataset is to be written, were it another one, and a layer denoised again.
+    // All layers are there: only the dataset is to be written, were it another one, and a layer denoised
+    // again.
     stage.write("case.toml", text.replace("radiance = [8, 6, 4]", "radiance = [4, 3, 2]").as_bytes());
     let told = |force| run(|_| Some(1000), force).unwrap_err().to_string();
     assert!(

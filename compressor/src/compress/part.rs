@@ -183,7 +183,8 @@ impl Part {
     }
 
     /// Removes the files of this run and those of a written bundle; dropping it removes the folder if nothing
-    /// is left in it. Only for a run that has it alone. Returns the number of remaining files, which are of runs with other settings.
+    /// is left in it. Only for a run that has it alone. Returns the number of remaining files, which are of
+    /// runs with other settings.
     pub(super) fn remove(self) -> usize {
         let list = self.folder.join(DONE);
         let done: Option<Vec<String>> =

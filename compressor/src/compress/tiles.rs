@@ -590,8 +590,8 @@ impl Tiles<'_> {
         self.name(place, &json!(["trials"]))
     }
 
-    /// The name of the file with the chosen configurations. (Bits per texel also count the sun's stream, so all
-    /// of the dataset decides.)
+    /// The name of the file with the chosen configurations. (Bits per texel also count the sun's stream, so
+    /// all of the dataset decides.)
     fn choice_key(&self) -> String {
         let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
         let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
