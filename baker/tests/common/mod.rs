@@ -140,6 +140,23 @@ impl Stage {
         self.measure_with(hours, samples, scene, Denoise::Off, read)
     }
 
+    /// The same of several numbers that are read from the same bakes.
+    #[track_caller]
+    pub fn measure_each<const N: usize>(
+        &self,
+        hours: &str,
+        samples: u32,
+        scene: &str,
+        read: impl Fn(&Baked) -> [f64; N],
+    ) -> [Measured; N] {
+        let bake = |seed| {
+            let baked = self.try_bake_with(hours, samples, seed, scene, Denoise::Off);
+            baked.unwrap_or_else(|error| panic!("{error}"))
+        };
+        let read: Vec<[f64; N]> = (1..=SEEDS).map(|seed| read(&bake(seed))).collect();
+        std::array::from_fn(|i| Measured::of(&read.iter().map(|numbers| numbers[i]).collect::<Vec<_>>()))
+    }
+
     /// The same of bakes that are denoised, or not.
     #[track_caller]
     pub fn measure_with(

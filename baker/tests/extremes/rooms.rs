@@ -63,7 +63,7 @@ fn albedo_0_999_without_a_limit_reaches_the_closed_form() {
     // L = Le/(1 − ρ) is a thousand times the emission.
     for (integrator, precision) in INTEGRATORS.into_iter().zip([0.03, 0.15]) {
         let (stage, scene) = furnace(0.999, 0.001, UNLIMITED);
-        stage.by(integrator).measure("12", 16, &scene, floor).expect(PI, precision);
+        stage.by(integrator).measure("12", 8, &scene, floor).expect(PI, precision);
     }
 }
 

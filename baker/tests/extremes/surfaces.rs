@@ -228,16 +228,17 @@ fn mirrored_and_stretched_instances_have_the_light_of_explicit_geometry() {
         let instanced = files(body(Obj::default().mesh("body"), |p| p, false).text());
         let explicit = files(body(Obj::default().mesh("body"), |p| p * factor, mirrored).text());
         // The light on the floor, and on the body's sides that look to +x and to +z.
-        let read = |name: &'static str, normal: DVec3| {
-            move |b: &Baked| {
-                let image = b.first();
+        let sides = [("floor", DVec3::Y), ("body", DVec3::X), ("body", DVec3::Z)];
+        let read = |b: &Baked| {
+            let image = b.first();
+            sides.map(|(name, normal)| {
                 let facing: Vec<_> = b.on(name).into_iter().filter(|t| t.normal.dot(normal) > 0.99).collect();
                 mean(&image, &facing)
-            }
+            })
         };
-        for (name, normal) in [("floor", DVec3::Y), ("body", DVec3::X), ("body", DVec3::Z)] {
-            let a = instanced.measure("12", 16, &scene(&format!("scale = {scale:?}")), read(name, normal));
-            let b = explicit.measure("12", 16, &scene(""), read(name, normal));
+        let a = instanced.measure_each("12", 16, &scene(&format!("scale = {scale:?}")), read);
+        let b = explicit.measure_each("12", 16, &scene(""), read);
+        for (((name, _), a), b) in sides.into_iter().zip(a).zip(b) {
             // The charts lie elsewhere on the page, so the texels' means differ by what the grids cut off.
             assert!(
                 (a.mean / b.mean - 1.0).abs() < 0.01 + 3.2 * (a.sigma + b.sigma) / b.mean,
